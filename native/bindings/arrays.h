@@ -1,0 +1,156 @@
+/// numpy arrays <-> the library's views. What the frame functions take is never copied nor
+/// converted; what an object is built from is copied into it anyway, so any real dtype will do.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <limits>
+#include <span>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "sinew/types.h"
+
+namespace sinew::bindings {
+
+namespace py = pybind11;
+
+inline std::string shape_text(const py::array& array) {
+  std::ostringstream text;
+  text << '(';
+  for (py::ssize_t axis = 0; axis < array.ndim(); ++axis) {
+    text << (axis ? ", " : "") << array.shape(axis);
+  }
+  text << (array.ndim() == 1 ? ",)" : ")");
+  return text.str();
+}
+
+inline std::string dtype_text(const py::array& array) { return py::str(array.dtype()); }
+
+[[noreturn]] inline void wrong_shape(const char* name, const py::array& array,
+                                     const std::string& expected) {
+  throw InputError(std::string(name) + " has shape " + shape_text(array) + "; expected " + expected);
+}
+
+template <class T>
+void require_dtype(const char* name, const py::array& array) {
+  if (!array.dtype().is(py::dtype::of<T>())) {
+    throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected " +
+                     std::string(py::str(py::dtype::of<T>())));
+  }
+}
+
+/// A stack of 4x4 matrices, (J, 4, 4) or (F, J, 4, 4) with any strides, in place.
+template <class T>
+MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
+  using Scalar = std::remove_const_t<T>;
+  require_dtype<Scalar>(name, array);
+  const py::ssize_t axes = array.ndim();
+  if ((axes != 3 && axes != 4) || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
+    wrong_shape(name, array, "(J, 4, 4) or (F, J, 4, 4)");
+  }
+  const auto stride = [&](py::ssize_t axis) {
+    if (array.strides(axis) % static_cast<py::ssize_t>(sizeof(T)) != 0) {
+      throw InputError(std::string(name) + " has numbers at odd addresses; pass a copy");
+    }
+    return array.strides(axis) / static_cast<py::ssize_t>(sizeof(T));
+  };
+  MatrixStack<T> stack;
+  stack.frames = axes == 4 ? array.shape(0) : 1;
+  stack.joints = array.shape(axes - 3);
+  stack.frame_stride = axes == 4 ? stride(0) : 0;
+  stack.joint_stride = stride(axes - 3);
+  stack.row_stride = stride(axes - 2);
+  stack.column_stride = stride(axes - 1);
+  if constexpr (std::is_const_v<T>) {
+    stack.data = static_cast<T*>(array.data());
+  } else {
+    if (!array.writeable()) throw InputError(std::string(name) + " is read-only");
+    stack.data = static_cast<T*>(const_cast<py::array&>(array).mutable_data());
+  }
+  return stack;
+}
+
+/// Numbers of any real dtype as T, for building an object from.
+template <class T>
+std::vector<T> copied(const char* name, const py::array& array) {
+  const char kind = array.dtype().kind();
+  if (std::is_integral_v<T> ? (kind != 'i' && kind != 'u')
+                            : (kind != 'f' && kind != 'i' && kind != 'u')) {
+    throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected " +
+                     (std::is_integral_v<T> ? "integers" : "real numbers"));
+  }
+  using Wide = std::conditional_t<std::is_integral_v<T>, std::int64_t, double>;
+  const auto wide = py::array_t<Wide, py::array::c_style | py::array::forcecast>(array);
+  std::vector<T> result;
+  result.reserve(wide.size());
+  for (py::ssize_t i = 0; i < wide.size(); ++i) {
+    const Wide number = wide.data()[i];
+    if constexpr (std::is_integral_v<T>) {
+      if (number < std::numeric_limits<T>::min() || number > std::numeric_limits<T>::max()) {
+        throw InputError(std::string(name) + " holds " + std::to_string(number) +
+                         ", which is out of range");
+      }
+    }
+    result.push_back(static_cast<T>(number));
+  }
+  return result;
+}
+
+/// (J,) numbers as T.
+template <class T>
+std::vector<T> copied_list(const char* name, const py::array& array) {
+  if (array.ndim() != 1) wrong_shape(name, array, "one axis");
+  return copied<T>(name, array);
+}
+
+/// (V, 3) points, row by row.
+template <class T>
+std::vector<T> copied_points(const char* name, const py::array& array) {
+  if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(V, 3)");
+  return copied<T>(name, array);
+}
+
+/// (J, 4, 4) or (F, J, 4, 4) matrices.
+inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::array& array,
+                                                    py::ssize_t axes) {
+  if (array.ndim() != axes || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
+    wrong_shape(name, array, axes == 3 ? "(J, 4, 4)" : "(F, J, 4, 4)");
+  }
+  const std::vector<double> numbers = copied<double>(name, array);
+  std::vector<Matrix4<double>> matrices(numbers.size() / 16);
+  for (std::size_t i = 0; i < matrices.size(); ++i) {
+    matrices[i] = Matrix4<double>::Map(numbers.data() + 16 * i).transpose();
+  }
+  return matrices;
+}
+
+/// A read-only array over memory that `owner` keeps alive.
+template <class T>
+py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides,
+               const py::object& owner) {
+  for (auto& stride : strides) stride *= sizeof(T);
+  py::array array(py::dtype::of<T>(), std::move(shape), std::move(strides), data, owner);
+  array.attr("setflags")(py::arg("write") = false);
+  return array;
+}
+
+template <class Numbers>
+py::array view_list(const Numbers& numbers, const py::object& owner) {
+  return view(std::data(numbers), {static_cast<py::ssize_t>(std::size(numbers))}, {1}, owner);
+}
+
+/// (J, 4, 4) over column-major matrices.
+inline py::array view_matrices(std::span<const Matrix4<double>> matrices, const py::object& owner) {
+  const double* data = matrices.empty() ? nullptr : matrices.front().data();
+  return view(data, {static_cast<py::ssize_t>(matrices.size()), 4, 4}, {16, 1, 4}, owner);
+}
+
+inline py::array view_matrix(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                             const py::object& owner) {
+  return view(matrix.data(), {matrix.rows(), matrix.cols()}, {1, matrix.outerStride()}, owner);
+}
+
+}  // namespace sinew::bindings

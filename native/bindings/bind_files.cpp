@@ -1,0 +1,232 @@
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include "arrays.h"
+#include "sinew/dmat.h"
+#include "sinew/rig.h"
+
+namespace sinew::bindings {
+namespace {
+
+using Path = std::filesystem::path;
+
+std::optional<Convention> convention_of(const std::optional<std::string>& name) {
+  if (!name) return std::nullopt;
+  if (*name == "bone") return Convention::bone;
+  if (*name == "joint") return Convention::joint;
+  throw InputError("the convention is \"" + *name + "\"; expected \"bone\" or \"joint\"");
+}
+
+const char* convention_name(Convention convention) {
+  return convention == Convention::bone ? "bone" : "joint";
+}
+
+QuaternionOrder order_of(const std::string& name) {
+  if (name == "wxyz") return QuaternionOrder::wxyz;
+  if (name == "xyzw") return QuaternionOrder::xyzw;
+  throw InputError("the quaternion order is \"" + name + "\"; expected \"wxyz\" or \"xyzw\"");
+}
+
+Eigen::MatrixXd copied_table(const char* name, const py::array& array) {
+  if (array.ndim() != 2) wrong_shape(name, array, "(rows, columns)");
+  const std::vector<double> numbers = copied<double>(name, array);
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return RowMajor::Map(numbers.data(), array.shape(0), array.shape(1));
+}
+
+Eigen::MatrixX3d copied_row_points(const char* name, const py::array& array) {
+  if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(J, 3)");
+  return copied_table(name, array);
+}
+
+/// A matrix that numpy owns from now on.
+py::array moved(Eigen::MatrixXd&& matrix) {
+  auto* owned = new Eigen::MatrixXd(std::move(matrix));
+  const py::capsule owner(owned, [](void* p) { delete static_cast<Eigen::MatrixXd*>(p); });
+  return py::array(py::dtype::of<double>(), {owned->rows(), owned->cols()},
+                   {static_cast<py::ssize_t>(sizeof(double)),
+                    static_cast<py::ssize_t>(sizeof(double)) * owned->rows()},
+                   owned->data(), owner);
+}
+
+Rig rig_from_arrays(const py::array& positions, const py::array& face_offsets,
+                    const py::array& face_vertices, const RigSkeleton& skeleton,
+                    const py::array& weights, const std::optional<PoseClip>& poses,
+                    const std::optional<py::array>& animation,
+                    const std::optional<py::array>& face_materials,
+                    const std::vector<std::string>& material_names,
+                    const std::string& material_library) {
+  Rig rig{PolygonMesh{}, skeleton, copied_table("weights", weights), poses, std::nullopt};
+  PolygonMesh& mesh = rig.mesh;
+  mesh.positions = copied_points<float>("positions", positions);
+  mesh.face_offsets = copied_list<std::int32_t>("face_offsets", face_offsets);
+  mesh.face_vertices = copied_list<std::int32_t>("face_vertices", face_vertices);
+  if (face_materials) {
+    mesh.face_materials = copied_list<std::int32_t>("face_materials", *face_materials);
+  }
+  mesh.material_names = material_names;
+  mesh.material_library = material_library;
+  if (animation) {
+    rig.animation = MatrixClip{animation->ndim() > 0 ? animation->shape(0) : 0,
+                               copied_matrices("animation", *animation, 4)};
+  }
+  check_rig(rig);
+  return rig;
+}
+
+void bind_rig_skeleton(py::module_& module) {
+  py::class_<RigSkeleton, Skeleton>(
+      module, "RigSkeleton",
+      "A skeleton as a .bf or .tgf file describes it: a Skeleton whose rest transforms are "
+      "translations, with a bone to draw and a column of weights for each joint.")
+      .def(py::init([](const py::array& parents, const py::array& heads, const py::array& tails,
+                       const py::array& weight_columns, std::vector<std::string> names,
+                       const std::string& convention) {
+             return RigSkeleton(copied_list<std::int32_t>("parents", parents),
+                                copied_row_points("heads", heads),
+                                copied_row_points("tails", tails),
+                                copied_list<std::int32_t>("weight_columns", weight_columns),
+                                std::move(names), *convention_of(convention));
+           }),
+           py::arg("parents"), py::arg("heads"), py::arg("tails"), py::arg("weight_columns"),
+           py::arg("names") = std::vector<std::string>(), py::arg("convention") = "joint",
+           "parents (J,); heads and tails (J, 3), world; weight_columns (J,), -1 for none.")
+      .def_property_readonly(
+          "heads",
+          [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().heads(), self); },
+          "(J, 3) float64, world: where each joint turns.")
+      .def_property_readonly(
+          "tails",
+          [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().tails(), self); },
+          "(J, 3) float64, world: where its bone is drawn to.")
+      .def_property_readonly(
+          "weight_columns",
+          [](py::object self) {
+            return view_list(self.cast<const RigSkeleton&>().weight_columns(), self);
+          },
+          "(J,) int32: the joint's column of weights, or -1.")
+      .def_property_readonly("names", &RigSkeleton::names, "J unique names.")
+      .def_property_readonly(
+          "convention",
+          [](const RigSkeleton& self) { return convention_name(self.convention()); },
+          "\"bone\" or \"joint\".");
+}
+
+void bind_rig(py::module_& module) {
+  py::class_<Rig>(module, "Rig", "Mesh, skeleton, weights and poses that belong together.")
+      .def(py::init(&rig_from_arrays), py::arg("positions"), py::arg("face_offsets"),
+           py::arg("face_vertices"), py::arg("skeleton"), py::arg("weights"),
+           py::arg("poses") = py::none(), py::arg("animation") = py::none(),
+           py::arg("face_materials") = py::none(),
+           py::arg("material_names") = std::vector<std::string>(),
+           py::arg("material_library") = "",
+           "positions (V, 3); face_offsets (faces + 1,); face_vertices; weights (V, columns); "
+           "animation (F, J, 4, 4): skinning matrices; face_materials (faces,): -1 for none.\n"
+           "Raises ValueError if the parts do not fit each other.")
+      .def_property_readonly(
+          "positions",
+          [](py::object self) {
+            const auto& mesh = self.cast<const Rig&>().mesh;
+            return view(mesh.positions.data(), {mesh.vertex_count(), 3}, {3, 1}, self);
+          },
+          "(V, 3) float32: rest positions.")
+      .def_property_readonly(
+          "face_offsets",
+          [](py::object self) {
+            return view_list(self.cast<const Rig&>().mesh.face_offsets, self);
+          },
+          "(faces + 1,) int32: where each face's vertices begin.")
+      .def_property_readonly(
+          "face_vertices",
+          [](py::object self) {
+            return view_list(self.cast<const Rig&>().mesh.face_vertices, self);
+          },
+          "int32: vertex numbers, face after face.")
+      .def_property_readonly(
+          "face_materials",
+          [](py::object self) {
+            return view_list(self.cast<const Rig&>().mesh.face_materials, self);
+          },
+          "(faces,) int32: index into material_names, or -1.")
+      .def_property_readonly(
+          "material_names", [](const Rig& self) { return self.mesh.material_names; },
+          "In order of first use.")
+      .def_property_readonly(
+          "material_library", [](const Rig& self) { return self.mesh.material_library; },
+          "The file that describes the materials, or an empty string.")
+      .def_property_readonly(
+          "skeleton", [](const Rig& self) -> const RigSkeleton& { return self.skeleton; },
+          py::return_value_policy::reference_internal, "The RigSkeleton.")
+      .def_property_readonly(
+          "weights",
+          [](py::object self) { return view_matrix(self.cast<const Rig&>().weights, self); },
+          "(V, columns) float64.")
+      .def_property_readonly(
+          "poses", [](const Rig& self) { return self.poses; }, "PoseClip, or None.")
+      .def_property_readonly(
+          "animation",
+          [](py::object self) -> py::object {
+            const auto& animation = self.cast<const Rig&>().animation;
+            if (!animation) return py::none();
+            const py::array flat = view_matrices(animation->matrices, self);
+            const py::ssize_t joints = self.cast<const Rig&>().skeleton.joint_count();
+            return flat.attr("reshape")(animation->frames, joints, 4, 4);
+          },
+          "(F, J, 4, 4) float64 skinning matrices, or None.");
+}
+
+Rig py_read_rig(const Path& folder, const std::optional<Path>& skeleton,
+                const std::optional<Path>& mesh, const std::optional<Path>& weights,
+                const std::optional<Path>& pose, const std::optional<std::string>& convention,
+                const std::string& quaternion_order) {
+  RigPaths paths = find_rig(folder);
+  if (skeleton) paths.skeleton = folder / *skeleton;
+  if (mesh) paths.mesh = folder / *mesh;
+  if (weights) paths.weights = folder / *weights;
+  if (pose) paths.poses = folder / *pose;
+  return read_rig(paths, convention_of(convention), order_of(quaternion_order));
+}
+
+void py_write_rig(const Path& folder, const Rig& rig, const Path& skeleton) {
+  write_rig({folder / "mesh.obj", folder / skeleton, folder / "weights.dmat", folder / "pose.dmat",
+             folder / "anim.dmat"},
+            rig);
+}
+
+}  // namespace
+
+void bind_files(py::module_& module) {
+  module.def(
+      "read_dmat", [](const Path& path) { return moved(read_dmat(path)); }, py::arg("path"),
+      "A .dmat file, text or binary, as float64 (rows, columns). Raises ValueError.");
+  module.def(
+      "write_dmat",
+      [](const Path& path, const py::array& array, bool binary) {
+        write_dmat(path, copied_table("array", array), binary);
+      },
+      py::arg("path"), py::arg("array"), py::arg("binary") = false,
+      "Write what read_dmat reads back bit for bit. array: (rows, columns).");
+  bind_rig_skeleton(module);
+  bind_rig(module);
+  module.def(
+      "read_skeleton",
+      [](const Path& path, const std::optional<std::string>& convention) {
+        return read_skeleton(path, convention_of(convention));
+      },
+      py::arg("path"), py::arg("convention") = py::none(),
+      "A .bf or .tgf file as RigSkeleton. convention: \"bone\" or \"joint\" overrides what a .bf "
+      "file says of itself. Raises ValueError.");
+  module.def("write_skeleton", &write_skeleton, py::arg("path"), py::arg("skeleton"),
+             "Write .bf or .tgf, by the path's ending.");
+  module.def("read_rig", &py_read_rig, py::arg("folder"), py::kw_only(),
+             py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(),
+             py::arg("weights") = py::none(), py::arg("pose") = py::none(),
+             py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
+             "A rig folder. Files are found by their usual names, or named relative to it.\n"
+             "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file. Raises ValueError.");
+  module.def("write_rig", &py_write_rig, py::arg("folder"), py::arg("rig"), py::kw_only(),
+             py::arg("skeleton") = "skeleton.bf",
+             "Write a rig into an existing folder; skeleton: name, ending in .bf or .tgf.");
+}
+
+}  // namespace sinew::bindings

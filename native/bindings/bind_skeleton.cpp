@@ -1,0 +1,137 @@
+#include <pybind11/stl.h>
+
+#include "arrays.h"
+#include "sinew/forward_kinematics.h"
+#include "sinew/pose_clip.h"
+
+namespace sinew::bindings {
+namespace {
+
+template <class T>
+py::array empty_like_stack(const MatrixStack<const T>& stack, bool has_frames, py::dtype dtype) {
+  std::vector<py::ssize_t> shape{stack.joints, 4, 4};
+  if (has_frames) shape.insert(shape.begin(), stack.frames);
+  return py::array(dtype, shape);
+}
+
+/// Calls compute(in, out) on views of the arrays; out is made if the caller gave none.
+template <class In, class Out, class Compute>
+py::array into(const char* name, const py::array& in, const py::object& out,
+               const Compute& compute) {
+  const auto source = matrix_stack<const In>(name, in);
+  const py::array result = out.is_none()
+                               ? empty_like_stack(source, in.ndim() == 4, py::dtype::of<Out>())
+                               : out.cast<py::array>();
+  const auto target = matrix_stack<Out>("out", result);
+  const py::gil_scoped_release release;
+  compute(source, target);
+  return result;
+}
+
+py::array py_forward_kinematics(const Skeleton& skeleton, const py::array& local,
+                                const py::object& out) {
+  const auto run = [&](auto source, auto target) { forward_kinematics(skeleton, source, target); };
+  if (local.dtype().is(py::dtype::of<float>())) return into<float, float>("local", local, out, run);
+  return into<double, double>("local", local, out, run);
+}
+
+py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
+                               const py::object& out) {
+  const auto run = [&](auto source, auto target) { skinning_matrices(skeleton, source, target); };
+  if (world.dtype().is(py::dtype::of<float>())) return into<float, float>("world", world, out, run);
+  return into<double, float>("world", world, out, run);
+}
+
+PoseClip clip_from_array(const py::array& rotations) {
+  if (rotations.ndim() != 3 || rotations.shape(2) != 4) {
+    wrong_shape("rotations", rotations, "(P, J, 4)");
+  }
+  const std::vector<double> numbers = copied<double>("rotations", rotations);
+  std::vector<Eigen::Quaterniond> quaternions;
+  for (std::size_t i = 0; i + 3 < numbers.size(); i += 4) {
+    quaternions.emplace_back(numbers[i], numbers[i + 1], numbers[i + 2], numbers[i + 3]);
+  }
+  return PoseClip(rotations.shape(1), std::move(quaternions));
+}
+
+py::array clip_rotations(const PoseClip& clip) {
+  const Eigen::MatrixXd table = clip.to_table();
+  py::array_t<double> array({clip.pose_count(), clip.joint_count(), std::ptrdiff_t{4}});
+  std::copy(table.data(), table.data() + table.size(), array.mutable_data());
+  return array;
+}
+
+py::array clip_sample(const PoseClip& clip, double time, bool loop, const py::object& out) {
+  const py::array result =
+      out.is_none() ? py::array_t<double>({clip.joint_count(), std::ptrdiff_t{4}, std::ptrdiff_t{4}})
+                    : out.cast<py::array>();
+  clip.sample(time, loop, matrix_stack<double>("out", result));
+  return result;
+}
+
+}  // namespace
+
+void bind_skeleton(py::module_& module) {
+  py::class_<Skeleton>(module, "Skeleton", "The tree of joints and its rest pose. Immutable.")
+      .def(py::init([](const py::array& parents, const py::array& rest) {
+             return Skeleton(copied_list<std::int32_t>("parents", parents),
+                             copied_matrices("rest", rest, 3));
+           }),
+           py::arg("parents"), py::arg("rest"),
+           "parents (J,): each joint's parent, -1 for a root, in any order.\n"
+           "rest (J, 4, 4): R(j), each joint's rest transform relative to its parent.\n"
+           "Raises ValueError for a parent that does not exist, a cycle, a number that is not "
+           "finite.")
+      .def_property_readonly("joint_count", &Skeleton::joint_count, "J.")
+      .def_property_readonly(
+          "parents",
+          [](py::object self) { return view_list(self.cast<const Skeleton&>().parents(), self); },
+          "(J,) int32: each joint's parent, -1 for a root.")
+      .def_property_readonly(
+          "rest",
+          [](py::object self) {
+            return view_matrices(self.cast<const Skeleton&>().rest<double>(), self);
+          },
+          "(J, 4, 4) float64: R(j), relative to the parent.")
+      .def_property_readonly(
+          "rest_world",
+          [](py::object self) {
+            return view_matrices(self.cast<const Skeleton&>().rest_world(), self);
+          },
+          "(J, 4, 4) float64: A(j), relative to the world.")
+      .def_property_readonly(
+          "inverse_rest",
+          [](py::object self) {
+            return view_matrices(self.cast<const Skeleton&>().inverse_rest(), self);
+          },
+          "(J, 4, 4) float64: A(j)^-1.")
+      .def("__repr__", [](const Skeleton& self) {
+        return "<Skeleton of " + std::to_string(self.joint_count()) + " joints>";
+      });
+
+  module.def("forward_kinematics", &py_forward_kinematics, py::arg("skeleton"), py::arg("local"),
+             py::arg("out") = py::none(),
+             "F(j) = F(parent) R(j) T(j) for each joint of each frame.\n\n"
+             "local: T(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
+             "out: where to write F(j), shape and dtype of local (it may be local); made if None.\n"
+             "Returns out. Raises ValueError if a shape or dtype does not fit.");
+  module.def("skinning_matrices", &py_skinning_matrices, py::arg("skeleton"), py::arg("world"),
+             py::arg("out") = py::none(),
+             "F(j) A(j)^-1 for each joint of each frame, as the skinning functions take them.\n\n"
+             "world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
+             "out: where to write, float32, shape of world; made if None. Returns out.");
+
+  py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")
+      .def(py::init(&clip_from_array), py::arg("rotations"),
+           "rotations (P, J, 4): quaternions w x y z, each on top of its joint's rest transform.")
+      .def_property_readonly("joint_count", &PoseClip::joint_count, "J.")
+      .def_property_readonly("pose_count", &PoseClip::pose_count, "P.")
+      .def_property_readonly("rotations", &clip_rotations, "(P, J, 4) float64, w x y z, unit.")
+      .def("sample", &clip_sample, py::arg("time"), py::arg("loop") = false,
+           py::arg("out") = py::none(),
+           "T(j) at a time counted in poses, by spherical interpolation.\n\n"
+           "loop: the first pose follows the last; otherwise time stops at either end.\n"
+           "out: (J, 4, 4) float64, made if None. Returns out.");
+}
+
+}  // namespace sinew::bindings

@@ -1,0 +1,118 @@
+#include <pybind11/stl.h>
+
+#include "arrays.h"
+#include "sinew/dual_quaternion_skinning.h"
+#include "sinew/linear_skinning.h"
+
+namespace sinew::bindings {
+namespace {
+
+using SkinFunction = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
+
+/// `out` as the flat numbers that a skinning function writes.
+std::span<float> positions_span(const py::array& out, const std::vector<py::ssize_t>& shape) {
+  require_dtype<float>("out", out);
+  const bool fits = static_cast<std::size_t>(out.ndim()) == shape.size() &&
+                    std::equal(shape.begin(), shape.end(), out.shape());
+  if (!fits) wrong_shape("out", out, shape_text(py::array(py::dtype::of<bool>(), shape)));
+  if (!(out.flags() & py::array::c_style)) throw InputError("out is not C-contiguous");
+  if (!out.writeable()) throw InputError("out is read-only");
+  return {static_cast<float*>(const_cast<py::array&>(out).mutable_data()),
+          static_cast<std::size_t>(out.size())};
+}
+
+template <SkinFunction function>
+py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out) {
+  const auto stack = matrix_stack<const float>("matrices", matrices);
+  std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
+  if (matrices.ndim() == 4) shape.insert(shape.begin(), stack.frames);
+  const py::array result =
+      out.is_none() ? py::array(py::dtype::of<float>(), shape) : out.cast<py::array>();
+  const std::span<float> positions = positions_span(result, shape);
+  const py::gil_scoped_release release;
+  function(skin, stack, positions);
+  return result;
+}
+
+Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
+  if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
+  const std::vector<double> numbers = copied<double>("weights", weights);
+  const auto rows = weights.shape(0), columns = weights.shape(1);
+  return Skin::from_dense(copied_points<float>("rest_positions", rest_positions), numbers.data(),
+                          rows, columns, columns, 1);
+}
+
+constexpr const char* kSkinArguments =
+    "matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any "
+    "strides, a transposed view is read in place.\n"
+    "out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous; made if None.\n"
+    "Returns out. Raises ValueError if a shape or dtype does not fit.";
+
+}  // namespace
+
+void bind_skinning(py::module_& module) {
+  py::class_<Skin>(module, "Skin", "The mesh at rest and what moves each vertex. Immutable.")
+      .def(py::init([](const py::array& rest_positions, const py::array& offsets,
+                       const py::array& joints, const py::array& weights,
+                       std::ptrdiff_t joint_count) {
+             return Skin(copied_points<float>("rest_positions", rest_positions),
+                         copied_list<std::int64_t>("offsets", offsets),
+                         copied_list<std::int32_t>("joints", joints),
+                         copied_list<float>("weights", weights), joint_count);
+           }),
+           py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"),
+           py::arg("joint_count"),
+           "rest_positions (V, 3); offsets (V + 1,): vertex v has the influences offsets[v] to "
+           "offsets[v + 1]; joints (N,); weights (N,), which for each vertex should sum to 1.\n"
+           "Every influence is kept, in its order; a vertex without any stays at rest.\n"
+           "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
+           "that is not finite.")
+      .def_static("from_dense", &skin_from_dense, py::arg("rest_positions"), py::arg("weights"),
+                  "rest_positions (V, 3); weights (V, J), of which the zeros are left out.")
+      .def_property_readonly("vertex_count", &Skin::vertex_count, "V.")
+      .def_property_readonly("joint_count", &Skin::joint_count, "J.")
+      .def_property_readonly("influence_count", &Skin::influence_count, "N.")
+      .def_property_readonly("most_influences", &Skin::most_influences,
+                             "The most influences that a vertex has.")
+      .def_property_readonly("unweighted_count", &Skin::unweighted_count,
+                             "How many vertices nothing moves.")
+      .def_property_readonly("largest_sum_error", &Skin::largest_sum_error,
+                             "The largest |sum of weights - 1| of a vertex that something moves.")
+      .def_property_readonly(
+          "rest_positions",
+          [](py::object self) {
+            const auto& skin = self.cast<const Skin&>();
+            return view(skin.rest_positions().data(), {skin.vertex_count(), 3}, {3, 1}, self);
+          },
+          "(V, 3) float32.")
+      .def_property_readonly(
+          "offsets",
+          [](py::object self) { return view_list(self.cast<const Skin&>().offsets(), self); },
+          "(V + 1,) int64.")
+      .def_property_readonly(
+          "joints",
+          [](py::object self) { return view_list(self.cast<const Skin&>().joints(), self); },
+          "(N,) int32.")
+      .def_property_readonly(
+          "weights",
+          [](py::object self) { return view_list(self.cast<const Skin&>().weights(), self); },
+          "(N,) float32.")
+      .def("__repr__", [](const Skin& self) {
+        return "<Skin of " + std::to_string(self.vertex_count()) + " vertices, " +
+               std::to_string(self.joint_count()) + " joints, " +
+               std::to_string(self.influence_count()) + " influences>";
+      });
+
+  module.def("skin_linear", &skinned<skin_linear>, py::arg("skin"), py::arg("matrices"),
+             py::arg("out") = py::none(),
+             (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments)
+                 .c_str());
+  module.def("skin_dual_quaternion", &skinned<skin_dual_quaternion>, py::arg("skin"),
+             py::arg("matrices"), py::arg("out") = py::none(),
+             (std::string("Dual quaternion skinning (Kavan et al. 2008); scale and shear are "
+                          "blended linearly.\n\n") +
+              kSkinArguments)
+                 .c_str());
+}
+
+}  // namespace sinew::bindings

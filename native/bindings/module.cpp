@@ -1,0 +1,20 @@
+#include <pybind11/pybind11.h>
+
+#include "sinew/threads.h"
+
+namespace sinew::bindings {
+void bind_skeleton(pybind11::module_& module);
+void bind_files(pybind11::module_& module);
+void bind_skinning(pybind11::module_& module);
+}  // namespace sinew::bindings
+
+PYBIND11_MODULE(sinew_native, module) {
+  module.doc() = "Skeletal deformation: forward kinematics, skinning and the files of a rig folder.";
+  module.attr("__version__") = SINEW_VERSION;
+  sinew::bindings::bind_skeleton(module);
+  sinew::bindings::bind_files(module);
+  sinew::bindings::bind_skinning(module);
+  module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
+             "Let later calls use at most `count` threads; 0 means as many as the machine has.");
+  module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use.");
+}

@@ -1,0 +1,28 @@
+/// From each joint's own transform to its place in the world.
+#pragma once
+
+#include "sinew/skeleton.h"
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// F(j) = F(parent) R(j) T(j), F(root) = R(root) T(root), for every joint of every frame.
+///
+/// local   F x J, T(j): pose transform of each joint on top of its rest transform.
+/// world   F x J, out, F(j): each joint's transform relative to the world. May be `local` itself.
+///
+/// Runs over frames at once, or over the joints of one level of the tree; no joint is read by
+/// another thread before it is written. The same bits for any number of threads. T is float or
+/// double. Throws InputError if a shape does not fit.
+template <class T>
+void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world);
+
+/// F(j) A(j)^-1 for every joint of every frame: what moves a vertex from the rest mesh to the pose.
+///
+/// world      F x J, F(j).
+/// matrices   F x J, out, float32 as the skinning functions take them.
+template <class T>
+void skinning_matrices(const Skeleton& skeleton, MatrixStack<const T> world,
+                       MatrixStack<float> matrices);
+
+}  // namespace sinew

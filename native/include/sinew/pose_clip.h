@@ -1,0 +1,48 @@
+/// The poses of a rig: rotations of every joint, interpolated over time.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// In which order a file stores the four numbers of a quaternion.
+enum class QuaternionOrder { wxyz, xyzw };
+
+/// Immutable: P poses of J rotations, each on top of the joint's rest transform.
+class PoseClip {
+ public:
+  /// rotations  P x J, pose after pose; brought to unit length. Throws InputError for no pose, a
+  /// number that is not finite or a quaternion of length 0.
+  PoseClip(std::ptrdiff_t joint_count, std::vector<Eigen::Quaterniond> rotations);
+
+  /// From the table of a pose.dmat, a column a pose: 4 J rows are quaternions, 3 J rows are Euler
+  /// angles in degrees, applied X, then Y, then Z.
+  static PoseClip from_table(const Eigen::MatrixXd& table, std::ptrdiff_t joint_count,
+                             QuaternionOrder order = QuaternionOrder::wxyz);
+
+  /// The same as a table of quaternions, 4 J x P, w x y z.
+  Eigen::MatrixXd to_table() const;
+
+  std::ptrdiff_t joint_count() const { return joint_count_; }
+  std::ptrdiff_t pose_count() const { return pose_count_; }
+  const std::vector<Eigen::Quaterniond>& rotations() const { return rotations_; }
+
+  /// Spherical interpolation between the poses on both sides of `time`.
+  ///
+  /// time   in poses: 0 is the first pose, P - 1 the last.
+  /// loop   the first pose follows the last: time wraps at P. Otherwise it stops at either end.
+  /// local  1 x J, out, T(j).
+  /// Throws InputError if time is not finite or the shape does not fit.
+  template <class T>
+  void sample(double time, bool loop, MatrixStack<T> local) const;
+
+ private:
+  std::ptrdiff_t joint_count_;
+  std::ptrdiff_t pose_count_;
+  std::vector<Eigen::Quaterniond> rotations_;
+};
+
+}  // namespace sinew

@@ -1,0 +1,58 @@
+/// The tree of joints and its rest pose.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// Immutable. Joints keep the caller's numbering, in which a parent may come after its child; the
+/// order in which they must be visited is worked out once, here.
+class Skeleton {
+ public:
+  /// parents  J, the parent of each joint or -1 for a root.
+  /// rest     J, R(j): each joint's rest transform relative to its parent (a root's: to the world).
+  /// Throws InputError, naming the joint, for: a parent outside -1..J-1, a cycle, sizes that differ,
+  /// a number that is not finite, a rest transform that cannot be inverted.
+  Skeleton(std::span<const std::int32_t> parents, std::span<const Matrix4<double>> rest);
+
+  std::ptrdiff_t joint_count() const { return static_cast<std::ptrdiff_t>(parents_.size()); }
+  std::span<const std::int32_t> parents() const { return parents_; }
+
+  /// R(j), in the scalar type that the computation runs in.
+  template <class T>
+  std::span<const Matrix4<T>> rest() const;
+
+  /// A(j), rest transform of each joint relative to the world.
+  std::span<const Matrix4<double>> rest_world() const { return rest_world_; }
+
+  /// A(j)^-1.
+  std::span<const Matrix4<double>> inverse_rest() const { return inverse_rest_; }
+
+  /// All joints, parents before children, level by level: every joint of level l has its parent in
+  /// level l - 1. Level l is order()[level_begin()[l]] up to order()[level_begin()[l + 1]].
+  std::span<const std::int32_t> order() const { return order_; }
+  std::span<const std::int32_t> level_begin() const { return level_begin_; }
+
+ private:
+  std::vector<std::int32_t> parents_;
+  std::vector<std::int32_t> order_;
+  std::vector<std::int32_t> level_begin_;
+  std::vector<Matrix4<double>> rest_;
+  std::vector<Matrix4<float>> rest_float_;
+  std::vector<Matrix4<double>> rest_world_;
+  std::vector<Matrix4<double>> inverse_rest_;
+};
+
+template <>
+inline std::span<const Matrix4<double>> Skeleton::rest<double>() const {
+  return rest_;
+}
+template <>
+inline std::span<const Matrix4<float>> Skeleton::rest<float>() const {
+  return rest_float_;
+}
+
+}  // namespace sinew

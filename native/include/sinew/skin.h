@@ -1,0 +1,64 @@
+/// The mesh at rest and which joints move each of its vertices.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// Immutable. Every influence that comes in is kept, in the order in which it came, and weights are
+/// used as they are: nothing is normalised, clamped or dropped (but see from_dense). A vertex that
+/// has no influence, or whose weights are all zero, stays at its rest position.
+class Skin {
+ public:
+  /// rest_positions  V x 3, space of the mesh.
+  /// offsets         V + 1: the influences of vertex v are those from offsets[v] to offsets[v + 1].
+  /// joints          N, each in 0..joint_count-1.
+  /// weights         N, finite; for each vertex they should sum to 1 (see largest_sum_error).
+  /// joint_count     J, the number of matrices a frame that the skinning functions expect.
+  /// Throws InputError, naming the vertex or the entry, when one of these does not hold.
+  Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
+       std::span<const std::int32_t> joints, std::span<const float> weights,
+       std::ptrdiff_t joint_count);
+
+  /// From a dense V x J table: column j belongs to joint j. Entries that are exactly zero are left
+  /// out; all others stay, in ascending order of joints. `row_stride` and `column_stride` count
+  /// elements.
+  static Skin from_dense(std::span<const float> rest_positions, const double* weights,
+                         std::ptrdiff_t rows, std::ptrdiff_t columns, std::ptrdiff_t row_stride,
+                         std::ptrdiff_t column_stride);
+
+  std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(offsets_.size()) - 1; }
+  std::ptrdiff_t joint_count() const { return joint_count_; }
+  std::ptrdiff_t influence_count() const { return static_cast<std::ptrdiff_t>(joints_.size()); }
+
+  std::span<const float> rest_positions() const { return rest_positions_; }
+  std::span<const std::int64_t> offsets() const { return offsets_; }
+  std::span<const std::int32_t> joints() const { return joints_; }
+  std::span<const float> weights() const { return weights_; }
+
+  /// The most influences that a vertex has.
+  std::ptrdiff_t most_influences() const { return most_influences_; }
+  /// How many vertices stay at rest because nothing moves them.
+  std::ptrdiff_t unweighted_count() const { return unweighted_count_; }
+  /// The largest |sum of weights - 1| over the vertices that something moves.
+  double largest_sum_error() const { return largest_sum_error_; }
+
+ private:
+  void check() const;
+  void drop_dead_influences();
+  void measure();
+
+  std::vector<float> rest_positions_;
+  std::vector<std::int64_t> offsets_;
+  std::vector<std::int32_t> joints_;
+  std::vector<float> weights_;
+  std::ptrdiff_t joint_count_;
+  std::ptrdiff_t most_influences_ = 0;
+  std::ptrdiff_t unweighted_count_ = 0;
+  double largest_sum_error_ = 0;
+};
+
+}  // namespace sinew

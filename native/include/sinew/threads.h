@@ -1,0 +1,14 @@
+/// How many threads the library may use.
+#pragma once
+
+namespace sinew {
+
+/// Lets every later call use at most `count` threads, the calling one included; 0 means as many as
+/// the machine has. Safe at any time and from any thread: calls that are running keep what they
+/// had. Results never depend on it. Throws InputError if count is negative.
+void set_thread_count(int count);
+
+/// The number of threads that the next call may use, at least 1.
+int thread_count();
+
+}  // namespace sinew

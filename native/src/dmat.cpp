@@ -1,0 +1,125 @@
+#include "sinew/dmat.h"
+
+#include <bit>
+#include <cstring>
+
+#include "text.h"
+
+namespace sinew {
+namespace {
+
+static_assert(std::endian::native == std::endian::little,
+              "binary .dmat is read and written as the machine's own float64");
+
+struct Header {
+  long long columns;
+  long long rows;
+};
+
+/// Takes the header line off `unread`, its line feed included: what follows may be binary.
+Header take_header(const std::string& name, std::string_view& unread) {
+  const std::size_t end = std::min(unread.find('\n'), unread.size());
+  const std::string_view whole = unread.substr(0, end);
+  std::string_view line = whole;
+  const std::string_view columns = next_word(line), rows = next_word(line);
+  Header header{};
+  if (!parse_number(columns, header.columns) || !parse_number(rows, header.rows) ||
+      !next_word(line).empty() || header.columns < 0 || header.rows < 0) {
+    fail(name, ": expected a first line `columns rows`, found \"", whole.substr(0, 40), "\"");
+  }
+  unread.remove_prefix(std::min(end + 1, unread.size()));
+  return header;
+}
+
+/// Refuses a header that a file with so many bytes left cannot fulfil, before memory is asked for.
+void check_size(const std::string& name, Header header, std::size_t bytes_left,
+                std::size_t bytes_per_entry) {
+  const auto most = static_cast<long long>((bytes_left + bytes_per_entry - 1) / bytes_per_entry);
+  if (header.rows != 0 && header.columns > most / header.rows) {
+    fail(name, " promises ", grouped(header.columns), " columns x ", grouped(header.rows),
+         " rows, but holds at most ", plural(most, "number"));
+  }
+}
+
+void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
+  for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+    const std::string_view word = next_word(unread);
+    if (word.empty()) {
+      fail(name, " ends after ", plural(i, "number"), "; ", grouped(matrix.size()), " were due");
+    }
+    if (!parse_number(word, matrix.data()[i])) {
+      fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),
+           ": expected a finite number, found \"", word.substr(0, 40), "\"");
+    }
+  }
+  if (!next_word(unread).empty()) {
+    fail(name, " goes on after the ", plural(matrix.size(), "number"), " that its header promises");
+  }
+}
+
+void read_binary(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
+  const std::size_t due = static_cast<std::size_t>(matrix.size()) * sizeof(double);
+  if (unread.size() < due) {
+    fail(name, " ends after ", plural(static_cast<long long>(unread.size() / sizeof(double)), "number"),
+         "; ", grouped(matrix.size()), " were due");
+  }
+  if (unread.size() > due) {
+    fail(name, " goes on for ", plural(static_cast<long long>(unread.size() - due), "byte"),
+         " after the ", plural(matrix.size(), "number"), " that its header promises");
+  }
+  std::memcpy(matrix.data(), unread.data(), due);
+  for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+    if (!std::isfinite(matrix.data()[i])) {
+      fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),
+           ": the number is not finite");
+    }
+  }
+}
+
+void append_header(std::string& bytes, Eigen::Index columns, Eigen::Index rows) {
+  append_number(bytes, columns);
+  bytes += ' ';
+  append_number(bytes, rows);
+  bytes += '\n';
+}
+
+}  // namespace
+
+Eigen::MatrixXd read_dmat(const Path& path) {
+  const std::string name = path.filename().string();
+  const std::string bytes = read_file(path);
+  if (bytes.empty()) fail(name, " is empty; expected a first line `columns rows`");
+  std::string_view unread = bytes;
+  Header header = take_header(name, unread);
+  const bool binary = header.columns == 0 && header.rows == 0 && !unread.empty();
+  if (binary) header = take_header(name, unread);
+  // The shortest text entry is a digit and a separator, which the last may lack.
+  check_size(name, header, unread.size(), binary ? sizeof(double) : 2);
+  Eigen::MatrixXd matrix(header.rows, header.columns);
+  binary ? read_binary(name, unread, matrix) : read_text(name, unread, matrix);
+  return matrix;
+}
+
+void write_dmat(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matrix, bool binary) {
+  std::string bytes;
+  if (binary) append_header(bytes, 0, 0);
+  append_header(bytes, matrix.cols(), matrix.rows());
+  for (Eigen::Index column = 0; column < matrix.cols(); ++column) {
+    for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
+      const double number = matrix(row, column);
+      if (!std::isfinite(number)) {
+        fail("row ", row, ", column ", column, " of the matrix for ", path.filename().string(),
+             " is not finite");
+      }
+      if (binary) {
+        bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
+      } else {
+        append_number(bytes, number);
+        bytes += '\n';
+      }
+    }
+  }
+  write_file(path, bytes);
+}
+
+}  // namespace sinew

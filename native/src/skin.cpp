@@ -1,0 +1,114 @@
+#include "sinew/skin.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "check.h"
+
+namespace sinew {
+
+Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
+           std::span<const std::int32_t> joints, std::span<const float> weights,
+           std::ptrdiff_t joint_count)
+    : rest_positions_(rest_positions.begin(), rest_positions.end()),
+      offsets_(offsets.begin(), offsets.end()),
+      joints_(joints.begin(), joints.end()),
+      weights_(weights.begin(), weights.end()),
+      joint_count_(joint_count) {
+  check();
+  drop_dead_influences();
+  measure();
+}
+
+void Skin::check() const {
+  if (joint_count_ < 0) fail("joint_count is ", joint_count_, "; expected 0 or more");
+  const std::size_t vertices = rest_positions_.size() / 3;
+  if (offsets_.size() != vertices + 1) {
+    fail("offsets has ", plural(offsets_.size(), "entry"), "; expected ", grouped(vertices + 1),
+         ", one more than there are vertices");
+  }
+  if (joints_.size() != weights_.size()) {
+    fail("joints has ", grouped(joints_.size()), " entries and weights has ",
+         grouped(weights_.size()), "; expected as many of each");
+  }
+  const auto total = static_cast<std::int64_t>(joints_.size());
+  if (offsets_.front() != 0 || offsets_.back() != total) {
+    fail("offsets runs from ", offsets_.front(), " to ", offsets_.back(), "; expected 0 to ", total,
+         ", the number of influences");
+  }
+  for (std::size_t v = 0; v < vertices; ++v) {
+    if (offsets_[v] > offsets_[v + 1]) fail("offsets falls at vertex ", v);
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!std::isfinite(rest_positions_[3 * v + axis])) {
+        fail("the rest position of vertex ", v, " is not finite");
+      }
+    }
+  }
+  for (std::int64_t i = 0; i < total; ++i) {
+    if (joints_[i] < 0 || joints_[i] >= joint_count_) {
+      fail("influence ", i, " names joint ", joints_[i], "; there are ",
+           plural(joint_count_, "joint"));
+    }
+    if (!std::isfinite(weights_[i])) fail("the weight of influence ", i, " is not finite");
+  }
+}
+
+/// A vertex whose weights are all zero gets no influence at all, so that the frame loop has one
+/// case, not two, for "nothing moves it".
+void Skin::drop_dead_influences() {
+  const auto is_zero = [](float weight) { return weight == 0.0f; };
+  std::int64_t kept = 0;
+  std::int64_t begin = 0;
+  for (std::size_t v = 0; v + 1 < offsets_.size(); ++v) {
+    const std::int64_t end = offsets_[v + 1];
+    const bool dead = std::all_of(weights_.begin() + begin, weights_.begin() + end, is_zero);
+    for (std::int64_t i = begin; i < end && !dead; ++i, ++kept) {
+      joints_[kept] = joints_[i];
+      weights_[kept] = weights_[i];
+    }
+    begin = end;
+    offsets_[v + 1] = kept;
+  }
+  joints_.resize(kept);
+  weights_.resize(kept);
+}
+
+void Skin::measure() {
+  for (std::ptrdiff_t v = 0; v < vertex_count(); ++v) {
+    const std::ptrdiff_t count = offsets_[v + 1] - offsets_[v];
+    most_influences_ = std::max(most_influences_, count);
+    if (count == 0) {
+      ++unweighted_count_;
+      continue;
+    }
+    double sum = 0;
+    for (auto i = offsets_[v]; i < offsets_[v + 1]; ++i) sum += weights_[i];
+    largest_sum_error_ = std::max(largest_sum_error_, std::abs(sum - 1));
+  }
+}
+
+Skin Skin::from_dense(std::span<const float> rest_positions, const double* weights,
+                      std::ptrdiff_t rows, std::ptrdiff_t columns, std::ptrdiff_t row_stride,
+                      std::ptrdiff_t column_stride) {
+  const auto vertices = static_cast<std::ptrdiff_t>(rest_positions.size() / 3);
+  if (rows != vertices) {
+    fail("weights has ", plural(rows, "row"), "; there are ", plural(vertices, "vertex"));
+  }
+  std::vector<std::int64_t> offsets{0};
+  std::vector<std::int32_t> joints;
+  std::vector<float> sparse;
+  offsets.reserve(rows + 1);
+  for (std::ptrdiff_t v = 0; v < rows; ++v) {
+    for (std::ptrdiff_t j = 0; j < columns; ++j) {
+      const double weight = weights[v * row_stride + j * column_stride];
+      if (!std::isfinite(weight)) fail("the weight in row ", v, ", column ", j, " is not finite");
+      if (weight == 0) continue;
+      joints.push_back(static_cast<std::int32_t>(j));
+      sparse.push_back(static_cast<float>(weight));
+    }
+    offsets.push_back(static_cast<std::int64_t>(joints.size()));
+  }
+  return Skin(rest_positions, offsets, joints, sparse, columns);
+}
+
+}  // namespace sinew

@@ -1,0 +1,103 @@
+/// Reading text and binary files with errors that say where.
+#pragma once
+
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "check.h"
+
+namespace sinew {
+
+using Path = std::filesystem::path;
+
+/// The whole file as bytes. Throws InputError, naming the file, if it cannot be read.
+std::string read_file(const Path& path);
+
+/// Writes the whole file through a temporary neighbour, so that a failure leaves what was there.
+void write_file(const Path& path, std::string_view bytes);
+
+/// Rethrows what `build()` finds wrong with the file's name in front.
+template <class Build>
+auto naming(const Path& path, const Build& build) {
+  try {
+    return build();
+  } catch (const InputError& error) {
+    fail(path.filename().string(), ": ", error.what());
+  }
+}
+
+/// Shortest decimal form that reads back as the same number.
+template <class T>
+void append_number(std::string& text, T number) {
+  char buffer[32];
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, number);
+  text.append(buffer, result.ptr);
+}
+
+inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+/// Splits off the next word of `text`; empty at the end. Line feeds separate words too.
+std::string_view next_word(std::string_view& text);
+
+/// A text file, line by line and word by word.
+class LineReader {
+ public:
+  explicit LineReader(const Path& path);
+
+  /// Goes to the next line. False at the end of the file.
+  bool next_line();
+
+  /// The current line without its end.
+  std::string_view line() const { return line_; }
+  /// The next word of the current line; empty at its end.
+  std::string_view word() { return next_word(rest_); }
+  /// What is left of the current line.
+  std::string_view rest() const { return rest_; }
+
+  /// The next word as a number; `what` says in the message what it should have been.
+  template <class T>
+  T number(const char* what);
+
+  /// Throws InputError with the file's name and the number of the current line before the parts.
+  template <class... Parts>
+  [[noreturn]] void fail_here(const Parts&... parts) const {
+    fail(path_.filename().string(), ", line ", line_number_, ": ", parts...);
+  }
+
+  std::string name() const { return path_.filename().string(); }
+
+ private:
+  Path path_;
+  std::string bytes_;
+  std::string_view unread_;
+  std::string_view line_;
+  std::string_view rest_;
+  long line_number_ = 0;
+};
+
+/// Parses the whole word. False if it is no number of this type, or not a finite one.
+template <class T>
+bool parse_number(std::string_view word, T& number) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  const auto result = std::from_chars(word.data(), word.data() + word.size(), number);
+  if (result.ec != std::errc() || result.ptr != word.data() + word.size()) return false;
+  if constexpr (std::is_floating_point_v<T>) return std::isfinite(number);
+  return true;
+}
+
+template <class T>
+T LineReader::number(const char* what) {
+  const std::string_view text = word();
+  T value{};
+  if (text.empty()) fail_here("the line ends where ", what, " is expected");
+  if (!parse_number(text, value)) {
+    fail_here("expected ", what, ", found \"", text.substr(0, 40), "\"");
+  }
+  return value;
+}
+
+}  // namespace sinew
