@@ -16,7 +16,7 @@ import surface_nets
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "ogre")
 CELL = 0.033                # metres between grid points where no zoom is
-COLOURS = {"skin": (0.185, 0.250, 0.105), "mouth": (0.16, 0.035, 0.03), "eye": (0.75, 0.66, 0.40),
+COLOURS = {"skin": (0.120, 0.150, 0.075), "mouth": (0.16, 0.035, 0.03), "eye": (0.75, 0.66, 0.40),
            "iris": (0.55, 0.20, 0.02), "pupil": (0.01, 0.01, 0.01), "tusk": (0.72, 0.62, 0.42),
            "nail": (0.23, 0.19, 0.12), "hair": (0.025, 0.02, 0.018), "cloth": (0.20, 0.115, 0.06),
            "leather": (0.085, 0.045, 0.025), "metal": (0.30, 0.27, 0.22)}

@@ -42,6 +42,8 @@ def tube(path, radii, sides, material, bone, flatten=1.0, flat_axis=UP):
     """A closed tube along path (N, 3); radii (N,); flattened across flat_axis."""
     path, radii = np.asarray(path, float), np.asarray(radii, float)
     tangents = np.gradient(path, axis=0)
+    if abs(tangents[len(path) // 2] @ flat_axis) > 0.9 * np.linalg.norm(tangents[len(path) // 2]):
+        flat_axis = np.array([0.0, 0.0, 1.0])       # any axis serves that is not the tube's own
     turn = 2 * np.pi * np.arange(sides) / sides
     rings = []
     for point, radius, tangent in zip(path, radii, tangents):

@@ -10,7 +10,7 @@ CENTRE = [      # name, parent, position, carries weights
     ("root", None, (0, 1.02, -0.03), False),
     ("pelvis", "root", (0, 0.88, -0.01), True),
     ("spine", "root", (0, 1.32, -0.03), True),
-    ("chest", "spine", (0, 1.74, -0.06), True),
+    ("chest", "spine", (0, 1.78, -0.07), True),
     ("neck", "chest", (0, 1.93, 0.12), True),
     ("head", "neck", (0, 2.03, 0.22), True),
     ("jaw", "head", (0, 1.89, 0.46), True),
@@ -23,14 +23,14 @@ CENTRE = [      # name, parent, position, carries weights
     ("flap.back", "belt.back", (0, 0.58, -0.32), True),
 ]
 
-SHOULDER = np.array([0.50, 1.80, -0.05])
-ELBOW = np.array([0.89, 1.47, -0.09])
-WRIST = np.array([1.24, 1.15, 0.03])
-HIP = np.array([0.20, 0.90, -0.02])
-KNEE = np.array([0.33, 0.50, 0.10])
-ANKLE = np.array([0.30, 0.13, -0.05])
-BALL = np.array([0.355, 0.05, 0.16])
-TOES = np.array([0.40, 0.04, 0.30])
+SHOULDER = np.array([0.545, 1.845, -0.07])
+ELBOW = np.array([0.945, 1.505, -0.12])
+WRIST = np.array([1.305, 1.165, 0.02])
+HIP = np.array([0.215, 0.89, -0.02])
+KNEE = np.array([0.375, 0.49, 0.11])
+ANKLE = np.array([0.335, 0.135, -0.06])
+BALL = np.array([0.405, 0.05, 0.19])
+TOES = np.array([0.46, 0.04, 0.35])
 
 HAND_ALONG = np.array([0.72, -0.66, 0.20]) / np.linalg.norm([0.72, -0.66, 0.20])
 HAND_BACK = np.cross(HAND_ALONG, [0, 0, 1])
@@ -46,11 +46,11 @@ def hand_point(along, thumbward, back):
 
 # Each finger: knuckle, middle joint, tip, in the hand's own axes. Slightly curled and spread.
 FINGER_POINTS = {
-    "thumb": [(0.050, 0.075, -0.020), (0.115, 0.130, -0.040), (0.185, 0.150, -0.060)],
-    "index": [(0.185, 0.078, 0.006), (0.275, 0.108, -0.004), (0.350, 0.124, -0.040)],
-    "middle": [(0.196, 0.024, 0.012), (0.295, 0.034, 0.004), (0.376, 0.038, -0.034)],
-    "ring": [(0.190, -0.030, 0.008), (0.283, -0.042, -0.002), (0.360, -0.050, -0.040)],
-    "pinky": [(0.170, -0.080, -0.002), (0.245, -0.112, -0.014), (0.305, -0.130, -0.048)],
+    "thumb": [(0.060, 0.090, -0.024), (0.138, 0.156, -0.048), (0.222, 0.180, -0.072)],
+    "index": [(0.222, 0.094, 0.007), (0.330, 0.130, -0.005), (0.420, 0.149, -0.048)],
+    "middle": [(0.235, 0.029, 0.014), (0.354, 0.041, 0.005), (0.451, 0.046, -0.041)],
+    "ring": [(0.228, -0.036, 0.010), (0.340, -0.050, -0.002), (0.432, -0.060, -0.048)],
+    "pinky": [(0.204, -0.096, -0.002), (0.294, -0.134, -0.017), (0.366, -0.156, -0.058)],
 }
 
 
@@ -65,7 +65,7 @@ def left_limbs():
         ("clavicle.L", "chest", SHOULDER, True),
         ("upper_arm.L", "clavicle.L", ELBOW, True),
         ("forearm.L", "upper_arm.L", WRIST, True),
-        ("hand.L", "forearm.L", hand_point(0.19, 0.0, 0.006), True),
+        ("hand.L", "forearm.L", hand_point(0.225, 0.0, 0.006), True),
     ]
     for finger in FINGERS:
         knuckle, middle, tip = (hand_point(*point) for point in FINGER_POINTS[finger])

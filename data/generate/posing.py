@@ -34,6 +34,14 @@ def from_eulers(degrees):
     return multiply(z, multiply(y, x))
 
 
+def to_eulers(q):
+    """Unit quaternions (J, 4) -> degrees (J, 3) about X, then Y, then Z."""
+    m = to_matrices(q)
+    return np.degrees(np.stack([np.arctan2(m[:, 2, 1], m[:, 2, 2]),
+                                np.arcsin(np.clip(-m[:, 2, 0], -1, 1)),
+                                np.arctan2(m[:, 1, 0], m[:, 0, 0])], axis=-1))
+
+
 def to_matrices(q):
     """Unit quaternions (..., 4) -> rotation matrices (..., 3, 3)."""
     w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)

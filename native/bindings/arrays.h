@@ -5,10 +5,10 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
-#include <limits>
 #include <span>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "sinew/types.h"
@@ -31,15 +31,33 @@ inline std::string dtype_text(const py::array& array) { return py::str(array.dty
 
 [[noreturn]] inline void wrong_shape(const char* name, const py::array& array,
                                      const std::string& expected) {
-  throw InputError(std::string(name) + " has shape " + shape_text(array) + "; expected " + expected);
+  throw InputError(std::string(name) + " has shape " + shape_text(array) + "; expected " +
+                   expected);
 }
 
 template <class T>
 void require_dtype(const char* name, const py::array& array) {
-  if (!array.dtype().is(py::dtype::of<T>())) {
+  if (!py::isinstance<py::array_t<T>>(array)) {
     throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected " +
                      std::string(py::str(py::dtype::of<T>())));
   }
+}
+
+/// What numpy calls aligned: the first number and every stride are multiples of a number's size.
+inline void require_aligned(const char* name, const py::array& array) {
+  if (!(array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_)) {
+    throw InputError(std::string(name) + " has numbers at odd addresses; pass a copy");
+  }
+}
+
+/// The caller's `out`, which must be an array already: what pybind11 would make of a list is a copy
+/// that the caller never sees.
+inline py::array given_out(const py::object& out) {
+  if (!py::isinstance<py::array>(out)) {
+    throw InputError("out is a " + std::string(py::str(py::type::of(out).attr("__name__"))) +
+                     "; expected a numpy array");
+  }
+  return py::reinterpret_borrow<py::array>(out);
 }
 
 /// A stack of 4x4 matrices, (J, 4, 4) or (F, J, 4, 4) with any strides, in place.
@@ -51,10 +69,8 @@ MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
   if ((axes != 3 && axes != 4) || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
     wrong_shape(name, array, "(J, 4, 4) or (F, J, 4, 4)");
   }
+  require_aligned(name, array);
   const auto stride = [&](py::ssize_t axis) {
-    if (array.strides(axis) % static_cast<py::ssize_t>(sizeof(T)) != 0) {
-      throw InputError(std::string(name) + " has numbers at odd addresses; pass a copy");
-    }
     return array.strides(axis) / static_cast<py::ssize_t>(sizeof(T));
   };
   MatrixStack<T> stack;
@@ -82,21 +98,27 @@ std::vector<T> copied(const char* name, const py::array& array) {
     throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected " +
                      (std::is_integral_v<T> ? "integers" : "real numbers"));
   }
-  using Wide = std::conditional_t<std::is_integral_v<T>, std::int64_t, double>;
-  const auto wide = py::array_t<Wide, py::array::c_style | py::array::forcecast>(array);
-  std::vector<T> result;
-  result.reserve(wide.size());
-  for (py::ssize_t i = 0; i < wide.size(); ++i) {
-    const Wide number = wide.data()[i];
-    if constexpr (std::is_integral_v<T>) {
-      if (number < std::numeric_limits<T>::min() || number > std::numeric_limits<T>::max()) {
-        throw InputError(std::string(name) + " holds " + std::to_string(number) +
-                         ", which is out of range");
+  const auto from = [&]<class Wide>(Wide) {
+    const auto wide = py::array_t<Wide, py::array::c_style | py::array::forcecast>(array);
+    std::vector<T> result;
+    result.reserve(wide.size());
+    for (py::ssize_t i = 0; i < wide.size(); ++i) {
+      const Wide number = wide.data()[i];
+      if constexpr (std::is_integral_v<T>) {
+        if (!std::in_range<T>(number)) {
+          throw InputError(std::string(name) + " holds " + std::to_string(number) +
+                           ", which is out of range");
+        }
       }
+      result.push_back(static_cast<T>(number));
     }
-    result.push_back(static_cast<T>(number));
+    return result;
+  };
+  if constexpr (std::is_integral_v<T>) {
+    return kind == 'u' ? from(std::uint64_t{}) : from(std::int64_t{});
+  } else {
+    return from(double{});
   }
-  return result;
 }
 
 /// (J,) numbers as T.

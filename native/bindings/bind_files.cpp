@@ -93,11 +93,15 @@ void bind_rig_skeleton(py::module_& module) {
            "parents (J,); heads and tails (J, 3), world; weight_columns (J,), -1 for none.")
       .def_property_readonly(
           "heads",
-          [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().heads(), self); },
+          [](py::object self) {
+            return view_matrix(self.cast<const RigSkeleton&>().heads(), self);
+          },
           "(J, 3) float64, world: where each joint turns.")
       .def_property_readonly(
           "tails",
-          [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().tails(), self); },
+          [](py::object self) {
+            return view_matrix(self.cast<const RigSkeleton&>().tails(), self);
+          },
           "(J, 3) float64, world: where its bone is drawn to.")
       .def_property_readonly(
           "weight_columns",
@@ -107,8 +111,7 @@ void bind_rig_skeleton(py::module_& module) {
           "(J,) int32: the joint's column of weights, or -1.")
       .def_property_readonly("names", &RigSkeleton::names, "J unique names.")
       .def_property_readonly(
-          "convention",
-          [](const RigSkeleton& self) { return convention_name(self.convention()); },
+          "convention", [](const RigSkeleton& self) { return convention_name(self.convention()); },
           "\"bone\" or \"joint\".");
 }
 
@@ -118,8 +121,7 @@ void bind_rig(py::module_& module) {
            py::arg("face_vertices"), py::arg("skeleton"), py::arg("weights"),
            py::arg("poses") = py::none(), py::arg("animation") = py::none(),
            py::arg("face_materials") = py::none(),
-           py::arg("material_names") = std::vector<std::string>(),
-           py::arg("material_library") = "",
+           py::arg("material_names") = std::vector<std::string>(), py::arg("material_library") = "",
            "positions (V, 3); face_offsets (faces + 1,); face_vertices; weights (V, columns); "
            "animation (F, J, 4, 4): skinning matrices; face_materials (faces,): -1 for none.\n"
            "Raises ValueError if the parts do not fit each other.")

@@ -21,51 +21,67 @@ py::array into(const char* name, const py::array& in, const py::object& out,
   const auto source = matrix_stack<const In>(name, in);
   const py::array result = out.is_none()
                                ? empty_like_stack(source, in.ndim() == 4, py::dtype::of<Out>())
-                               : out.cast<py::array>();
+                               : given_out(out);
   const auto target = matrix_stack<Out>("out", result);
-  const py::gil_scoped_release release;
-  compute(source, target);
+  {
+    const py::gil_scoped_release release;
+    compute(source, target);
+  }
   return result;
 }
 
 py::array py_forward_kinematics(const Skeleton& skeleton, const py::array& local,
                                 const py::object& out) {
   const auto run = [&](auto source, auto target) { forward_kinematics(skeleton, source, target); };
-  if (local.dtype().is(py::dtype::of<float>())) return into<float, float>("local", local, out, run);
+  if (py::isinstance<py::array_t<float>>(local))
+    return into<float, float>("local", local, out, run);
   return into<double, double>("local", local, out, run);
 }
 
 py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
                                const py::object& out) {
   const auto run = [&](auto source, auto target) { skinning_matrices(skeleton, source, target); };
-  if (world.dtype().is(py::dtype::of<float>())) return into<float, float>("world", world, out, run);
+  if (py::isinstance<py::array_t<float>>(world))
+    return into<float, float>("world", world, out, run);
   return into<double, float>("world", world, out, run);
 }
 
-PoseClip clip_from_array(const py::array& rotations) {
-  if (rotations.ndim() != 3 || rotations.shape(2) != 4) {
-    wrong_shape("rotations", rotations, "(P, J, 4)");
+/// (..., J, 4) numbers w x y z.
+std::vector<Eigen::Quaterniond> copied_rotations(const py::array& array, py::ssize_t axes) {
+  if (array.ndim() != axes || array.shape(axes - 1) != 4) {
+    wrong_shape("rotations", array, axes == 3 ? "(P, J, 4)" : "(J, 4)");
   }
-  const std::vector<double> numbers = copied<double>("rotations", rotations);
+  const std::vector<double> numbers = copied<double>("rotations", array);
   std::vector<Eigen::Quaterniond> quaternions;
-  for (std::size_t i = 0; i + 3 < numbers.size(); i += 4) {
+  quaternions.reserve(numbers.size() / 4);
+  for (std::size_t i = 0; i < numbers.size(); i += 4) {
     quaternions.emplace_back(numbers[i], numbers[i + 1], numbers[i + 2], numbers[i + 3]);
   }
-  return PoseClip(rotations.shape(1), std::move(quaternions));
+  return quaternions;
 }
 
-py::array clip_rotations(const PoseClip& clip) {
-  const Eigen::MatrixXd table = clip.to_table();
-  py::array_t<double> array({clip.pose_count(), clip.joint_count(), std::ptrdiff_t{4}});
-  std::copy(table.data(), table.data() + table.size(), array.mutable_data());
+py::array_t<double> rotation_array(std::span<const Eigen::Quaterniond> rotations,
+                                   std::vector<py::ssize_t> shape) {
+  py::array_t<double> array(std::move(shape));
+  double* out = array.mutable_data();
+  for (const Eigen::Quaterniond& q : rotations) {
+    for (const double number : {q.w(), q.x(), q.y(), q.z()}) *out++ = number;
+  }
   return array;
 }
 
-py::array clip_sample(const PoseClip& clip, double time, bool loop, const py::object& out) {
+py::array_t<double> clip_sample(const PoseClip& clip, double time, bool loop) {
+  std::vector<Eigen::Quaterniond> rotations(clip.joint_count());
+  clip.sample(time, loop, rotations);
+  return rotation_array(rotations, {clip.joint_count(), 4});
+}
+
+py::array py_rotation_transforms(const py::array& rotations, const py::object& out) {
+  const auto quaternions = copied_rotations(rotations, 2);
   const py::array result =
-      out.is_none() ? py::array_t<double>({clip.joint_count(), std::ptrdiff_t{4}, std::ptrdiff_t{4}})
-                    : out.cast<py::array>();
-  clip.sample(time, loop, matrix_stack<double>("out", result));
+      out.is_none() ? py::array_t<double>({rotations.shape(0), py::ssize_t{4}, py::ssize_t{4}})
+                    : given_out(out);
+  rotation_transforms<double>(quaternions, matrix_stack<double>("out", result));
   return result;
 }
 
@@ -122,16 +138,29 @@ void bind_skeleton(py::module_& module) {
              "out: where to write, float32, shape of world; made if None. Returns out.");
 
   py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")
-      .def(py::init(&clip_from_array), py::arg("rotations"),
+      .def(py::init([](const py::array& rotations) {
+             auto quaternions = copied_rotations(rotations, 3);
+             return PoseClip(rotations.shape(1), std::move(quaternions));
+           }),
+           py::arg("rotations"),
            "rotations (P, J, 4): quaternions w x y z, each on top of its joint's rest transform.")
       .def_property_readonly("joint_count", &PoseClip::joint_count, "J.")
       .def_property_readonly("pose_count", &PoseClip::pose_count, "P.")
-      .def_property_readonly("rotations", &clip_rotations, "(P, J, 4) float64, w x y z, unit.")
+      .def_property_readonly(
+          "rotations",
+          [](const PoseClip& self) {
+            return rotation_array(self.rotations(), {self.pose_count(), self.joint_count(), 4});
+          },
+          "(P, J, 4) float64, w x y z, unit.")
       .def("sample", &clip_sample, py::arg("time"), py::arg("loop") = false,
-           py::arg("out") = py::none(),
-           "T(j) at a time counted in poses, by spherical interpolation.\n\n"
-           "loop: the first pose follows the last; otherwise time stops at either end.\n"
-           "out: (J, 4, 4) float64, made if None. Returns out.");
+           "The rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical "
+           "interpolation.\n\n"
+           "loop: the first pose follows the last; otherwise time stops at either end.");
+  module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"),
+             py::arg("out") = py::none(),
+             "T(j) of joints that only turn.\n\n"
+             "rotations: (J, 4) unit quaternions w x y z.\n"
+             "out: (J, 4, 4) float64, any strides; made if None. Returns out.");
 }
 
 }  // namespace sinew::bindings

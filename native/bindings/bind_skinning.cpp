@@ -16,6 +16,7 @@ std::span<float> positions_span(const py::array& out, const std::vector<py::ssiz
                     std::equal(shape.begin(), shape.end(), out.shape());
   if (!fits) wrong_shape("out", out, shape_text(py::array(py::dtype::of<bool>(), shape)));
   if (!(out.flags() & py::array::c_style)) throw InputError("out is not C-contiguous");
+  require_aligned("out", out);
   if (!out.writeable()) throw InputError("out is read-only");
   return {static_cast<float*>(const_cast<py::array&>(out).mutable_data()),
           static_cast<std::size_t>(out.size())};
@@ -27,10 +28,12 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
   std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
   if (matrices.ndim() == 4) shape.insert(shape.begin(), stack.frames);
   const py::array result =
-      out.is_none() ? py::array(py::dtype::of<float>(), shape) : out.cast<py::array>();
+      out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_out(out);
   const std::span<float> positions = positions_span(result, shape);
-  const py::gil_scoped_release release;
-  function(skin, stack, positions);
+  {
+    const py::gil_scoped_release release;
+    function(skin, stack, positions);
+  }
   return result;
 }
 
@@ -103,10 +106,10 @@ void bind_skinning(py::module_& module) {
                std::to_string(self.influence_count()) + " influences>";
       });
 
-  module.def("skin_linear", &skinned<skin_linear>, py::arg("skin"), py::arg("matrices"),
-             py::arg("out") = py::none(),
-             (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments)
-                 .c_str());
+  module.def(
+      "skin_linear", &skinned<skin_linear>, py::arg("skin"), py::arg("matrices"),
+      py::arg("out") = py::none(),
+      (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments).c_str());
   module.def("skin_dual_quaternion", &skinned<skin_dual_quaternion>, py::arg("skin"),
              py::arg("matrices"), py::arg("out") = py::none(),
              (std::string("Dual quaternion skinning (Kavan et al. 2008); scale and shear are "

@@ -9,7 +9,8 @@ void bind_skinning(pybind11::module_& module);
 }  // namespace sinew::bindings
 
 PYBIND11_MODULE(sinew_native, module) {
-  module.doc() = "Skeletal deformation: forward kinematics, skinning and the files of a rig folder.";
+  module.doc() =
+      "Skeletal deformation: forward kinematics, skinning and the files of a rig folder.";
   module.attr("__version__") = SINEW_VERSION;
   sinew::bindings::bind_skeleton(module);
   sinew::bindings::bind_files(module);

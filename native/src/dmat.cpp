@@ -60,8 +60,9 @@ void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd
 void read_binary(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
   const std::size_t due = static_cast<std::size_t>(matrix.size()) * sizeof(double);
   if (unread.size() < due) {
-    fail(name, " ends after ", plural(static_cast<long long>(unread.size() / sizeof(double)), "number"),
-         "; ", grouped(matrix.size()), " were due");
+    fail(name, " ends after ",
+         plural(static_cast<long long>(unread.size() / sizeof(double)), "number"), "; ",
+         grouped(matrix.size()), " were due");
   }
   if (unread.size() > due) {
     fail(name, " goes on for ", plural(static_cast<long long>(unread.size() - due), "byte"),
@@ -90,6 +91,7 @@ Eigen::MatrixXd read_dmat(const Path& path) {
   const std::string bytes = read_file(path);
   if (bytes.empty()) fail(name, " is empty; expected a first line `columns rows`");
   std::string_view unread = bytes;
+  skip_byte_order_mark(unread);
   Header header = take_header(name, unread);
   const bool binary = header.columns == 0 && header.rows == 0 && !unread.empty();
   if (binary) header = take_header(name, unread);

@@ -1,6 +1,7 @@
 #include "sinew/dual_quaternion_skinning.h"
 
 #include <Eigen/SVD>
+#include <limits>
 
 #include "frame_loop.h"
 
@@ -21,8 +22,8 @@ constexpr double kRigidTolerance = 1e-5;
 RigidAndStretch split(const Matrix4<double>& matrix) {
   const Eigen::Matrix3d linear = matrix.topLeftCorner<3, 3>();
   Eigen::Matrix3d rotation = linear;
-  const bool is_rigid = (linear.transpose() * linear).isIdentity(kRigidTolerance) &&
-                        linear.determinant() > 0;
+  const bool is_rigid =
+      (linear.transpose() * linear).isIdentity(kRigidTolerance) && linear.determinant() > 0;
   if (!is_rigid) {
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
     Eigen::Vector3d sign = Eigen::Vector3d::Ones();
@@ -32,8 +33,8 @@ RigidAndStretch split(const Matrix4<double>& matrix) {
   const Eigen::Quaterniond real = Eigen::Quaterniond(rotation).normalized();
   const Eigen::Vector3d half = 0.5 * matrix.topRightCorner<3, 1>();
   const Eigen::Quaterniond dual = Eigen::Quaterniond(0, half.x(), half.y(), half.z()) * real;
-  return {real.cast<float>(), dual.cast<float>(),
-          (rotation.transpose() * linear).cast<float>(), is_rigid};
+  return {real.cast<float>(), dual.cast<float>(), (rotation.transpose() * linear).cast<float>(),
+          is_rigid};
 }
 
 }  // namespace
@@ -64,7 +65,8 @@ void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
         }
         Eigen::Vector3f point = Eigen::Map<const Eigen::Vector3f>(rest + 3 * v);
         const float norm2 = real.squaredNorm();
-        if (norm2 == 0) return point;  // opposite rotations that cancel: no direction is right
+        // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
+        if (norm2 < std::numeric_limits<float>::min()) return point;
         if (!is_rigid && weight_sum != 0) {
           Eigen::Matrix3f stretch = Eigen::Matrix3f::Zero();
           for (std::int64_t i = offsets[v]; i < offsets[v + 1]; ++i) {

@@ -27,12 +27,47 @@ inline void check_shapes(const Skin& skin, MatrixStack<const float> matrices,
   }
 }
 
+// A long clip is skinned in blocks whose prepared matrices stay within some megabytes.
+constexpr std::ptrdiff_t kMatricesAtOnce = 1 << 16;
+
 /// `count` elements that this thread keeps from call to call, so that a frame allocates nothing.
+/// Only one span is alive a thread: what runs in parallel_for must not call this.
 template <class Element>
 std::span<Element> scratch(std::size_t count) {
   thread_local std::vector<Element> memory;
   if (memory.size() < count) memory.resize(count);
   return {memory.data(), count};
+}
+
+/// skin_frames on as many frames as are done at once; `positions` begins with the first of them.
+template <class Element, class Prepare, class Blend>
+void skin_block(const Skin& skin, MatrixStack<const float> matrices, float* positions,
+                const Prepare& prepare, const Blend& blend) {
+  const std::ptrdiff_t joints = matrices.joints;
+  const std::span<Element> palette = scratch<Element>(matrices.frames * joints);
+  for (std::ptrdiff_t frame = 0; frame < matrices.frames; ++frame) {
+    for (std::ptrdiff_t j = 0; j < joints; ++j) {
+      palette[frame * joints + j] = prepare(matrices.at(frame, j));
+    }
+  }
+
+  const std::ptrdiff_t vertices = skin.vertex_count();
+  const auto offsets = skin.offsets();
+  const float* rest = skin.rest_positions().data();
+  parallel_for(matrices.frames * vertices, kVerticesPerTask, [&](auto begin, auto end) {
+    while (begin < end) {
+      const std::ptrdiff_t frame = begin / vertices, first = begin % vertices;
+      const auto last = std::min<std::ptrdiff_t>(vertices, first + (end - begin));
+      const Element* frame_palette = palette.data() + frame * joints;
+      for (std::ptrdiff_t v = first; v < last; ++v) {
+        Eigen::Map<Eigen::Vector3f> out(positions + 3 * (frame * vertices + v));
+        const bool moved = offsets[v] != offsets[v + 1];
+        out = moved ? blend(frame_palette, v)
+                    : Eigen::Vector3f(Eigen::Map<const Eigen::Vector3f>(rest + 3 * v));
+      }
+      begin += last - first;
+    }
+  });
 }
 
 /// Prepares each joint's matrix once with `prepare(matrix) -> Element`, then calls
@@ -42,33 +77,18 @@ template <class Element, class Prepare, class Blend>
 void skin_frames(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions,
                  const Prepare& prepare, const Blend& blend) {
   check_shapes(skin, matrices, positions);
-  const std::ptrdiff_t vertices = skin.vertex_count();
-  if (vertices == 0 || matrices.frames == 0) return;
+  const std::ptrdiff_t frames = matrices.frames;
+  if (skin.vertex_count() == 0 || frames == 0) return;
 
-  const std::ptrdiff_t joints = matrices.joints;
-  const std::span<Element> palette = scratch<Element>(matrices.frames * joints);
-  for (std::ptrdiff_t frame = 0; frame < matrices.frames; ++frame) {
-    for (std::ptrdiff_t j = 0; j < joints; ++j) {
-      palette[frame * joints + j] = prepare(matrices.at(frame, j));
-    }
+  const std::ptrdiff_t joints = std::max<std::ptrdiff_t>(1, matrices.joints);
+  const auto at_once = std::clamp<std::ptrdiff_t>(kMatricesAtOnce / joints, 1, frames);
+  for (std::ptrdiff_t first = 0; first < frames; first += at_once) {
+    MatrixStack<const float> block = matrices;
+    block.data += first * matrices.frame_stride;
+    block.frames = std::min(at_once, frames - first);
+    skin_block<Element>(skin, block, positions.data() + 3 * first * skin.vertex_count(), prepare,
+                        blend);
   }
-
-  const auto offsets = skin.offsets();
-  const float* rest = skin.rest_positions().data();
-  parallel_for(matrices.frames * vertices, kVerticesPerTask, [&](auto begin, auto end) {
-    while (begin < end) {
-      const std::ptrdiff_t frame = begin / vertices, first = begin % vertices;
-      const auto last = std::min<std::ptrdiff_t>(vertices, first + (end - begin));
-      const Element* frame_palette = palette.data() + frame * joints;
-      for (std::ptrdiff_t v = first; v < last; ++v) {
-        Eigen::Map<Eigen::Vector3f> out(positions.data() + 3 * (frame * vertices + v));
-        const bool moved = offsets[v] != offsets[v + 1];
-        out = moved ? blend(frame_palette, v)
-                    : Eigen::Vector3f(Eigen::Map<const Eigen::Vector3f>(rest + 3 * v));
-      }
-      begin += last - first;
-    }
-  });
 }
 
 }  // namespace sinew

@@ -19,8 +19,8 @@ void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<
           blended += weights[i] * palette[joints[i]];
         }
         const float* p = rest + 3 * v;
-        const Eigen::Vector4f moved = blended.col(0) * p[0] + blended.col(1) * p[1] +
-                                      blended.col(2) * p[2] + blended.col(3);
+        const Eigen::Vector4f moved =
+            blended.col(0) * p[0] + blended.col(1) * p[1] + blended.col(2) * p[2] + blended.col(3);
         return moved.head<3>();
       });
 }

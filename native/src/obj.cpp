@@ -7,12 +7,6 @@
 namespace sinew {
 namespace {
 
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
 std::int32_t material_index(PolygonMesh& mesh, std::string_view name) {
   auto& names = mesh.material_names;
   const auto found = std::find(names.begin(), names.end(), name);
@@ -59,7 +53,8 @@ PolygonMesh read_obj(const Path& path) {
       read_face(file, mesh);
       mesh.face_materials.push_back(material);
     } else if (keyword == "usemtl") {
-      material = material_index(mesh, trimmed(file.rest()));
+      const std::string_view name = trimmed(file.rest());
+      material = name.empty() ? -1 : material_index(mesh, name);
     } else if (keyword == "mtllib") {
       mesh.material_library = trimmed(file.rest());
     }
@@ -91,7 +86,7 @@ void write_obj(const Path& path, const PolygonMesh& mesh) {
   for (std::ptrdiff_t face = 0; face < mesh.face_count(); ++face) {
     if (!mesh.face_materials.empty() && mesh.face_materials[face] != material) {
       material = mesh.face_materials[face];
-      if (material >= 0) text += "usemtl " + mesh.material_names[material] + '\n';
+      text += material < 0 ? "usemtl\n" : "usemtl " + mesh.material_names[material] + '\n';
     }
     text += 'f';
     for (auto i = mesh.face_offsets[face]; i < mesh.face_offsets[face + 1]; ++i) {

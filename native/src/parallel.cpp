@@ -45,11 +45,14 @@ int machine_threads() { return std::max(4, static_cast<int>(std::thread::hardwar
 
 #else
 
+int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
+
 // An arena of our own: neither its size nor its work mixes with other users of TBB in the process,
-// Blender among them.
+// Blender among them. TBB has no more workers than the machine has threads; it warns on stderr, and
+// takes memory for each, when an arena asks for more.
 class Pool {
  public:
-  explicit Pool(int threads) : threads_(threads), arena_(threads) {}
+  explicit Pool(int threads) : threads_(threads), arena_(std::min(threads, machine_threads())) {}
   int threads() const { return threads_; }
 
   template <class Chunk>
@@ -63,8 +66,6 @@ class Pool {
   int threads_;
   oneapi::tbb::task_arena arena_;
 };
-
-int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
 
 #endif
 

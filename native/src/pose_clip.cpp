@@ -73,30 +73,39 @@ Eigen::MatrixXd PoseClip::to_table() const {
   return table;
 }
 
-template <class T>
-void PoseClip::sample(double time, bool loop, MatrixStack<T> local) const {
+void PoseClip::sample(double time, bool loop, std::span<Eigen::Quaterniond> rotations) const {
   if (!std::isfinite(time)) fail("the time of a pose is ", time, "; expected a finite number");
-  if (local.frames != 1 || local.joints != joint_count_) {
-    fail("the result holds ", local.frames, " x ", local.joints, " matrices; expected 1 x ",
-         joint_count_);
+  if (static_cast<std::ptrdiff_t>(rotations.size()) != joint_count_) {
+    fail("the result holds ", plural(rotations.size(), "rotation"), "; the clip has ",
+         plural(joint_count_, "joint"));
   }
   const auto poses = static_cast<double>(pose_count_);
-  const double wrapped = loop ? time - poses * std::floor(time / poses)
-                              : std::clamp(time, 0.0, poses - 1);
+  double wrapped = loop ? std::fmod(time, poses) : std::clamp(time, 0.0, poses - 1);
+  if (wrapped < 0) wrapped += poses;
   // Rounding may carry a tiny negative time to `poses` itself.
   const auto before = std::min(static_cast<std::ptrdiff_t>(wrapped), pose_count_ - 1);
   const auto after = loop ? (before + 1) % pose_count_ : std::min(before + 1, pose_count_ - 1);
   const double blend = wrapped - static_cast<double>(before);
   for (std::ptrdiff_t j = 0; j < joint_count_; ++j) {
-    const Eigen::Quaterniond rotation = rotations_[before * joint_count_ + j].slerp(
-        blend, rotations_[after * joint_count_ + j]);
+    rotations[j] =
+        rotations_[before * joint_count_ + j].slerp(blend, rotations_[after * joint_count_ + j]);
+  }
+}
+
+template <class T>
+void rotation_transforms(std::span<const Eigen::Quaterniond> rotations, MatrixStack<T> local) {
+  const auto count = static_cast<std::ptrdiff_t>(rotations.size());
+  if (local.frames != 1 || local.joints != count) {
+    fail("the result holds ", local.frames, " x ", local.joints, " matrices; expected 1 x ", count);
+  }
+  for (std::ptrdiff_t j = 0; j < count; ++j) {
     Matrix4<double> transform = Matrix4<double>::Identity();
-    transform.topLeftCorner<3, 3>() = rotation.toRotationMatrix();
+    transform.topLeftCorner<3, 3>() = rotations[j].toRotationMatrix();
     local.at(0, j) = transform.cast<T>();
   }
 }
 
-template void PoseClip::sample(double, bool, MatrixStack<float>) const;
-template void PoseClip::sample(double, bool, MatrixStack<double>) const;
+template void rotation_transforms(std::span<const Eigen::Quaterniond>, MatrixStack<float>);
+template void rotation_transforms(std::span<const Eigen::Quaterniond>, MatrixStack<double>);
 
 }  // namespace sinew

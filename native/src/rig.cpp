@@ -1,6 +1,7 @@
 #include "sinew/rig.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "sinew/dmat.h"
 #include "text.h"
@@ -39,12 +40,22 @@ void check_faces(const PolygonMesh& mesh, const std::string& name) {
   }
 }
 
+void check_numbers(const Rig& rig, const RigPaths& paths) {
+  const auto is_finite = [](float number) { return std::isfinite(number); };
+  if (!std::ranges::all_of(rig.mesh.positions, is_finite)) {
+    fail(name_of(paths.mesh, "mesh.obj"), ": a position is not finite");
+  }
+  if (!rig.weights.allFinite()) {
+    fail(name_of(paths.weights, "weights.dmat"), ": a weight is not finite");
+  }
+}
+
 void check_weights(const Rig& rig, const RigPaths& paths) {
   const std::string weights = name_of(paths.weights, "weights.dmat");
   const std::string skeleton = name_of(paths.skeleton, "the skeleton");
   if (rig.weights.rows() != rig.mesh.vertex_count()) {
-    fail(weights, " has ", plural(rig.weights.rows(), "row"), ", ",
-         name_of(paths.mesh, "mesh.obj"), " has ", plural(rig.mesh.vertex_count(), "vertex"));
+    fail(weights, " has ", plural(rig.weights.rows(), "row"), ", ", name_of(paths.mesh, "mesh.obj"),
+         " has ", plural(rig.mesh.vertex_count(), "vertex"));
   }
   std::vector<bool> owned(rig.weights.cols(), false);
   for (std::ptrdiff_t j = 0; j < rig.skeleton.joint_count(); ++j) {
@@ -66,6 +77,7 @@ std::ptrdiff_t bone_count(const RigSkeleton& skeleton) {
   return std::ranges::count_if(skeleton.weight_columns(), [](auto column) { return column >= 0; });
 }
 
+/// `skeleton` has passed check_rig: its weight columns are 0 to bones - 1, each once.
 /// A frame is, column-major, a (4 * bones) x 3 matrix that stacks the transposed 3x4 matrices.
 MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table,
                             const RigSkeleton& skeleton) {
@@ -126,6 +138,7 @@ RigPaths find_rig(const Path& folder) {
 void check_rig(const Rig& rig, const RigPaths& paths) {
   const std::ptrdiff_t joints = rig.skeleton.joint_count();
   check_faces(rig.mesh, name_of(paths.mesh, "mesh.obj"));
+  check_numbers(rig, paths);
   check_weights(rig, paths);
   if (rig.poses && rig.poses->joint_count() != joints) {
     fail(name_of(paths.poses, "pose.dmat"), " has poses of ",
@@ -137,6 +150,10 @@ void check_rig(const Rig& rig, const RigPaths& paths) {
       fail(name_of(paths.animation, "anim.dmat"), " has ", plural(matrices, "matrix"), " for ",
            plural(rig.animation->frames, "frame"), " of ", plural(joints, "joint"));
     }
+    const auto is_finite = [](const Matrix4<double>& matrix) { return matrix.allFinite(); };
+    if (!std::ranges::all_of(rig.animation->matrices, is_finite)) {
+      fail(name_of(paths.animation, "anim.dmat"), ": a matrix is not finite");
+    }
   }
 }
 
@@ -144,26 +161,26 @@ Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, Quater
   if (paths.skeleton.empty()) {
     fail("there is neither skeleton.bf nor skeleton.tgf in ", paths.mesh.parent_path().string());
   }
-  Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention),
-          read_dmat(paths.weights), std::nullopt, std::nullopt};
+  Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention), read_dmat(paths.weights),
+          std::nullopt, std::nullopt};
   if (!paths.poses.empty()) {
     const Eigen::MatrixXd table = read_dmat(paths.poses);
     rig.poses = naming(paths.poses, [&] {
       return PoseClip::from_table(table, rig.skeleton.joint_count(), order);
     });
   }
-  if (!paths.animation.empty()) {
-    rig.animation =
-        unpack_animation(paths.animation, read_dmat(paths.animation), rig.skeleton);
-  }
   check_rig(rig, paths);
+  if (!paths.animation.empty()) {
+    rig.animation = unpack_animation(paths.animation, read_dmat(paths.animation), rig.skeleton);
+  }
   return rig;
 }
 
 void write_rig(const RigPaths& paths, const Rig& rig) {
   check_rig(rig, paths);
-  write_obj(paths.mesh, rig.mesh);
+  // The skeleton first: its format may not be able to hold it, and then nothing has been touched.
   write_skeleton(paths.skeleton, rig.skeleton);
+  write_obj(paths.mesh, rig.mesh);
   write_dmat(paths.weights, rig.weights);
   if (rig.poses && !paths.poses.empty()) write_dmat(paths.poses, rig.poses->to_table());
   if (rig.animation && !paths.animation.empty()) {

@@ -35,6 +35,15 @@ std::vector<std::string> usable_names(std::vector<std::string> names, std::size_
   return names;
 }
 
+/// What may stand after the fifth field of a .bf line and be read back as a joint's name: text that
+/// is neither a sixth number nor a comment.
+bool is_name(std::string_view text) {
+  if (text != trimmed(text) || text.find('\n') != text.npos || text.starts_with('#')) return false;
+  const std::string_view first = next_word(text);
+  double number;
+  return !first.empty() && !parse_number(first, number);
+}
+
 struct BoneForest {
   std::vector<std::int32_t> weight_columns;
   std::vector<std::int32_t> parents;
@@ -55,17 +64,17 @@ BoneForest read_rows(LineReader& file) {
     Eigen::Vector3d offset;
     for (double& coordinate : offset) coordinate = file.number<double>("an offset");
     forest.offsets.push_back(offset);
-    const std::string_view name = file.word();
-    const bool is_name = !name.empty() && std::isalpha(static_cast<unsigned char>(name.front()));
-    forest.names.emplace_back(is_name ? name : "");
+    const std::string_view text = trimmed(file.rest());
+    forest.names.emplace_back(is_name(text) ? text : "");
   }
   if (forest.parents.empty()) fail(file.name(), " holds no joints");
   return forest;
 }
 
-Convention detected(const BoneForest& forest) {
-  for (std::int32_t j = 0; j < forest.count(); ++j) {
-    if (forest.parents[j] < 0 && forest.weight_columns[j] < 0) return Convention::bone;
+Convention detected(std::span<const std::int32_t> parents,
+                    std::span<const std::int32_t> weight_columns) {
+  for (std::size_t j = 0; j < parents.size(); ++j) {
+    if (parents[j] < 0 && weight_columns[j] < 0) return Convention::bone;
   }
   return Convention::joint;
 }
@@ -107,7 +116,7 @@ RigSkeleton read_bone_forest(const Path& path, std::optional<Convention> wanted)
       positions.row(j) = joints.rest_world()[j].topRightCorner<3, 1>();
     }
 
-    const Convention convention = wanted.value_or(detected(forest));
+    const Convention convention = wanted.value_or(detected(forest.parents, forest.weight_columns));
     Eigen::MatrixX3d heads = positions;
     Eigen::MatrixX3d tails = positions;
     if (convention == Convention::bone) {
@@ -172,9 +181,8 @@ RigSkeleton read_trivial_graph(const Path& path) {
     heads.row(bone) = joints[starts[bone]];
     tails.row(bone) = joints[ends[bone]];
   }
-  return naming(path, [&] {
-    return RigSkeleton(parents, heads, tails, columns, {}, Convention::bone);
-  });
+  return naming(path,
+                [&] { return RigSkeleton(parents, heads, tails, columns, {}, Convention::bone); });
 }
 
 void append_row(std::string& text, const Eigen::RowVector3d& point) {
@@ -199,6 +207,11 @@ void check_connected(const Path& path, const RigSkeleton& skeleton) {
 std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
   const bool bones = skeleton.convention() == Convention::bone;
   if (bones) check_connected(path, skeleton);
+  if (detected(skeleton.parents(), skeleton.weight_columns()) != skeleton.convention()) {
+    fail(path.filename().string(), " cannot hold this skeleton: a .bf file is read in the ",
+         bones ? "joint convention unless a root" : "bone convention if a root",
+         " is without a column of weights");
+  }
   const Eigen::MatrixX3d& positions = bones ? skeleton.tails() : skeleton.heads();
   std::string text;
   for (std::ptrdiff_t j = 0; j < skeleton.joint_count(); ++j) {
@@ -206,6 +219,10 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
     if (bones && parent < 0 && skeleton.heads().row(j) != skeleton.tails().row(j)) {
       fail(path.filename().string(), " cannot hold the root bone ", skeleton.names()[j],
            ": a .bf file has a row for the joint that it starts from; write a .tgf file");
+    }
+    if (!is_name(skeleton.names()[j])) {
+      fail(path.filename().string(), " cannot hold the name \"", skeleton.names()[j],
+           "\" of joint ", j, ": it reads as a number, a comment or nothing");
     }
     Eigen::RowVector3d offset = positions.row(j);
     if (parent >= 0) offset -= positions.row(parent);
@@ -261,7 +278,8 @@ std::string ending(const Path& path) {
   std::string ending = path.extension().string();
   for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (ending != ".bf" && ending != ".tgf") {
-    fail(path.filename().string(), " is no skeleton file; expected a name that ends in .bf or .tgf");
+    fail(path.filename().string(),
+         " is no skeleton file; expected a name that ends in .bf or .tgf");
   }
   return ending;
 }
@@ -297,7 +315,8 @@ RigSkeleton::RigSkeleton(std::span<const std::int32_t> parents, const Eigen::Mat
 RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention) {
   if (ending(path) == ".bf") return read_bone_forest(path, convention);
   if (convention == Convention::joint) {
-    fail(path.filename().string(), " is in the bone convention, as every .tgf file; joint was asked");
+    fail(path.filename().string(),
+         " is in the bone convention, as every .tgf file; joint was asked");
   }
   return read_trivial_graph(path);
 }

@@ -27,7 +27,8 @@ Children children_of(std::span<const std::int32_t> parents) {
   Children children{std::vector<std::int32_t>(parents.size() + 2, 0),
                     std::vector<std::int32_t>(parents.size())};
   for (const std::int32_t parent : parents) ++children.begin[parent + 2];
-  for (std::size_t i = 1; i < children.begin.size(); ++i) children.begin[i] += children.begin[i - 1];
+  for (std::size_t i = 1; i < children.begin.size(); ++i)
+    children.begin[i] += children.begin[i - 1];
   std::vector<std::int32_t> next(children.begin.begin(), children.begin.end() - 1);
   for (std::size_t j = 0; j < parents.size(); ++j) {
     children.joints[next[parents[j] + 1]++] = static_cast<std::int32_t>(j);

@@ -22,6 +22,10 @@ Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> 
 
 void Skin::check() const {
   if (joint_count_ < 0) fail("joint_count is ", joint_count_, "; expected 0 or more");
+  if (rest_positions_.size() % 3 != 0) {
+    fail("rest_positions has ", plural(rest_positions_.size(), "number"),
+         "; expected three a vertex");
+  }
   const std::size_t vertices = rest_positions_.size() / 3;
   if (offsets_.size() != vertices + 1) {
     fail("offsets has ", plural(offsets_.size(), "entry"), "; expected ", grouped(vertices + 1),

@@ -13,9 +13,10 @@ std::string read_file(const Path& path) {
   if (std::filesystem::is_directory(path, error)) {
     fail(path.string(), " is a folder; expected a file");
   }
-  std::ifstream stream(path, std::ios::binary);
   const auto size = std::filesystem::file_size(path, error);
-  if (!stream || error) fail(path.string(), " cannot be read: ", std::strerror(errno));
+  if (error) fail(path.string(), " cannot be read: ", error.message());
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) fail(path.string(), " cannot be read: ", std::strerror(errno));
   std::string bytes(size, '\0');
   stream.read(bytes.data(), static_cast<std::streamsize>(size));
   if (stream.gcount() != static_cast<std::streamsize>(size)) {
@@ -27,18 +28,27 @@ std::string read_file(const Path& path) {
 void write_file(const Path& path, std::string_view bytes) {
   Path partial = path;
   partial += ".partial";
-  {
-    std::ofstream stream(partial, std::ios::binary);
-    stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    stream.close();
-    if (!stream) fail(path.string(), " cannot be written: ", std::strerror(errno));
-  }
   std::error_code error;
-  std::filesystem::rename(partial, path, error);
+  std::ofstream stream(partial, std::ios::binary);
+  stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  stream.close();
+  if (!stream) error.assign(errno, std::generic_category());
+  if (!error) std::filesystem::rename(partial, path, error);
   if (error) {
-    std::filesystem::remove(partial);
+    std::error_code ignored;
+    std::filesystem::remove(partial, ignored);
     fail(path.string(), " cannot be written: ", error.message());
   }
+}
+
+void skip_byte_order_mark(std::string_view& text) {
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return text;
 }
 
 std::string_view next_word(std::string_view& text) {
@@ -53,7 +63,7 @@ std::string_view next_word(std::string_view& text) {
 }
 
 LineReader::LineReader(const Path& path) : path_(path), bytes_(read_file(path)), unread_(bytes_) {
-  if (unread_.starts_with("\xEF\xBB\xBF")) unread_.remove_prefix(3);
+  skip_byte_order_mark(unread_);
 }
 
 bool LineReader::next_line() {

@@ -38,7 +38,15 @@ void append_number(std::string& text, T number) {
   text.append(buffer, result.ptr);
 }
 
-inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+inline bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
+
+/// Takes off what some editors put before UTF-8 text.
+void skip_byte_order_mark(std::string_view& text);
+
+/// Without the blanks at both ends.
+std::string_view trimmed(std::string_view text);
 
 /// Splits off the next word of `text`; empty at the end. Line feeds separate words too.
 std::string_view next_word(std::string_view& text);
@@ -79,12 +87,24 @@ class LineReader {
   long line_number_ = 0;
 };
 
-/// Parses the whole word. False if it is no number of this type, or not a finite one.
+/// Parses the whole word. False if it is no number of this type, or not a finite one. A number too
+/// small for the type is zero.
 template <class T>
 bool parse_number(std::string_view word, T& number) {
-  if (word.starts_with('+')) word.remove_prefix(1);
-  const auto result = std::from_chars(word.data(), word.data() + word.size(), number);
-  if (result.ec != std::errc() || result.ptr != word.data() + word.size()) return false;
+  if (word.starts_with('+')) {
+    word.remove_prefix(1);
+    if (word.starts_with('-')) return false;
+  }
+  const char* const end = word.data() + word.size();
+  auto result = std::from_chars(word.data(), end, number);
+  if constexpr (std::is_floating_point_v<T>) {
+    if (result.ec == std::errc::result_out_of_range) {  // which does not say on which side
+      long double wide = 0;
+      result = std::from_chars(word.data(), end, wide);
+      number = static_cast<T>(wide);
+    }
+  }
+  if (result.ec != std::errc() || result.ptr != end) return false;
   if constexpr (std::is_floating_point_v<T>) return std::isfinite(number);
   return true;
 }

@@ -9,7 +9,9 @@ namespace sinew {
 /// F(j) = F(parent) R(j) T(j), F(root) = R(root) T(root), for every joint of every frame.
 ///
 /// local   F x J, T(j): pose transform of each joint on top of its rest transform.
-/// world   F x J, out, F(j): each joint's transform relative to the world. May be `local` itself.
+/// world   F x J, out, F(j): each joint's transform relative to the world. May be `local` itself,
+/// but
+///         must not overlap it in any other way.
 ///
 /// Runs over frames at once, or over the joints of one level of the tree; no joint is read by
 /// another thread before it is written. The same bits for any number of threads. T is float or

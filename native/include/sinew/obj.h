@@ -19,14 +19,13 @@ struct PolygonMesh {
   std::string material_library;               ///< file that describes them (`mtllib`), or empty
 
   std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(positions.size()) / 3; }
-  std::ptrdiff_t face_count() const {
-    return static_cast<std::ptrdiff_t>(face_offsets.size()) - 1;
-  }
+  std::ptrdiff_t face_count() const { return static_cast<std::ptrdiff_t>(face_offsets.size()) - 1; }
 };
 
 /// Reads `v`, `f` (a, a/b, a//c, a/b/c, negative, any number of corners) `usemtl` and
-/// `mtllib`; skips the rest. Throws InputError with file and line for: no file, no vertices, letters or too few numbers,
-/// a face with fewer than three corners or with a vertex that does not exist.
+/// `mtllib`; skips the rest. Throws InputError with file and line for: no file, no vertices,
+/// letters or too few numbers, a face with fewer than three corners or with a vertex that does not
+/// exist.
 PolygonMesh read_obj(const std::filesystem::path& path);
 
 /// Writes what read_obj reads back the same.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <span>
 #include <vector>
 
 #include "sinew/types.h"
@@ -32,17 +33,23 @@ class PoseClip {
 
   /// Spherical interpolation between the poses on both sides of `time`.
   ///
-  /// time   in poses: 0 is the first pose, P - 1 the last.
-  /// loop   the first pose follows the last: time wraps at P. Otherwise it stops at either end.
-  /// local  1 x J, out, T(j).
+  /// time       in poses: 0 is the first pose, P - 1 the last.
+  /// loop       the first pose follows the last: time wraps at P. Otherwise it stops at either end.
+  /// rotations  J, out, unit quaternions.
   /// Throws InputError if time is not finite or the shape does not fit.
-  template <class T>
-  void sample(double time, bool loop, MatrixStack<T> local) const;
+  void sample(double time, bool loop, std::span<Eigen::Quaterniond> rotations) const;
 
  private:
   std::ptrdiff_t joint_count_;
   std::ptrdiff_t pose_count_;
   std::vector<Eigen::Quaterniond> rotations_;
 };
+
+/// T(j) of joints that only turn.
+///
+/// rotations  J unit quaternions.
+/// local      1 x J, out.
+template <class T>
+void rotation_transforms(std::span<const Eigen::Quaterniond> rotations, MatrixStack<T> local);
 
 }  // namespace sinew

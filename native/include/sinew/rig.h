@@ -40,16 +40,18 @@ struct RigPaths {
 /// and, if they exist, pose.dmat and anim.dmat. Throws InputError if there is no such folder.
 RigPaths find_rig(const std::filesystem::path& folder);
 
-/// Checks that the parts fit each other: faces that name vertices, a row of weights for each vertex,
-/// a column for each joint that asks for one and none besides, poses and animation for as many
-/// joints. Throws InputError with the files' names, or their usual names where `paths` is empty.
+/// Checks that the parts fit each other: faces that name vertices, a row of weights for each
+/// vertex, a column for each joint that asks for one and none besides, poses and animation for as
+/// many joints. Throws InputError with the files' names, or their usual names where `paths` is
+/// empty.
 void check_rig(const Rig& rig, const RigPaths& paths = {});
 
 /// Reads and checks all parts. Throws InputError.
 Rig read_rig(const RigPaths& paths, std::optional<Convention> convention = std::nullopt,
              QuaternionOrder order = QuaternionOrder::wxyz);
 
-/// Writes the parts that have a path. Poses are written as quaternions, w x y z.
+/// Writes mesh, skeleton and weights, and those of poses and animation that the rig has and that
+/// have a path. Poses are written as quaternions, w x y z. Throws InputError.
 void write_rig(const RigPaths& paths, const Rig& rig);
 
 }  // namespace sinew

@@ -47,15 +47,17 @@ class RigSkeleton : public Skeleton {
 };
 
 /// Reads .bf or .tgf, by the path's ending. `convention` overrides what a .bf file says of itself.
-/// A sixth field of a .bf line that starts with a letter is taken as the joint's name.
+/// Text after the fifth field of a .bf line is taken as the joint's name, blanks and all, unless it
+/// is a number or a comment (#), and if every joint has one of its own.
 /// Throws InputError with file and line for: no file, an unknown ending, an empty file, letters or
 /// too few numbers, a parent or joint that does not exist, a cycle, two joints with one column.
 RigSkeleton read_skeleton(const std::filesystem::path& path,
                           std::optional<Convention> convention = std::nullopt);
 
-/// Writes .bf or .tgf, by the path's ending, so that it reads back as the same skeleton.
+/// Writes .bf or .tgf, by the path's ending, so that it reads back as the same skeleton: positions
+/// to rounding, since .bf holds differences of them, and without the names in a .tgf file.
 /// Throws InputError if the format cannot hold it: .tgf holds the bone convention alone, and only
-/// if every joint has a bone.
+/// if every joint has a bone; .bf, the convention that its roots' weight columns speak of.
 void write_skeleton(const std::filesystem::path& path, const RigSkeleton& skeleton);
 
 }  // namespace sinew

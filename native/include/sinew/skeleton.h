@@ -14,8 +14,8 @@ class Skeleton {
  public:
   /// parents  J, the parent of each joint or -1 for a root.
   /// rest     J, R(j): each joint's rest transform relative to its parent (a root's: to the world).
-  /// Throws InputError, naming the joint, for: a parent outside -1..J-1, a cycle, sizes that differ,
-  /// a number that is not finite, a rest transform that cannot be inverted.
+  /// Throws InputError, naming the joint, for: a parent outside -1..J-1, a cycle, sizes that
+  /// differ, a number that is not finite, a rest transform that cannot be inverted.
   Skeleton(std::span<const std::int32_t> parents, std::span<const Matrix4<double>> rest);
 
   std::ptrdiff_t joint_count() const { return static_cast<std::ptrdiff_t>(parents_.size()); }

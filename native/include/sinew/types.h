@@ -34,7 +34,8 @@ template <class T>
 using Matrix4 = Eigen::Matrix<T, 4, 4>;
 
 /// A view of F x J 4x4 matrices in the caller's memory. Strides count elements, not bytes, and may
-/// be anything: row-major, column-major (as Blender delivers them) and slices are all read in place.
+/// be anything: row-major, column-major (as Blender delivers them) and slices are all read in
+/// place.
 template <class T>
 struct MatrixStack {
   T* data = nullptr;
@@ -61,9 +62,7 @@ struct MatrixStack {
     return {first->data(), frames, joints, 16 * joints, 16, 1, 4};
   }
 
-  operator MatrixStack<const T>() const
-    requires(!std::is_const_v<T>)
-  {
+  operator MatrixStack<const T>() const requires(!std::is_const_v<T>) {
     return {data, frames, joints, frame_stride, joint_stride, row_stride, column_stride};
   }
 };

@@ -1,0 +1,191 @@
+"""bpy <-> numpy, both ways. Nothing here knows what the numbers are for."""
+
+import bmesh
+import bpy
+import numpy as np
+
+
+def key_of(id_block):
+    """A number that tells data-blocks of one session apart, the same for evaluated copies."""
+    original = id_block.original
+    return getattr(original, "session_uid", None) or original.as_pointer()
+
+
+def matrix_to_numpy(matrix):
+    return np.array(matrix, dtype=np.float64)
+
+
+# --- meshes ---------------------------------------------------------------------------------------
+
+def read_positions(mesh):
+    """(V, 3) float32, the mesh's own vertices."""
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    return positions.reshape(-1, 3)
+
+
+def write_positions(mesh, positions):
+    """positions (V, 3) float32 -> the mesh's own vertices; tags the mesh for evaluation."""
+    flat = positions.reshape(-1)
+    attribute = mesh.attributes.get("position")
+    if attribute is None:  # before 3.5
+        mesh.vertices.foreach_set("co", flat)
+    else:
+        attribute.data.foreach_set("vector", flat)
+        if len(flat):
+            # 4.3 leaves the bounding box stale after the line above; this setter does not.
+            mesh.vertices[0].co = positions[0]
+    mesh.update()
+
+
+def point_attribute(mesh, name):
+    """The mesh's vector attribute on points of this name, or None."""
+    attribute = mesh.attributes.get(name)
+    if attribute and attribute.data_type == "FLOAT_VECTOR" and attribute.domain == "POINT":
+        return attribute
+    return None
+
+
+def read_attribute(attribute):
+    """(V, 3) float32."""
+    vectors = np.empty(3 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("vector", vectors)
+    return vectors.reshape(-1, 3)
+
+
+def write_attribute(mesh, name, vectors):
+    """vectors (V, 3) float32 -> a vector attribute on points, made if it is not there."""
+    attribute = point_attribute(mesh, name)
+    if attribute is None:
+        stale = mesh.attributes.get(name)
+        if stale:
+            mesh.attributes.remove(stale)
+        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
+    attribute.data.foreach_set("vector", vectors.reshape(-1))
+    mesh.update_tag()
+
+
+def remove_attribute(mesh, name):
+    attribute = mesh.attributes.get(name)
+    if attribute:
+        mesh.attributes.remove(attribute)
+
+
+def new_mesh(name, positions, face_offsets, face_vertices):
+    """A mesh of polygons with vertices in the given order, all of them kept."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(positions))
+    mesh.vertices.foreach_set("co", positions.astype(np.float32).reshape(-1))
+    mesh.loops.add(len(face_vertices))
+    mesh.loops.foreach_set("vertex_index", face_vertices.astype(np.int32))
+    face_count = len(face_offsets) - 1
+    mesh.polygons.add(face_count)
+    mesh.polygons.foreach_set("loop_start", face_offsets[:-1].astype(np.int32))
+    if bpy.app.version < (4, 1, 0):  # later versions know it from the starts
+        mesh.polygons.foreach_set("loop_total", np.diff(face_offsets).astype(np.int32))
+    mesh.update(calc_edges=True)
+    mesh.validate()  # drops broken faces, never vertices
+    shade_smooth(mesh)
+    return mesh
+
+
+def shade_smooth(mesh):
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
+    mesh.update()
+
+
+def read_faces(mesh):
+    """face_offsets (faces + 1,), face_vertices, face_materials (faces,), int32."""
+    starts = np.empty(len(mesh.polygons), np.int32)
+    counts = np.empty(len(mesh.polygons), np.int32)
+    materials = np.empty(len(mesh.polygons), np.int32)
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.polygons.foreach_get("loop_total", counts)
+    mesh.polygons.foreach_get("material_index", materials)
+    mesh.loops.foreach_get("vertex_index", corners)
+    return np.append(starts, len(corners)).astype(np.int32), corners, materials
+
+
+# --- weights --------------------------------------------------------------------------------------
+
+def read_weights(mesh):
+    """offsets (V + 1,), groups (N,) int32, weights (N,) float32, in the order in which Blender
+    stores them: dual quaternion skinning depends on it."""
+    bm = bmesh.new()
+    try:
+        bm.from_mesh(mesh, face_normals=False)
+        layer = bm.verts.layers.deform.active
+        counts = np.zeros(len(bm.verts), np.int64)
+        groups, weights = [], []
+        if layer is not None:
+            for i, vertex in enumerate(bm.verts):
+                entries = vertex[layer]
+                names = entries.keys()
+                counts[i] = len(names)
+                groups += names
+                weights += entries.values()
+    finally:
+        bm.free()
+    offsets = np.concatenate(([0], np.cumsum(counts)))
+    return offsets, np.array(groups, np.int32), np.array(weights, np.float32)
+
+
+def write_weights(mesh, dense):
+    """dense (V, groups): entries above zero become entries of the vertex groups of that index, the
+    heaviest first."""
+    bm = bmesh.new()
+    try:
+        bm.from_mesh(mesh, face_normals=False)
+        layer = bm.verts.layers.deform.verify()
+        rows, columns = np.nonzero(dense > 0)
+        values = dense[rows, columns]
+        order = np.lexsort((-values, rows))
+        vertices = bm.verts
+        vertices.ensure_lookup_table()
+        for row, column, value in zip(
+                rows[order].tolist(), columns[order].tolist(), values[order].tolist()):
+            vertices[row][layer][column] = value
+        bm.to_mesh(mesh)
+    finally:
+        bm.free()
+
+
+# --- armatures ------------------------------------------------------------------------------------
+
+def bone_table(armature):
+    """Name and deform flag of each pose bone, in the order of `read_channels`: what decides which
+    weights count."""
+    return tuple((bone.name, bone.bone.use_deform) for bone in armature.pose.bones)
+
+
+def read_channels(armature):
+    """(B, 4, 4) float32: each pose bone's motion from rest to pose, armature space. Blender stores
+    columns; the transposed view reads as [bone, row, column]."""
+    count = len(armature.pose.bones)
+    numbers = np.empty(16 * count, np.float32)
+    armature.pose.bones.foreach_get("matrix_channel", numbers)
+    return numbers.reshape(count, 4, 4).transpose(0, 2, 1)
+
+
+def write_pose(armature, location, rotation):
+    """location (B, 3), rotation (B, 4) w x y z -> all pose bones of the original armature."""
+    bones = armature.pose.bones
+    bones.foreach_set("location", location.astype(np.float32).reshape(-1))
+    bones.foreach_set("rotation_quaternion", rotation.astype(np.float32).reshape(-1))
+    bones.foreach_set("scale", np.ones(3 * len(bones), np.float32))
+    armature.update_tag(refresh={"DATA"})
+
+
+# --- custom properties ----------------------------------------------------------------------------
+
+def to_property(array):
+    """A numpy array as what a custom property holds: flat numbers."""
+    flat = np.ascontiguousarray(array).reshape(-1)
+    if flat.dtype.kind == "i":
+        flat = flat.astype(np.int32)
+    return flat.tolist()
+
+
+def from_property(values, dtype, shape):
+    return np.array(values.to_list() if hasattr(values, "to_list") else values, dtype).reshape(shape)

@@ -1,0 +1,47 @@
+"""Blender's callbacks, one line each."""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import session
+
+
+@persistent
+def on_frame_change(scene, depsgraph):
+    session.on_frame(scene, depsgraph)
+
+
+@persistent
+def on_depsgraph_update(scene, depsgraph):
+    session.on_update(scene, depsgraph)
+
+
+@persistent
+def on_load(*_):
+    session.forget()
+    session.refresh_all()
+
+
+@persistent
+def on_undo_redo(*_):
+    session.forget()
+
+
+HANDLERS = (
+    ("frame_change_post", on_frame_change),
+    ("depsgraph_update_post", on_depsgraph_update),
+    ("load_post", on_load),
+    ("undo_post", on_undo_redo),
+    ("redo_post", on_undo_redo),
+)
+
+
+def register():
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister():
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)
+    session.forget()

@@ -1,0 +1,209 @@
+"""What people can call. Each reads its properties, calls one function and reports."""
+
+import os
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from . import binding, clip_keyframes, properties, rig_export, rig_import
+
+
+class ImportRig(bpy.types.Operator, ImportHelper):
+    """Import a rig folder: mesh, skeleton, weights and poses"""
+
+    bl_idname = "import_scene.sinew_rig"
+    bl_label = "Import Sinew Rig"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    filename_ext = ".bf"
+    filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
+    mesh: StringProperty(
+        name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj")
+    weights: StringProperty(
+        name="Weights", description="File of the weights; empty: weights.dmat")
+    pose: StringProperty(
+        name="Poses", description="File of the poses; empty: pose.dmat, if there is one")
+    convention: EnumProperty(
+        name="Convention", description="What a row of a .bf file stands for",
+        items=(("AUTO", "Automatic", "Bone, if a root has the weight index -1; else joint"),
+               ("BONE", "Bone", "The edge from its parent to the joint, turning about the parent"),
+               ("JOINT", "Joint", "The joint itself, turning about its own position")))
+    quaternion_order: EnumProperty(
+        name="Quaternions", description="The order of the four numbers in the file of the poses",
+        items=(("WXYZ", "w x y z", "The real part first"),
+               ("XYZW", "x y z w", "The real part last, as libigl writes them")))
+    up_axis: EnumProperty(
+        name="Up", description="The axis of the files that points up",
+        items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")))
+    scale: FloatProperty(
+        name="Scale", description="Size of the imported rig", default=1.0, min=1e-6, soft_max=1000)
+    source: EnumProperty(
+        name="Pose", items=properties.SOURCES, description="Where the pose comes from")
+    method: EnumProperty(
+        name="Method", items=properties.METHODS, description="How the joints' motions are blended")
+    output: EnumProperty(
+        name="Output", items=properties.OUTPUT_ITEMS,
+        description="Where the deformed positions go")
+    set_frame_range: BoolProperty(
+        name="Set Frame Range", default=True,
+        description="End the scene with the last pose, if there are more than two")
+
+    def execute(self, context):
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        convention = None if self.convention == "AUTO" else self.convention.lower()
+        options = rig_import.ImportOptions(
+            mesh=self.mesh, weights=self.weights, pose=self.pose, convention=convention,
+            quaternion_order=self.quaternion_order.lower(), up_axis=self.up_axis,
+            scale=self.scale, method=self.method, source=self.source, output=self.output,
+            set_frame_range=self.set_frame_range)
+        try:
+            mesh_object, _ = rig_import.import_rig(context, self.filepath, options)
+        except (ValueError, binding.BindingError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        vertices = len(mesh_object.data.vertices)
+        self.report({"INFO"}, f"Imported {mesh_object.name}: {vertices:,} vertices")
+        return {"FINISHED"}
+
+
+class ExportRig(bpy.types.Operator, ExportHelper):
+    """Write the active mesh, its skeleton, weights and poses as a rig folder"""
+
+    bl_idname = "export_scene.sinew_rig"
+    bl_label = "Export Sinew Rig"
+    bl_options = {"PRESET"}
+
+    filename_ext = ".bf"
+    check_extension = None  # .tgf is as good
+    filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
+    animation: EnumProperty(
+        name="Animation", description="What to write beside the rest pose",
+        items=(("AUTO", "Automatic",
+                "The poses that were imported, else the scene's frames if the armature is animated"),
+               ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
+               ("NONE", "None", "The rest pose alone")))
+
+    @classmethod
+    def poll(cls, context):
+        return context.active_object is not None and context.active_object.type == "MESH"
+
+    def execute(self, context):
+        path = self.filepath
+        if os.path.isdir(path):
+            path = os.path.join(path, "skeleton.bf")
+        try:
+            rig_export.export_rig(context, context.active_object, path, self.animation)
+        except (ValueError, OSError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Exported {context.active_object.name} to {os.path.dirname(path)}")
+        return {"FINISHED"}
+
+
+def selected_meshes(context):
+    meshes = [ob for ob in context.selected_objects if ob.type == "MESH"]
+    active = context.active_object
+    if not meshes and active and active.type == "MESH":
+        meshes = [active]
+    return meshes
+
+
+def selected_armature(context):
+    active = context.active_object
+    if active and active.type == "ARMATURE":
+        return active
+    return next((ob for ob in context.selected_objects if ob.type == "ARMATURE"), None)
+
+
+class Bind(bpy.types.Operator):
+    """Let Sinew deform the selected meshes, by the selected armature or the one they hang on"""
+
+    bl_idname = "object.sinew_bind"
+    bl_label = "Bind with Sinew"
+    bl_options = {"REGISTER", "UNDO"}
+
+    output: EnumProperty(
+        name="Output", items=properties.OUTPUT_ITEMS,
+        description="Where the deformed positions go")
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context))
+
+    def execute(self, context):
+        bound, problems = 0, []
+        for ob in selected_meshes(context):
+            armature = selected_armature(context) or binding.find_armature(ob)
+            try:
+                binding.bind(ob, armature, self.output)
+                bound += 1
+            except binding.BindingError as error:
+                problems.append(str(error))
+        for problem in problems:
+            self.report({"WARNING" if bound else "ERROR"}, problem)
+        return {"FINISHED"} if bound else {"CANCELLED"}
+
+
+class Unbind(bpy.types.Operator):
+    """Give the selected meshes back to Blender, as they were before they were bound"""
+
+    bl_idname = "object.sinew_unbind"
+    bl_label = "Unbind from Sinew"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and any(
+            ob.sinew.is_bound for ob in selected_meshes(context))
+
+    def execute(self, context):
+        for ob in selected_meshes(context):
+            if ob.sinew.is_bound:
+                binding.unbind(ob)
+        return {"FINISHED"}
+
+
+class ClipToKeyframes(bpy.types.Operator):
+    """Write the poses of the imported rig as keyframes of its armature, over the scene's frames"""
+
+    bl_idname = "object.sinew_clip_to_keyframes"
+    bl_label = "Poses to Keyframes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return clip_keyframes.clip_armature(context.active_object) is not None
+
+    def execute(self, context):
+        armature = clip_keyframes.clip_armature(context.active_object)
+        scene = context.scene
+        count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end)
+        self.report({"INFO"}, f"{count} frames keyed on {armature.name}")
+        return {"FINISHED"}
+
+
+CLASSES = (ImportRig, ExportRig, Bind, Unbind, ClipToKeyframes)
+
+
+def draw_import(menu, _context):
+    menu.layout.operator(ImportRig.bl_idname, text="Sinew rig (.bf/.tgf)")
+
+
+def draw_export(menu, _context):
+    menu.layout.operator(ExportRig.bl_idname, text="Sinew rig (.bf/.tgf)")
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.TOPBAR_MT_file_import.append(draw_import)
+    bpy.types.TOPBAR_MT_file_export.append(draw_export)
+
+
+def unregister():
+    bpy.types.TOPBAR_MT_file_export.remove(draw_export)
+    bpy.types.TOPBAR_MT_file_import.remove(draw_import)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

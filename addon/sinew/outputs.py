@@ -1,0 +1,133 @@
+"""Where deformed positions go: through a Geometry Nodes modifier, or into the mesh itself.
+
+An output has `install(object)`, `remove(object)`, `rest_positions(object)` and
+`write(object, positions)`; removing it leaves the mesh as it was before.
+"""
+
+import bpy
+
+from . import blender_io
+
+MODIFIER_NAME = "Sinew"
+NODE_GROUP_NAME = "Sinew"
+NODE_GROUP_VERSION = 1
+VERSION_PROPERTY = "sinew_version"
+POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
+REST_ATTRIBUTE = "rest_position"
+
+
+class OutputError(Exception):
+    """The output cannot be installed; the message says why."""
+
+
+class ModifierOutput:
+    """Positions in an attribute, put in place by a modifier: the mesh itself is never touched."""
+
+    @staticmethod
+    def install(ob, index=0):
+        """index: the modifier's place in the stack."""
+        blender_io.write_attribute(
+            ob.data, POSITION_ATTRIBUTE, blender_io.read_positions(ob.data))
+        modifier = ob.modifiers.new(MODIFIER_NAME, "NODES")
+        modifier.node_group = node_group()
+        modifier.show_expanded = False
+        move_modifier(ob, modifier, index)
+
+    @staticmethod
+    def remove(ob):
+        for modifier in [m for m in ob.modifiers if is_sinew(m)]:
+            ob.modifiers.remove(modifier)
+        blender_io.remove_attribute(ob.data, POSITION_ATTRIBUTE)
+        forget_unused_node_group()
+
+    @staticmethod
+    def rest_positions(ob):
+        return blender_io.read_positions(ob.data)
+
+    @staticmethod
+    def write(ob, positions):
+        blender_io.write_attribute(ob.data, POSITION_ATTRIBUTE, positions)
+
+
+class MeshOutput:
+    """Positions straight in the mesh's vertices, with the rest kept in an attribute."""
+
+    @staticmethod
+    def install(ob, index=0):
+        if ob.data.attributes.get(REST_ATTRIBUTE):
+            raise OutputError(
+                f'{ob.data.name} already has an attribute "{REST_ATTRIBUTE}", which the output '
+                "Mesh needs; rename or remove it, or use the output Modifier")
+        blender_io.write_attribute(ob.data, REST_ATTRIBUTE, blender_io.read_positions(ob.data))
+
+    @staticmethod
+    def remove(ob):
+        blender_io.write_positions(ob.data, MeshOutput.rest_positions(ob))
+        blender_io.remove_attribute(ob.data, REST_ATTRIBUTE)
+
+    @staticmethod
+    def rest_positions(ob):
+        attribute = blender_io.point_attribute(ob.data, REST_ATTRIBUTE)
+        if attribute is None:
+            raise OutputError(
+                f'{ob.data.name} has lost its attribute "{REST_ATTRIBUTE}" with the rest '
+                "positions; unbind it")
+        return blender_io.read_attribute(attribute)
+
+    @staticmethod
+    def write(ob, positions):
+        blender_io.write_positions(ob.data, positions)
+
+
+OUTPUTS = {"MODIFIER": ModifierOutput, "MESH": MeshOutput}
+
+
+def is_sinew(modifier):
+    return (modifier.type == "NODES" and modifier.node_group is not None
+            and VERSION_PROPERTY in modifier.node_group)
+
+
+def move_modifier(ob, modifier, index):
+    place = ob.modifiers.find(modifier.name)
+    if place == index:
+        return
+    if hasattr(ob.modifiers, "move"):
+        ob.modifiers.move(place, index)
+        return
+    with bpy.context.temp_override(object=ob, active_object=ob):  # before 3.5
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+
+
+def node_group():
+    """The one node group that all of Sinew's modifiers share, made when it is first needed."""
+    for group in bpy.data.node_groups:
+        if group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION and group.library is None:
+            return group
+    group = bpy.data.node_groups.new(NODE_GROUP_NAME, "GeometryNodeTree")
+    group[VERSION_PROPERTY] = NODE_GROUP_VERSION
+    if hasattr(group, "interface"):
+        for direction in ("INPUT", "OUTPUT"):
+            group.interface.new_socket(
+                "Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    else:  # before 4.0
+        group.inputs.new("NodeSocketGeometry", "Geometry")
+        group.outputs.new("NodeSocketGeometry", "Geometry")
+    source = group.nodes.new("NodeGroupInput")
+    attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
+    place = group.nodes.new("GeometryNodeSetPosition")
+    target = group.nodes.new("NodeGroupOutput")
+    attribute.data_type = "FLOAT_VECTOR"
+    attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    group.links.new(source.outputs[0], place.inputs["Geometry"])
+    group.links.new(attribute.outputs["Attribute"], place.inputs["Position"])
+    if "Exists" in attribute.outputs:
+        group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
+    group.links.new(place.outputs[0], target.inputs[0])
+    for column, node in enumerate((source, attribute, place, target)):
+        node.location = (200 * column, -120 if node == attribute else 0)
+    return group
+
+
+def forget_unused_node_group():
+    for group in [g for g in bpy.data.node_groups if VERSION_PROPERTY in g and g.users == 0]:
+        bpy.data.node_groups.remove(group)

@@ -1,0 +1,97 @@
+"""The sidebar panel. It draws and nothing else."""
+
+import bpy
+
+from . import clip_store, session
+from .operators import Bind, ClipToKeyframes, Unbind
+
+
+class SinewPanel(bpy.types.Panel):
+    bl_idname = "VIEW3D_PT_sinew"
+    bl_label = "Sinew"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Sinew"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ob = context.active_object
+        if ob is not None and ob.type == "ARMATURE":
+            draw_clip(layout, ob)
+            layout.operator(Bind.bl_idname, icon="LINKED")
+        elif ob is None or ob.type != "MESH":
+            layout.label(text="Select a mesh or its armature", icon="INFO")
+        elif ob.sinew.is_bound:
+            draw_bound(layout, ob)
+        else:
+            layout.label(text="Not bound", icon="UNLINKED")
+            layout.operator(Bind.bl_idname, icon="LINKED")
+
+
+def draw_bound(layout, ob):
+    settings = ob.sinew
+    entry = session.character(ob)
+    if entry is not None and entry.error:
+        box = layout.box()
+        box.alert = True
+        box.label(text=entry.error, icon="ERROR")
+    layout.prop(settings, "armature")
+    column = layout.column()
+    column.prop(settings, "method")
+    column.prop(settings, "source")
+    column.prop(settings, "output")
+    armature = settings.armature
+    if armature is not None and settings.source == "CLIP":
+        draw_clip(layout, armature)
+    if entry is not None and entry.deformer is not None:
+        draw_statistics(layout, entry)
+    layout.operator(Unbind.bl_idname, icon="UNLINKED")
+
+
+def draw_clip(layout, armature):
+    count = clip_store.pose_count(armature.data)
+    if count == 0:
+        layout.label(text=f"{armature.name} has no imported poses", icon="INFO")
+        return
+    settings = armature.sinew_clip
+    box = layout.box()
+    box.label(text=f"Poses of {armature.name} ({count})", icon="ARMATURE_DATA")
+    box.prop(settings, "mode")
+    if settings.mode == "FACTOR":
+        box.prop(settings, "factor")
+    if settings.mode in {"PLAYBACK", "SWING"}:
+        box.prop(settings, "frame_start")
+    if settings.mode == "PLAYBACK":
+        box.prop(settings, "speed")
+        box.prop(settings, "loop")
+    box.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
+
+
+def draw_statistics(layout, entry):
+    skin = entry.deformer.skin
+    timings = entry.timings
+    box = layout.box()
+    column = box.column(align=True)
+    column.label(text=f"{skin.vertex_count:,} vertices, {len(entry.bones)} bones")
+    mean = skin.influence_count / max(skin.vertex_count, 1)
+    column.label(text=f"{mean:.2f} influences a vertex, at most {skin.most_influences}")
+    if skin.unweighted_count:
+        column.label(text=f"{skin.unweighted_count:,} vertices that nothing moves", icon="INFO")
+    column.label(text=f"Last frame: {timings.total:.2f} ms")
+    column.label(text=f"pose {timings.pose:.2f}, skin {timings.skin:.2f}, "
+                      f"write {timings.write:.2f}")
+
+
+CLASSES = (SinewPanel,)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,120 @@
+"""From a bound mesh back to a rig folder."""
+
+import os
+
+import numpy as np
+
+from . import binding, blender_io, clip_store
+from .native import sinew_native
+from .outputs import OUTPUTS
+
+
+def export_rig(context, ob, skeleton_path, animation="AUTO"):
+    """Write mesh.obj, the skeleton, weights.dmat and, if there is one, pose.dmat or anim.dmat.
+
+    animation: AUTO writes the clip that was imported, else the frames of the scene if the armature
+    is animated; FRAMES always writes those; NONE neither. Raises ValueError with the reason.
+    """
+    armature = ob.sinew.armature if ob.sinew.is_bound else binding.find_armature(ob)
+    if armature is None:
+        raise ValueError(f"{ob.name} is bound to no armature")
+    folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
+    if not os.path.isdir(folder):
+        raise ValueError(f"There is no folder {folder}")
+
+    from_file = clip_store.has_skeleton(armature.data)
+    mesh_from_armature = relative_matrix(ob, armature)
+    if from_file:
+        skeleton = clip_store.load_skeleton(armature.data)
+        joints = clip_store.own_joints(armature)
+        names = skeleton.names
+    else:
+        skeleton, names = skeleton_from_bones(armature, mesh_from_armature)
+        joints = np.arange(len(names))
+
+    poses = matrices = None
+    if animation == "AUTO" and from_file:
+        poses, matrices = clip_store.load_poses(armature.data)
+    if animation == "FRAMES" or (
+            animation == "AUTO" and poses is None and matrices is None
+            and armature.animation_data is not None):
+        matrices = sample_frames(context, ob, armature, joints, len(names))
+
+    mesh = ob.data
+    positions = (OUTPUTS[ob.sinew.installed_output].rest_positions(ob) if ob.sinew.is_bound
+                 else blender_io.read_positions(mesh))
+    face_offsets, face_vertices, face_materials = blender_io.read_faces(mesh)
+    material_names = [material.name if material else "none" for material in mesh.materials]
+    library = "mesh.mtl" if material_names else ""
+    rig = sinew_native.Rig(
+        positions, face_offsets, face_vertices, skeleton,
+        dense_weights(ob, names, skeleton.weight_columns), poses, matrices,
+        np.minimum(face_materials, len(material_names) - 1) if material_names else None, material_names, library)
+    sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
+    if library:
+        write_colors(os.path.join(folder, library), mesh.materials)
+
+
+def relative_matrix(ob, armature):
+    """(4, 4): from the armature's space to the mesh's."""
+    return (np.linalg.inv(blender_io.matrix_to_numpy(ob.matrix_world))
+            @ blender_io.matrix_to_numpy(armature.matrix_world))
+
+
+def skeleton_from_bones(armature, mesh_from_armature):
+    """A skeleton in the joint convention, space of the mesh, and the bones' names. Every joint has a
+    column of weights, if only of zeros: a root without one would read as the bone convention."""
+    bones = [pose_bone.bone for pose_bone in armature.pose.bones]
+    index = {bone.name: i for i, bone in enumerate(bones)}
+    parents = np.array([index[bone.parent.name] if bone.parent else -1 for bone in bones], np.int32)
+    linear, offset = mesh_from_armature[:3, :3], mesh_from_armature[:3, 3]
+    heads = np.array([bone.head_local for bone in bones], float) @ linear.T + offset
+    tails = np.array([bone.tail_local for bone in bones], float) @ linear.T + offset
+    names = [bone.name for bone in bones]
+    skeleton = sinew_native.RigSkeleton(
+        parents, heads, tails, np.arange(len(bones)), names, "joint")
+    return skeleton, names
+
+
+def dense_weights(ob, names, columns):
+    """(V, columns): the weights of each joint's vertex group, as they stand in the mesh."""
+    offsets, groups, weights = blender_io.read_weights(ob.data)
+    column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
+    column_of_group = np.array(
+        [column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
+    known = np.where((groups >= 0) & (groups < len(ob.vertex_groups)), groups, -1)
+    column = column_of_group[known]
+    rows = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    dense = np.zeros((len(offsets) - 1, int(np.max(columns, initial=-1)) + 1))
+    used = column >= 0
+    dense[rows[used], column[used]] = weights[used]
+    return dense
+
+
+def sample_frames(context, ob, armature, joints, joint_count):
+    """(F, J, 4, 4): skinning matrices over the scene's frames, space of the mesh."""
+    scene = context.scene
+    current = scene.frame_current
+    frames = []
+    try:
+        for frame in range(scene.frame_start, scene.frame_end + 1):
+            scene.frame_set(frame)
+            depsgraph = context.evaluated_depsgraph_get()
+            evaluated = armature.evaluated_get(depsgraph)
+            to_mesh = relative_matrix(ob.evaluated_get(depsgraph), evaluated)
+            channels = blender_io.read_channels(evaluated).astype(float)
+            matrices = np.tile(np.eye(4), (joint_count, 1, 1))
+            has_joint = joints >= 0
+            matrices[joints[has_joint]] = (to_mesh @ channels @ np.linalg.inv(to_mesh))[has_joint]
+            frames.append(matrices)
+    finally:
+        scene.frame_set(current)
+    return np.array(frames)
+
+
+def write_colors(path, materials):
+    with open(path, "w", encoding="utf-8") as file:
+        for material in materials:
+            color = material.diffuse_color[:3] if material else (0.8, 0.8, 0.8)
+            file.write(f"newmtl {material.name if material else 'none'}\n")
+            file.write("Kd {:.6g} {:.6g} {:.6g}\n".format(*color))
