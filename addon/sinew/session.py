@@ -215,12 +215,12 @@ def _pose_armatures(objects, scene, depsgraph):
         if ob.sinew.source != "CLIP" or armature is None or not has_poses(armature.data):
             continue
         key = blender_io.key_of(armature)
-        if key in posed:
+        evaluated = armature.evaluated_get(depsgraph)
+        if key in posed or not evaluated.is_evaluated:  # the latter: of another scene
             continue
         start = perf_counter()
         player = _player(armature)
-        # An animated setting is current in the evaluated copy alone.
-        settings = armature.evaluated_get(depsgraph).sinew_clip
+        settings = evaluated.sinew_clip  # an animated setting is current here alone
         frame = scene.frame_current + scene.frame_subframe
         time, loop = clip_time(settings, player.clip.length, frame, scene.render)
         channels, location, rotation = player.at(time, loop, rest=settings.mode == "REST")

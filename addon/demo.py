@@ -1,0 +1,264 @@
+"""Plays a rig in Blender and shows what Sinew does: a table of times, a .blend and a contact sheet.
+
+    blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER
+
+Frames are timed in turn with Sinew and with Blender's own Armature modifier on a copy of the same
+mesh, whose armature has the same motion as keyframes.
+"""
+
+import importlib
+import math
+import os
+import statistics
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+FRAMES = range(1, 121)
+METHODS = ("LINEAR", "DUAL_QUATERNION")
+TILE = (480, 540)  # pixels of one picture of the contact sheet
+SAMPLES = 24
+
+
+def addon_module(name):
+    """A module of the add-on, under whichever name this Blender installed it."""
+    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]
+    return importlib.import_module(f"{package}.{name}")
+
+
+def import_rig(folder):
+    """The mesh object, imported through the add-on's operator; a walk if the folder has one."""
+    skeletons = sorted(folder.glob("skeleton.bf")) + sorted(folder.glob("*.tgf"))
+    if not skeletons:
+        sys.exit(f"there is neither skeleton.bf nor a .tgf file in {folder}")
+    pose = "walk.dmat" if (folder / "walk.dmat").exists() else ""
+    try:
+        bpy.ops.import_scene.sinew_rig(filepath=str(skeletons[0]), pose=pose)
+    except RuntimeError as error:
+        sys.exit(str(error).strip())
+    return bpy.context.active_object
+
+
+def reference_scene(mesh_object):
+    """A scene of its own with a copy of the character that Blender's own modifier deforms. The two
+    scenes are evaluated apart, so each can be timed alone."""
+    scene = bpy.data.scenes.new("reference")
+    scene.render.fps = bpy.context.scene.render.fps
+    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
+    armature = mesh_object.sinew.armature.copy()
+    armature.data = armature.data.copy()
+    copy = mesh_object.copy()
+    copy.data = copy.data.copy()
+    addon_module("binding").unbind(copy)
+    copy.parent = armature
+    copy.modifiers["Armature"].object = armature
+    scene.collection.objects.link(armature)
+    scene.collection.objects.link(copy)
+    if addon_module("clip_store").has_poses(armature.data):
+        addon_module("clip_keyframes").insert(scene, armature, FRAMES[0], FRAMES[-1])
+    return scene, copy
+
+
+def shape(ob, scene):
+    """(V, 3): positions as evaluated in that scene, space of the object."""
+    mesh = ob.evaluated_get(scene.view_layers[0].depsgraph).data
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    return positions.reshape(-1, 3)
+
+
+def milliseconds(action):
+    start = perf_counter()
+    action()
+    return 1e3 * (perf_counter() - start)
+
+
+def measure(mesh_object, method):
+    """Medians over the frames: {row: milliseconds}, and the largest distance of the two results."""
+    scene = bpy.context.scene
+    mesh_object.sinew.method = method
+    reference, reference_object = reference_scene(mesh_object)
+    reference_object.modifiers["Armature"].use_deform_preserve_volume = method != "LINEAR"
+    character = addon_module("session").character(mesh_object)
+    rows = {name: [] for name in ROWS}
+    largest = 0.0
+    for frame in (FRAMES[-1], *FRAMES):  # the first only warms up
+        whole = milliseconds(lambda: scene.frame_set(frame))
+        timings = character.timings
+        stages = timings.pose, timings.skin, timings.write
+        builtin = milliseconds(lambda: reference.frame_set(frame))
+        for name, value in zip(ROWS, (*stages, whole, builtin)):
+            rows[name].append(value)
+        distance = shape(mesh_object, scene) - shape(reference_object, reference)
+        largest = max(largest, float(np.linalg.norm(distance, axis=1).max()))
+    armature = reference_object.parent
+    bpy.data.batch_remove([
+        reference, reference_object.data, reference_object, armature.data, armature])
+    return {name: statistics.median(values[1:]) for name, values in rows.items()}, largest
+
+
+ROWS = ("pose + forward kinematics", "skinning", "writing back", "scene.frame_set, Sinew",
+        "scene.frame_set, Armature modifier")
+
+
+def print_table(mesh_object):
+    mesh = mesh_object.data
+    bones = len(mesh_object.sinew.armature.pose.bones)
+    diagonal = float(np.linalg.norm(np.ptp(shape(mesh_object, bpy.context.scene), axis=0)))
+    results = {method: measure(mesh_object, method) for method in METHODS}
+    mesh_object.sinew.method = "LINEAR"
+    print(f"\n{mesh_object.name}: {len(mesh.vertices):,} vertices, {bones} bones; "
+          f"Blender {bpy.app.version_string}, {os.cpu_count()} cores; "
+          f"medians over frames {FRAMES[0]} to {FRAMES[-1]}\n")
+    print(f"{'milliseconds a frame':36}{'linear':>12}{'dual quaternion':>18}")
+    for name in ROWS:
+        print(f"{name:36}{results['LINEAR'][0][name]:12.3f}"
+              f"{results['DUAL_QUATERNION'][0][name]:18.3f}")
+    print(f"{'largest distance of the two results':36}"
+          + "".join(f"{results[method][1]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
+          + f"   (the mesh measures {diagonal:.3g})\n")
+
+
+def world_points(mesh_object, frames):
+    """(N, 3): the character's vertices on all of these frames, world space."""
+    points = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        matrix = np.array(mesh_object.matrix_world)
+        points.append(shape(mesh_object, bpy.context.scene) @ matrix[:3, :3].T + matrix[:3, 3])
+    return np.concatenate(points)
+
+
+def sheet_frames(mesh_object):
+    """Six frames over one turn of the clip, or over the first swing."""
+    armature = mesh_object.sinew.armature
+    count = addon_module("clip_store").pose_count(armature.data)
+    scene = bpy.context.scene
+    if armature.sinew_clip.mode == "PLAYBACK":
+        return [FRAMES[0] + round(i * count / 6) for i in range(6)]
+    half_swing = math.pi / 2 * scene.render.fps
+    return [FRAMES[0] + round(i * half_swing / 5) for i in range(6)]
+
+
+# The camera looks along this, from the front left.
+CAMERA_DIRECTION = Vector((-0.62, -1.0, 0.22)).normalized()
+
+
+def backdrop(center, size):
+    """A floor that bends up behind the character, so that no horizon cuts the picture."""
+    radius = 2 * size
+    profile = [(-8 * size, 0.0)]
+    profile += [(2 * size + radius * math.sin(a), radius - radius * math.cos(a))
+                for a in np.linspace(0, math.pi / 2, 24)]
+    profile.append((profile[-1][0], 12 * size))
+    away = -Vector((CAMERA_DIRECTION.x, CAMERA_DIRECTION.y, 0)).normalized()
+    side = Vector((-away.y, away.x, 0)) * 14 * size
+    points = [center + away * distance + sign * side + Vector((0, 0, height))
+              for distance, height in profile for sign in (-1, 1)]
+    faces = [(2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2) for i in range(len(profile) - 1)]
+    mesh = bpy.data.meshes.new("backdrop")
+    mesh.from_pydata(points, [], faces)
+    mesh.polygons.foreach_set("use_smooth", [True] * len(faces))
+    mesh.materials.append(plain_material("backdrop", (0.10, 0.11, 0.13)))
+    return bpy.data.objects.new("backdrop", mesh)
+
+
+def add_light(name, place, target, power, size):
+    light = bpy.data.lights.new(name, "AREA")
+    light.energy, light.size = power, size
+    ob = bpy.data.objects.new(name, light)
+    ob.location = place
+    ob.rotation_euler = (target - place).to_track_quat("-Z", "Y").to_euler()
+    bpy.context.collection.objects.link(ob)
+
+
+def build_stage(mesh_object, points):
+    """Floor, three lights and a camera from the front left that sees all of the points."""
+    scene = bpy.context.scene
+    low, high = Vector(points.min(axis=0)), Vector(points.max(axis=0))
+    middle, size = (low + high) / 2, (high - low).length
+    bpy.context.collection.objects.link(backdrop(Vector((middle.x, middle.y, low.z)), size))
+    if not mesh_object.data.materials:
+        mesh_object.data.materials.append(plain_material("clay", (0.62, 0.36, 0.24)))
+
+    for name, direction, power, width in (
+            ("key", (-1.2, -1.5, 1.8), 130, 0.5), ("fill", (1.8, -1.2, 0.6), 25, 1.5),
+            ("rim", (0.8, 1.8, 1.6), 150, 0.6)):
+        add_light(name, middle + Vector(direction) * size, middle, power * size ** 2, width * size)
+    world = bpy.data.worlds.new("studio")
+    scene.world = world
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs[0].default_value = (0.10, 0.115, 0.14, 1)
+
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    bpy.context.collection.objects.link(camera)
+    scene.camera = camera
+    camera.data.lens = 70
+    camera.rotation_euler = CAMERA_DIRECTION.to_track_quat("Z", "Y").to_euler()
+    scene.render.resolution_x, scene.render.resolution_y = TILE
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    place, _ = camera.camera_fit_coords(depsgraph, points.reshape(-1).tolist())
+    camera.location = place + CAMERA_DIRECTION * 0.12 * size
+
+
+def plain_material(name, color):
+    material = bpy.data.materials.new(name)
+    material.diffuse_color = (*color, 1)
+    material.use_nodes = True
+    shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (*color, 1)
+    shader.inputs["Roughness"].default_value = 0.7
+    return material
+
+
+def render_sheet(frames, path):
+    """Three pictures by two."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = SAMPLES
+    scene.cycles.use_denoising = False
+    width, height = TILE
+    sheet = np.zeros((2 * height, 3 * width, 4), np.float32)
+    tile_path = path.with_name("tile.png")
+    for i, frame in enumerate(frames):
+        scene.frame_set(frame)
+        scene.render.filepath = str(tile_path)
+        bpy.ops.render.render(write_still=True)
+        tile = bpy.data.images.load(str(tile_path))
+        pixels = np.empty(width * height * 4, np.float32)
+        tile.pixels.foreach_get(pixels)
+        row, column = 1 - i // 3, i % 3  # Blender's pictures start at the bottom
+        sheet[row * height:(row + 1) * height, column * width:(column + 1) * width] = (
+            pixels.reshape(height, width, 4))
+        bpy.data.images.remove(tile)
+    tile_path.unlink()
+    image = bpy.data.images.new("sheet", 3 * width, 2 * height)
+    image.pixels.foreach_set(sheet.reshape(-1))
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+def main():
+    folder, output = map(Path, sys.argv[sys.argv.index("--") + 1:])
+    output.mkdir(parents=True, exist_ok=True)
+    for ob in list(bpy.data.objects):
+        bpy.data.objects.remove(ob)
+    mesh_object = import_rig(folder)
+    print_table(mesh_object)
+
+    frames = sheet_frames(mesh_object)
+    build_stage(mesh_object, world_points(mesh_object, frames))
+    bpy.context.scene.frame_set(FRAMES[0])
+    blend, picture = output / f"{folder.name}.blend", output / f"{folder.name}.png"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    render_sheet(frames, picture)
+    print(f"{blend}\n{picture}")
+
+
+main()

@@ -1,0 +1,97 @@
+"""What the tests in Blender share."""
+
+import importlib
+import shutil
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SHARED = ROOT.parent / "shared" / "rigs"
+RIGS = {
+    "capsule": ROOT / "data/capsule/skeleton.bf",
+    "ogre": ROOT / "data/ogre/skeleton.bf",
+    "shared ogre": SHARED / "ogre/skeleton.bf",
+    "shared elephant": SHARED / "elephant/skeleton.tgf",
+}
+
+
+def addon_module(name):
+    """A module of the add-on, under whichever name this Blender installed it."""
+    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]
+    return importlib.import_module(f"{package}.{name}")
+
+
+def import_rig(name="capsule", **options):
+    """Import one of RIGS through the operator. Returns the mesh object and its armature."""
+    path = RIGS[name]
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    if name in ("capsule", "ogre"):
+        options.setdefault("pose", "walk.dmat")
+    assert bpy.ops.import_scene.sinew_rig(filepath=str(path), **options) == {"FINISHED"}
+    ob = bpy.context.active_object
+    return ob, ob.sinew.armature
+
+
+def copied_rig(tmp_path, name="capsule"):
+    """A rig folder that a test may spoil."""
+    folder = tmp_path / name
+    shutil.copytree(RIGS[name].parent, folder)
+    return folder
+
+
+def depsgraph():
+    return bpy.context.evaluated_depsgraph_get()
+
+
+def evaluated(ob, graph=None):
+    """(V, 3): positions as Blender shows them, space of the object."""
+    mesh = ob.evaluated_get(graph or depsgraph()).data
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    return positions.reshape(-1, 3)
+
+
+def own_positions(ob):
+    """(V, 3): the mesh's own vertices."""
+    return addon_module("blender_io").read_positions(ob.data)
+
+
+def diagonal(positions):
+    return float(np.linalg.norm(np.ptp(positions, axis=0)))
+
+
+def builtin_copy(ob, preserve_volume=None):
+    """A copy of the bound mesh that Blender's own Armature modifier deforms."""
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.collection.objects.link(copy)
+    addon_module("binding").unbind(copy)
+    modifier = next(m for m in copy.modifiers if m.type == "ARMATURE")
+    if preserve_volume is None:
+        preserve_volume = ob.sinew.method == "DUAL_QUATERNION"
+    modifier.use_deform_preserve_volume = preserve_volume
+    return copy
+
+
+def assert_same_shape(ob, reference, tolerance=1e-5):
+    """Both evaluated shapes agree to a share of the bounding box's diagonal."""
+    ours, theirs = evaluated(ob), evaluated(reference)
+    error = float(np.abs(ours - theirs).max()) / diagonal(theirs)
+    assert error < tolerance, f"{error:.3g} of the diagonal"
+
+
+def select(*objects):
+    for ob in bpy.context.selected_objects:
+        ob.select_set(False)
+    for ob in objects:
+        ob.select_set(True)
+    bpy.context.view_layer.objects.active = objects[0] if objects else None
+
+
+def data_counts():
+    return {name: len(getattr(bpy.data, name)) for name in (
+        "objects", "meshes", "armatures", "materials", "node_groups", "actions", "images")}

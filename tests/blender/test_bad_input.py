@@ -1,0 +1,106 @@
+"""Bad files give one sentence and leave the scene as it was."""
+
+import struct
+
+import bpy
+import pytest
+
+from helpers import copied_rig, data_counts, import_rig, select
+
+
+def write(name, text):
+    return lambda folder: (folder / name).write_text(text)
+
+
+def remove(name):
+    return lambda folder: (folder / name).unlink()
+
+
+def replace_line(name, line, text):
+    def spoil(folder):
+        lines = (folder / name).read_text().splitlines()
+        lines[line] = text
+        (folder / name).write_text("\n".join(lines) + "\n")
+    return spoil
+
+
+def truncated_binary(folder):
+    (folder / "weights.dmat").write_bytes(b"0 0\n5 100\n" + struct.pack("<7d", *range(7)))
+
+
+def huge_header(folder):
+    (folder / "weights.dmat").write_bytes(b"0 0\n25000 50000\n1234")
+
+
+CASES = {
+    "no mesh": (remove("mesh.obj"), "there is no file .*mesh.obj"),
+    "no weights": (remove("weights.dmat"), "there is no file .*weights.dmat"),
+    "too few rows": (write("weights.dmat", "1 2\n0.5\n0.5\n"), r"weights.dmat has 2 rows, mesh.obj"),
+    "cycle": (write("skeleton.bf", "0 1 0 0 0\n1 0 0 1 0\n"), "skeleton.bf.*cycle"),
+    "parent out of range": (
+        replace_line("skeleton.bf", 1, "1 77 0 1 0"), "skeleton.bf.*joint 1 has parent 77"),
+    "NaN": (replace_line("weights.dmat", 3, "nan"), 'weights.dmat, row 2, column 0.*"nan"'),
+    "truncated binary": (truncated_binary, "weights.dmat ends after 7 numbers; 500 were due"),
+    "empty file": (write("weights.dmat", ""), "weights.dmat is empty"),
+    "empty skeleton": (write("skeleton.bf", ""), "skeleton.bf holds no joints"),
+    "empty mesh": (write("mesh.obj", ""), "mesh.obj holds no vertices"),
+    "letters": (replace_line("mesh.obj", 4, "v 1 two 3"), 'mesh.obj, line 5.*found "two"'),
+    "weight column without a bone": (
+        replace_line("skeleton.bf", 1, "9 0 0 1 0"), "joint 1 has weight column 9"),
+    "huge header": (huge_header, "weights.dmat promises 25,000 columns x 50,000 rows"),
+    "wrong pose": (write("pose.dmat", "2 3\n0 0 0 0 0 0\n"), "pose.dmat: there are 3 numbers a pose"),
+    "face without vertex": (
+        lambda folder: (folder / "mesh.obj").open("a").write("f 1 2 999999\n"),
+        "mesh.obj: face .* names vertex 999999"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_rig_folder(tmp_path, case):
+    spoil, sentence = CASES[case]
+    folder = copied_rig(tmp_path)
+    spoil(folder)
+    bpy.ops.mesh.primitive_cube_add()
+    before = data_counts(), bpy.context.active_object.name, len(bpy.context.selected_objects)
+    with pytest.raises(RuntimeError, match=sentence) as error:
+        bpy.ops.import_scene.sinew_rig(filepath=str(folder / "skeleton.bf"))
+    assert len(str(error.value).strip().splitlines()) == 1
+    after = data_counts(), bpy.context.active_object.name, len(bpy.context.selected_objects)
+    assert after == before
+
+
+def test_missing_skeleton_and_named_files(tmp_path):
+    folder = copied_rig(tmp_path)
+    with pytest.raises(RuntimeError, match="there is no file .*other.bf"):
+        bpy.ops.import_scene.sinew_rig(filepath=str(folder / "other.bf"))
+    with pytest.raises(RuntimeError, match="there is no file .*run.dmat"):
+        bpy.ops.import_scene.sinew_rig(filepath=str(folder / "skeleton.bf"), pose="run.dmat")
+    assert not bpy.data.objects
+
+
+def test_what_cannot_be_bound_is_said():
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.active_object
+    with pytest.raises(RuntimeError, match="Cube has no armature"):
+        bpy.ops.object.sinew_bind()
+    _, armature = import_rig("capsule")
+    select(cube, armature)
+    with pytest.raises(RuntimeError, match="No vertex group of Cube"):
+        bpy.ops.object.sinew_bind()
+    assert not cube.sinew.is_bound and not cube.modifiers
+
+
+def test_shared_and_shape_keyed_meshes_are_refused():
+    ob, _ = import_rig("capsule")
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    twin = ob.copy()
+    bpy.context.collection.objects.link(twin)
+    select(ob)
+    with pytest.raises(RuntimeError, match="has 2 users"):
+        bpy.ops.object.sinew_bind()
+    bpy.data.objects.remove(twin)
+    ob.shape_key_add(name="Basis")
+    with pytest.raises(RuntimeError, match="shape keys"):
+        bpy.ops.object.sinew_bind()
+    assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Armature"]

@@ -1,0 +1,116 @@
+"""What is exported imports to the same thing."""
+
+import bpy
+import numpy as np
+import pytest
+
+from helpers import (
+    RIGS, addon_module, evaluated, import_rig, own_positions, select)
+
+
+def read(folder, skeleton):
+    return addon_module("native").sinew_native.read_rig(str(folder), skeleton=skeleton)
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_round_trip(fresh_scene, tmp_path, name):
+    ob, armature = import_rig(name)
+    skeleton = RIGS[name].name
+    frames = (1, 8, 20)
+    shapes = []
+    for frame in frames:
+        fresh_scene.frame_set(frame)
+        shapes.append(evaluated(ob))
+    result = bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / skeleton))
+    assert result == {"FINISHED"}
+    pose = {"pose": "walk.dmat"} if name in ("capsule", "ogre") else {}
+    before = addon_module("native").sinew_native.read_rig(
+        str(RIGS[name].parent), skeleton=skeleton, **pose)
+    after = read(tmp_path, skeleton)
+    assert np.array_equal(after.positions, before.positions)
+    assert np.array_equal(after.face_offsets, before.face_offsets)
+    assert np.array_equal(after.face_vertices, before.face_vertices)
+    assert after.material_names == before.material_names
+    assert np.array_equal(after.skeleton.parents, before.skeleton.parents)
+    assert np.allclose(after.skeleton.heads, before.skeleton.heads, atol=1e-12)
+    assert np.allclose(after.weights, np.maximum(before.weights, 0), atol=1e-7)
+    assert after.skeleton.convention == before.skeleton.convention
+
+    bpy.ops.import_scene.sinew_rig(filepath=str(tmp_path / skeleton))
+    again = bpy.context.active_object
+    again.sinew.armature.sinew_clip.mode = armature.sinew_clip.mode
+    for frame, shape in zip(frames, shapes):
+        fresh_scene.frame_set(frame)
+        assert np.allclose(evaluated(again), shape, atol=1e-6 * np.abs(shape).max())
+
+
+def test_mesh_output_exports_the_rest(fresh_scene, tmp_path):
+    ob, _ = import_rig("capsule", output="MESH")
+    fresh_scene.frame_set(9)
+    bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    rest = addon_module("native").sinew_native.read_rig(str(RIGS["capsule"].parent)).positions
+    assert np.array_equal(read(tmp_path, "skeleton.bf").positions, rest)
+
+
+def blender_rig():
+    """A bent tube with an armature made in Blender, moved and keyed, never seen by the importer."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=16, depth=4, location=(0, 0, 2))
+    tube = bpy.context.active_object
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide(number_cuts=5)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    armature = bpy.data.objects.new("bones", bpy.data.armatures.new("bones"))
+    bpy.context.collection.objects.link(armature)
+    armature.location = (0.5, 0, 0)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    lower = armature.data.edit_bones.new("lower")
+    lower.head, lower.tail = (-0.5, 0, 0), (-0.5, 0, 2)
+    upper = armature.data.edit_bones.new("upper")
+    upper.head, upper.tail, upper.parent = (-0.5, 0, 2), (-0.3, 0, 4), lower
+    bpy.ops.object.mode_set(mode="OBJECT")
+    height = own_positions(tube)[:, 2] + 2
+    for name, weights in (("lower", np.clip(3 - height, 0, 1)), ("upper", np.clip(height - 2, 0, 1))):
+        group = tube.vertex_groups.new(name=name)
+        for vertex, weight in enumerate(weights):
+            group.add([vertex], float(weight), "REPLACE")
+    modifier = tube.modifiers.new("Armature", "ARMATURE")
+    modifier.object = armature
+    bone = armature.pose.bones["upper"]
+    for frame, quaternion in ((1, (1, 0, 0, 0)), (5, (0.8, 0.6, 0, 0))):
+        bone.rotation_quaternion = quaternion
+        bone.keyframe_insert("rotation_quaternion", frame=frame)
+    return tube, armature
+
+
+def test_a_character_made_in_blender(fresh_scene, tmp_path):
+    tube, armature = blender_rig()
+    fresh_scene.frame_end = 5
+    select(tube)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    shapes = []
+    for frame in range(1, 6):
+        fresh_scene.frame_set(frame)
+        shapes.append(evaluated(tube))
+    assert np.abs(shapes[4] - shapes[0]).max() > 0.5
+    bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    bpy.ops.import_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"), up_axis="Z")
+    again = bpy.context.active_object
+    assert [b.name.split(".")[0] for b in again.sinew.armature.data.bones] == ["lower", "upper"]
+    for frame, shape in enumerate(shapes, 1):
+        fresh_scene.frame_set(frame)
+        assert np.allclose(evaluated(again), shape, atol=1e-5)
+
+
+def test_errors_are_sentences(tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    with pytest.raises(RuntimeError, match="Cube is bound to no armature"):
+        bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    import_rig("capsule")
+    with pytest.raises(RuntimeError, match="There is no folder"):
+        bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "nowhere" / "skeleton.bf"))
+    with pytest.raises(RuntimeError, match="ends in .bf or .tgf"):
+        bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.xyz"))
+    with pytest.raises(RuntimeError, match="joint convention"):
+        bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.tgf"))

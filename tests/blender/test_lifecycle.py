@@ -1,0 +1,262 @@
+"""Undo, save, reload, modes, unbinding: the shape stays right and nothing is left behind."""
+
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+from helpers import (
+    addon_module, assert_same_shape, builtin_copy, data_counts, evaluated, import_rig,
+    own_positions, select)
+
+
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_unbind_gives_the_mesh_back(fresh_scene, output):
+    ob, armature = import_rig("capsule")
+    rest = own_positions(ob)
+    bpy.ops.object.sinew_unbind()
+    plain = attributes(ob), modifiers(ob), data_counts()
+    assert modifiers(ob) == [("Armature", True, True)]
+    select(ob)
+    assert bpy.ops.object.sinew_bind(output=output) == {"FINISHED"}
+    fresh_scene.frame_set(9)
+    assert not np.allclose(evaluated(ob), rest)
+    bpy.ops.object.sinew_unbind()
+    assert (attributes(ob), modifiers(ob), data_counts()) == plain
+    assert np.array_equal(own_positions(ob), rest)
+    assert not ob.sinew.is_bound
+
+
+def attributes(ob):
+    """Blender's own hidden attributes come and go by themselves."""
+    return {name for name in ob.data.attributes.keys() if "sinew" in name or name[0] != "."}
+
+
+def modifiers(ob):
+    return [(m.name, m.show_viewport, m.show_render) for m in ob.modifiers]
+
+
+def test_switching_the_output(fresh_scene):
+    ob, _ = import_rig("capsule")
+    rest = own_positions(ob)
+    fresh_scene.frame_set(9)
+    shape = evaluated(ob)
+    for output in ("MESH", "MODIFIER", "MESH", "MODIFIER"):
+        ob.sinew.output = output
+        assert np.allclose(evaluated(ob), shape, atol=1e-6)
+        assert np.array_equal(own_positions(ob), evaluated(ob) if output == "MESH" else rest)
+        assert addon_module("session").character(ob).error == ""
+    assert attributes(ob) >= {".sinew_position"} and "rest_position" not in attributes(ob)
+
+
+def test_an_attribute_of_the_users_own_is_not_overwritten():
+    ob, _ = import_rig("capsule")
+    ob.data.attributes.new("rest_position", "FLOAT_VECTOR", "POINT")
+    ob.sinew.output = "MESH"
+    assert ob.sinew.output == ob.sinew.installed_output == "MODIFIER"
+    assert "rest_position" in addon_module("session").character(ob).error
+
+
+def test_a_hand_moved_bone_in_clip_mode_is_followed_until_the_next_frame(fresh_scene):
+    ob, armature = import_rig("capsule")
+    reference = builtin_copy(ob)
+    fresh_scene.frame_set(5)
+    at_five = evaluated(ob)
+    bone = armature.pose.bones[1]
+    bone.rotation_quaternion = (0.7, 0.7, 0, 0)
+    bpy.context.view_layer.update()
+    assert not np.allclose(evaluated(ob), at_five, atol=1e-3)
+    assert_same_shape(ob, reference)
+    fresh_scene.frame_set(6)
+    assert_same_shape(ob, reference)
+    fresh_scene.frame_set(5)
+    assert np.allclose(evaluated(ob), at_five, atol=1e-6)
+
+
+def test_undo_and_redo_of_a_setting(fresh_scene):
+    ob, armature = import_rig("capsule", pose="pose.dmat")
+    name, armature_name = ob.name, armature.name
+    armature.sinew_clip.mode = "POSED"
+    bpy.ops.ed.undo_push(message="posed")
+    posed = evaluated(ob)
+    armature.sinew_clip.mode = "REST"
+    bpy.ops.ed.undo_push(message="rest")
+    rest = evaluated(ob)
+    assert not np.allclose(rest, posed)
+    bpy.ops.ed.undo()
+    assert bpy.data.objects[armature_name].sinew_clip.mode == "POSED"
+    assert np.allclose(evaluated(bpy.data.objects[name]), posed, atol=1e-6)
+    bpy.ops.ed.redo()
+    assert np.allclose(evaluated(bpy.data.objects[name]), rest, atol=1e-6)
+
+
+def test_undo_of_bind_and_unbind():
+    ob, _ = import_rig("capsule")
+    name = ob.name
+    bpy.ops.ed.undo_push(message="bound")
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    bpy.ops.ed.undo_push(message="unbound")
+    bpy.ops.ed.undo()
+    ob = bpy.data.objects[name]
+    assert ob.sinew.is_bound and "Sinew" in ob.modifiers
+    reference = builtin_copy(ob)
+    bpy.context.scene.frame_set(9)
+    assert_same_shape(ob, reference)
+
+
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_save_and_reload(fresh_scene, tmp_path, output):
+    ob, armature = import_rig("capsule", output=output)
+    fresh_scene.frame_set(9)
+    before = evaluated(ob)
+    fresh_scene.frame_set(14)
+    later = evaluated(ob)
+    fresh_scene.frame_set(9)
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    ob = bpy.data.objects["capsule"]
+    assert np.allclose(evaluated(ob), before, atol=1e-6)
+    bpy.context.scene.frame_set(14)
+    assert np.allclose(evaluated(ob), later, atol=1e-6)
+
+
+def test_a_file_opened_without_the_addon_shows_the_last_frame(fresh_scene, tmp_path):
+    ob, _ = import_rig("capsule")
+    fresh_scene.frame_set(9)
+    shape = evaluated(ob)
+    path = tmp_path / "saved.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    script = tmp_path / "look.py"
+    script.write_text(
+        "import bpy, numpy as np\n"
+        "ob = bpy.data.objects['capsule']\n"
+        "assert not hasattr(ob, 'sinew')\n"
+        "mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data\n"
+        "co = np.empty(3 * len(mesh.vertices), np.float32)\n"
+        "mesh.vertices.foreach_get('co', co)\n"
+        f"np.save({str(tmp_path / 'seen.npy')!r}, co)\n")
+    result = subprocess.run(
+        [bpy.app.binary_path, "-b", "--factory-startup", str(path), "--python-exit-code", "1",
+         "--python", str(script)], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "Traceback" not in result.stdout + result.stderr
+    assert np.array_equal(np.load(tmp_path / "seen.npy").reshape(-1, 3), shape)
+
+
+def test_edit_mode_shows_the_rest_and_edits_are_kept(fresh_scene):
+    ob, _ = import_rig("capsule")
+    fresh_scene.frame_set(9)
+    select(ob)
+    bpy.ops.object.mode_set(mode="EDIT")
+    fresh_scene.frame_set(10)  # a frame change in Edit Mode does no harm
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0.25, 0, 0))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    reference = builtin_copy(ob)
+    assert_same_shape(ob, reference)
+    fresh_scene.frame_set(12)
+    assert_same_shape(ob, reference)
+
+
+def test_added_and_removed_vertices(fresh_scene):
+    ob, _ = import_rig("capsule")
+    fresh_scene.frame_set(9)
+    select(ob)
+    count = len(ob.data.vertices)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(ob.data.vertices) > count
+    reference = builtin_copy(ob)
+    for frame in (9, 12):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, reference)
+
+
+def test_painted_weights_show_at_once(fresh_scene):
+    ob, _ = import_rig("capsule")
+    fresh_scene.frame_set(9)
+    reference = builtin_copy(ob)
+    for each in (ob, reference):
+        each.vertex_groups[0].add(range(1000, 2000), 1.0, "REPLACE")
+        each.data.update()
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, reference)
+
+
+def test_renamed_and_deleted_objects_do_not_disturb(fresh_scene):
+    first, _ = import_rig("capsule")
+    second, _ = import_rig("capsule")
+    first.name, second.name = "x", "capsule"
+    reference = builtin_copy(second)
+    fresh_scene.frame_set(9)
+    assert_same_shape(second, reference)
+    bpy.data.objects.remove(first)
+    fresh_scene.frame_set(12)
+    assert_same_shape(second, reference)
+
+
+def test_a_renamed_bone_keeps_its_weights(fresh_scene):
+    ob, armature = import_rig("capsule")
+    reference = builtin_copy(ob)
+    armature.data.bones[1].name = "renamed"
+    fresh_scene.frame_set(9)
+    assert "renamed" in ob.vertex_groups
+    assert_same_shape(ob, reference)
+
+
+def test_armature_in_rest_position(fresh_scene):
+    ob, armature = import_rig("capsule")
+    fresh_scene.frame_set(9)
+    armature.data.pose_position = "REST"
+    fresh_scene.frame_set(10)
+    assert np.allclose(evaluated(ob), own_positions(ob), atol=1e-6)
+
+
+def test_a_deleted_armature_is_said_and_others_play(fresh_scene):
+    ob, armature = import_rig("capsule")
+    other, _ = import_rig("capsule")
+    reference = builtin_copy(other)
+    bpy.data.objects.remove(armature)
+    fresh_scene.frame_set(9)
+    assert "armature" in addon_module("session").character(ob).error
+    assert_same_shape(other, reference)
+
+
+def test_keyframes_from_the_clip_play_the_same(fresh_scene):
+    ob, armature = import_rig("capsule")
+    shapes = []
+    for frame in (1, 7, 20):
+        fresh_scene.frame_set(frame)
+        shapes.append(evaluated(ob))
+    select(ob)
+    assert bpy.ops.object.sinew_clip_to_keyframes() == {"FINISHED"}
+    assert ob.sinew.source == "ARMATURE" and armature.animation_data.action
+    for frame, shape in zip((1, 7, 20), shapes):
+        fresh_scene.frame_set(frame)
+        assert np.allclose(evaluated(ob), shape, atol=1e-5)
+
+
+def test_disabling_the_addon_leaves_nothing_running():
+    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]
+
+    def handlers():
+        return [handler for name in ("frame_change_post", "depsgraph_update_post", "load_post",
+                                     "undo_post", "redo_post")
+                for handler in getattr(bpy.app.handlers, name)
+                if handler.__module__.startswith(package)]
+
+    assert len(handlers()) == 5
+    try:
+        bpy.ops.preferences.addon_disable(module=package)
+        assert handlers() == [] and not hasattr(bpy.types.Object, "sinew")
+    finally:
+        bpy.ops.preferences.addon_enable(module=package)
+    assert len(handlers()) == 5
+    assert sys.modules[package]
