@@ -72,16 +72,24 @@ def draw_clip(layout, armature):
 def draw_statistics(layout, entry):
     skin = entry.deformer.skin
     timings = entry.timings
-    box = layout.box()
-    column = box.column(align=True)
-    column.label(text=f"{skin.vertex_count:,} vertices, {len(entry.bones)} bones")
     mean = skin.influence_count / max(skin.vertex_count, 1)
-    column.label(text=f"{mean:.2f} influences a vertex, at most {skin.most_influences}")
+    column = layout.box().column(align=True)
+    draw_value(column, "Vertices", f"{skin.vertex_count:,}")
+    draw_value(column, "Bones", str(len(entry.bones)))
+    draw_value(column, "Influences", f"{mean:.2f} (max {skin.most_influences})")
     if skin.unweighted_count:
-        column.label(text=f"{skin.unweighted_count:,} vertices that nothing moves", icon="INFO")
-    column.label(text=f"Last frame: {timings.total:.2f} ms")
-    column.label(text=f"pose {timings.pose:.2f}, skin {timings.skin:.2f}, "
-                      f"write {timings.write:.2f}")
+        draw_value(column, "Unweighted", f"{skin.unweighted_count:,}")
+    column.separator()
+    draw_value(column, "Last Frame", f"{timings.total:.2f} ms")
+    for name, value in (("Pose", timings.pose), ("Skin", timings.skin), ("Write", timings.write)):
+        draw_value(column, name, f"{value:.2f} ms")
+
+
+def draw_value(column, name, value):
+    row = column.split(factor=0.4)
+    row.alignment = "RIGHT"
+    row.label(text=name)
+    row.label(text=value)
 
 
 CLASSES = (SinewPanel,)
