@@ -4,8 +4,11 @@ Linear blending visibly collapses on it (candy wrapper, pinched bend); dual quat
 Run: /usr/bin/python3 data/generate/capsule.py
 """
 import os
+import sys
 
 import numpy as np
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))   # Blender does not do it
 
 import posing
 import rig_files
@@ -57,7 +60,8 @@ def chain_weights(heights):
     weights = np.zeros((len(heights), len(NAMES)))
     for knot in range(-1, len(NAMES) + 1):
         away = np.abs(along - knot)
-        spline = np.where(away < 0.5, 0.75 - away ** 2, np.where(away < 1.5, (1.5 - away) ** 2 / 2, 0))
+        outer = np.clip(1.5 - away, 0, None) ** 2 / 2
+        spline = np.where(away < 0.5, 0.75 - away ** 2, outer)
         weights[:, np.clip(knot, 0, len(NAMES) - 1)] += spline
     return weights
 

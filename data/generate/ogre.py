@@ -3,8 +3,11 @@
 Run: /usr/bin/python3 data/generate/ogre.py
 """
 import os
+import sys
 
 import numpy as np
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))   # Blender does not do it
 
 import ogre_body
 import ogre_motion
@@ -15,8 +18,8 @@ import rig_files
 import surface_nets
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "ogre")
-CELL = 0.033                # metres between grid points where no zoom is
-COLOURS = {"skin": (0.120, 0.150, 0.075), "mouth": (0.16, 0.035, 0.03), "eye": (0.75, 0.66, 0.40),
+CELL = 0.0425               # metres between grid points where no zoom is
+COLOURS = {"skin": (0.118, 0.140, 0.076), "mouth": (0.16, 0.035, 0.03), "eye": (0.75, 0.66, 0.40),
            "iris": (0.55, 0.20, 0.02), "pupil": (0.01, 0.01, 0.01), "tusk": (0.72, 0.62, 0.42),
            "nail": (0.23, 0.19, 0.12), "hair": (0.025, 0.02, 0.018), "cloth": (0.20, 0.115, 0.06),
            "leather": (0.085, 0.045, 0.025), "metal": (0.30, 0.27, 0.22)}

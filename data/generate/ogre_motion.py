@@ -8,12 +8,12 @@ about Y turns to the left, positive about Z tilts to the right.
 import numpy as np
 
 import posing
-from ogre_skeleton import (ANKLE, BALL, ELBOW, HAND_ALONG, HAND_THUMB, HIP, INDEX, KNEE, NAMES,
-                           PARENTS, POSITIONS, SHOULDER, WRIST, FINGERS)
+from ogre_skeleton import (ANKLE, BALL, ELBOW, FINGERS, HAND_ALONG, HAND_THUMB, HIP, INDEX, KNEE,
+                           NAMES, PARENTS, POSITIONS, SHOULDER, WRIST)
 
 POSES = 32
 STANCE = 0.60                           # share of the cycle that a foot is on the ground
-STEP_FRONT, STEP_BACK = 0.27, 0.29      # of the flat foot from its rest place, metres
+STEP_FRONT, STEP_BACK = 0.31, 0.33      # of the flat foot from its rest place, metres
 STEP_LIFT = 0.10
 HEEL = np.array([-0.005, -0.13, -0.14])             # from the ankle to the heel's edge, at rest
 PUSH_OFF = BALL - ANKLE - (0, BALL[1], 0)           # from the ankle to the ground below the ball
@@ -123,13 +123,13 @@ def foot_path(phase):
         z = STEP_FRONT - t * (STEP_FRONT + STEP_BACK)
         lift = 0.0
         pitch = -20 * (1 - smooth(t / 0.18)) + 42 * smooth((t - 0.62) / 0.38)
-        toes = -36 * smooth((t - 0.62) / 0.38)
+        toes = -43 * smooth((t - 0.62) / 0.38)
     else:
         t = (phase - STANCE) / (1 - STANCE)
         z = -STEP_BACK + smooth(0.85 * t + 0.15 * t * t) * (STEP_FRONT + STEP_BACK)
         lift = STEP_LIFT * np.sin(np.pi * t) ** 1.3
         pitch = 42 * (1 - smooth(t / 0.55)) - 20 * smooth((t - 0.45) / 0.55)
-        toes = -36 * (1 - smooth(t / 0.4)) - 8 * np.sin(np.pi * t)
+        toes = -43 * (1 - smooth(t / 0.45)) - 8 * np.sin(np.pi * t)
     pivot = HEEL if pitch < 0 else PUSH_OFF
     rolled = pivot - posing.to_matrices(turn("x", pitch)) @ pivot
     return pitch, toes, rolled + (0, lift, z)
@@ -137,9 +137,9 @@ def foot_path(phase):
 
 def swing_arm(pose, side, swing):
     """A heavy arm, held away from the belly; swing -1 (back) to 1 (forward)."""
-    elbow = 34 + 20 * swing
+    elbow = 24 + 13 * swing
     pose.set_side("clavicle", side, turn("y", -6 * swing), turn("z", -3))
-    pose.set_side("upper_arm", side, turn("x", -4 - 30 * swing), turn("z", -24 + 3 * swing),
+    pose.set_side("upper_arm", side, turn("x", 4 - 25 * swing), turn("z", -23 + 3 * swing),
                   turn(SHOULDER - ELBOW, 18))
     pose.set_side("forearm", side, turn(np.cross(WRIST - ELBOW, [0, 0, 1]), elbow))
     pose.set_side("hand", side, turn(HAND_THUMB, -8 - 8 * swing))
@@ -202,15 +202,15 @@ def roar():
     pose.set("chest", turn("x", -12), turn("y", 8))
     pose.set("neck", turn("x", 8))
     pose.set("head", turn("x", -8), turn("y", 4), turn("z", -5))
-    pose.set("jaw", turn("x", 34))
+    pose.set("jaw", turn("x", 32))
     pose.set("brow", turn("x", 3))
     pose.set("topknot", turn("x", -25))
-    for side, lift, elbow in ((1, 62, 62), (-1, 48, 78)):
-        pose.set_side("clavicle", side, turn("z", 14), turn("y", -4))
-        pose.set_side("upper_arm", side, turn("y", -22), turn("z", lift), turn(ELBOW - SHOULDER, -30))
-        pose.set_side("forearm", side, turn(np.cross(WRIST - ELBOW, [0.35, 0.45, 1]), elbow))
-        pose.set_side("hand", side, turn(HAND_THUMB, 14))
-        curl_fingers(pose, side, 34)
+    for side, lift, elbow in ((1, 50, 58), (-1, 38, 74)):
+        pose.set_side("clavicle", side, turn("z", 12), turn("y", 6))
+        pose.set_side("upper_arm", side, turn("y", 8), turn("z", lift), turn(ELBOW - SHOULDER, -58))
+        pose.set_side("forearm", side, turn(np.cross(WRIST - ELBOW, [0, 0, 1]), elbow))
+        pose.set_side("hand", side, turn(HAND_THUMB, 8))
+        curl_fingers(pose, side, 30)
     pose.plant(1, ANKLE + (0.10, 0, 0.20), (turn("y", 14),), splay=12)
     pose.plant(-1, ANKLE * [-1, 1, 1] + (-0.12, 0, -0.12), (turn("y", -24),), splay=18)
     pose.set("flap.front", turn("x", -14))

@@ -54,7 +54,11 @@ def vertex_areas(vertices, quads):
 
 
 def diffuse(values, spread, vertices, quads):
-    """One implicit step of heat flow: solves (M + L) w = M values, (V, B), by conjugate gradients."""
+    """One implicit step of heat flow, by conjugate gradients.
+
+    Solves (M + L) w = M values, (V, B): M vertex areas, L the graph Laplacian times spread^2,
+    where spread (V,) is the fading length in metres.
+    """
     edges = edge_list(quads)
     mass = vertex_areas(vertices, quads)[:, None]
     conductance = (spread[edges].mean(axis=1) ** 2)[:, None]

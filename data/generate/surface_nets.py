@@ -117,7 +117,6 @@ def _placed(mask, shape, offsets):
 
 def surface_net(values):
     """Vertices (V, 3) in grid units and quads (Q, 4), outward, of the zero level of values."""
-    ids = np.full(np.array(values.shape) - 1, -1)
     cells_of_quads, points = [], []
     inside = values < 0
     for axis in range(3):
@@ -135,8 +134,8 @@ def surface_net(values):
         cells_of_quads.append(around)
         points.append(np.repeat(where[:, None], 4, axis=1))
     cells, points = np.concatenate(cells_of_quads), np.concatenate(points)
-    flat = np.ravel_multi_index(cells.reshape(-1, 3).T, ids.shape)
-    unique, vertex = np.unique(flat, return_inverse=True)
+    flat = np.ravel_multi_index(cells.reshape(-1, 3).T, np.array(values.shape) - 1)
+    vertex = np.unique(flat, return_inverse=True)[1]
     sums = np.stack([np.bincount(vertex, points.reshape(-1, 3)[:, i]) for i in range(3)], axis=1)
     return sums / np.bincount(vertex)[:, None], vertex.reshape(-1, 4)
 
@@ -155,6 +154,19 @@ def neighbour_mean(values, edges):
                       + np.bincount(edges[:, 1], column[edges[:, 0]], len(values))
                       for column in values.T], axis=1)
     return total / np.maximum(count, 1)[:, None]
+
+
+def largest_piece(vertices, quads):
+    """Drops all but the largest connected piece: bubbles enclosed in the clay."""
+    piece = np.arange(len(vertices))
+    before = None
+    while before is None or (before != piece).any():
+        before = piece.copy()
+        np.minimum.at(piece, quads.ravel(), np.repeat(piece[quads].min(axis=1), 4))
+        piece = piece[piece]
+    kept = piece == np.bincount(piece).argmax()
+    renumbered = np.cumsum(kept) - 1
+    return vertices[kept], renumbered[quads[kept[quads[:, 0]]]]
 
 
 def gradient(distance, points, step=0.0015):
@@ -185,7 +197,7 @@ def mesh_of(distance, low, high, cell, zooms=(), rounds=4):
     low, high = bent.min(axis=0), bent.max(axis=0)
     counts = np.ceil((high - low) / cell).astype(int) + 1
     values = without_ambiguity(sample(distance, low, cell, counts, zooms))
-    vertices, quads = surface_net(values)
+    vertices, quads = largest_piece(*surface_net(values))
     vertices = warp(low + cell * vertices, zooms)
     edges = edge_list(quads)
     for _ in range(rounds):

@@ -30,8 +30,17 @@ py::array into(const char* name, const py::array& in, const py::object& out,
   return result;
 }
 
+/// For the functions that compute in the type that they are given.
+void require_float_or_double(const char* name, const py::array& array) {
+  if (!py::isinstance<py::array_t<float>>(array) && !py::isinstance<py::array_t<double>>(array)) {
+    throw InputError(std::string(name) + " is " + dtype_text(array) +
+                     "; expected float32 or float64");
+  }
+}
+
 py::array py_forward_kinematics(const Skeleton& skeleton, const py::array& local,
                                 const py::object& out) {
+  require_float_or_double("local", local);
   const auto run = [&](auto source, auto target) { forward_kinematics(skeleton, source, target); };
   if (py::isinstance<py::array_t<float>>(local))
     return into<float, float>("local", local, out, run);
@@ -40,6 +49,7 @@ py::array py_forward_kinematics(const Skeleton& skeleton, const py::array& local
 
 py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
                                const py::object& out) {
+  require_float_or_double("world", world);
   const auto run = [&](auto source, auto target) { skinning_matrices(skeleton, source, target); };
   if (py::isinstance<py::array_t<float>>(world))
     return into<float, float>("world", world, out, run);

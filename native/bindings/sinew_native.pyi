@@ -1,0 +1,243 @@
+"""Skeletal deformation: forward kinematics, skinning and the files of a rig folder.
+
+Letters: V vertices, J joints, P poses, F frames, N influences of all vertices together. Matrices are
+indexed m[..., row, column] and move column vectors. Mistakes raise ValueError with one sentence.
+tests/python/test_stub.py compares this file with the compiled module.
+"""
+
+import os
+from typing import Any, Literal, TypeAlias, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+_Path: TypeAlias = str | os.PathLike[str]
+_Convention: TypeAlias = Literal["bone", "joint"]
+_Integers: TypeAlias = npt.NDArray[np.integer[Any]]
+_Reals: TypeAlias = npt.NDArray[np.floating[Any] | np.integer[Any]]
+_Float32: TypeAlias = npt.NDArray[np.float32]
+_Float64: TypeAlias = npt.NDArray[np.float64]
+_Int32: TypeAlias = npt.NDArray[np.int32]
+_Int64: TypeAlias = npt.NDArray[np.int64]
+_Float = TypeVar("_Float", np.float32, np.float64)
+
+__version__: str
+
+class Skeleton:
+    """The tree of joints and its rest pose. Immutable."""
+
+    def __init__(self, parents: _Integers, rest: _Reals) -> None:
+        """parents (J,), -1 for a root, in any order; rest (J, 4, 4): R(j), relative to the parent."""
+    @property
+    def joint_count(self) -> int:
+        """J."""
+    @property
+    def parents(self) -> _Int32:
+        """(J,), read-only."""
+    @property
+    def rest(self) -> _Float64:
+        """(J, 4, 4), read-only: R(j), relative to the parent."""
+    @property
+    def rest_world(self) -> _Float64:
+        """(J, 4, 4), read-only: A(j), relative to the world."""
+    @property
+    def inverse_rest(self) -> _Float64:
+        """(J, 4, 4), read-only: A(j)^-1."""
+
+class RigSkeleton(Skeleton):
+    """A Skeleton as a .bf or .tgf file describes it. Immutable."""
+
+    def __init__(
+        self,
+        parents: _Integers,
+        heads: _Reals,
+        tails: _Reals,
+        weight_columns: _Integers,
+        names: list[str] = [],
+        convention: _Convention = "joint",
+    ) -> None:
+        """parents (J,); heads and tails (J, 3), world; weight_columns (J,), -1 for none."""
+    @property
+    def heads(self) -> _Float64:
+        """(J, 3), read-only, world: where each joint turns."""
+    @property
+    def tails(self) -> _Float64:
+        """(J, 3), read-only, world: where its bone is drawn to."""
+    @property
+    def weight_columns(self) -> _Int32:
+        """(J,), read-only: the joint's column of weights, or -1."""
+    @property
+    def names(self) -> list[str]:
+        """J unique names."""
+    @property
+    def convention(self) -> _Convention: ...
+
+class PoseClip:
+    """P poses of J joint rotations. Immutable."""
+
+    def __init__(self, rotations: _Reals) -> None:
+        """rotations (P, J, 4): quaternions w x y z, brought to unit length."""
+    @property
+    def joint_count(self) -> int:
+        """J."""
+    @property
+    def pose_count(self) -> int:
+        """P."""
+    @property
+    def rotations(self) -> _Float64:
+        """(P, J, 4): w x y z, unit. A copy."""
+    def sample(self, time: float, loop: bool = False) -> _Float64:
+        """The rotations (J, 4) at a time counted in poses, by spherical interpolation.
+
+        loop: the first pose follows the last; otherwise time stops at either end.
+        """
+
+class Rig:
+    """Mesh, skeleton, weights and poses that belong together. Immutable."""
+
+    def __init__(
+        self,
+        positions: _Reals,
+        face_offsets: _Integers,
+        face_vertices: _Integers,
+        skeleton: RigSkeleton,
+        weights: _Reals,
+        poses: PoseClip | None = None,
+        animation: _Reals | None = None,
+        face_materials: _Integers | None = None,
+        material_names: list[str] = [],
+        material_library: str = "",
+    ) -> None:
+        """positions (V, 3); face_offsets (faces + 1,); face_vertices, face after face; weights
+        (V, columns); animation (F, J, 4, 4): skinning matrices; face_materials (faces,), -1 for none.
+        """
+    @property
+    def positions(self) -> _Float32:
+        """(V, 3), read-only."""
+    @property
+    def face_offsets(self) -> _Int32:
+        """(faces + 1,), read-only: where each face's vertices begin."""
+    @property
+    def face_vertices(self) -> _Int32:
+        """Read-only: vertex numbers, face after face."""
+    @property
+    def face_materials(self) -> _Int32:
+        """(faces,), read-only: index into material_names, or -1. Empty if nothing was said."""
+    @property
+    def material_names(self) -> list[str]:
+        """In order of first use."""
+    @property
+    def material_library(self) -> str:
+        """The file that describes the materials, or an empty string."""
+    @property
+    def skeleton(self) -> RigSkeleton: ...
+    @property
+    def weights(self) -> _Float64:
+        """(V, columns), read-only."""
+    @property
+    def poses(self) -> PoseClip | None: ...
+    @property
+    def animation(self) -> _Float64 | None:
+        """(F, J, 4, 4), read-only: skinning matrices."""
+
+class Skin:
+    """The mesh at rest and what moves each vertex. Immutable."""
+
+    def __init__(
+        self,
+        rest_positions: _Reals,
+        offsets: _Integers,
+        joints: _Integers,
+        weights: _Reals,
+        joint_count: int,
+    ) -> None:
+        """rest_positions (V, 3); offsets (V + 1,): vertex v has the influences offsets[v] to
+        offsets[v + 1]; joints (N,); weights (N,), which for each vertex should sum to 1.
+        """
+    @staticmethod
+    def from_dense(rest_positions: _Reals, weights: _Reals) -> Skin:
+        """rest_positions (V, 3); weights (V, J), of which the zeros are left out."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def joint_count(self) -> int:
+        """J."""
+    @property
+    def influence_count(self) -> int:
+        """N."""
+    @property
+    def most_influences(self) -> int:
+        """The most influences that a vertex has."""
+    @property
+    def unweighted_count(self) -> int:
+        """How many vertices nothing moves."""
+    @property
+    def largest_sum_error(self) -> float:
+        """The largest |sum of weights - 1| of a vertex that something moves."""
+    @property
+    def rest_positions(self) -> _Float32:
+        """(V, 3), read-only."""
+    @property
+    def offsets(self) -> _Int64:
+        """(V + 1,), read-only."""
+    @property
+    def joints(self) -> _Int32:
+        """(N,), read-only."""
+    @property
+    def weights(self) -> _Float32:
+        """(N,), read-only."""
+
+def forward_kinematics(
+    skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
+) -> npt.NDArray[_Float]:
+    """F(j) = F(parent) R(j) T(j). local and out: (J, 4, 4) or (F, J, 4, 4), any strides; out may be
+    local itself and is returned."""
+
+def skinning_matrices(
+    skeleton: Skeleton, world: _Float32 | _Float64, out: _Float32 | None = None
+) -> _Float32:
+    """F(j) A(j)^-1. world and out: (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
+
+def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
+    """T(j) of joints that only turn. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
+
+def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
+    """v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out (V, 3) or
+    (F, V, 3), C-contiguous. Returns out."""
+
+def skin_dual_quaternion(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
+    """Dual quaternion skinning (Kavan et al. 2008). Arguments as of skin_linear."""
+
+def read_dmat(path: _Path) -> _Float64:
+    """A .dmat file, text or binary: (rows, columns)."""
+
+def write_dmat(path: _Path, array: _Reals, binary: bool = False) -> None:
+    """Writes what read_dmat reads back bit for bit. array (rows, columns)."""
+
+def read_skeleton(path: _Path, convention: _Convention | None = None) -> RigSkeleton:
+    """A .bf or .tgf file. convention overrides what a .bf file says of itself."""
+
+def write_skeleton(path: _Path, skeleton: RigSkeleton) -> None:
+    """.bf or .tgf, by the path's ending."""
+
+def read_rig(
+    folder: _Path,
+    *,
+    skeleton: _Path | None = None,
+    mesh: _Path | None = None,
+    weights: _Path | None = None,
+    pose: _Path | None = None,
+    convention: _Convention | None = None,
+    quaternion_order: Literal["wxyz", "xyzw"] = "wxyz",
+) -> Rig:
+    """A rig folder. Files have their usual names, or are named relative to it."""
+
+def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> None:
+    """Into an existing folder. skeleton: its file's name, ending in .bf or .tgf."""
+
+def set_thread_count(count: int) -> None:
+    """Later calls use at most count threads; 0 means as many as the machine has."""
+
+def thread_count() -> int:
+    """The number of threads that the next call may use."""

@@ -1,7 +1,7 @@
 #include "sinew/dmat.h"
 
+#include <algorithm>
 #include <bit>
-#include <cstring>
 
 #include "text.h"
 
@@ -68,7 +68,7 @@ void read_binary(const std::string& name, std::string_view unread, Eigen::Matrix
     fail(name, " goes on for ", plural(static_cast<long long>(unread.size() - due), "byte"),
          " after the ", plural(matrix.size(), "number"), " that its header promises");
   }
-  std::memcpy(matrix.data(), unread.data(), due);
+  std::copy(unread.begin(), unread.end(), reinterpret_cast<char*>(matrix.data()));
   for (Eigen::Index i = 0; i < matrix.size(); ++i) {
     if (!std::isfinite(matrix.data()[i])) {
       fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),

@@ -29,10 +29,11 @@ class Pool {
 
   template <class Chunk>
   void run(std::size_t chunks, const Chunk& chunk) const {
+    const std::size_t count = std::min<std::size_t>(threads_, chunks);
     std::vector<std::jthread> workers;
-    for (int worker = 0; worker < threads_; ++worker) {
+    for (std::size_t worker = 0; worker < count; ++worker) {
       workers.emplace_back([&, worker] {
-        for (std::size_t c = worker; c < chunks; c += threads_) chunk(c);
+        for (std::size_t c = worker; c < chunks; c += count) chunk(c);
       });
     }
   }

@@ -30,6 +30,7 @@ void write_file(const Path& path, std::string_view bytes) {
   partial += ".partial";
   std::error_code error;
   std::ofstream stream(partial, std::ios::binary);
+  if (!stream) fail(path.string(), " cannot be written: ", std::strerror(errno));
   stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   stream.close();
   if (!stream) error.assign(errno, std::generic_category());

@@ -1,0 +1,244 @@
+#include "sinew/dual_quaternion_skinning.h"
+
+#include <gtest/gtest.h>
+
+#include "failures.h"
+#include "rigs.h"
+#include "sinew/linear_skinning.h"
+
+namespace sinew {
+namespace {
+
+using rigs::Layout;
+using rigs::Matrices;
+using rigs::Stack;
+using Floats = std::vector<float>;
+using Offsets = std::vector<std::int64_t>;
+using Joints = std::vector<std::int32_t>;
+
+constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that random_skin fills
+
+Floats skinned(const Skin& skin, const Matrices& matrices, std::ptrdiff_t frames = 1,
+               Layout layout = Layout::column_major) {
+  Stack<float> stack(matrices, frames, layout);
+  Floats positions(3 * frames * skin.vertex_count(), -77.0f);
+  skin_dual_quaternion(skin, stack.read(), positions);
+  return positions;
+}
+
+void expect_reference(const Skin& skin, const Matrices& matrices, double tolerance) {
+  const Matrices rounded = rigs::through_float(matrices);
+  EXPECT_LT(rigs::distance(skinned(skin, rounded), reference::skin_dual_quaternion(skin, rounded)),
+            tolerance);
+}
+
+/// One vertex at `point` with the given influences.
+Skin one_vertex(const Eigen::Vector3f& point, const Joints& joints, const Floats& weights) {
+  return Skin({point.data(), 3}, Offsets{0, static_cast<std::int64_t>(joints.size())}, joints,
+              weights, static_cast<std::ptrdiff_t>(joints.size()));
+}
+
+void expect_point(const Floats& positions, const Eigen::Vector3d& expected,
+                  double tolerance = 1e-6) {
+  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(positions[axis], expected[axis], tolerance);
+}
+
+TEST(DualQuaternionSkinning, HalfWayBetweenTwoTurnsIsTheTurnBetween) {
+  const Skin skin = one_vertex({1, 2, 3}, {0, 1}, {0.5f, 0.5f});
+  const Eigen::Vector3d z(0, 0, 1);
+  expect_point(skinned(skin, {rigs::identities(1)[0], rigs::turn(90, z, {0, 0, 4})}),
+               (rigs::turn(45, z, {0, 0, 2}) * Eigen::Vector4d(1, 2, 3, 1)).head<3>());
+}
+
+TEST(DualQuaternionSkinning, RestPoseIsTheRestMesh) {
+  rigs::Random random(1);
+  const Skin skin = rigs::random_skin(random, 2000, 20);
+  EXPECT_TRUE(std::ranges::equal(skinned(skin, rigs::identities(20)), skin.rest_positions()));
+}
+
+TEST(DualQuaternionSkinning, OneRigidTransformMovesEverythingRigidly) {
+  rigs::Random random(2);
+  const Skin skin = rigs::random_skin(random, 2000, 20);
+  const Matrix4<double> motion = rigs::random_rigid(random);
+  const Floats positions = skinned(skin, Matrices(20, motion));
+  Eigen::MatrixX3d expected(2000, 3);
+  for (int v = 0; v < 2000; ++v) {
+    const Eigen::Vector3d rest = reference::rest_position(skin, v);
+    const bool stays = !reference::is_moved(skin, v);
+    expected.row(v) = stays ? rest : Eigen::Vector3d((motion * rest.homogeneous()).head<3>());
+  }
+  EXPECT_LT(rigs::distance(positions, expected), 2e-6);
+}
+
+TEST(DualQuaternionSkinning, AgreesWithKavanInDouble) {
+  rigs::Random random(3);
+  for (const std::int32_t joints : {1, 2, 23, 200}) {
+    const Skin skin = rigs::random_skin(random, 3000, joints);
+    Matrices matrices;  // joints that keep near each other, as on a body: no blend is near zero
+    for (int j = 0; j < joints; ++j) {
+      matrices.push_back(rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1),
+                                    rigs::vector(random, 0.5)));
+    }
+    expect_reference(skin, matrices, 1e-6 * kDiagonal);
+  }
+}
+
+TEST(DualQuaternionSkinning, ATwistOf180DegreesKeepsItsVolume) {
+  // A ring around the x axis, half moved by a joint that stays, half by one that turns all but half
+  // way round: linear blending draws it into the axis.
+  Floats ring, weights;
+  Offsets offsets{0};
+  Joints joints;
+  for (int i = 0; i < 16; ++i) {
+    const double angle = i * std::numbers::pi / 8;
+    ring.insert(ring.end(),
+                {0, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))});
+    joints.insert(joints.end(), {0, 1});
+    weights.insert(weights.end(), {0.5f, 0.5f});
+    offsets.push_back(2 * (i + 1));
+  }
+  const Skin skin(ring, offsets, joints, weights, 2);
+  const Matrices twist{rigs::identities(1)[0], rigs::turn(179.9, {1, 0, 0})};
+  Stack<float> stack(twist, 1);
+  Floats linear(ring.size());
+  skin_linear(skin, stack.read(), linear);
+  const Floats dual = skinned(skin, twist);
+  for (int i = 0; i < 16; ++i) {
+    EXPECT_LT(Eigen::Map<const Eigen::Vector3f>(linear.data() + 3 * i).norm(), 0.001f);
+    EXPECT_NEAR(Eigen::Map<const Eigen::Vector3f>(dual.data() + 3 * i).norm(), 1, 1e-6);
+  }
+}
+
+TEST(DualQuaternionSkinning, QAndMinusQAreTheSameRotation) {
+  // Half-angles on both sides of 90 degrees: the matrices' quaternions come out with opposite signs
+  // along the axis, and adding them as they are would cancel the rotation.
+  const Skin skin = one_vertex({1, 0, 0}, {0, 1}, {0.5f, 0.5f});
+  const Eigen::Vector3d z(0, 0, 1);
+  expect_point(skinned(skin, {rigs::turn(170, z), rigs::turn(190, z)}), {-1, 0, 0});
+  expect_point(skinned(skin, {rigs::turn(190, z), rigs::turn(170, z)}), {-1, 0, 0});
+  expect_point(skinned(skin, {rigs::turn(-170, z, {0, 0, 1}), rigs::turn(170, z, {0, 0, 3})}),
+               {-1, 0, 2});
+}
+
+TEST(DualQuaternionSkinning, SignsAreTakenAgainstTheSumSoFarInStoredOrder) {
+  // -130 and 120 degrees are nearer each other the other way round, across 180. Whoever comes first
+  // decides on which side the third, 0 degrees, is met.
+  const Eigen::Vector3d z(0, 0, 1);
+  const Matrices turns{rigs::turn(-130, z), rigs::identities(1)[0], rigs::turn(120, z)};
+  const Skin outer_first = one_vertex({1, 0, 0}, {0, 2, 1}, {0.25f, 0.25f, 0.5f});
+  const Skin in_order = one_vertex({1, 0, 0}, {0, 1, 2}, {0.25f, 0.5f, 0.25f});
+  expect_reference(outer_first, turns, 1e-6);
+  expect_reference(in_order, turns, 1e-6);
+  EXPECT_GT(skinned(outer_first, turns)[1], 0.9f);  // turned by some 80 degrees
+  EXPECT_GT(skinned(in_order, turns)[0], 0.9f);     // hardly turned
+}
+
+TEST(DualQuaternionSkinning, OneJointMayScaleShearAndMirror) {
+  rigs::Random random(4);
+  const Eigen::Vector3f point(0.5f, -1, 2);
+  const Skin skin = one_vertex(point, {0}, {1});
+  for (const Eigen::Vector3d& scale : {Eigen::Vector3d(2, 3, 0.5), Eigen::Vector3d(-1, 1, 1),
+                                       Eigen::Vector3d(-2, -2, -2), Eigen::Vector3d(1, -3, 0.25)}) {
+    Matrix4<double> matrix = rigs::random_rigid(random);
+    Eigen::Matrix3d stretch = scale.asDiagonal();
+    stretch(0, 1) = 0.3;
+    matrix.topLeftCorner<3, 3>() *= stretch;
+    expect_point(skinned(skin, {matrix}), (matrix * point.cast<double>().homogeneous()).head<3>(),
+                 4e-6);
+  }
+}
+
+TEST(DualQuaternionSkinning, StretchesBlendLinearlyAndComeFirst) {
+  rigs::Random random(5);
+  const Skin skin = rigs::random_skin(random, 2000, 12);
+  Matrices matrices;
+  for (int j = 0; j < 12; ++j) {
+    matrices.push_back(rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1),
+                                  rigs::vector(random, 0.5)));
+    if (j % 3 == 0) continue;  // some joints are rigid
+    const Eigen::Vector3d scale = Eigen::Vector3d(1, 1.5, 2) + rigs::vector(random, 0.2);
+    Eigen::Matrix3d stretch = scale.asDiagonal();
+    stretch(1, 2) = rigs::uniform(random, -0.2, 0.2);
+    if (j == 4) stretch.col(0) *= -1;  // mirrors
+    matrices.back().topLeftCorner<3, 3>() *= stretch;
+  }
+  expect_reference(skin, matrices, 2e-6 * kDiagonal);
+}
+
+TEST(DualQuaternionSkinning, TheSizeOfTheWeightsDoesNotMatter) {
+  const Eigen::Vector3d z(0, 0, 1);
+  Matrices matrices{rigs::turn(20, z, {1, 0, 0}), rigs::turn(80, z, {0, 1, 0})};
+  for (const bool stretched : {false, true}) {
+    if (stretched) matrices[1].topLeftCorner<3, 3>() *= 2;
+    const Floats whole = skinned(one_vertex({1, 2, 3}, {0, 1}, {0.25f, 0.75f}), matrices);
+    const Floats tenth = skinned(one_vertex({1, 2, 3}, {0, 1}, {0.025f, 0.075f}), matrices);
+    expect_point(tenth, {whole[0], whole[1], whole[2]});
+  }
+}
+
+TEST(DualQuaternionSkinning, WhereNoDirectionIsRightTheVertexStays) {
+  const Eigen::Vector3d z(0, 0, 1);
+  const Matrices matrices{rigs::turn(20, z, {1, 0, 0}), rigs::turn(20, z, {1, 0, 0})};
+  EXPECT_EQ(skinned(one_vertex({1, 2, 3}, {0, 1}, {0.5f, -0.5f}), matrices), (Floats{1, 2, 3}));
+  // Weights so small that their squares are no normal numbers any more.
+  for (const float weight : {1e-18f, 1e-19f, 1e-20f, 1e-22f, 1e-30f, 1e-45f}) {
+    for (const float number : skinned(one_vertex({1, 2, 3}, {0, 1}, {weight, weight}), matrices)) {
+      EXPECT_TRUE(std::isfinite(number)) << weight;
+    }
+  }
+}
+
+TEST(DualQuaternionSkinning, WhatNothingMovesStays) {
+  const Floats rest{1, 2, 3, 4, 5, 6};
+  EXPECT_EQ(skinned(Skin(rest, Offsets{0, 0, 0}, {}, {}, 0), {}), rest);
+}
+
+TEST(DualQuaternionSkinning, FramesAtOnceAreFrameByFrame) {
+  rigs::Random random(6);
+  for (const auto& [frames, joints] : {std::pair{5, 30}, {100, 900}}) {
+    const Skin skin = rigs::random_skin(random, 150, joints);
+    const Matrices matrices = rigs::random_pose(random, frames * joints);
+    const Floats at_once = skinned(skin, matrices, frames);
+    for (int frame = 0; frame < frames; ++frame) {
+      const auto begin = matrices.begin() + frame * joints;
+      const Floats single = skinned(skin, Matrices(begin, begin + joints));
+      EXPECT_TRUE(std::equal(single.begin(), single.end(), at_once.begin() + frame * 450)) << frame;
+    }
+  }
+}
+
+TEST(DualQuaternionSkinning, EveryLayoutGivesTheSameBits) {
+  rigs::Random random(7);
+  const Skin skin = rigs::random_skin(random, 500, 10);
+  const Matrices matrices = rigs::random_pose(random, 3 * 10);
+  const Floats expected = skinned(skin, matrices, 3);
+  for (const Layout layout : rigs::kLayouts)
+    EXPECT_EQ(skinned(skin, matrices, 3, layout), expected);
+}
+
+TEST(DualQuaternionSkinning, AnyNumberOfThreadsGivesTheSameBits) {
+  const KeepThreadCount keep;
+  rigs::Random random(8);
+  const Skin skin = rigs::random_skin(random, 30001, 40);
+  const Matrices matrices = rigs::random_pose(random, 3 * 40);
+  set_thread_count(1);
+  const Floats one = skinned(skin, matrices, 3);
+  for (const int threads : {2, 3, 8}) {
+    set_thread_count(threads);
+    EXPECT_EQ(skinned(skin, matrices, 3), one) << threads << " threads";
+  }
+}
+
+TEST(DualQuaternionSkinning, RefusesShapesThatDoNotFit) {
+  rigs::Random random(9);
+  const Skin skin = rigs::random_skin(random, 10, 4);
+  Stack<float> three(1, 3), four(1, 4);
+  Floats positions(30), too_many(31);
+  EXPECT_EQ(complaint([&] { skin_dual_quaternion(skin, three.read(), positions); }),
+            "there are 3 matrices a frame; the skin has 4 joints");
+  EXPECT_EQ(complaint([&] { skin_dual_quaternion(skin, four.read(), too_many); }),
+            "the result holds 31 numbers; expected 30 (1 x 10 x 3)");
+}
+
+}  // namespace
+}  // namespace sinew

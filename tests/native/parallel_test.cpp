@@ -1,0 +1,61 @@
+#include "parallel.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "failures.h"
+
+namespace sinew {
+namespace {
+
+TEST(Parallel, RangesCoverEverythingOnce) {
+  const KeepThreadCount keep;
+  for (const int threads : {1, 2, 3, 8}) {
+    set_thread_count(threads);
+    for (const std::size_t count : {0, 1, 7, 8, 9, 1000, 4096}) {
+      std::vector<int> visits(count, 0);
+      std::atomic<bool> too_long = false;
+      parallel_for(count, 8, [&](std::size_t begin, std::size_t end) {
+        if (threads > 1 && end - begin > 8) too_long = true;
+        for (std::size_t i = begin; i < end; ++i) ++visits[i];
+      });
+      EXPECT_EQ(visits, std::vector<int>(count, 1)) << threads << " threads, " << count << " items";
+      EXPECT_FALSE(too_long) << threads << " threads, " << count << " items";
+    }
+  }
+}
+
+TEST(Parallel, OneRangeOrOneThreadStaysOnTheCallingThread) {
+  const KeepThreadCount keep;
+  const auto caller = std::this_thread::get_id();
+  const auto expect_caller = [&](std::size_t count, std::size_t grain) {
+    int calls = 0;
+    parallel_for(count, grain, [&](std::size_t begin, std::size_t end) {
+      ++calls;
+      EXPECT_EQ(std::this_thread::get_id(), caller);
+      EXPECT_EQ(begin, 0u);
+      EXPECT_EQ(end, count);
+    });
+    EXPECT_EQ(calls, 1);
+  };
+  set_thread_count(4);
+  expect_caller(100, 100);
+  set_thread_count(1);
+  expect_caller(100, 1);
+}
+
+TEST(Parallel, MayBeCalledInsideItself) {
+  const KeepThreadCount keep;
+  set_thread_count(4);
+  std::vector<int> visits(64 * 64, 0);
+  parallel_for(64, 1, [&](std::size_t outer, std::size_t) {
+    parallel_for(64, 1, [&](std::size_t inner, std::size_t) { ++visits[64 * outer + inner]; });
+  });
+  EXPECT_EQ(visits, std::vector<int>(64 * 64, 1));
+}
+
+}  // namespace
+}  // namespace sinew

@@ -1,0 +1,162 @@
+/// Skeletons, poses and skins to try things on, and matrices in every layout.
+#pragma once
+
+#include <algorithm>
+#include <numbers>
+#include <numeric>
+#include <random>
+#include <vector>
+
+#include "reference.h"
+#include "sinew/skeleton.h"
+#include "sinew/skin.h"
+
+namespace sinew::rigs {
+
+using Random = std::mt19937;
+using reference::Matrices;
+
+inline double uniform(Random& random, double low, double high) {
+  return low + (high - low) * (random() / 4294967296.0);  // the same on every machine
+}
+
+inline Eigen::Vector3d vector(Random& random, double size) {
+  return {uniform(random, -size, size), uniform(random, -size, size), uniform(random, -size, size)};
+}
+
+inline Matrix4<double> rigid(const Eigen::Quaterniond& rotation,
+                             const Eigen::Vector3d& translation) {
+  Matrix4<double> matrix = Matrix4<double>::Identity();
+  matrix.topLeftCorner<3, 3>() = rotation.normalized().toRotationMatrix();
+  matrix.topRightCorner<3, 1>() = translation;
+  return matrix;
+}
+
+inline Matrix4<double> turn(double degrees, const Eigen::Vector3d& axis,
+                            const Eigen::Vector3d& translation = Eigen::Vector3d::Zero()) {
+  const double radians = degrees * std::numbers::pi / 180;
+  return rigid(Eigen::Quaterniond(Eigen::AngleAxisd(radians, axis.normalized())), translation);
+}
+
+inline Matrix4<double> random_rigid(Random& random, double size = 1) {
+  return turn(uniform(random, -180, 180), vector(random, 1), vector(random, size));
+}
+
+inline Matrices random_pose(Random& random, std::ptrdiff_t count, double size = 1) {
+  Matrices pose;
+  for (std::ptrdiff_t i = 0; i < count; ++i) pose.push_back(random_rigid(random, size));
+  return pose;
+}
+
+inline Matrices identities(std::ptrdiff_t count) {
+  return Matrices(count, Matrix4<double>::Identity());
+}
+
+/// 0 <- 1 <- 2 ...
+inline std::vector<std::int32_t> chain(std::int32_t count) {
+  std::vector<std::int32_t> parents(count);
+  std::iota(parents.begin(), parents.end(), -1);
+  return parents;
+}
+
+/// Every joint has `children` children: few levels, wide ones.
+inline std::vector<std::int32_t> bushy_tree(std::int32_t count, std::int32_t children) {
+  std::vector<std::int32_t> parents(count);
+  for (std::int32_t j = 0; j < count; ++j) parents[j] = j == 0 ? -1 : (j - 1) / children;
+  return parents;
+}
+
+/// Several roots, and numbers that say nothing about the order: parents come after their children.
+inline std::vector<std::int32_t> random_forest(Random& random, std::int32_t count) {
+  std::vector<std::int32_t> name(count);
+  std::iota(name.begin(), name.end(), 0);
+  std::shuffle(name.begin(), name.end(), random);
+  std::vector<std::int32_t> parents(count, -1);
+  for (std::int32_t i = 1; i < count; ++i) {
+    if (random() % 8 != 0) parents[name[i]] = name[random() % i];
+  }
+  return parents;
+}
+
+/// V positions in a box of 2 x 2 x 2; vertex v has v % 16 influences, so vertex 0 has none, whose
+/// weights sum to 1. Joints may repeat.
+inline Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints) {
+  std::vector<float> positions, weights;
+  std::vector<std::int64_t> offsets{0};
+  std::vector<std::int32_t> names;
+  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      positions.push_back(static_cast<float>(uniform(random, -1, 1)));
+    }
+    std::vector<double> own;
+    for (std::ptrdiff_t i = 0; i < v % 16; ++i) {
+      own.push_back(uniform(random, 0.01, 1));
+      names.push_back(static_cast<std::int32_t>(random() % joints));
+    }
+    const double sum = std::accumulate(own.begin(), own.end(), 0.0);
+    for (const double weight : own) weights.push_back(static_cast<float>(weight / sum));
+    offsets.push_back(static_cast<std::int64_t>(names.size()));
+  }
+  return Skin(positions, offsets, names, weights, joints);
+}
+
+enum class Layout { column_major, row_major, padded, backwards };
+constexpr Layout kLayouts[] = {Layout::column_major, Layout::row_major, Layout::padded,
+                               Layout::backwards};
+
+/// Owns the memory of F x J matrices in one of the layouts.
+template <class T>
+class Stack {
+ public:
+  Stack(std::ptrdiff_t frames, std::ptrdiff_t joints, Layout layout = Layout::column_major)
+      : view_{nullptr, frames, joints, 16 * joints, 16, 1, 4} {
+    if (layout == Layout::row_major) std::swap(view_.row_stride, view_.column_stride);
+    if (layout == Layout::padded) view_ = {nullptr, frames, joints, 45 * joints + 7, 45, 11, 3};
+    memory_.assign(std::max<std::ptrdiff_t>(1, frames * view_.frame_stride), T{-77});
+    view_.data = memory_.data();
+    if (layout == Layout::backwards && frames * joints > 0) {
+      view_.data += (frames - 1) * view_.frame_stride + (joints - 1) * view_.joint_stride;
+      view_.frame_stride = -view_.frame_stride;
+      view_.joint_stride = -view_.joint_stride;
+    }
+  }
+  /// `matrices` frame after frame.
+  Stack(const Matrices& matrices, std::ptrdiff_t frames, Layout layout = Layout::column_major)
+      : Stack(frames, static_cast<std::ptrdiff_t>(matrices.size()) / frames, layout) {
+    for (std::ptrdiff_t i = 0; i < static_cast<std::ptrdiff_t>(matrices.size()); ++i) {
+      view_.at(i / view_.joints, i % view_.joints) = matrices[i].cast<T>();
+    }
+  }
+  Stack(const Stack&) = delete;
+
+  MatrixStack<T> view() { return view_; }
+  MatrixStack<const T> read() { return view_; }
+
+  /// Frame after frame, whatever the layout.
+  std::vector<Matrix4<T>> matrices() const {
+    std::vector<Matrix4<T>> result;
+    for (std::ptrdiff_t frame = 0; frame < view_.frames; ++frame) {
+      for (std::ptrdiff_t j = 0; j < view_.joints; ++j) result.push_back(view_.at(frame, j));
+    }
+    return result;
+  }
+
+ private:
+  std::vector<T> memory_;
+  MatrixStack<T> view_;
+};
+
+/// What float32 made of them: the matrices that a frame function really sees.
+inline Matrices through_float(const Matrices& matrices) {
+  Matrices rounded;
+  for (const auto& matrix : matrices) rounded.push_back(matrix.cast<float>().cast<double>());
+  return rounded;
+}
+
+/// The largest coordinate of a - b, where a is V x 3 row by row.
+inline double distance(const std::vector<float>& a, const Eigen::MatrixX3d& b) {
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+  return (Eigen::Map<const Rows>(a.data(), b.rows(), 3).cast<double>() - b).cwiseAbs().maxCoeff();
+}
+
+}  // namespace sinew::rigs

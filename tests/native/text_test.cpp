@@ -1,0 +1,175 @@
+#include "text.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <bit>
+
+#include "failures.h"
+#include "files.h"
+
+namespace sinew {
+namespace {
+
+template <class T>
+std::string parsed(const char* word) {
+  T number{};
+  if (!parse_number(word, number)) return "no";
+  std::string text;
+  append_number(text, number);
+  return text;
+}
+
+TEST(Text, NumbersAreWholeWordsAndFinite) {
+  EXPECT_EQ(parsed<double>("+1.5"), "1.5");
+  EXPECT_EQ(parsed<double>("-2e3"), "-2000");
+  EXPECT_EQ(parsed<double>(".5"), "0.5");
+  EXPECT_EQ(parsed<float>("0.1"), "0.1");
+  EXPECT_EQ(parsed<std::int32_t>("+7"), "7");
+  for (const char* word : {"", "+", "-", "+-5", "++5", "1.5x", "1,5", "nan", "-inf", "infinity",
+                           "1e400", "-1e5000", "0x10", "abc"}) {
+    EXPECT_EQ(parsed<double>(word), "no") << word;
+  }
+  for (const char* word : {"1.5", "1e3", "99999999999", "x"}) {
+    EXPECT_EQ(parsed<std::int32_t>(word), "no") << word;
+  }
+  EXPECT_EQ(parsed<float>("1e39"), "no");
+}
+
+TEST(Text, NumbersTooSmallForTheTypeAreZero) {
+  EXPECT_EQ(parsed<float>("1e-60"), "0");
+  EXPECT_EQ(parsed<float>("-1e-60"), "-0");
+  EXPECT_EQ(parsed<double>("1e-400"), "0");
+  EXPECT_EQ(parsed<double>("5e-324"), "5e-324");
+  EXPECT_EQ(parsed<float>("1e-45"), "1e-45");
+}
+
+TEST(Text, WordsAndTrimming) {
+  std::string_view text = " \t a\r\n\n b ";
+  EXPECT_EQ(next_word(text), "a");
+  EXPECT_EQ(next_word(text), "b");
+  EXPECT_EQ(next_word(text), "");
+  EXPECT_EQ(trimmed(" \t a b\r"), "a b");
+  EXPECT_EQ(trimmed(" \r"), "");
+}
+
+TEST(Text, LinesOfEverySystem) {
+  const TemporaryFolder folder;
+  LineReader file(folder.file("a",
+                              "\xEF\xBB\xBF"
+                              "1 x\r\n\r\n2 y z\n3"));
+  ASSERT_TRUE(file.next_line());
+  EXPECT_EQ(file.number<int>("a number"), 1);
+  EXPECT_EQ(file.word(), "x");
+  EXPECT_EQ(file.word(), "");
+  ASSERT_TRUE(file.next_line());
+  EXPECT_EQ(file.word(), "");
+  ASSERT_TRUE(file.next_line());
+  EXPECT_EQ(file.word(), "2");
+  EXPECT_EQ(trimmed(file.rest()), "y z");
+  ASSERT_TRUE(file.next_line());
+  EXPECT_EQ(file.line(), "3");
+  EXPECT_FALSE(file.next_line());
+  EXPECT_EQ(file.name(), "a");
+}
+
+TEST(Text, NumbersThatAreNoneAreNamedWithTheirLine) {
+  const TemporaryFolder folder;
+  LineReader file(folder.file("a.bf", "1\nx" + std::string(100, 'y') + "\n"));
+  file.next_line();
+  EXPECT_EQ(file.number<double>("a weight"), 1);
+  EXPECT_EQ(complaint([&] { file.number<double>("a weight"); }),
+            "a.bf, line 1: the line ends where a weight is expected");
+  file.next_line();
+  EXPECT_EQ(complaint([&] { file.number<double>("a weight"); }),
+            "a.bf, line 2: expected a weight, found \"x" + std::string(39, 'y') + "\"");
+}
+
+TEST(Text, ReadFileGivesTheBytes) {
+  const TemporaryFolder folder;
+  const std::string bytes("a\r\n\0\xFF", 5);
+  EXPECT_EQ(read_file(folder.file("a", bytes)), bytes);
+  EXPECT_EQ(read_file(folder.file("b", "")), "");
+}
+
+TEST(Text, ReadFileSaysWhyItCannot) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path("a");
+  EXPECT_EQ(complaint([&] { read_file(path); }), "there is no file " + path);
+  EXPECT_EQ(complaint([&] { read_file(folder.path()); }),
+            folder.path().string() + " is a folder; expected a file");
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  EXPECT_TRUE(complaint([&] { read_file(path); }).starts_with(path + " cannot be read: "));
+}
+
+TEST(Text, ReadFileRefusesWhatMayNotBeRead) {
+  const TemporaryFolder folder;
+  std::filesystem::path path = folder.file("a", "secret");
+  ASSERT_EQ(chmod(path.c_str(), 0), 0);
+  if (access(path.c_str(), R_OK) == 0) path = "/sys/bus/platform/drivers_probe";  // we are root
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no file that root may not read";
+  EXPECT_EQ(complaint([&] { read_file(path); }),
+            path.string() + " cannot be read: Permission denied");
+}
+
+TEST(Text, ReadFileRefusesAFileThatEndsEarly) {
+  // The kernel says 4096 bytes and gives a handful.
+  const char* path = "/sys/devices/system/cpu/online";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+  EXPECT_EQ(complaint([&] { read_file(path); }), std::string(path) + " cannot be read to its end");
+}
+
+TEST(Text, WriteFileReplacesTheWholeFile) {
+  const TemporaryFolder folder;
+  folder.file("a", "a long old text");
+  write_file(folder.path("a"), "new");
+  EXPECT_EQ(folder.bytes("a"), "new");
+  EXPECT_FALSE(std::filesystem::exists(folder.path("a.partial")));
+}
+
+TEST(Text, WriteFileThatFailsLeavesTheOldFile) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a", "old");
+  const auto said = [&] { return complaint([&] { write_file(path, "new"); }); };
+  // The neighbour cannot be opened ...
+  std::filesystem::create_directory(folder.path("a.partial"));
+  EXPECT_EQ(said(), path + " cannot be written: Is a directory");
+  EXPECT_EQ(folder.bytes("a"), "old");
+  std::filesystem::remove(folder.path("a.partial"));
+  // ... or the disk is full.
+  std::filesystem::create_symlink("/dev/full", folder.path("a.partial"));
+  EXPECT_EQ(said(), path + " cannot be written: No space left on device");
+  EXPECT_EQ(folder.bytes("a"), "old");
+  EXPECT_FALSE(std::filesystem::is_symlink(folder.path("a.partial")));
+}
+
+TEST(Text, WriteFileSaysWhyItCannot) {
+  const TemporaryFolder folder;
+  const std::string nowhere = folder.path("none") / "a";
+  EXPECT_EQ(complaint([&] { write_file(nowhere, "new"); }),
+            nowhere + " cannot be written: No such file or directory");
+  const std::string taken = folder.path("taken");
+  std::filesystem::create_directory(taken);
+  EXPECT_EQ(complaint([&] { write_file(taken, "new"); }),
+            taken + " cannot be written: Is a directory");
+  EXPECT_FALSE(std::filesystem::exists(taken + ".partial"));
+}
+
+TEST(Text, NamingPutsTheFileInFront) {
+  EXPECT_EQ(naming("/x/a.bf", [] { return 3; }), 3);
+  EXPECT_EQ(complaint([] { naming("/x/a.bf", [] { fail("wrong"); }); }), "a.bf: wrong");
+}
+
+TEST(Text, NumbersAreWrittenSoThatTheyReadBack) {
+  for (const double number : {0.1, -1.0 / 3, 1e300, 5e-324, -0.0, 123456789.0}) {
+    std::string text;
+    append_number(text, number);
+    double back = 7;
+    ASSERT_TRUE(parse_number(text, back)) << text;
+    EXPECT_EQ(std::bit_cast<std::uint64_t>(back), std::bit_cast<std::uint64_t>(number)) << text;
+  }
+}
+
+}  // namespace
+}  // namespace sinew

@@ -1,0 +1,216 @@
+"""Skin, skin_linear, skin_dual_quaternion."""
+
+import gc
+import pickle
+import re
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import reference
+import rigs
+import sinew_native as sinew
+from test_skeleton import said
+
+METHODS = [sinew.skin_linear, sinew.skin_dual_quaternion]
+IDENTITY = np.eye(4, dtype=np.float32)
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(11)
+
+
+def expected(method, skin, weights, matrices):
+    if method is sinew.skin_linear:
+        return reference.skin_linear(skin.rest_positions, weights, matrices)
+    return reference.skin_dual_quaternion(skin.rest_positions, skin.offsets, skin.joints, skin.weights,
+                                          matrices)
+
+
+def test_skin_keeps_influences_in_order():
+    skin = sinew.Skin(np.arange(6.0).reshape(2, 3), np.array([0, 3, 4]), np.array([2, 0, 2, 1]),
+                      np.array([0.5, 0.25, 0.25, 0.75]), 3)
+    assert (skin.vertex_count, skin.joint_count, skin.influence_count) == (2, 3, 4)
+    assert (skin.most_influences, skin.unweighted_count, skin.largest_sum_error) == (3, 0, 0.25)
+    assert skin.rest_positions.dtype == np.float32
+    assert skin.rest_positions.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert skin.offsets.dtype == np.int64 and skin.offsets.tolist() == [0, 3, 4]
+    assert skin.joints.dtype == np.int32 and skin.joints.tolist() == [2, 0, 2, 1]
+    assert skin.weights.dtype == np.float32 and skin.weights.tolist() == [0.5, 0.25, 0.25, 0.75]
+    assert repr(skin) == "<Skin of 2 vertices, 3 joints, 4 influences>"
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_skin_from_dense(order, dtype):
+    weights = np.asarray([[0.25, 0, 0.75], [0, 0, 0], [0, -1e-9, 1]], dtype, order=order)
+    skin = sinew.Skin.from_dense(np.zeros((3, 3)), weights)
+    assert skin.joint_count == 3 and skin.unweighted_count == 1
+    assert skin.offsets.tolist() == [0, 2, 2, 4]
+    assert skin.joints.tolist() == [0, 2, 1, 2]
+    assert np.array_equal(skin.weights, np.float32([0.25, 0.75, -1e-9, 1]))
+
+
+def test_skin_refuses_what_is_wrong():
+    points, offsets, joints, weights = np.zeros((2, 3)), np.array([0, 1, 2]), np.array([0, 1]), np.ones(2)
+    assert sinew.Skin(points, offsets, joints, weights, 2).vertex_count == 2
+    assert said(sinew.Skin, points[:, :2], offsets, joints, weights, 2) == \
+        "rest_positions has shape (2, 2); expected (V, 3)"
+    assert said(sinew.Skin, points.ravel(), offsets, joints, weights, 2) == \
+        "rest_positions has shape (6,); expected (V, 3)"
+    assert said(sinew.Skin, points + np.inf, offsets, joints, weights, 2) == \
+        "the rest position of vertex 0 is not finite"
+    assert said(sinew.Skin, points, offsets[:2], joints, weights, 2) == \
+        "offsets has 2 entries; expected 3, one more than there are vertices"
+    assert said(sinew.Skin, points, offsets * 1.0, joints, weights, 2) == \
+        "offsets is float64; expected integers"
+    assert said(sinew.Skin, points, offsets, joints[:, None], weights, 2) == \
+        "joints has shape (2, 1); expected one axis"
+    assert said(sinew.Skin, points, offsets, joints, weights, 1) == \
+        "influence 1 names joint 1; there are 1 joint"
+    assert said(sinew.Skin, points, offsets, joints + 2**40, weights, 2) == \
+        f"joints holds {2**40}, which is out of range"
+    assert said(sinew.Skin, points, offsets, joints, weights * np.nan, 2) == \
+        "the weight of influence 0 is not finite"
+    assert said(sinew.Skin, points, offsets, joints, weights * 1e39, 2) == \
+        "the weight of influence 0 is not finite"  # as float32
+    assert said(sinew.Skin, points, offsets, joints, weights, -1) == \
+        "joint_count is -1; expected 0 or more"
+    assert said(sinew.Skin.from_dense, points, weights) == "weights has shape (2,); expected (V, J)"
+    assert said(sinew.Skin.from_dense, points, np.ones((3, 2))) == \
+        "weights has 3 rows; there are 2 vertices"
+    assert said(sinew.Skin.from_dense, points, np.full((2, 2), "a")) == \
+        "weights is <U1; expected real numbers"
+
+
+def test_views_are_read_only_and_outlive_their_owner(random):
+    skin, positions, _ = rigs.dense_skin(random, 400, 9)
+    views = [skin.rest_positions, skin.offsets, skin.joints, skin.weights]
+    kept = [view.copy() for view in views]
+    for view in views:
+        with pytest.raises(ValueError, match="read-only"):
+            view[0] = 0
+    del skin
+    gc.collect()
+    others = [rigs.dense_skin(random, 400, 9) for _ in range(3)]
+    assert others and all(np.array_equal(view, copy) for view, copy in zip(views, kept))
+    assert np.array_equal(views[0], positions)
+
+
+def test_the_skin_has_memory_of_its_own(random):
+    positions = np.ones((2, 3), np.float32)
+    skin = sinew.Skin.from_dense(positions, np.ones((2, 1)))
+    positions[:] = 7
+    assert np.array_equal(skin.rest_positions, np.ones((2, 3)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_against_the_formula(random, method):
+    skin, _, weights = rigs.dense_skin(random, 300, 8)
+    matrices = rigs.random_matrices(random, 8, dtype=np.float32)
+    positions = method(skin, matrices)
+    assert positions.dtype == np.float32 and positions.shape == (300, 3) and positions.flags.c_contiguous
+    # Random rotations may nearly cancel, which takes digits from the dual quaternions.
+    tolerance = 2e-6 if method is sinew.skin_linear else 2e-5
+    assert np.abs(positions - expected(method, skin, weights, matrices)).max() < tolerance
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rest_pose_and_rigid_motion(random, method):
+    skin, positions, weights = rigs.dense_skin(random, 200, 8)
+    assert np.allclose(method(skin, np.tile(IDENTITY, (8, 1, 1))), positions, rtol=0, atol=1e-6)
+    motion = rigs.random_matrices(random, 1, dtype=np.float32)
+    moved = positions @ motion[0, :3, :3].T + motion[0, :3, 3]
+    moved[0] = positions[0]  # nothing moves it
+    assert np.allclose(method(skin, np.tile(motion, (8, 1, 1))), moved, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_batches_are_frame_by_frame(random, method):
+    skin, _, _ = rigs.dense_skin(random, 200, 8)
+    matrices = rigs.random_matrices(random, 6, 8, dtype=np.float32)
+    at_once = method(skin, matrices)
+    assert at_once.shape == (6, 200, 3)
+    assert all(np.array_equal(at_once[f], method(skin, matrices[f])) for f in range(6))
+    assert method(skin, matrices[:0]).shape == (0, 200, 3)
+    assert method(skin, matrices[:1]).shape == (1, 200, 3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_any_strides(random, method):
+    skin, _, _ = rigs.dense_skin(random, 200, 8)
+    for shape in ((8,), (3, 8)):
+        matrices = rigs.random_matrices(random, *shape, dtype=np.float32)
+        positions = method(skin, matrices)
+        for same in rigs.layouts(matrices):
+            assert np.array_equal(method(skin, same), positions)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_transposed_view_is_not_copied(random, method):
+    skin, _, _ = rigs.dense_skin(random, 10, 4)
+    matrices = rigs.random_matrices(random, 500, 4, dtype=np.float32).swapaxes(-1, -2)
+    out = np.empty((500, 10, 3), np.float32)
+    method(skin, matrices, out)
+    tracemalloc.start()
+    try:
+        method(skin, matrices, out)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < matrices.nbytes / 10
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_out_is_written_and_returned(random, method):
+    skin, _, _ = rigs.dense_skin(random, 50, 4)
+    for shape in ((4,), (3, 4)):
+        matrices = rigs.random_matrices(random, *shape, dtype=np.float32)
+        positions = method(skin, matrices)
+        out = np.full(positions.shape, np.nan, np.float32)
+        assert method(skin, matrices, out) is out
+        assert np.array_equal(out, positions)
+        assert method(skin=skin, matrices=matrices, out=out) is out
+        assert method(skin, matrices, None) is not out
+        part = np.zeros((2, *positions.shape), np.float32)
+        method(skin, matrices, part[1])
+        assert np.array_equal(part[1], positions) and not part[0].any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_refuses_arrays_that_do_not_fit(random, method):
+    skin, _, _ = rigs.dense_skin(random, 50, 4)
+    matrices = rigs.random_matrices(random, 2, 4, dtype=np.float32)
+    out = np.zeros((2, 50, 3), np.float32)
+    for bad in (matrices.astype(np.float64), matrices.astype(">f4"), matrices.astype(int)):
+        assert re.fullmatch("matrices is .*; expected float32", said(method, skin, bad))
+    for shape in [(4, 4, 3), (4, 4), (64,), (1, 1, 4, 4, 4)]:
+        assert said(method, skin, np.zeros(shape, np.float32)) == \
+            f"matrices has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
+    assert said(method, skin, matrices[:, :3]) == "there are 3 matrices a frame; the skin has 4 joints"
+    for shape in [(50, 3), (3, 50, 3), (2, 49, 3), (2, 50, 4), (300,)]:
+        assert said(method, skin, matrices, np.zeros(shape, np.float32)) == \
+            f"out has shape {shape}; expected (2, 50, 3)"
+    assert said(method, skin, matrices[0], out) == "out has shape (2, 50, 3); expected (50, 3)"
+    assert said(method, skin, matrices, out.astype(np.float64)) == "out is float64; expected float32"
+    assert said(method, skin, matrices, np.asfortranarray(out)) == "out is not C-contiguous"
+    assert said(method, skin, matrices, np.zeros((2, 50, 6), np.float32)[:, :, ::2]) == \
+        "out is not C-contiguous"
+    assert said(method, skin, matrices, out.tolist()) == "out is a list; expected a numpy array"
+    odd = np.zeros(out.nbytes + 1, np.uint8)[1:].view(np.float32).reshape(out.shape)
+    assert said(method, skin, matrices, odd) == "out has numbers at odd addresses; pass a copy"
+    out.flags.writeable = False
+    assert said(method, skin, matrices, out) == "out is read-only"
+    with pytest.raises(TypeError):
+        method(skin, matrices.tolist())
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_unpickled_arrays_are_taken(random, method):
+    skin, _, _ = rigs.dense_skin(random, 50, 4)
+    matrices = rigs.random_matrices(random, 4, dtype=np.float32)
+    out = pickle.loads(pickle.dumps(np.zeros((50, 3), np.float32)))
+    assert method(skin, pickle.loads(pickle.dumps(matrices)), out) is out
+    assert np.array_equal(out, method(skin, matrices))

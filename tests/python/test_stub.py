@@ -1,0 +1,123 @@
+"""sinew_native.pyi says what the compiled module is: the same names, parameters and defaults."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sinew_native as sinew
+
+STUB = Path(__file__).resolve().parents[2] / "native" / "bindings" / "sinew_native.pyi"
+TREE = ast.parse(STUB.read_text())
+CLASSES = {node.name: node for node in TREE.body if isinstance(node, ast.ClassDef)}
+FUNCTIONS = [node for node in TREE.body if isinstance(node, ast.FunctionDef)]
+
+
+def is_public(name):
+    return not name.startswith("_") or name in {"__init__", "__version__"}
+
+
+def of_stub(function):
+    """[(name, has a default)], with "*" where keywords begin."""
+    arguments = function.args
+    required = len(arguments.args) - len(arguments.defaults)
+    parameters = [(a.arg, i >= required) for i, a in enumerate(arguments.args)]
+    if arguments.kwonlyargs:
+        parameters.append(("*", False))
+    parameters += [(a.arg, d is not None) for a, d in zip(arguments.kwonlyargs, arguments.kw_defaults)]
+    return parameters
+
+
+def of_docstring(docstring):
+    """The same from pybind11's first line, `name(a: T, b: U[V, W] = x) -> R`."""
+    inside = re.match(r"\w+\((.*)\) -> ", docstring.splitlines()[0]).group(1)
+    parts, depth = [""], 0
+    for character in inside:
+        depth += (character in "[(") - (character in "])")
+        if character == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return [(part.split(":")[0].strip(), " = " in part) for part in parts if part.strip()]
+
+
+def kind_of_stub(function):
+    for decorator in function.decorator_list:
+        if isinstance(decorator, ast.Name) and decorator.id in {"property", "staticmethod"}:
+            return decorator.id
+    return "method"
+
+
+def members_of_stub(node):
+    return {f.name: kind_of_stub(f) for f in node.body if isinstance(f, ast.FunctionDef)}
+
+
+def members_of_class(cls):
+    kinds = {property: "property", staticmethod: "staticmethod"}
+    return {name: kinds.get(type(value), "method") for name, value in vars(cls).items()
+            if is_public(name)}
+
+
+def test_docstrings_are_understood():
+    assert of_docstring("f(self: a.B, x: Dict[str, int] = {}, *, y: Tuple[int, ...]) -> None\n\nz") == \
+        [("self", False), ("x", True), ("*", False), ("y", False)]
+    assert of_docstring("f() -> int") == []
+
+
+def test_public_names():
+    in_stub = {f.name for f in FUNCTIONS} | set(CLASSES)
+    in_stub |= {node.target.id for node in TREE.body if isinstance(node, ast.AnnAssign)}
+    assert {name for name in in_stub if is_public(name)} == {name for name in vars(sinew) if is_public(name)}
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_members(name):
+    cls = getattr(sinew, name)
+    assert members_of_stub(CLASSES[name]) == members_of_class(cls)
+    bases = [base.__name__ for base in cls.__bases__ if base.__name__ in CLASSES]
+    assert [base.id for base in CLASSES[name].bases] == bases
+
+
+def methods():
+    for name, node in CLASSES.items():
+        for function in node.body:
+            if isinstance(function, ast.FunctionDef) and kind_of_stub(function) != "property":
+                yield pytest.param(getattr(getattr(sinew, name), function.name), function,
+                                   id=f"{name}.{function.name}")
+    for function in FUNCTIONS:
+        yield pytest.param(getattr(sinew, function.name), function, id=function.name)
+
+
+@pytest.mark.parametrize("live, function", methods())
+def test_parameters(live, function):
+    assert of_stub(function) == of_docstring(live.__doc__)
+
+
+ALIASES = {"_Float32": np.float32, "_Float64": np.float64, "_Int32": np.int32, "_Int64": np.int64}
+
+
+def samples():
+    skeleton = sinew.RigSkeleton(np.array([-1]), np.zeros((1, 3)), np.ones((1, 3)), np.array([0]))
+    one = np.eye(4, dtype=np.float32)[None]
+    poses = sinew.PoseClip(np.array([[[1.0, 0, 0, 0]]]))
+    rig = sinew.Rig(np.zeros((3, 3)), np.array([0, 3]), np.array([0, 1, 2]), skeleton, np.ones((3, 1)),
+                    poses, one[None])
+    skin = sinew.Skin.from_dense(np.zeros((1, 3)), np.ones((1, 1)))
+    return {"Skeleton": sinew.Skeleton(np.array([-1]), one), "RigSkeleton": skeleton,
+            "PoseClip": poses, "Rig": rig, "Skin": skin}
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_types_of_properties(name):
+    sample = samples()[name]
+    for function in CLASSES[name].body:
+        if not isinstance(function, ast.FunctionDef) or kind_of_stub(function) != "property":
+            continue
+        value, said = getattr(sample, function.name), ast.unparse(function.returns).split(" | ")[0]
+        if said in ALIASES:
+            assert value.dtype == ALIASES[said], function.name
+        else:
+            python = {"_Convention": "str", "list[str]": "list"}.get(said, said)
+            assert type(value).__name__ == python, function.name

@@ -1,0 +1,83 @@
+"""Threads of the library and threads of Python."""
+
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import rigs
+import sinew_native as sinew
+from test_skeleton import said
+
+SKELETON, _, _ = rigs.skeleton(np.random.default_rng(1), 60)
+SKIN, _, _ = rigs.dense_skin(np.random.default_rng(2), 20000, 60)
+POSE = rigs.random_matrices(np.random.default_rng(3), 4, 60, dtype=np.float32)
+CLIP = np.repeat(POSE, 200, axis=0)
+
+CALLS = {
+    "forward_kinematics": lambda: sinew.forward_kinematics(SKELETON, CLIP),
+    "skinning_matrices": lambda: sinew.skinning_matrices(SKELETON, CLIP),
+    "skin_linear": lambda: sinew.skin_linear(SKIN, POSE),
+    "skin_dual_quaternion": lambda: sinew.skin_dual_quaternion(SKIN, POSE),
+}
+every_call = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
+
+
+def test_thread_count():
+    sinew.set_thread_count(3)
+    assert sinew.thread_count() == 3
+    assert said(sinew.set_thread_count, -1) == \
+        "the thread count is -1; expected 0 (all) or a positive number"
+    assert sinew.thread_count() == 3
+    sinew.set_thread_count(0)
+    assert sinew.thread_count() >= 1
+
+
+@every_call
+def test_any_number_of_threads_gives_the_same_bits(call):
+    sinew.set_thread_count(1)
+    one = call().tobytes()
+    for count in (2, 3, 8):
+        sinew.set_thread_count(count)
+        assert call().tobytes() == one
+
+
+@every_call
+def test_python_threads_may_call_at_once(call):
+    expected = call().tobytes()
+    results = []
+    threads = [threading.Thread(target=lambda: results.append(call().tobytes())) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == [expected] * 6
+
+
+@every_call
+def test_the_gil_is_released(call):
+    """Another Python thread runs while the library computes. With a switch interval this long it gets
+    its turn only when somebody lets go of the GIL, which nothing but the call does here."""
+    gate, ran = threading.Lock(), []
+    gate.acquire()
+
+    def wait_and_run():
+        with gate:
+            ran.append(True)
+
+    other = threading.Thread(target=wait_and_run)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000)
+    try:
+        other.start()
+        gate.release()
+        assert not ran
+        for _ in range(200):  # the system may be slow to wake the other thread
+            call()
+            if ran:
+                break
+        assert ran
+    finally:
+        sys.setswitchinterval(interval)
+        other.join()
