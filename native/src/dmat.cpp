@@ -31,22 +31,30 @@ Header take_header(const std::string& name, std::string_view& unread) {
   return header;
 }
 
-/// Refuses a header that a file with so many bytes left cannot fulfil, before memory is asked for.
-void check_size(const std::string& name, Header header, std::size_t bytes_left,
-                std::size_t bytes_per_entry) {
-  const auto most = static_cast<long long>((bytes_left + bytes_per_entry - 1) / bytes_per_entry);
-  if (header.rows != 0 && header.columns > most / header.rows) {
-    fail(name, " promises ", grouped(header.columns), " columns x ", grouped(header.rows),
-         " rows, but holds at most ", plural(most, "number"));
+[[noreturn]] void ends_early(const std::string& name, Header header, std::size_t numbers) {
+  fail(name, " ends after ", plural(static_cast<long long>(numbers), "number"), "; ",
+       plural(header.columns, "column"), " x ", plural(header.rows, "row"), " were due");
+}
+
+std::size_t count_words(std::string_view text) {
+  std::size_t count = 0;
+  while (!next_word(text).empty()) ++count;
+  return count;
+}
+
+/// Refuses a header that what is left of the file cannot fulfil, before memory is asked for.
+void check_size(const std::string& name, Header header, std::string_view unread, bool binary) {
+  // The shortest text entry is a digit and a separator, which the last may lack.
+  const std::size_t most = binary ? unread.size() / sizeof(double) : (unread.size() + 1) / 2;
+  if (header.rows != 0 && header.columns > static_cast<long long>(most) / header.rows) {
+    ends_early(name, header, binary ? most : count_words(unread));
   }
 }
 
 void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
   for (Eigen::Index i = 0; i < matrix.size(); ++i) {
     const std::string_view word = next_word(unread);
-    if (word.empty()) {
-      fail(name, " ends after ", plural(i, "number"), "; ", grouped(matrix.size()), " were due");
-    }
+    if (word.empty()) ends_early(name, {matrix.cols(), matrix.rows()}, i);
     if (!parse_number(word, matrix.data()[i])) {
       fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),
            ": expected a finite number, found \"", word.substr(0, 40), "\"");
@@ -59,11 +67,6 @@ void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd
 
 void read_binary(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
   const std::size_t due = static_cast<std::size_t>(matrix.size()) * sizeof(double);
-  if (unread.size() < due) {
-    fail(name, " ends after ",
-         plural(static_cast<long long>(unread.size() / sizeof(double)), "number"), "; ",
-         grouped(matrix.size()), " were due");
-  }
   if (unread.size() > due) {
     fail(name, " goes on for ", plural(static_cast<long long>(unread.size() - due), "byte"),
          " after the ", plural(matrix.size(), "number"), " that its header promises");
@@ -95,8 +98,7 @@ Eigen::MatrixXd read_dmat(const Path& path) {
   Header header = take_header(name, unread);
   const bool binary = header.columns == 0 && header.rows == 0 && !unread.empty();
   if (binary) header = take_header(name, unread);
-  // The shortest text entry is a digit and a separator, which the last may lack.
-  check_size(name, header, unread.size(), binary ? sizeof(double) : 2);
+  check_size(name, header, unread, binary);
   Eigen::MatrixXd matrix(header.rows, header.columns);
   binary ? read_binary(name, unread, matrix) : read_text(name, unread, matrix);
   return matrix;

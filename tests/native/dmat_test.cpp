@@ -129,30 +129,31 @@ TEST_F(Dmat, RefusesAHeaderThatIsNone) {
 
 TEST_F(Dmat, RefusesAHeaderThatPromisesTooMuch) {
   EXPECT_EQ(said("50000 25000\n1 2 3 4\n"),
-            "a.dmat promises 50,000 columns x 25,000 rows, but holds at most 4 numbers");
+            "a.dmat ends after 4 numbers; 50,000 columns x 25,000 rows were due");
   EXPECT_EQ(said("0 0\n50000 25000\n1"),
-            "a.dmat promises 50,000 columns x 25,000 rows, but holds at most 1 number");
+            "a.dmat ends after 0 numbers; 50,000 columns x 25,000 rows were due");
   // Products beyond 64 bits.
   EXPECT_EQ(
       said("9223372036854775807 9223372036854775807\n1"),
-      "a.dmat promises 9,223,372,036,854,775,807 columns x 9,223,372,036,854,775,807 rows, but "
-      "holds at most 1 number");
-  EXPECT_EQ(
-      said("0 0\n4294967296 4294967296\n"),
-      "a.dmat promises 4,294,967,296 columns x 4,294,967,296 rows, but holds at most 0 numbers");
+      "a.dmat ends after 1 number; 9,223,372,036,854,775,807 columns x 9,223,372,036,854,775,807 "
+      "rows were due");
+  EXPECT_EQ(said("0 0\n4294967296 4294967296\n"),
+            "a.dmat ends after 0 numbers; 4,294,967,296 columns x 4,294,967,296 rows were due");
 }
 
 TEST_F(Dmat, RefusesTextThatEndsEarlyOrGoesOn) {
-  EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"), "a.dmat ends after 4 numbers; 6 were due");
+  EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"),
+            "a.dmat ends after 4 numbers; 2 columns x 3 rows were due");
   EXPECT_EQ(said("1 1\n1 2"), "a.dmat goes on after the 1 number that its header promises");
   EXPECT_EQ(said("0 3\n1"), "a.dmat goes on after the 0 numbers that its header promises");
 }
 
 TEST_F(Dmat, RefusesBinaryThatEndsEarlyOrGoesOn) {
   const std::string bytes = "0 0\n2 3\n" + raw({1, 2, 3, 4, 5, 6});
-  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 1)), "a.dmat ends after 5 numbers; 6 were due");
+  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 1)),
+            "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
   EXPECT_EQ(said(bytes.substr(0, bytes.size() - 8)),
-            "a.dmat promises 2 columns x 3 rows, but holds at most 5 numbers");
+            "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
   EXPECT_EQ(said(bytes + "\n"),
             "a.dmat goes on for 1 byte after the 6 numbers that its header promises");
   EXPECT_EQ(said("0 0\n"

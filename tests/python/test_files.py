@@ -86,7 +86,7 @@ def test_dmat_refuses_what_is_wrong(tmp_path):
         'a.dmat, row 1, column 1: expected a finite number, found "x"'
     path.write_bytes(b"0 0\n25000 50000\n" + bytes(4))  # 10 GB in 20 bytes
     assert said(sinew.read_dmat, path) == \
-        "a.dmat promises 25,000 columns x 50,000 rows, but holds at most 1 number"
+        "a.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"
     path.write_text("old")
     assert said(sinew.write_dmat, path, np.array([[1, np.nan]])) == \
         "row 0, column 1 of the matrix for a.dmat is not finite"
