@@ -197,7 +197,7 @@ def build_stage(mesh_object, points):
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     bpy.context.collection.objects.link(camera)
     scene.camera = camera
-    camera.data.lens = 70
+    camera.data.lens, camera.data.clip_end = 70, 100 * size
     camera.rotation_euler = CAMERA_DIRECTION.to_track_quat("Z", "Y").to_euler()
     scene.render.resolution_x, scene.render.resolution_y = TILE
     bpy.context.view_layer.update()

@@ -161,3 +161,18 @@ def test_playback_between_frames_and_around_the_end(fresh_scene):
     last = evaluated(ob)
     fresh_scene.frame_set(count + 20)
     assert np.array_equal(evaluated(ob), last)
+
+
+def test_the_twisted_capsule_collapses_only_linearly():
+    """What the capsule is for: a twist of 170 degrees about its own axis."""
+    ob, armature = import_rig("capsule", pose="pose.dmat")
+    armature.sinew_clip.mode = "POSED"
+    rest = own_positions(ob)
+    middle = (rest[:, 1] > 0.6) & (rest[:, 1] < 1.9)
+
+    def thinnest():
+        return np.linalg.norm(evaluated(ob)[middle][:, [0, 2]], axis=1).min()
+
+    assert thinnest() < 0.1 * 0.25
+    ob.sinew.method = "DUAL_QUATERNION"
+    assert thinnest() > 0.99 * 0.25
