@@ -11,7 +11,7 @@ import pytest
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 arguments = sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
-if not any(not argument.startswith("-") for argument in arguments):
+if not any(Path(argument.partition("::")[0]).exists() for argument in arguments):
     arguments.append(str(HERE))
 code = pytest.main(["-q", "-p", "no:cacheprovider", f"--rootdir={HERE}", *arguments])
 sys.stdout.flush()
