@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "frame_loop.h"
+#include "kernels.h"
 
 namespace sinew {
 namespace {
@@ -37,48 +38,119 @@ RigidAndStretch split(const Matrix4<double>& matrix) {
           is_rigid};
 }
 
+/// One vertex, exactly as the header says: each sign against the sum so far, in stored order.
+Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const RigidAndStretch* palette,
+                             std::size_t v) {
+  const Eigen::Vector3f rest = Eigen::Map<const Eigen::Vector3f>(skin.rest.data() + 3 * v);
+  Eigen::Vector4f real = Eigen::Vector4f::Zero();
+  Eigen::Vector4f dual = Eigen::Vector4f::Zero();
+  Eigen::Matrix3f stretch = Eigen::Matrix3f::Zero();
+  float weight_sum = 0;
+  bool is_rigid = true;
+  for (auto i = skin.offsets[v]; i < skin.offsets[v + 1]; ++i) {
+    const RigidAndStretch& joint = palette[skin.influence_joints[i]];
+    const float weight = skin.weights[i];
+    const float sign = joint.real.coeffs().dot(real) < 0 ? -weight : weight;
+    real += sign * joint.real.coeffs();
+    dual += sign * joint.dual.coeffs();
+    stretch += weight * joint.stretch;
+    weight_sum += weight;
+    is_rigid &= joint.is_rigid;
+  }
+  const float norm2 = real.squaredNorm();
+  // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
+  if (norm2 < std::numeric_limits<float>::min()) return rest;
+  const bool stretched = !is_rigid && weight_sum != 0;
+  const Eigen::Vector3f point = stretched ? Eigen::Vector3f(stretch * rest / weight_sum) : rest;
+  // Kavan 2008, algorithm 1, on coefficients (x y z w) that are not yet normalised.
+  const Eigen::Vector3f r = real.head<3>(), d = dual.head<3>();
+  const Eigen::Vector3f rotated =
+      point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real.w() * point));
+  return rotated + 2 / norm2 * (real.w() * d - dual.w() * r + r.cross(d));
+}
+
+/// A frame's joints: as they are, and with signs for the blocks.
+struct DualQuaternionPalette {
+  std::vector<RigidAndStretch> joints;
+  std::vector<DualQuaternion> signed_joints;  ///< J + 1, the last the identity
+  std::vector<std::uint8_t> skip;             ///< a joint set: 1 if its vertices go one by one
+};
+
+DualQuaternion with_sign(const RigidAndStretch& joint, float sign) {
+  const Eigen::Quaternionf &r = joint.real, &d = joint.dual;
+  return {{sign * r.w(), sign * r.x(), sign * r.y(), sign * r.z()},
+          {sign * d.w(), sign * d.x(), sign * d.y(), sign * d.z()}};
+}
+
+float dot(const DualQuaternion& a, const DualQuaternion& b) {
+  float sum = 0;
+  for (int i = 0; i < 4; ++i) sum += a.real[i] * b.real[i];
+  return sum;
+}
+
+/// Gives each joint the sign that puts it on the side of its neighbours. Where any two joints of a
+/// set then agree, and no weight is negative, every sum so far agrees with every joint: the signs that
+/// the stored order asks for are these (or all of them turned, which is the same motion), and a block
+/// need not look. Sets in which two joints do not agree, or one is not rigid, are skipped.
+void choose_signs(const BlockedSkin& skin, DualQuaternionPalette& palette) {
+  auto& joints = palette.signed_joints;
+  for (const auto& [from, to] : skin.spanning) {
+    if (dot(joints[from], joints[to]) >= 0) continue;
+    for (float& part : joints[to].real) part = -part;
+    for (float& part : joints[to].dual) part = -part;
+  }
+  const bool all_agree = std::ranges::all_of(skin.neighbours, [&](const JointPair& pair) {
+    return dot(joints[pair.first], joints[pair.second]) >= 0;
+  });
+  const bool all_rigid = std::ranges::all_of(palette.joints, &RigidAndStretch::is_rigid);
+  palette.skip.assign(skin.sets.size(), skin.has_negative_weights);
+  if (all_agree && all_rigid) return;
+  for (std::size_t s = 0; s < skin.sets.size(); ++s) {
+    const std::uint32_t* own = skin.joints.data() + skin.sets[s].begin;
+    for (std::uint32_t a = 0; a < skin.sets[s].count; ++a) {
+      if (own[a] < palette.joints.size() && !palette.joints[own[a]].is_rigid) palette.skip[s] = 1;
+      for (std::uint32_t b = 0; b < a; ++b) {
+        if (dot(joints[own[a]], joints[own[b]]) < 0) palette.skip[s] = 1;
+      }
+    }
+  }
+}
+
+void prepare(const BlockedSkin& skin, MatrixStack<const float> matrices, std::ptrdiff_t frame,
+             DualQuaternionPalette& palette) {
+  palette.joints.clear();
+  palette.signed_joints.clear();
+  for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
+    palette.joints.push_back(split(matrices.at(frame, j).cast<double>()));
+    palette.signed_joints.push_back(with_sign(palette.joints.back(), 1));
+  }
+  palette.signed_joints.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});
+  choose_signs(skin, palette);
+}
+
 }  // namespace
 
 void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
                           std::span<float> positions) {
-  const float* rest = skin.rest_positions().data();
-  const std::int64_t* offsets = skin.offsets().data();
-  const std::int32_t* joints = skin.joints().data();
-  const float* weights = skin.weights().data();
-
-  skin_frames<RigidAndStretch>(
-      skin, matrices, positions,
-      [](const auto& matrix) { return split(matrix.template cast<double>()); },
-      [=](const RigidAndStretch* palette, std::ptrdiff_t v) -> Eigen::Vector3f {
-        Eigen::Vector4f real = Eigen::Vector4f::Zero();
-        Eigen::Vector4f dual = Eigen::Vector4f::Zero();
-        float weight_sum = 0;
-        bool is_rigid = true;
-        for (std::int64_t i = offsets[v]; i < offsets[v + 1]; ++i) {
-          const RigidAndStretch& joint = palette[joints[i]];
-          const float weight = weights[i];
-          const float sign = joint.real.coeffs().dot(real) < 0 ? -weight : weight;
-          real += sign * joint.real.coeffs();
-          dual += sign * joint.dual.coeffs();
-          weight_sum += weight;
-          is_rigid &= joint.is_rigid;
-        }
-        Eigen::Vector3f point = Eigen::Map<const Eigen::Vector3f>(rest + 3 * v);
-        const float norm2 = real.squaredNorm();
-        // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
-        if (norm2 < std::numeric_limits<float>::min()) return point;
-        if (!is_rigid && weight_sum != 0) {
-          Eigen::Matrix3f stretch = Eigen::Matrix3f::Zero();
-          for (std::int64_t i = offsets[v]; i < offsets[v + 1]; ++i) {
-            stretch += weights[i] * palette[joints[i]].stretch;
+  const BlockedSkin& blocked = skin.blocked();
+  const auto vertices = static_cast<std::size_t>(skin.vertex_count());
+  skin_frames<DualQuaternionPalette>(
+      skin, matrices, positions, 1,
+      [&](MatrixStack<const float> stack, std::ptrdiff_t frame, DualQuaternionPalette* palette) {
+        prepare(blocked, stack, frame, *palette);
+      },
+      [&](const DualQuaternionPalette* palette, std::size_t begin, std::size_t end, float* out) {
+        dual_quaternion_blocks(blocked, begin, end, palette->signed_joints.data(),
+                               palette->skip.data(), out);
+        for (std::size_t b = begin; b < end; ++b) {
+          const Block& block = blocked.blocks[b];
+          if (blocked.sets[block.joint_set].count > 0 && !palette->skip[block.joint_set]) continue;
+          const std::size_t last = std::min(vertices, std::size_t{block.first_vertex} + kBlock);
+          for (std::size_t v = block.first_vertex; v < last; ++v) {
+            Eigen::Map<Eigen::Vector3f>(out + 3 * v) =
+                blend_vertex(blocked, palette->joints.data(), v);
           }
-          point = stretch * point / weight_sum;
         }
-        // Kavan 2008, algorithm 1, on coefficients (x y z w) that are not yet normalised.
-        const Eigen::Vector3f r = real.head<3>(), d = dual.head<3>();
-        const Eigen::Vector3f rotated =
-            point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real.w() * point));
-        return rotated + 2 / norm2 * (real.w() * d - dual.w() * r + r.cross(d));
       });
 }
 

@@ -5,14 +5,19 @@
 #include <span>
 #include <vector>
 
+#include "blocked_skin.h"
 #include "check.h"
 #include "parallel.h"
 #include "sinew/skin.h"
 
 namespace sinew {
 
-// A vertex costs some 4 ns; a range of this many outweighs handing it to another thread.
-constexpr std::ptrdiff_t kVerticesPerTask = 4096;
+/// A range of work for one thread: its vertices and their weights fit the second-level cache, so
+/// that the frames of a clip that follow each other there read them from it.
+constexpr std::ptrdiff_t kBlocksPerTask = 4096 / kBlock;
+
+// Waking a sleeping thread costs tens of microseconds, as much as skinning this many vertices.
+constexpr std::ptrdiff_t kSerialVertices = 1 << 16;
 
 inline void check_shapes(const Skin& skin, MatrixStack<const float> matrices,
                          std::span<float> positions) {
@@ -27,11 +32,11 @@ inline void check_shapes(const Skin& skin, MatrixStack<const float> matrices,
   }
 }
 
-// A long clip is skinned in blocks whose prepared matrices stay within some megabytes.
+// A long clip is skinned in parts whose prepared matrices stay within some megabytes.
 constexpr std::ptrdiff_t kMatricesAtOnce = 1 << 16;
 
 /// `count` elements that this thread keeps from call to call, so that a frame allocates nothing.
-/// Only one span is alive a thread: what runs in parallel_for must not call this.
+/// Only one span of a type is alive a thread: what runs in parallel_for must not call this.
 template <class Element>
 std::span<Element> scratch(std::size_t count) {
   thread_local std::vector<Element> memory;
@@ -39,55 +44,39 @@ std::span<Element> scratch(std::size_t count) {
   return {memory.data(), count};
 }
 
-/// skin_frames on as many frames as are done at once; `positions` begins with the first of them.
-template <class Element, class Prepare, class Blend>
-void skin_block(const Skin& skin, MatrixStack<const float> matrices, float* positions,
-                const Prepare& prepare, const Blend& blend) {
-  const std::ptrdiff_t joints = matrices.joints;
-  const std::span<Element> palette = scratch<Element>(matrices.frames * joints);
-  for (std::ptrdiff_t frame = 0; frame < matrices.frames; ++frame) {
-    for (std::ptrdiff_t j = 0; j < joints; ++j) {
-      palette[frame * joints + j] = prepare(matrices.at(frame, j));
-    }
-  }
-
-  const std::ptrdiff_t vertices = skin.vertex_count();
-  const auto offsets = skin.offsets();
-  const float* rest = skin.rest_positions().data();
-  parallel_for(matrices.frames * vertices, kVerticesPerTask, [&](auto begin, auto end) {
-    while (begin < end) {
-      const std::ptrdiff_t frame = begin / vertices, first = begin % vertices;
-      const auto last = std::min<std::ptrdiff_t>(vertices, first + (end - begin));
-      const Element* frame_palette = palette.data() + frame * joints;
-      for (std::ptrdiff_t v = first; v < last; ++v) {
-        Eigen::Map<Eigen::Vector3f> out(positions + 3 * (frame * vertices + v));
-        const bool moved = offsets[v] != offsets[v + 1];
-        out = moved ? blend(frame_palette, v)
-                    : Eigen::Vector3f(Eigen::Map<const Eigen::Vector3f>(rest + 3 * v));
-      }
-      begin += last - first;
-    }
-  });
-}
-
-/// Prepares each joint's matrix once with `prepare(matrix) -> Element`, then calls
-/// `blend(palette of its frame, vertex) -> Vector3f` for every vertex that something moves, and
-/// writes what it returns; the others get their rest position.
-template <class Element, class Prepare, class Blend>
+/// Calls prepare(matrices of one frame, that frame's place in the palette) for each frame, then
+/// run(frame's palette, begin, end, frame's positions) for ranges of the skin's blocks, at once.
+/// palette_size: elements a frame. `run` writes every vertex of its blocks.
+template <class Element, class Prepare, class Run>
 void skin_frames(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions,
-                 const Prepare& prepare, const Blend& blend) {
+                 std::ptrdiff_t palette_size, const Prepare& prepare, const Run& run) {
   check_shapes(skin, matrices, positions);
-  const std::ptrdiff_t frames = matrices.frames;
-  if (skin.vertex_count() == 0 || frames == 0) return;
+  const std::ptrdiff_t vertices = skin.vertex_count();
+  const auto blocks = static_cast<std::ptrdiff_t>(skin.blocked().blocks.size());
+  const std::ptrdiff_t tasks = (blocks + kBlocksPerTask - 1) / kBlocksPerTask;
+  if (vertices == 0 || matrices.frames == 0) return;
 
-  const std::ptrdiff_t joints = std::max<std::ptrdiff_t>(1, matrices.joints);
-  const auto at_once = std::clamp<std::ptrdiff_t>(kMatricesAtOnce / joints, 1, frames);
-  for (std::ptrdiff_t first = 0; first < frames; first += at_once) {
-    MatrixStack<const float> block = matrices;
-    block.data += first * matrices.frame_stride;
-    block.frames = std::min(at_once, frames - first);
-    skin_block<Element>(skin, block, positions.data() + 3 * first * skin.vertex_count(), prepare,
-                        blend);
+  const auto at_once =
+      std::clamp<std::ptrdiff_t>(kMatricesAtOnce / (matrices.joints + 1), 1, matrices.frames);
+  const std::span<Element> palette = scratch<Element>(at_once * palette_size);
+  for (std::ptrdiff_t done = 0; done < matrices.frames; done += at_once) {
+    MatrixStack<const float> part = matrices;
+    part.data += done * matrices.frame_stride;
+    part.frames = std::min(at_once, matrices.frames - done);
+    for (std::ptrdiff_t frame = 0; frame < part.frames; ++frame) {
+      prepare(part, frame, palette.data() + frame * palette_size);
+    }
+    // All frames of one range of blocks come first, then the next range.
+    const std::ptrdiff_t total = tasks * part.frames;
+    const bool serial = vertices * part.frames < kSerialVertices;
+    parallel_for(total, serial ? total : 1, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+      for (std::ptrdiff_t i = begin; i < end; ++i) {
+        const std::ptrdiff_t task = i / part.frames, frame = i % part.frames;
+        run(palette.data() + frame * palette_size, task * kBlocksPerTask,
+            std::min(blocks, (task + 1) * kBlocksPerTask),
+            positions.data() + 3 * (done + frame) * vertices);
+      }
+    });
   }
 }
 

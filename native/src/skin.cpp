@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "blocked_skin.h"
 #include "check.h"
+#include "kernels.h"
 
 namespace sinew {
 
@@ -18,7 +20,13 @@ Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> 
   check();
   drop_dead_influences();
   measure();
+  blocked_ = std::make_unique<const BlockedSkin>(rest_positions_, offsets_, joints_, weights_,
+                                                 joint_count_, kernel_lanes());
 }
+
+Skin::Skin(Skin&&) noexcept = default;
+Skin& Skin::operator=(Skin&&) noexcept = default;
+Skin::~Skin() = default;
 
 void Skin::check() const {
   if (joint_count_ < 0) fail("joint_count is ", joint_count_, "; expected 0 or more");

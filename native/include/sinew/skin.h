@@ -1,6 +1,7 @@
 /// The mesh at rest and which joints move each of its vertices.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -8,7 +9,9 @@
 
 namespace sinew {
 
-/// Immutable. Every influence that comes in is kept, in the order in which it came, and weights are
+struct BlockedSkin;
+
+/// Immutable, and moved rather than copied. Every influence that comes in is kept, in the order in which it came, and weights are
 /// used as they are: nothing is normalised, clamped or dropped (but see from_dense). A vertex that
 /// has no influence, or whose weights are all zero, stays at its rest position.
 class Skin {
@@ -30,6 +33,10 @@ class Skin {
                          std::ptrdiff_t rows, std::ptrdiff_t columns, std::ptrdiff_t row_stride,
                          std::ptrdiff_t column_stride);
 
+  Skin(Skin&&) noexcept;
+  Skin& operator=(Skin&&) noexcept;
+  ~Skin();
+
   std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(offsets_.size()) - 1; }
   std::ptrdiff_t joint_count() const { return joint_count_; }
   std::ptrdiff_t influence_count() const { return static_cast<std::ptrdiff_t>(joints_.size()); }
@@ -46,6 +53,9 @@ class Skin {
   /// The largest |sum of weights - 1| over the vertices that something moves.
   double largest_sum_error() const { return largest_sum_error_; }
 
+  /// The packed form for the kernels of the instruction set in use, made with the object.
+  const BlockedSkin& blocked() const { return *blocked_; }
+
  private:
   void check() const;
   void drop_dead_influences();
@@ -59,6 +69,7 @@ class Skin {
   std::ptrdiff_t most_influences_ = 0;
   std::ptrdiff_t unweighted_count_ = 0;
   double largest_sum_error_ = 0;
+  std::unique_ptr<const BlockedSkin> blocked_;
 };
 
 }  // namespace sinew

@@ -1,0 +1,283 @@
+// Highway compiles this file once for each instruction set.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels.cpp"
+#include <hwy/foreach_target.h>
+// foreach_target.h comes first.
+#include <hwy/cache_control.h>
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "kernels.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace sinew {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Tag = hn::CappedTag<float, kBlock>;
+using Floats = hn::Vec<Tag>;
+
+constexpr Tag kTag;
+constexpr int kLanes = static_cast<int>(hn::MaxLanes(kTag));
+
+// How far ahead of their use blocks are fetched: enough to hide memory, few enough to stay in L1.
+constexpr std::size_t kPrefetchFloats = 2048;
+
+/// Numbers of the life of one group of kLanes vertices: where its x begin in BlockedSkin::data (y, z
+/// and weights follow kBlock apart) and where its positions go.
+struct Group {
+  const float* in;
+  float* out;
+};
+
+/// Turns three registers with vertex i in lane 3 i mod kLanes into x y z x y z ...
+class Interleaver {
+ public:
+  Interleaver() {
+    HWY_ALIGN int32_t by_one[kLanes];
+    HWY_ALIGN int32_t by_two[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      by_one[lane] = (lane + kLanes - 1) % kLanes;
+      by_two[lane] = (lane + kLanes - 2) % kLanes;
+    }
+    HWY_ALIGN float every_third[3][kLanes];
+    for (int rest = 0; rest < 3; ++rest) {
+      for (int lane = 0; lane < kLanes; ++lane) every_third[rest][lane] = lane % 3 == rest;
+    }
+    by_one_ = hn::SetTableIndices(kTag, by_one);
+    by_two_ = hn::SetTableIndices(kTag, by_two);
+    for (int rest = 0; rest < 3; ++rest) {
+      third_[rest] = hn::Gt(hn::Load(kTag, every_third[rest]), hn::Zero(kTag));
+    }
+  }
+
+  HWY_INLINE void store(Floats x, Floats y, Floats z, float* out) const {
+    y = hn::TableLookupLanes(y, by_one_);
+    z = hn::TableLookupLanes(z, by_two_);
+    // Number f of the output is coordinate f mod 3; a register begins at a multiple of kLanes.
+    store_third<0>(x, y, z, out);
+    store_third<1>(x, y, z, out);
+    store_third<2>(x, y, z, out);
+  }
+
+ private:
+  template <int part>
+  HWY_INLINE void store_third(Floats x, Floats y, Floats z, float* out) const {
+    constexpr int phase = part * kLanes % 3;
+    const Floats yz = hn::IfThenElse(third_[(4 - phase) % 3], y, z);
+    hn::StoreU(hn::IfThenElse(third_[(3 - phase) % 3], x, yz), kTag, out + part * kLanes);
+  }
+
+  using Indices = decltype(hn::SetTableIndices(kTag, static_cast<const int32_t*>(nullptr)));
+  Indices by_one_;
+  Indices by_two_;
+  hn::Mask<Tag> third_[3];
+};
+
+/// o += w * (row . p), one row of a matrix for N groups that share its numbers.
+template <int N>
+HWY_INLINE void add_row(const float* row, const Floats* x, const Floats* y, const Floats* z,
+                        const float* const* weight, Floats* sum) {
+  const Floats a = hn::Set(kTag, row[0]), b = hn::Set(kTag, row[1]);
+  const Floats c = hn::Set(kTag, row[2]), d = hn::Set(kTag, row[3]);
+  for (int n = 0; n < N; ++n) {
+    const Floats moved = hn::MulAdd(a, x[n], hn::MulAdd(b, y[n], hn::MulAdd(c, z[n], d)));
+    sum[n] = hn::MulAdd(moved, hn::Load(kTag, weight[n]), sum[n]);
+  }
+}
+
+/// N groups with the same joints: transform by each joint, then blend; 12 multiply-adds a joint.
+template <int N>
+HWY_INLINE void linear_groups(const Group* groups, const std::uint32_t* joints, std::uint32_t count,
+                              const MatrixRows* palette, const Interleaver& interleaver) {
+  Floats x[N], y[N], z[N], sum_x[N], sum_y[N], sum_z[N];
+  const float* weight[N];
+  for (int n = 0; n < N; ++n) {
+    x[n] = hn::Load(kTag, groups[n].in);
+    y[n] = hn::Load(kTag, groups[n].in + kBlock);
+    z[n] = hn::Load(kTag, groups[n].in + 2 * kBlock);
+    sum_x[n] = sum_y[n] = sum_z[n] = hn::Zero(kTag);
+    weight[n] = groups[n].in + 3 * kBlock;
+  }
+  for (std::uint32_t k = 0; k < count; ++k) {
+    const MatrixRows& matrix = palette[joints[k]];
+    add_row<N>(matrix.row[0], x, y, z, weight, sum_x);
+    add_row<N>(matrix.row[1], x, y, z, weight, sum_y);
+    add_row<N>(matrix.row[2], x, y, z, weight, sum_z);
+    for (int n = 0; n < N; ++n) weight[n] += kBlock;
+  }
+  for (int n = 0; n < N; ++n) {
+    interleaver.store(sum_x[n], sum_y[n], sum_z[n], groups[n].out);
+  }
+}
+
+/// One vertex that has little in common with its neighbours.
+HWY_INLINE void linear_vertex(const BlockedSkin& skin, std::size_t v, const MatrixRows* palette,
+                              float* out) {
+  if (skin.offsets[v] == skin.offsets[v + 1]) {
+    std::memcpy(out, skin.rest.data() + 3 * v, 3 * sizeof(float));
+    return;
+  }
+  float blended[12] = {};
+  for (auto i = skin.offsets[v]; i < skin.offsets[v + 1]; ++i) {
+    const float* matrix = &palette[skin.influence_joints[i]].row[0][0];
+    for (int e = 0; e < 12; ++e) blended[e] += skin.weights[i] * matrix[e];
+  }
+  const float* p = skin.rest.data() + 3 * v;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float* row = blended + 4 * axis;
+    out[axis] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+  }
+}
+
+/// Calls run(first, count) for the groups of one block or of two with the same joints, whose
+/// positions all lie in `positions`, or in a buffer if the last block is not full.
+template <int groups_at_once, class Run>
+HWY_INLINE void run_block(const BlockedSkin& skin, const Block* block, int blocks, float* positions,
+                          const Run& run) {
+  constexpr int kGroups = kBlock / kLanes;
+  Group groups[2 * kGroups];
+  HWY_ALIGN float buffer[3 * kBlock];
+  const std::size_t vertices = skin.offsets.size() - 1;
+  std::size_t partial = 0;
+  for (int b = 0; b < blocks; ++b) {
+    float* out = positions + 3 * static_cast<std::size_t>(block[b].first_vertex);
+    if (block[b].first_vertex + kBlock > vertices) {
+      partial = block[b].first_vertex;
+      out = buffer;
+    }
+    for (int g = 0; g < kGroups; ++g) {
+      groups[b * kGroups + g] = {skin.data.get() + block[b].data + g * kLanes,
+                                 out + 3 * g * kLanes};
+    }
+  }
+  for (int g = 0; g < blocks * kGroups; g += groups_at_once) run(groups + g);
+  const bool has_partial = block[blocks - 1].first_vertex + kBlock > vertices ||
+                           block[0].first_vertex + kBlock > vertices;
+  if (has_partial) {
+    std::memcpy(positions + 3 * partial, buffer, (vertices - partial) * 3 * sizeof(float));
+  }
+}
+
+void linear_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
+                   const MatrixRows* palette, float* positions) {
+  const Interleaver interleaver;
+  const std::size_t vertices = skin.offsets.size() - 1;
+  for (std::size_t b = begin; b < end;) {
+    const Block* block = &skin.blocks[b];
+    const JointSet set = skin.sets[block->joint_set];
+    if (set.count == 0) {
+      const std::size_t last = std::min(vertices, std::size_t{block->first_vertex} + kBlock);
+      for (std::size_t v = block->first_vertex; v < last; ++v) {
+        linear_vertex(skin, v, palette, positions + 3 * v);
+      }
+      ++b;
+      continue;
+    }
+    hwy::Prefetch(skin.data.get() + block->data + kPrefetchFloats);
+    const std::uint32_t* joints = skin.joints.data() + set.begin;
+    const bool pair = b + 1 < end && block[1].joint_set == block->joint_set;
+    if (kLanes == kBlock && !pair) {
+      run_block<1>(skin, block, 1, positions, [&](const Group* groups) HWY_ATTR {
+        linear_groups<1>(groups, joints, set.count, palette, interleaver);
+      });
+      ++b;
+    } else {
+      const int blocks = kLanes == kBlock ? 2 : 1;
+      run_block<2>(skin, block, blocks, positions, [&](const Group* groups) HWY_ATTR {
+        linear_groups<2>(groups, joints, set.count, palette, interleaver);
+      });
+      b += blocks;
+    }
+  }
+}
+
+/// Dual quaternions summed over the joints, then applied as Kavan 2008, algorithm 1, on a real part
+/// that is not yet normalised: p + 2 / |r|^2 (r x (r x p + w p + d) + w d - d_w r).
+HWY_INLINE void dual_quaternion_group(const Group& group, const std::uint32_t* joints,
+                                      std::uint32_t count, const DualQuaternion* palette,
+                                      const Interleaver& interleaver) {
+  Floats sum[8];
+  for (Floats& part : sum) part = hn::Zero(kTag);
+  const float* weights = group.in + 3 * kBlock;
+  for (std::uint32_t k = 0; k < count; ++k, weights += kBlock) {
+    const DualQuaternion& joint = palette[joints[k]];
+    const Floats weight = hn::Load(kTag, weights);
+    for (int part = 0; part < 4; ++part) {
+      sum[part] = hn::MulAdd(weight, hn::Set(kTag, joint.real[part]), sum[part]);
+      sum[4 + part] = hn::MulAdd(weight, hn::Set(kTag, joint.dual[part]), sum[4 + part]);
+    }
+  }
+  const Floats rw = sum[0], rx = sum[1], ry = sum[2], rz = sum[3];
+  const Floats dw = sum[4], dx = sum[5], dy = sum[6], dz = sum[7];
+  const Floats px = hn::Load(kTag, group.in);
+  const Floats py = hn::Load(kTag, group.in + kBlock);
+  const Floats pz = hn::Load(kTag, group.in + 2 * kBlock);
+
+  const Floats norm2 = hn::MulAdd(rw, rw, hn::MulAdd(rx, rx, hn::MulAdd(ry, ry, hn::Mul(rz, rz))));
+  // Rotations that cancel, or weights of nearly nothing: no direction is right, the vertex stays.
+  const auto usable = hn::Ge(norm2, hn::Set(kTag, 1.17549435e-38f));
+  const Floats scale = hn::IfThenElseZero(usable, hn::Div(hn::Set(kTag, 2.0f), norm2));
+
+  const auto cross = [](Floats a, Floats b, Floats c, Floats d) HWY_ATTR {  // a d - c b
+    return hn::NegMulAdd(c, b, hn::Mul(a, d));
+  };
+  const Floats tx = hn::Add(hn::MulAdd(rw, px, dx), cross(ry, py, rz, pz));
+  const Floats ty = hn::Add(hn::MulAdd(rw, py, dy), cross(rz, pz, rx, px));
+  const Floats tz = hn::Add(hn::MulAdd(rw, pz, dz), cross(rx, px, ry, py));
+  const auto moved = [&](Floats p, Floats turned, Floats d, Floats r) HWY_ATTR {
+    return hn::MulAdd(scale, hn::MulAdd(rw, d, hn::NegMulAdd(dw, r, turned)), p);
+  };
+  interleaver.store(moved(px, cross(ry, ty, rz, tz), dx, rx),
+                    moved(py, cross(rz, tz, rx, tx), dy, ry),
+                    moved(pz, cross(rx, tx, ry, ty), dz, rz), group.out);
+}
+
+void dual_quaternion_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
+                            const DualQuaternion* palette, const std::uint8_t* skip,
+                            float* positions) {
+  const Interleaver interleaver;
+  for (std::size_t b = begin; b < end; ++b) {
+    const Block& block = skin.blocks[b];
+    const JointSet set = skin.sets[block.joint_set];
+    if (set.count == 0 || skip[block.joint_set]) continue;
+    hwy::Prefetch(skin.data.get() + block.data + kPrefetchFloats);
+    run_block<1>(skin, &block, 1, positions, [&](const Group* group) HWY_ATTR {
+      dual_quaternion_group(*group, skin.joints.data() + set.begin, set.count, palette,
+                            interleaver);
+    });
+  }
+}
+
+int kernel_lanes() { return kLanes; }
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace sinew
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace sinew {
+
+HWY_EXPORT(kernel_lanes);
+HWY_EXPORT(linear_blocks);
+HWY_EXPORT(dual_quaternion_blocks);
+
+int kernel_lanes() { return HWY_DYNAMIC_DISPATCH(kernel_lanes)(); }
+
+void linear_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
+                   const MatrixRows* palette, float* positions) {
+  HWY_DYNAMIC_DISPATCH(linear_blocks)(skin, begin, end, palette, positions);
+}
+
+void dual_quaternion_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
+                            const DualQuaternion* palette, const std::uint8_t* skip,
+                            float* positions) {
+  HWY_DYNAMIC_DISPATCH(dual_quaternion_blocks)(skin, begin, end, palette, skip, positions);
+}
+
+}  // namespace sinew
+#endif
