@@ -1,5 +1,7 @@
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
+#include "sinew/instruction_set.h"
 #include "sinew/threads.h"
 
 namespace sinew::bindings {
@@ -17,5 +19,11 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_skinning(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
              "Let later calls use at most `count` threads; 0 means as many as the machine has.");
+  module.def("instruction_sets", &sinew::instruction_sets,
+             "The names of the instruction sets that this machine can run, best first.");
+  module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
+  module.def("set_instruction_set", &sinew::set_instruction_set, pybind11::arg("name"),
+             "Use this instruction set from now on, or the best for \"auto\". No skinning may be "
+             "under way. Raises ValueError for a name that is none.");
   module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use.");
 }

@@ -241,3 +241,13 @@ def set_thread_count(count: int) -> None:
 
 def thread_count() -> int:
     """The number of threads that the next call may use."""
+
+def instruction_sets() -> list[str]:
+    """The names of the instruction sets that this machine can run, best first."""
+
+def instruction_set() -> str:
+    """The instruction set in use."""
+
+def set_instruction_set(name: str) -> None:
+    """Use this instruction set from now on, or the best for "auto". No skinning may be under way."""
+

@@ -89,9 +89,9 @@ float dot(const DualQuaternion& a, const DualQuaternion& b) {
 }
 
 /// Gives each joint the sign that puts it on the side of its neighbours. Where any two joints of a
-/// set then agree, and no weight is negative, every sum so far agrees with every joint: the signs that
-/// the stored order asks for are these (or all of them turned, which is the same motion), and a block
-/// need not look. Sets in which two joints do not agree, or one is not rigid, are skipped.
+/// set then agree, and no weight is negative, every sum so far agrees with every joint: the signs
+/// that the stored order asks for are these (or all of them turned, which is the same motion), and
+/// a block need not look. Sets in which two joints do not agree, or one is not rigid, are skipped.
 void choose_signs(const BlockedSkin& skin, DualQuaternionPalette& palette) {
   auto& joints = palette.signed_joints;
   for (const auto& [from, to] : skin.spanning) {

@@ -9,7 +9,9 @@
 #include <algorithm>
 #include <cstring>
 
+#include "check.h"
 #include "kernels.h"
+#include "sinew/instruction_set.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace sinew {
@@ -26,8 +28,8 @@ constexpr int kLanes = static_cast<int>(hn::MaxLanes(kTag));
 // How far ahead of their use blocks are fetched: enough to hide memory, few enough to stay in L1.
 constexpr std::size_t kPrefetchFloats = 2048;
 
-/// Numbers of the life of one group of kLanes vertices: where its x begin in BlockedSkin::data (y, z
-/// and weights follow kBlock apart) and where its positions go.
+/// Numbers of the life of one group of kLanes vertices: where its x begin in BlockedSkin::data (y,
+/// z and weights follow kBlock apart) and where its positions go.
 struct Group {
   const float* in;
   float* out;
@@ -254,6 +256,8 @@ void dual_quaternion_blocks(const BlockedSkin& skin, std::size_t begin, std::siz
 
 int kernel_lanes() { return kLanes; }
 
+const char* kernel_target() { return hwy::TargetName(HWY_TARGET); }
+
 }  // namespace
 }  // namespace HWY_NAMESPACE
 }  // namespace sinew
@@ -261,10 +265,43 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace sinew {
+namespace {
+std::int64_t forced_target = 0;  // 0: the best
+}  // namespace
 
 HWY_EXPORT(kernel_lanes);
+HWY_EXPORT(kernel_target);
 HWY_EXPORT(linear_blocks);
 HWY_EXPORT(dual_quaternion_blocks);
+
+std::vector<std::string> instruction_sets() {
+  hwy::SetSupportedTargetsForTest(0);
+  std::vector<std::string> names;
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    names.emplace_back(hwy::TargetName(target));
+  }
+  hwy::SetSupportedTargetsForTest(forced_target);
+  return names;
+}
+
+std::string instruction_set() { return HWY_DYNAMIC_DISPATCH(kernel_target)(); }
+
+void set_instruction_set(const std::string& name) {
+  hwy::SetSupportedTargetsForTest(0);
+  std::int64_t wanted = 0;
+  std::string known;
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    if (name == hwy::TargetName(target)) wanted = target;
+    known += std::string(known.empty() ? "" : ", ") + hwy::TargetName(target);
+  }
+  if (wanted == 0 && name != "auto") {
+    hwy::SetSupportedTargetsForTest(forced_target);
+    fail("this machine has no instruction set \"", name, "\"; expected auto or one of ", known);
+  }
+  forced_target = wanted;
+  hwy::SetSupportedTargetsForTest(wanted);
+  hwy::GetChosenTarget().DeInit();  // the next call looks again
+}
 
 int kernel_lanes() { return HWY_DYNAMIC_DISPATCH(kernel_lanes)(); }
 

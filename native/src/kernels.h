@@ -1,5 +1,5 @@
-/// The inner loops, compiled for several instruction sets; the best that the machine has is taken at
-/// run time.
+/// The inner loops, compiled for several instruction sets; the best that the machine has is taken
+/// at run time.
 #pragma once
 
 #include <cstddef>

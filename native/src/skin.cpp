@@ -2,12 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <mutex>
 
 #include "blocked_skin.h"
 #include "check.h"
 #include "kernels.h"
 
 namespace sinew {
+
+struct Skin::Packed {
+  std::mutex mutex;
+  std::map<int, std::unique_ptr<const BlockedSkin>> by_lanes;  // guarded by mutex
+};
 
 Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
            std::span<const std::int32_t> joints, std::span<const float> weights,
@@ -20,13 +27,24 @@ Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> 
   check();
   drop_dead_influences();
   measure();
-  blocked_ = std::make_unique<const BlockedSkin>(rest_positions_, offsets_, joints_, weights_,
-                                                 joint_count_, kernel_lanes());
+  packed_ = std::make_unique<Packed>();
+  blocked();
 }
 
 Skin::Skin(Skin&&) noexcept = default;
 Skin& Skin::operator=(Skin&&) noexcept = default;
 Skin::~Skin() = default;
+
+const BlockedSkin& Skin::blocked() const {
+  const int lanes = kernel_lanes();
+  const std::lock_guard lock(packed_->mutex);
+  auto& blocked = packed_->by_lanes[lanes];
+  if (!blocked) {
+    blocked = std::make_unique<const BlockedSkin>(rest_positions_, offsets_, joints_, weights_,
+                                                  joint_count_, lanes);
+  }
+  return *blocked;
+}
 
 void Skin::check() const {
   if (joint_count_ < 0) fail("joint_count is ", joint_count_, "; expected 0 or more");

@@ -100,6 +100,32 @@ inline Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t jo
   return Skin(positions, offsets, names, weights, joints);
 }
 
+/// A skin like a real one: neighbouring vertices share joints. Vertex v has `influences` of them,
+/// beginning at v / 48, in random order; every 37th vertex has none, which leaves it at rest.
+inline Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints,
+                          std::int32_t influences) {
+  std::vector<float> positions, weights;
+  std::vector<std::int64_t> offsets{0};
+  std::vector<std::int32_t> names;
+  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      positions.push_back(static_cast<float>(uniform(random, -1, 1)));
+    }
+    std::vector<std::int32_t> own;
+    for (std::int32_t i = 0; i < influences && v % 37 != 36; ++i) {
+      own.push_back(static_cast<std::int32_t>((v / 48 + i) % joints));
+    }
+    std::shuffle(own.begin(), own.end(), random);
+    std::vector<double> own_weights;
+    for (std::size_t i = 0; i < own.size(); ++i) own_weights.push_back(uniform(random, 0.05, 1));
+    const double sum = std::accumulate(own_weights.begin(), own_weights.end(), 0.0);
+    names.insert(names.end(), own.begin(), own.end());
+    for (const double weight : own_weights) weights.push_back(static_cast<float>(weight / sum));
+    offsets.push_back(static_cast<std::int64_t>(names.size()));
+  }
+  return Skin(positions, offsets, names, weights, joints);
+}
+
 enum class Layout { column_major, row_major, padded, backwards };
 constexpr Layout kLayouts[] = {Layout::column_major, Layout::row_major, Layout::padded,
                                Layout::backwards};

@@ -11,9 +11,10 @@ namespace sinew {
 
 struct BlockedSkin;
 
-/// Immutable, and moved rather than copied. Every influence that comes in is kept, in the order in which it came, and weights are
-/// used as they are: nothing is normalised, clamped or dropped (but see from_dense). A vertex that
-/// has no influence, or whose weights are all zero, stays at its rest position.
+/// Immutable, and moved rather than copied. Every influence that comes in is kept, in the order in
+/// which it came, and weights are used as they are: nothing is normalised, clamped or dropped (but
+/// see from_dense). A vertex that has no influence, or whose weights are all zero, stays at its
+/// rest position.
 class Skin {
  public:
   /// rest_positions  V x 3, space of the mesh.
@@ -53,8 +54,9 @@ class Skin {
   /// The largest |sum of weights - 1| over the vertices that something moves.
   double largest_sum_error() const { return largest_sum_error_; }
 
-  /// The packed form for the kernels of the instruction set in use, made with the object.
-  const BlockedSkin& blocked() const { return *blocked_; }
+  /// The packed form for the kernels of the instruction set in use: made with the object, and once
+  /// more if a set with other registers is chosen later.
+  const BlockedSkin& blocked() const;
 
  private:
   void check() const;
@@ -69,7 +71,9 @@ class Skin {
   std::ptrdiff_t most_influences_ = 0;
   std::ptrdiff_t unweighted_count_ = 0;
   double largest_sum_error_ = 0;
-  std::unique_ptr<const BlockedSkin> blocked_;
+
+  struct Packed;
+  std::unique_ptr<Packed> packed_;
 };
 
 }  // namespace sinew

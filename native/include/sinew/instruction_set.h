@@ -1,0 +1,20 @@
+/// Which of the machine's instruction sets the kernels use. The best is taken by itself; choosing
+/// one is for tests and measurements. Results agree between sets to rounding, not to the bit.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace sinew {
+
+/// The names of the sets that this machine can run, best first; the last runs anywhere.
+std::vector<std::string> instruction_sets();
+
+/// The one in use.
+std::string instruction_set();
+
+/// Uses this one from now on, or the best again for "auto". No skinning may be under way. Throws
+/// InputError, naming the sets there are, for a name that is none of them.
+void set_instruction_set(const std::string& name);
+
+}  // namespace sinew

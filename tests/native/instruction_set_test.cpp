@@ -1,0 +1,124 @@
+#include "sinew/instruction_set.h"
+
+#include <gtest/gtest.h>
+
+#include "failures.h"
+#include "rigs.h"
+#include "sinew/dual_quaternion_skinning.h"
+#include "sinew/linear_skinning.h"
+
+namespace sinew {
+namespace {
+
+constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
+
+/// Runs the test's body under each instruction set of this machine.
+class EachInstructionSet : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override { set_instruction_set(GetParam()); }
+  void TearDown() override { set_instruction_set("auto"); }
+};
+
+std::string test_name(const testing::TestParamInfo<std::string>& set) { return set.param; }
+
+INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, testing::ValuesIn(instruction_sets()),
+                         test_name);
+
+using Method = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
+
+std::vector<float> skinned(Method method, const Skin& skin, const rigs::Matrices& matrices) {
+  rigs::Stack<float> stack(matrices, 1);
+  std::vector<float> positions(3 * skin.vertex_count() + 8, -77.0f);
+  method(skin, stack.read(), std::span(positions).first(3 * skin.vertex_count()));
+  // Nothing is written beyond the end, whatever is left of the last block.
+  for (std::size_t i = 3 * skin.vertex_count(); i < positions.size(); ++i) {
+    EXPECT_EQ(positions[i], -77.0f);
+  }
+  positions.resize(3 * skin.vertex_count());
+  return positions;
+}
+
+rigs::Matrices gentle_pose(rigs::Random& random, std::int32_t joints) {
+  rigs::Matrices pose;
+  for (std::int32_t j = 0; j < joints; ++j) {
+    const double degrees = rigs::uniform(random, -60, 60);
+    pose.push_back(rigs::turn(degrees, rigs::vector(random, 1), rigs::vector(random, 1)));
+  }
+  return rigs::through_float(pose);
+}
+
+TEST_P(EachInstructionSet, LinearEqualsTheReference) {
+  rigs::Random random(1);
+  for (const std::ptrdiff_t vertices : {1, 4, 15, 16, 17, 31, 32, 33, 48, 100, 1000, 9001}) {
+    for (const std::int32_t influences : {1, 2, 3, 4, 8, 12, 14}) {
+      const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
+      const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 20));
+      const double error =
+          rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose));
+      EXPECT_LT(error, 2e-7 * kDiagonal) << vertices << " vertices, " << influences;
+    }
+  }
+}
+
+TEST_P(EachInstructionSet, DualQuaternionsEqualTheReference) {
+  rigs::Random random(2);
+  for (const std::ptrdiff_t vertices : {1, 4, 15, 16, 17, 31, 32, 33, 48, 100, 1000, 9001}) {
+    for (const std::int32_t influences : {1, 2, 3, 4, 8, 12, 14}) {
+      const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
+      const rigs::Matrices pose = gentle_pose(random, 20);
+      const double error = rigs::distance(skinned(skin_dual_quaternion, skin, pose),
+                                          reference::skin_dual_quaternion(skin, pose));
+      EXPECT_LT(error, 4e-7 * kDiagonal) << vertices << " vertices, " << influences;
+    }
+  }
+}
+
+/// Three joints turned by 0, 120 and 240 degrees about one axis: whichever signs they get, two of
+/// them disagree, so the result hangs on the order in which a vertex stores them.
+TEST_P(EachInstructionSet, SignsFollowTheStoredOrderWhereTheyHaveTo) {
+  const rigs::Matrices pose = rigs::through_float({rigs::turn(0, {0, 0, 1}, {0, 0, 0}),
+                                                   rigs::turn(125, {0, 0, 1}, {0, 0, 0}),
+                                                   rigs::turn(245, {0, 0, 1}, {0, 0, 0})});
+  rigs::Random random(3);
+  const Skin skin = rigs::coherent_skin(random, 500, 3, 3);
+  const auto positions = skinned(skin_dual_quaternion, skin, pose);
+  EXPECT_LT(rigs::distance(positions, reference::skin_dual_quaternion(skin, pose)), 1e-5);
+
+  std::vector<std::int32_t> joints(skin.joints().begin(), skin.joints().end());
+  std::vector<float> weights(skin.weights().begin(), skin.weights().end());
+  for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
+    std::reverse(joints.begin() + skin.offsets()[v], joints.begin() + skin.offsets()[v + 1]);
+    std::reverse(weights.begin() + skin.offsets()[v], weights.begin() + skin.offsets()[v + 1]);
+  }
+  const Skin reversed(skin.rest_positions(), skin.offsets(), joints, weights, 3);
+  const auto others = skinned(skin_dual_quaternion, reversed, pose);
+  EXPECT_LT(rigs::distance(others, reference::skin_dual_quaternion(reversed, pose)), 1e-5);
+  EXPECT_NE(positions, others);
+}
+
+TEST_P(EachInstructionSet, IsTheOneInUse) { EXPECT_EQ(instruction_set(), GetParam()); }
+
+TEST(InstructionSet, ASkinMadeUnderAnotherSetIsPackedAgain) {
+  rigs::Random random(4);
+  const Skin skin = rigs::coherent_skin(random, 100, 5, 3);
+  const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 5));
+  for (const std::string& name : instruction_sets()) {
+    set_instruction_set(name);
+    EXPECT_LT(rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose)),
+              2e-7 * kDiagonal);
+  }
+  set_instruction_set("auto");
+  EXPECT_EQ(instruction_set(), instruction_sets().front());
+}
+
+TEST(InstructionSet, RefusesANameThatIsNone) {
+  const std::string before = instruction_set();
+  const std::string said = complaint([] { set_instruction_set("MMX"); });
+  EXPECT_TRUE(
+      said.starts_with("this machine has no instruction set \"MMX\"; expected auto or one of "));
+  for (const std::string& name : instruction_sets()) EXPECT_NE(said.find(name), said.npos);
+  EXPECT_EQ(instruction_set(), before);
+}
+
+}  // namespace
+}  // namespace sinew
