@@ -15,6 +15,12 @@ def matrix_to_numpy(matrix):
     return np.array(matrix, dtype=np.float64)
 
 
+def relative_matrix(ob, armature):
+    """(4, 4): from the armature's space to the object's."""
+    return (np.linalg.inv(matrix_to_numpy(ob.matrix_world))
+            @ matrix_to_numpy(armature.matrix_world))
+
+
 # --- meshes ---------------------------------------------------------------------------------------
 
 def read_positions(mesh):
@@ -109,12 +115,13 @@ def read_faces(mesh):
 
 # --- weights --------------------------------------------------------------------------------------
 
-def read_weights(mesh):
-    """offsets (V + 1,), groups (N,) int32, weights (N,) float32, in the order in which Blender
-    stores them: dual quaternion skinning depends on it."""
+def read_weights(ob):
+    """offsets (V + 1,), groups (N,) int32, weights (N,) float32 of a mesh object, in the order in
+    which Blender stores them: dual quaternion skinning depends on it. An entry of a vertex group that
+    was removed has the group -1."""
     bm = bmesh.new()
     try:
-        bm.from_mesh(mesh, face_normals=False)
+        bm.from_mesh(ob.data, face_normals=False)
         layer = bm.verts.layers.deform.active
         counts = np.zeros(len(bm.verts), np.int64)
         groups, weights = [], []
@@ -128,7 +135,9 @@ def read_weights(mesh):
     finally:
         bm.free()
     offsets = np.concatenate(([0], np.cumsum(counts)))
-    return offsets, np.array(groups, np.int32), np.array(weights, np.float32)
+    groups = np.array(groups, np.int32)
+    groups[groups >= len(ob.vertex_groups)] = -1
+    return offsets, groups, np.array(weights, np.float32)
 
 
 def write_weights(mesh, dense):

@@ -12,8 +12,8 @@ def on_frame_change(scene, depsgraph):
 
 
 @persistent
-def on_depsgraph_update(scene, depsgraph):
-    session.on_update(scene, depsgraph)
+def on_depsgraph_update(_scene, depsgraph):
+    session.on_update(depsgraph)
 
 
 @persistent

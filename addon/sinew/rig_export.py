@@ -23,7 +23,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO"):
         raise ValueError(f"There is no folder {folder}")
 
     from_file = clip_store.has_skeleton(armature.data)
-    mesh_from_armature = relative_matrix(ob, armature)
+    mesh_from_armature = blender_io.relative_matrix(ob, armature)
     if from_file:
         skeleton = clip_store.load_skeleton(armature.data)
         joints = clip_store.own_joints(armature)
@@ -55,12 +55,6 @@ def export_rig(context, ob, skeleton_path, animation="AUTO"):
         write_colors(os.path.join(folder, library), mesh.materials)
 
 
-def relative_matrix(ob, armature):
-    """(4, 4): from the armature's space to the mesh's."""
-    return (np.linalg.inv(blender_io.matrix_to_numpy(ob.matrix_world))
-            @ blender_io.matrix_to_numpy(armature.matrix_world))
-
-
 def skeleton_from_bones(armature, mesh_from_armature):
     """A skeleton in the joint convention, space of the mesh, and the bones' names. Every joint has a
     column of weights, if only of zeros: a root without one would read as the bone convention."""
@@ -78,12 +72,11 @@ def skeleton_from_bones(armature, mesh_from_armature):
 
 def dense_weights(ob, names, columns):
     """(V, columns): the weights of each joint's vertex group, as they stand in the mesh."""
-    offsets, groups, weights = blender_io.read_weights(ob.data)
+    offsets, groups, weights = blender_io.read_weights(ob)
     column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
     column_of_group = np.array(
         [column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
-    known = np.where((groups >= 0) & (groups < len(ob.vertex_groups)), groups, -1)
-    column = column_of_group[known]
+    column = column_of_group[groups]
     rows = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     dense = np.zeros((len(offsets) - 1, int(np.max(columns, initial=-1)) + 1))
     used = column >= 0
@@ -101,7 +94,7 @@ def sample_frames(context, ob, armature, joints, joint_count):
             scene.frame_set(frame)
             depsgraph = context.evaluated_depsgraph_get()
             evaluated = armature.evaluated_get(depsgraph)
-            to_mesh = relative_matrix(ob.evaluated_get(depsgraph), evaluated)
+            to_mesh = blender_io.relative_matrix(ob.evaluated_get(depsgraph), evaluated)
             channels = blender_io.read_channels(evaluated).astype(float)
             matrices = np.tile(np.eye(4), (joint_count, 1, 1))
             has_joint = joints >= 0

@@ -121,10 +121,10 @@ def on_frame(scene, depsgraph):
     with _lock:
         objects = bound_objects()
         if objects:
-            _deform(objects, scene, depsgraph, _pose_armatures(objects, scene, depsgraph))
+            _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
 
 
-def on_update(scene, depsgraph):
+def on_update(depsgraph):
     """Somebody changed something: meshes follow the bones as they stand. A clip does not step in,
     so a bone posed by hand keeps its pose until the next frame, as with keyframes."""
     with _lock:
@@ -145,7 +145,7 @@ def on_update(scene, depsgraph):
             if armature and blender_io.key_of(armature.data) in changed:
                 _drop_player_if_edited(armature)
         if affected:
-            _deform(affected, scene, depsgraph, {})
+            _deform(affected, depsgraph, {})
 
 
 def refresh(ob):
@@ -159,8 +159,7 @@ def refresh(ob):
             armature.update_tag()  # else its evaluated copy keeps the setting's old value
         depsgraph = context.evaluated_depsgraph_get()
         objects = [other for other in bound_objects() if other.sinew.armature == armature]
-        _deform(objects, context.scene, depsgraph,
-                _pose_armatures(objects, context.scene, depsgraph))
+        _deform(objects, depsgraph, _pose_armatures(objects, context.scene, depsgraph))
 
 
 def refresh_armature(armature):
@@ -176,7 +175,7 @@ def refresh_all():
     with _lock:
         objects = bound_objects()
         if objects:
-            _deform(objects, bpy.context.scene, bpy.context.evaluated_depsgraph_get(), {})
+            _deform(objects, bpy.context.evaluated_depsgraph_get(), {})
 
 
 # --- poses ----------------------------------------------------------------------------------------
@@ -231,7 +230,7 @@ def _pose_armatures(objects, scene, depsgraph):
 
 # --- shapes ---------------------------------------------------------------------------------------
 
-def _deform(objects, scene, depsgraph, posed):
+def _deform(objects, depsgraph, posed):
     """An error in one mesh is kept with it and logged once; the others go on."""
     for ob in objects:
         entry = _characters[blender_io.key_of(ob)]
@@ -276,8 +275,7 @@ def _between(mesh_object, armature):
     """What leads from the armature's space to the mesh's, or None if they are one."""
     if mesh_object.matrix_world == armature.matrix_world:
         return None
-    return (np.linalg.inv(blender_io.matrix_to_numpy(mesh_object.matrix_world))
-            @ blender_io.matrix_to_numpy(armature.matrix_world))
+    return blender_io.relative_matrix(mesh_object, armature)
 
 
 def _deformer(ob, entry, armature):
@@ -293,10 +291,8 @@ def _deformer(ob, entry, armature):
 
 def influences(ob, bones):
     """The mesh's weights as influences of bones: offsets, bones, weights."""
-    offsets, groups, weights = blender_io.read_weights(ob.data)
+    offsets, groups, weights = blender_io.read_weights(ob)
     index = {name: i for i, (name, deforms) in enumerate(bones) if deforms}
     bone_of_group = np.array(
         [index.get(group.name, -1) for group in ob.vertex_groups] + [-1], np.int32)
-    # A group may have been removed while its entries are still there.
-    known = np.where((groups >= 0) & (groups < len(ob.vertex_groups)), groups, -1)
-    return normalised_influences(offsets, bone_of_group[known], weights)
+    return normalised_influences(offsets, bone_of_group[groups], weights)

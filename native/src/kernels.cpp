@@ -28,7 +28,7 @@ constexpr int kLanes = static_cast<int>(hn::MaxLanes(kTag));
 // How far ahead of their use blocks are fetched: enough to hide memory, few enough to stay in L1.
 constexpr std::size_t kPrefetchFloats = 2048;
 
-/// Numbers of the life of one group of kLanes vertices: where its x begin in BlockedSkin::data (y,
+/// One group of kLanes vertices: where its x begin in BlockedSkin::data (y,
 /// z and weights follow kBlock apart) and where its positions go.
 struct Group {
   const float* in;
@@ -135,8 +135,8 @@ HWY_INLINE void linear_vertex(const BlockedSkin& skin, std::size_t v, const Matr
   }
 }
 
-/// Calls run(first, count) for the groups of one block or of two with the same joints, whose
-/// positions all lie in `positions`, or in a buffer if the last block is not full.
+/// Calls run(groups), groups_at_once of them a time, for one block or two with the same joints.
+/// They write straight into `positions`, but for the last block of a mesh if it is not full.
 template <int groups_at_once, class Run>
 HWY_INLINE void run_block(const BlockedSkin& skin, const Block* block, int blocks, float* positions,
                           const Run& run) {
@@ -144,7 +144,7 @@ HWY_INLINE void run_block(const BlockedSkin& skin, const Block* block, int block
   Group groups[2 * kGroups];
   HWY_ALIGN float buffer[3 * kBlock];
   const std::size_t vertices = skin.offsets.size() - 1;
-  std::size_t partial = 0;
+  std::size_t partial = vertices;  // first vertex of a block that is not full
   for (int b = 0; b < blocks; ++b) {
     float* out = positions + 3 * static_cast<std::size_t>(block[b].first_vertex);
     if (block[b].first_vertex + kBlock > vertices) {
@@ -157,9 +157,7 @@ HWY_INLINE void run_block(const BlockedSkin& skin, const Block* block, int block
     }
   }
   for (int g = 0; g < blocks * kGroups; g += groups_at_once) run(groups + g);
-  const bool has_partial = block[blocks - 1].first_vertex + kBlock > vertices ||
-                           block[0].first_vertex + kBlock > vertices;
-  if (has_partial) {
+  if (partial < vertices) {
     std::memcpy(positions + 3 * partial, buffer, (vertices - partial) * 3 * sizeof(float));
   }
 }
@@ -267,6 +265,15 @@ HWY_AFTER_NAMESPACE();
 namespace sinew {
 namespace {
 std::int64_t forced_target = 0;  // 0: the best
+
+/// Those of the machine, whichever one is forced.
+std::vector<std::int64_t> all_targets() {
+  hwy::SetSupportedTargetsForTest(0);
+  const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
+  hwy::SetSupportedTargetsForTest(forced_target);
+  return targets;
+}
+
 }  // namespace
 
 HWY_EXPORT(kernel_lanes);
@@ -275,31 +282,25 @@ HWY_EXPORT(linear_blocks);
 HWY_EXPORT(dual_quaternion_blocks);
 
 std::vector<std::string> instruction_sets() {
-  hwy::SetSupportedTargetsForTest(0);
   std::vector<std::string> names;
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    names.emplace_back(hwy::TargetName(target));
-  }
-  hwy::SetSupportedTargetsForTest(forced_target);
+  for (const std::int64_t target : all_targets()) names.emplace_back(hwy::TargetName(target));
   return names;
 }
 
 std::string instruction_set() { return HWY_DYNAMIC_DISPATCH(kernel_target)(); }
 
 void set_instruction_set(const std::string& name) {
-  hwy::SetSupportedTargetsForTest(0);
   std::int64_t wanted = 0;
   std::string known;
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+  for (const std::int64_t target : all_targets()) {
     if (name == hwy::TargetName(target)) wanted = target;
     known += std::string(known.empty() ? "" : ", ") + hwy::TargetName(target);
   }
   if (wanted == 0 && name != "auto") {
-    hwy::SetSupportedTargetsForTest(forced_target);
     fail("this machine has no instruction set \"", name, "\"; expected auto or one of ", known);
   }
   forced_target = wanted;
-  hwy::SetSupportedTargetsForTest(wanted);
+  hwy::SetSupportedTargetsForTest(forced_target);
   hwy::GetChosenTarget().DeInit();  // the next call looks again
 }
 
