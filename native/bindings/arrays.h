@@ -121,18 +121,43 @@ std::vector<T> copied(const char* name, const py::array& array) {
   }
 }
 
-/// (J,) numbers as T.
+/// Numbers of any real dtype as T: the array's own memory where it holds T, one after the other;
+/// converted otherwise.
 template <class T>
-std::vector<T> copied_list(const char* name, const py::array& array) {
+class Numbers {
+ public:
+  Numbers(const char* name, const py::array& array) : array_(array) {
+    in_place_ = array.dtype().is(py::dtype::of<T>()) && (array.flags() & py::array::c_style) &&
+                (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_);
+    if (!in_place_) converted_ = copied<T>(name, array);
+  }
+  operator std::span<const T>() const {
+    if (!in_place_) return converted_;
+    return {static_cast<const T*>(array_.data()), static_cast<std::size_t>(array_.size())};
+  }
+  operator std::vector<T>() const {
+    const std::span<const T> numbers = *this;
+    return {numbers.begin(), numbers.end()};
+  }
+
+ private:
+  py::array array_;
+  bool in_place_;
+  std::vector<T> converted_;
+};
+
+/// (N,) numbers as T.
+template <class T>
+Numbers<T> list_of(const char* name, const py::array& array) {
   if (array.ndim() != 1) wrong_shape(name, array, "one axis");
-  return copied<T>(name, array);
+  return {name, array};
 }
 
 /// (V, 3) points, row by row.
 template <class T>
-std::vector<T> copied_points(const char* name, const py::array& array) {
+Numbers<T> points_of(const char* name, const py::array& array) {
   if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(V, 3)");
-  return copied<T>(name, array);
+  return {name, array};
 }
 
 /// (J, 4, 4) or (F, J, 4, 4) matrices.

@@ -58,11 +58,11 @@ Rig rig_from_arrays(const py::array& positions, const py::array& face_offsets,
                     const std::string& material_library) {
   Rig rig{PolygonMesh{}, skeleton, copied_table("weights", weights), poses, std::nullopt};
   PolygonMesh& mesh = rig.mesh;
-  mesh.positions = copied_points<float>("positions", positions);
-  mesh.face_offsets = copied_list<std::int32_t>("face_offsets", face_offsets);
-  mesh.face_vertices = copied_list<std::int32_t>("face_vertices", face_vertices);
+  mesh.positions = points_of<float>("positions", positions);
+  mesh.face_offsets = list_of<std::int32_t>("face_offsets", face_offsets);
+  mesh.face_vertices = list_of<std::int32_t>("face_vertices", face_vertices);
   if (face_materials) {
-    mesh.face_materials = copied_list<std::int32_t>("face_materials", *face_materials);
+    mesh.face_materials = list_of<std::int32_t>("face_materials", *face_materials);
   }
   mesh.material_names = material_names;
   mesh.material_library = material_library;
@@ -82,10 +82,10 @@ void bind_rig_skeleton(py::module_& module) {
       .def(py::init([](const py::array& parents, const py::array& heads, const py::array& tails,
                        const py::array& weight_columns, std::vector<std::string> names,
                        const std::string& convention) {
-             return RigSkeleton(copied_list<std::int32_t>("parents", parents),
+             return RigSkeleton(list_of<std::int32_t>("parents", parents),
                                 copied_row_points("heads", heads),
                                 copied_row_points("tails", tails),
-                                copied_list<std::int32_t>("weight_columns", weight_columns),
+                                list_of<std::int32_t>("weight_columns", weight_columns),
                                 std::move(names), *convention_of(convention));
            }),
            py::arg("parents"), py::arg("heads"), py::arg("tails"), py::arg("weight_columns"),

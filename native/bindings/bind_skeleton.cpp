@@ -100,7 +100,7 @@ py::array py_rotation_transforms(const py::array& rotations, const py::object& o
 void bind_skeleton(py::module_& module) {
   py::class_<Skeleton>(module, "Skeleton", "The tree of joints and its rest pose. Immutable.")
       .def(py::init([](const py::array& parents, const py::array& rest) {
-             return Skeleton(copied_list<std::int32_t>("parents", parents),
+             return Skeleton(list_of<std::int32_t>("parents", parents),
                              copied_matrices("rest", rest, 3));
            }),
            py::arg("parents"), py::arg("rest"),

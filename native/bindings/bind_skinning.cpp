@@ -39,10 +39,10 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
 
 Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
   if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
-  const std::vector<double> numbers = copied<double>("weights", weights);
+  const Numbers<double> numbers("weights", weights);
   const auto rows = weights.shape(0), columns = weights.shape(1);
-  return Skin::from_dense(copied_points<float>("rest_positions", rest_positions), numbers.data(),
-                          rows, columns, columns, 1);
+  return Skin::from_dense(points_of<float>("rest_positions", rest_positions),
+                          std::span<const double>(numbers).data(), rows, columns, columns, 1);
 }
 
 constexpr const char* kSkinArguments =
@@ -58,10 +58,10 @@ void bind_skinning(py::module_& module) {
       .def(py::init([](const py::array& rest_positions, const py::array& offsets,
                        const py::array& joints, const py::array& weights,
                        std::ptrdiff_t joint_count) {
-             return Skin(copied_points<float>("rest_positions", rest_positions),
-                         copied_list<std::int64_t>("offsets", offsets),
-                         copied_list<std::int32_t>("joints", joints),
-                         copied_list<float>("weights", weights), joint_count);
+             return Skin(points_of<float>("rest_positions", rest_positions),
+                         list_of<std::int64_t>("offsets", offsets),
+                         list_of<std::int32_t>("joints", joints),
+                         list_of<float>("weights", weights), joint_count);
            }),
            py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"),
            py::arg("joint_count"),

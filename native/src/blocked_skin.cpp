@@ -2,65 +2,122 @@
 
 #include <algorithm>
 #include <set>
-#include <string_view>
-#include <unordered_map>
+#include <unordered_set>
+
+#include "parallel.h"
 
 namespace sinew {
 namespace {
 
-// Beyond this many joints a block does more work for zero weights than vertex by vertex.
-constexpr std::size_t kMostJoints = 12;
+// A block multiplies by all its joints for every vertex, a single vertex by its own alone but at a
+// fourth of the speed. Blocks of few joints are the faster in any case.
+constexpr std::size_t kAlwaysBlocked = 12;
+constexpr std::size_t kJointsAnInfluence = 4;
 
 // On AVX-512 two blocks with the same joints run as a pair, half the loads a block; blocks are
 // brought together by sorting within windows that the cache holds whole.
 constexpr std::size_t kBlocksPerWindow = 4096 / kBlock;
 constexpr int kLanesThatPair = 16;
 
-/// Looks up joint sets that have been seen before by their bytes.
+constexpr std::size_t kBlocksPerTask = 512;
+
+/// The joint sets of a skin, each of which is stored once.
 class SetTable {
  public:
-  explicit SetTable(BlockedSkin& skin) : skin_(skin) {}
+  explicit SetTable(BlockedSkin& skin) : skin_(skin), known_(64, Hash{&skin}, Equal{&skin}) {}
 
-  std::uint32_t index_of(const std::vector<std::uint32_t>& joints) {
-    const std::string key(reinterpret_cast<const char*>(joints.data()),
-                          joints.size() * sizeof(joints.front()));
-    const auto [entry, is_new] =
-        known_.try_emplace(key, static_cast<std::uint32_t>(skin_.sets.size()));
-    if (is_new) {
-      skin_.sets.push_back({static_cast<std::uint32_t>(skin_.joints.size()),
-                            static_cast<std::uint32_t>(joints.size())});
-      skin_.joints.insert(skin_.joints.end(), joints.begin(), joints.end());
+  std::uint32_t index_of(const std::vector<std::uint32_t>& joints, bool is_rigid) {
+    const auto index = static_cast<std::uint32_t>(skin_.sets.size());
+    skin_.sets.push_back({static_cast<std::uint32_t>(skin_.joints.size()),
+                          static_cast<std::uint32_t>(joints.size()), is_rigid});
+    skin_.joints.insert(skin_.joints.end(), joints.begin(), joints.end());
+    const auto [known, is_new] = known_.insert(index);
+    if (!is_new) {
+      skin_.joints.resize(skin_.sets.back().begin);
+      skin_.sets.pop_back();
     }
-    return entry->second;
+    return *known;
   }
 
  private:
+  struct Hash {
+    const BlockedSkin* skin;
+    std::size_t operator()(std::uint32_t index) const {
+      std::uint64_t hash = skin->sets[index].is_rigid;
+      for (const std::uint32_t joint : skin->joints_of(index)) {
+        hash = (hash ^ joint) * 0x9e3779b97f4a7c15u;  // 2^64 / golden ratio
+        hash ^= hash >> 32;
+      }
+      return hash;
+    }
+  };
+  struct Equal {
+    const BlockedSkin* skin;
+    bool operator()(std::uint32_t a, std::uint32_t b) const {
+      return skin->sets[a].is_rigid == skin->sets[b].is_rigid &&
+             std::ranges::equal(skin->joints_of(a), skin->joints_of(b));
+    }
+  };
+
   BlockedSkin& skin_;
-  std::unordered_map<std::string, std::uint32_t> known_;
+  std::unordered_set<std::uint32_t, Hash, Equal> known_;
 };
 
-/// The distinct joints of vertices first..last, ascending; empty if there are too many.
-void gather_joints(const BlockedSkin& skin, std::size_t first, std::size_t last,
-                   std::vector<std::uint32_t>& joints) {
-  joints.clear();
-  const auto add = [&](std::uint32_t joint) {
-    if (std::find(joints.begin(), joints.end(), joint) == joints.end()) joints.push_back(joint);
-  };
-  for (std::size_t v = first; v < last; ++v) {
-    if (skin.offsets[v] == skin.offsets[v + 1]) add(skin.identity_joint);
-    for (auto i = skin.offsets[v]; i < skin.offsets[v + 1]; ++i) add(skin.influence_joints[i]);
-    if (joints.size() > kMostJoints) return joints.clear();
+/// Finds each block's joints; remembers which joints it has seen, so that a look is one read.
+class JointGatherer {
+ public:
+  explicit JointGatherer(const BlockedSkin& skin)
+      : skin_(skin), last_block_(skin.identity_joint + 1, 0) {}
+
+  /// The distinct joints of vertices first..last, ascending; empty if there are too many.
+  const std::vector<std::uint32_t>& joints_of(std::size_t first, std::size_t last) {
+    joints_.clear();
+    ++block_;
+    for (std::size_t v = first; v < last; ++v) {
+      if (skin_.offsets[v] == skin_.offsets[v + 1]) add(skin_.identity_joint);
+    }
+    const auto influences = skin_.influence_joints.subspan(
+        skin_.offsets[first], skin_.offsets[last] - skin_.offsets[first]);
+    for (const std::int32_t joint : influences) add(static_cast<std::uint32_t>(joint));
+    if (joints_.size() > kAlwaysBlocked &&
+        joints_.size() * (last - first) > kJointsAnInfluence * influences.size()) {
+      joints_.clear();
+    }
+    std::ranges::sort(joints_);
+    return joints_;
   }
-  std::sort(joints.begin(), joints.end());
+
+ private:
+  void add(std::uint32_t joint) {
+    if (last_block_[joint] == block_) return;
+    last_block_[joint] = block_;
+    joints_.push_back(joint);
+  }
+
+  const BlockedSkin& skin_;
+  std::vector<std::size_t> last_block_;  // a joint: the last block that has it, counted from 1
+  std::size_t block_ = 0;
+  std::vector<std::uint32_t> joints_;
+};
+
+/// Whether the one joint of vertices first..last moves each with weight 1.
+bool is_rigid(const BlockedSkin& skin, std::size_t first, std::size_t last) {
+  for (std::size_t v = first; v < last; ++v) {
+    const auto count = skin.offsets[v + 1] - skin.offsets[v];
+    if (count > 1 || (count == 1 && skin.weights[skin.offsets[v]] != 1)) return false;
+  }
+  return true;
 }
 
 std::size_t numbers_of(const BlockedSkin& skin, const Block& block) {
-  const std::size_t joints = skin.sets[block.joint_set].count;
-  return joints == 0 ? 0 : kBlock * (3 + joints);
+  const JointSet set = skin.sets[block.joint_set];
+  if (set.count == 0) return 0;
+  return kBlock * (3 + (set.is_rigid ? 0 : set.count));
 }
 
 void fill(BlockedSkin& skin, const Block& block) {
   const JointSet set = skin.sets[block.joint_set];
+  const auto joints = skin.joints_of(block.joint_set);
   float* const data = skin.data.get() + block.data;
   std::fill_n(data, numbers_of(skin, block), 0.0f);
   const std::size_t vertices = skin.offsets.size() - 1;
@@ -68,9 +125,9 @@ void fill(BlockedSkin& skin, const Block& block) {
     const std::size_t v = block.first_vertex + i;
     const int lane = i / skin.lanes * skin.lanes + 3 * (i % skin.lanes) % skin.lanes;
     for (int axis = 0; axis < 3; ++axis) data[kBlock * axis + lane] = skin.rest[3 * v + axis];
+    if (set.is_rigid) continue;
     const auto add = [&](std::uint32_t joint, float weight) {
-      const std::uint32_t* begin = skin.joints.data() + set.begin;
-      const auto place = std::lower_bound(begin, begin + set.count, joint) - begin;
+      const auto place = std::ranges::lower_bound(joints, joint) - joints.begin();
       data[kBlock * (3 + place) + lane] += weight;
     };
     if (skin.offsets[v] == skin.offsets[v + 1]) add(skin.identity_joint, 1);
@@ -82,11 +139,10 @@ void fill(BlockedSkin& skin, const Block& block) {
 
 std::vector<JointPair> neighbours_in(const BlockedSkin& skin) {
   std::set<JointPair> pairs;
-  for (const JointSet& set : skin.sets) {
-    for (std::uint32_t a = set.begin; a < set.begin + set.count; ++a) {
-      for (std::uint32_t b = a + 1; b < set.begin + set.count; ++b) {
-        pairs.emplace(skin.joints[a], skin.joints[b]);
-      }
+  for (std::uint32_t set = 0; set < skin.sets.size(); ++set) {
+    const auto joints = skin.joints_of(set);
+    for (std::size_t a = 0; a < joints.size(); ++a) {
+      for (std::size_t b = a + 1; b < joints.size(); ++b) pairs.emplace(joints[a], joints[b]);
     }
   }
   return {pairs.begin(), pairs.end()};
@@ -135,10 +191,12 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
 
   const std::size_t vertices = offsets.size() - 1;
   SetTable table(*this);
-  std::vector<std::uint32_t> own;
+  JointGatherer gatherer(*this);
   for (std::size_t first = 0; first < vertices; first += kBlock) {
-    gather_joints(*this, first, std::min(vertices, first + kBlock), own);
-    blocks.push_back({0, static_cast<std::uint32_t>(first), table.index_of(own)});
+    const std::size_t last = std::min(vertices, first + kBlock);
+    const auto& own = gatherer.joints_of(first, last);
+    const bool rigid = own.size() == 1 && is_rigid(*this, first, last);
+    blocks.push_back({0, static_cast<std::uint32_t>(first), table.index_of(own, rigid)});
   }
   if (lanes == kLanesThatPair) {
     for (std::size_t begin = 0; begin < blocks.size(); begin += kBlocksPerWindow) {
@@ -154,9 +212,11 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
   }
   data = hwy::AllocateAligned<float>(std::max<std::uint64_t>(1, numbers));
   if (!data) throw std::bad_alloc();
-  for (const Block& block : blocks) {
-    if (sets[block.joint_set].count > 0) fill(*this, block);
-  }
+  parallel_for(blocks.size(), kBlocksPerTask, [this](std::size_t begin, std::size_t end) {
+    for (std::size_t b = begin; b < end; ++b) {
+      if (sets[blocks[b].joint_set].count > 0) fill(*this, blocks[b]);
+    }
+  });
 
   neighbours = neighbours_in(*this);
   spanning = spanning_forest(neighbours, identity_joint + 1);

@@ -18,7 +18,7 @@ constexpr int kBlock = 16;
 /// order. Its joints are the union of its vertices' joints, with weight zero where a vertex lacks
 /// one: few more than one vertex has, since neighbours share theirs.
 struct Block {
-  std::uint64_t data;          ///< in BlockedSkin::data: 16 x, 16 y, 16 z, then 16 weights a joint
+  std::uint64_t data;          ///< in BlockedSkin::data: 16 x, 16 y, 16 z; 16 weights a joint
   std::uint32_t first_vertex;  ///< the last block of a mesh may hold fewer than 16
   std::uint32_t joint_set;     ///< in BlockedSkin::sets
 };
@@ -27,7 +27,9 @@ struct Block {
 /// marks blocks whose vertices have so little in common that they are blended one by one.
 struct JointSet {
   std::uint32_t begin;
-  std::uint32_t count;
+  std::uint32_t count : 31;
+  /// One joint moves all vertices of the block with weight 1; the weights are left out.
+  std::uint32_t is_rigid : 1;
 };
 
 using JointPair = std::pair<std::uint32_t, std::uint32_t>;
@@ -41,6 +43,11 @@ struct BlockedSkin {
   BlockedSkin(std::span<const float> rest, std::span<const std::int64_t> offsets,
               std::span<const std::int32_t> joints, std::span<const float> weights,
               std::ptrdiff_t joint_count, int lanes);
+
+  /// The joints of sets[set].
+  std::span<const std::uint32_t> joints_of(std::uint32_t set) const {
+    return {joints.data() + sets[set].begin, sets[set].count};
+  }
 
   int lanes;
   /// A vertex that nothing moves hangs on this joint, one past the skin's: its matrix is the

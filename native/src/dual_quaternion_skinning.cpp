@@ -105,11 +105,11 @@ void choose_signs(const BlockedSkin& skin, DualQuaternionPalette& palette) {
   const bool all_rigid = std::ranges::all_of(palette.joints, &RigidAndStretch::is_rigid);
   palette.skip.assign(skin.sets.size(), skin.has_negative_weights);
   if (all_agree && all_rigid) return;
-  for (std::size_t s = 0; s < skin.sets.size(); ++s) {
-    const std::uint32_t* own = skin.joints.data() + skin.sets[s].begin;
-    for (std::uint32_t a = 0; a < skin.sets[s].count; ++a) {
+  for (std::uint32_t s = 0; s < skin.sets.size(); ++s) {
+    const auto own = skin.joints_of(s);
+    for (std::size_t a = 0; a < own.size(); ++a) {
       if (own[a] < palette.joints.size() && !palette.joints[own[a]].is_rigid) palette.skip[s] = 1;
-      for (std::uint32_t b = 0; b < a; ++b) {
+      for (std::size_t b = 0; b < a; ++b) {
         if (dot(joints[own[a]], joints[own[b]]) < 0) palette.skip[s] = 1;
       }
     }

@@ -86,15 +86,22 @@ void Skin::check() const {
 /// A vertex whose weights are all zero gets no influence at all, so that the frame loop has one
 /// case, not two, for "nothing moves it".
 void Skin::drop_dead_influences() {
-  const auto is_zero = [](float weight) { return weight == 0.0f; };
   std::int64_t kept = 0;
   std::int64_t begin = 0;
   for (std::size_t v = 0; v + 1 < offsets_.size(); ++v) {
     const std::int64_t end = offsets_[v + 1];
-    const bool dead = std::all_of(weights_.begin() + begin, weights_.begin() + end, is_zero);
-    for (std::int64_t i = begin; i < end && !dead; ++i, ++kept) {
-      joints_[kept] = joints_[i];
-      weights_[kept] = weights_[i];
+    const auto alive = [&] {
+      for (auto i = begin; i < end; ++i) {
+        if (weights_[i] != 0) return true;
+      }
+      return false;
+    };
+    if (alive()) {
+      if (kept != begin) {
+        std::copy(joints_.begin() + begin, joints_.begin() + end, joints_.begin() + kept);
+        std::copy(weights_.begin() + begin, weights_.begin() + end, weights_.begin() + kept);
+      }
+      kept += end - begin;
     }
     begin = end;
     offsets_[v + 1] = kept;

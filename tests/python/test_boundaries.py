@@ -84,8 +84,9 @@ def knows(path, *names):
 
 
 def test_only_parallel_cpp_knows_tbb():
-    users = [path for path in headers_and_sources() if knows(path, "tbb")]
-    assert users == [ROOT / "native" / "src" / "parallel.cpp"]
+    users = {path.relative_to(ROOT / "native") for path in headers_and_sources() if knows(path, "tbb")}
+    # The benchmarks' too: the student report's parallel program is measured as it was.
+    assert users == {Path("src/parallel.cpp"), Path("bench/baselines.cpp")}
 
 
 def test_only_the_bindings_know_python():

@@ -1,0 +1,67 @@
+#include "baselines.h"
+
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+#include <xmmintrin.h>
+
+#include <map>
+
+namespace sinew::bench {
+namespace {
+
+template <class Body>
+void deal(int threads, std::ptrdiff_t count, const Body& body) {
+  if (threads <= 1) return body(0, count);
+  static std::map<int, oneapi::tbb::task_arena> arenas;
+  arenas.try_emplace(threads, threads).first->second.execute([&] {
+    oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::ptrdiff_t>(0, count),
+                              [&](const auto& range) { body(range.begin(), range.end()); });
+  });
+}
+
+/// Reads one block's numbers, 16 sums of them, and writes them three times.
+void move_block(const float* in, std::size_t rows, bool stream, float* out) {
+  __m128 sum[4] = {};
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (int i = 0; i < 4; ++i) {
+      sum[i] = _mm_add_ps(sum[i], _mm_load_ps(in + kBlock * row + 4 * i));
+    }
+  }
+  for (int i = 0; i < 12; ++i) {
+    stream ? _mm_stream_ps(out + 4 * i, sum[i % 4]) : _mm_storeu_ps(out + 4 * i, sum[i % 4]);
+  }
+}
+
+}  // namespace
+
+void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::MatrixXd& positions,
+                 int threads) {
+  const std::ptrdiff_t joints = character.skin.joint_count();
+  const Matrix4<double>* transforms = character.transforms.data() + frame * joints;
+  deal(threads, character.rest.rows(), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    for (std::ptrdiff_t v = begin; v < end; ++v) {
+      const Eigen::Vector4d rest = character.rest.row(v).transpose().homogeneous();
+      Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+      for (std::ptrdiff_t j = 0; j < joints; ++j) {
+        sum += character.dense_weights(v, j) * (transforms[j] * (character.inverse_rest[j] * rest));
+      }
+      positions.row(v) = sum.head<3>().transpose();
+    }
+  });
+}
+
+void move_bytes(const BlockedSkin& skin, bool stream, int threads, float* positions) {
+  const std::size_t vertices = skin.offsets.size() - 1;
+  deal(threads, static_cast<std::ptrdiff_t>(skin.blocks.size()),
+       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+         for (std::ptrdiff_t b = begin; b < end; ++b) {
+           const Block& block = skin.blocks[b];
+           if (std::size_t{block.first_vertex} + kBlock > vertices) continue;
+           move_block(skin.data.get() + block.data, 3 + skin.sets[block.joint_set].count, stream,
+                      positions + 3 * std::size_t{block.first_vertex});
+         }
+       });
+  if (stream) _mm_sfence();
+}
+
+}  // namespace sinew::bench

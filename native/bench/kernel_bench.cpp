@@ -1,0 +1,178 @@
+// Skinning: sizes x influences x methods x instruction sets x threads, caches warm and cold, beside
+// the bound that memory sets and the student report's loop. One run, interleaved, so that what the
+// machine does meanwhile falls on all alike.
+#include <benchmark/benchmark.h>
+
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "baselines.h"
+#include "sinew/dual_quaternion_skinning.h"
+#include "sinew/instruction_set.h"
+#include "sinew/linear_skinning.h"
+#include "sinew/threads.h"
+
+namespace sinew::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using SkinFunction = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
+
+constexpr int kFrames = 32;
+constexpr std::size_t kColdBytes = 96 << 20;
+
+/// What happens between two calls.
+enum class Between { nothing, caches_cold, threads_asleep };
+
+struct Subject {
+  std::string mesh;
+  Character character;
+  std::vector<float> positions;  ///< kFrames at most
+  double union_size;             ///< joints of a block, mean
+  std::size_t packed_bytes;
+
+  /// Where results go: 64-byte aligned, as memory that is written in full lines is.
+  std::span<float> out(std::ptrdiff_t frames) {
+    auto* first = positions.data();
+    while (reinterpret_cast<std::uintptr_t>(first) % 64 != 0) ++first;
+    return {first, static_cast<std::size_t>(frames * character.skin.vertex_count() * 3)};
+  }
+};
+
+Subject subject(const std::string& mesh, Character character) {
+  const auto& blocked = character.skin.blocked();
+  std::size_t joints = 0;
+  for (const Block& block : blocked.blocks) joints += blocked.sets[block.joint_set].count;
+  const std::size_t blocks = blocked.blocks.size();
+  const auto size = static_cast<std::size_t>(character.skin.vertex_count()) * 3 * kFrames;
+  const bool many = character.skin.vertex_count() < 200'000;
+  return {mesh, std::move(character), std::vector<float>((many ? size : size / kFrames) + 16),
+          static_cast<double>(joints) / static_cast<double>(blocks),
+          (joints + 3 * blocks) * kBlock * sizeof(float)};
+}
+
+void between_calls(Between what) {
+  if (what == Between::caches_cold) {
+    static std::vector<char> other(kColdBytes, 1);
+    for (std::size_t i = 0; i < other.size(); i += 64) ++other[i];
+    benchmark::ClobberMemory();
+  }
+  if (what == Between::threads_asleep) std::this_thread::sleep_for(std::chrono::milliseconds(3));
+}
+
+/// One row: `run(frame)` skins `frames` frames. The time of a vertex and frame is reckoned from
+/// the call alone.
+void add(const Subject& subject, const std::string& what, const std::string& set, int threads,
+         Between between, std::ptrdiff_t frames, std::function<void(std::ptrdiff_t)> run) {
+  const char* states[] = {"warm", "cold", "asleep"};
+  const auto vertices = subject.character.skin.vertex_count();
+  const std::string name = what + "|" + subject.mesh + "|" + std::to_string(vertices) + "|" + set +
+                           "|" + std::to_string(threads) + "|" + states[static_cast<int>(between)] +
+                           "|" + std::to_string(frames);
+  benchmark::RegisterBenchmark(name.c_str(), [=, &subject](benchmark::State& state) {
+    set_thread_count(threads);
+    set_instruction_set(set == "-" ? "auto" : set);
+    run(0);
+    std::ptrdiff_t call = 0;
+    for (auto _ : state) {
+      between_calls(between);
+      const auto begin = Clock::now();
+      run(call++ % kFrames);
+      state.SetIterationTime(std::chrono::duration<double>(Clock::now() - begin).count());
+    }
+    set_thread_count(0);
+    set_instruction_set("auto");
+    state.counters["vertices"] = static_cast<double>(vertices);
+    state.counters["frames"] = static_cast<double>(frames);
+    state.counters["joints_a_block"] = subject.union_size;
+    state.counters["influences"] = static_cast<double>(subject.character.skin.influence_count()) /
+                                   static_cast<double>(vertices);
+    state.counters["bytes_a_vertex"] =
+        static_cast<double>(subject.packed_bytes) / static_cast<double>(vertices) + 12;
+  })->UseManualTime();
+}
+
+void add_skinning(Subject& subject, const std::string& method, SkinFunction skin,
+                  const std::string& set, int threads, Between between) {
+  add(subject, method, set, threads, between, 1, [&subject, skin](std::ptrdiff_t frame) {
+    skin(subject.character.skin, subject.character.frame(frame), subject.out(1));
+  });
+}
+
+void add_bound(Subject& subject, int threads, Between between) {
+  for (const bool stream : {false, true}) {
+    add(subject, stream ? "bound, streamed" : "bound", "-", threads, between, 1,
+        [&subject, stream, threads](std::ptrdiff_t) {
+          move_bytes(subject.character.skin.blocked(), stream, threads, subject.out(1).data());
+        });
+  }
+}
+
+void add_report(Subject& subject, int threads) {
+  add(subject, threads > 1 ? "report, TBB" : "report", "-", threads, Between::nothing, 1,
+      [&subject, threads](std::ptrdiff_t frame) {
+        static Eigen::MatrixXd positions;
+        positions.resize(subject.character.rest.rows(), 3);
+        report_skin(subject.character, frame, positions, threads);
+      });
+}
+
+void add_many_frames(Subject& subject, const std::string& set, int threads) {
+  add(subject, "linear", set, threads, Between::nothing, kFrames, [&subject](std::ptrdiff_t) {
+    auto stack = subject.character.frame(0);
+    stack.frames = kFrames;
+    skin_linear(subject.character.skin, stack, subject.out(kFrames));
+  });
+}
+
+void add_all(std::vector<Subject>& subjects, int cores) {
+  const std::string best = instruction_sets().front();
+  for (Subject& one : subjects) {
+    const bool natural = one.mesh.find("2 to 4") != std::string::npos;
+    const bool smallest = one.character.skin.vertex_count() < 100'000;
+    for (const int threads : cores > 1 ? std::vector{1, cores} : std::vector{1}) {
+      add_skinning(one, "linear", skin_linear, best, threads, Between::nothing);
+      add_skinning(one, "dual quaternion", skin_dual_quaternion, best, threads, Between::nothing);
+      add_bound(one, threads, Between::nothing);
+      if (natural && one.character.rest.rows() > 0 && smallest) add_report(one, threads);
+    }
+    if (natural && cores > 1) {
+      add_skinning(one, "linear", skin_linear, best, cores, Between::threads_asleep);
+    }
+    if (!smallest) continue;
+    add_skinning(one, "linear", skin_linear, best, 1, Between::caches_cold);
+    add_bound(one, 1, Between::caches_cold);
+    if (!natural) continue;
+    add_many_frames(one, best, 1);
+    for (const std::string& set : instruction_sets()) {
+      if (set == best) continue;
+      add_skinning(one, "linear", skin_linear, set, 1, Between::nothing);
+      add_skinning(one, "dual quaternion", skin_dual_quaternion, set, 1, Between::nothing);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sinew::bench
+
+int main(int count, char** arguments) {
+  using namespace sinew::bench;
+  benchmark::Initialize(&count, arguments);
+  if (count != 2) {
+    std::fprintf(stderr, "usage: kernel_bench FOLDER [--benchmark_...]\n");
+    return 2;
+  }
+  std::vector<Subject> subjects;
+  subjects.reserve(8);
+  for (int subdivisions = 0; subdivisions < 4; ++subdivisions) {
+    subjects.push_back(
+        subject("2 to 4 influences", read_character(arguments[1], subdivisions, 4, 2, kFrames)));
+  }
+  subjects.push_back(subject("8 influences", read_character(arguments[1], 0, 8, 8, kFrames)));
+  add_all(subjects, static_cast<int>(std::thread::hardware_concurrency()));
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+}
