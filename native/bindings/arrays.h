@@ -50,14 +50,15 @@ inline void require_aligned(const char* name, const py::array& array) {
   }
 }
 
-/// The caller's `out`, which must be an array already: what pybind11 would make of a list is a copy
-/// that the caller never sees.
-inline py::array given_out(const py::object& out) {
-  if (!py::isinstance<py::array>(out)) {
-    throw InputError("out is a " + std::string(py::str(py::type::of(out).attr("__name__"))) +
+/// An object that must be an array already: what pybind11 would make of a list is a copy, which the
+/// caller never sees written to.
+inline py::array given_array(const char* name, const py::object& object) {
+  if (!py::isinstance<py::array>(object)) {
+    throw InputError(std::string(name) + " is a " +
+                     std::string(py::str(py::type::of(object).attr("__name__"))) +
                      "; expected a numpy array");
   }
-  return py::reinterpret_borrow<py::array>(out);
+  return py::reinterpret_borrow<py::array>(object);
 }
 
 /// A stack of 4x4 matrices, (J, 4, 4) or (F, J, 4, 4) with any strides, in place.

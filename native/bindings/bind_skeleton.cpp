@@ -21,7 +21,7 @@ py::array into(const char* name, const py::array& in, const py::object& out,
   const auto source = matrix_stack<const In>(name, in);
   const py::array result = out.is_none()
                                ? empty_like_stack(source, in.ndim() == 4, py::dtype::of<Out>())
-                               : given_out(out);
+                               : given_array("out", out);
   const auto target = matrix_stack<Out>("out", result);
   {
     const py::gil_scoped_release release;
@@ -90,7 +90,7 @@ py::array py_rotation_transforms(const py::array& rotations, const py::object& o
   const auto quaternions = copied_rotations(rotations, 2);
   const py::array result =
       out.is_none() ? py::array_t<double>({rotations.shape(0), py::ssize_t{4}, py::ssize_t{4}})
-                    : given_out(out);
+                    : given_array("out", out);
   rotation_transforms<double>(quaternions, matrix_stack<double>("out", result));
   return result;
 }

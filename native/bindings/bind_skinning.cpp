@@ -3,6 +3,7 @@
 #include "arrays.h"
 #include "sinew/dual_quaternion_skinning.h"
 #include "sinew/linear_skinning.h"
+#include "sinew/skinning.h"
 
 namespace sinew::bindings {
 namespace {
@@ -22,19 +23,53 @@ std::span<float> positions_span(const py::array& out, const std::vector<py::ssiz
           static_cast<std::size_t>(out.size())};
 }
 
+/// (V, 3), or (F, V, 3) if the matrices have an axis of frames.
+std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matrices) {
+  std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
+  if (matrices.ndim() == 4) shape.insert(shape.begin(), matrices.shape(0));
+  return shape;
+}
+
 template <SkinFunction function>
 py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out) {
   const auto stack = matrix_stack<const float>("matrices", matrices);
-  std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
-  if (matrices.ndim() == 4) shape.insert(shape.begin(), stack.frames);
+  const auto shape = positions_shape(skin, matrices);
   const py::array result =
-      out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_out(out);
+      out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
   const std::span<float> positions = positions_span(result, shape);
   {
     const py::gil_scoped_release release;
     function(skin, stack, positions);
   }
   return result;
+}
+
+SkinningMethod method_named(const std::string& name) {
+  if (name == "linear") return SkinningMethod::linear;
+  if (name == "dual_quaternion") return SkinningMethod::dual_quaternion;
+  throw InputError("there is no method \"" + name + "\"; expected linear or dual_quaternion");
+}
+
+void skin_jobs(const std::vector<py::tuple>& tuples) {
+  std::vector<SkinningJob> jobs;
+  for (const py::tuple& tuple : tuples) {
+    const std::string where = "job " + std::to_string(jobs.size());
+    try {
+      if (tuple.size() != 4) throw InputError("expected (skin, matrices, out, method)");
+      const auto& skin = tuple[0].cast<const Skin&>();
+      const py::array matrices = given_array("matrices", tuple[1]);
+      const auto stack = matrix_stack<const float>("matrices", matrices);
+      const std::span<float> positions =
+          positions_span(given_array("out", tuple[2]), positions_shape(skin, matrices));
+      jobs.push_back({&skin, stack, positions, method_named(tuple[3].cast<std::string>())});
+    } catch (const py::cast_error&) {
+      throw py::type_error(where + ": expected (Skin, array, array, str)");
+    } catch (const InputError& error) {
+      throw InputError(where + ": " + error.what());
+    }
+  }
+  const py::gil_scoped_release release;
+  skin_all(jobs);
 }
 
 Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
@@ -116,6 +151,12 @@ void bind_skinning(py::module_& module) {
                           "blended linearly.\n\n") +
               kSkinArguments)
                  .c_str());
+  module.def(
+      "skin_all", &skin_jobs, py::arg("jobs"),
+      "Several skins at once, with all threads at work on all of them.\n\n"
+      "jobs: (skin, matrices, out, method) each: matrices and out as of skin_linear, out not "
+      "None; method \"linear\" or \"dual_quaternion\". The same bits as one call a job.\n"
+      "Raises ValueError if a shape or dtype does not fit or two results overlap.");
 }
 
 }  // namespace sinew::bindings

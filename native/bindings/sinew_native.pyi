@@ -6,6 +6,7 @@ tests/python/test_stub.py compares this file with the compiled module.
 """
 
 import os
+from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 
 _Path: TypeAlias = str | os.PathLike[str]
 _Convention: TypeAlias = Literal["bone", "joint"]
+_Method: TypeAlias = Literal["linear", "dual_quaternion"]
 _Integers: TypeAlias = npt.NDArray[np.integer[Any]]
 _Reals: TypeAlias = npt.NDArray[np.floating[Any] | np.integer[Any]]
 _Float32: TypeAlias = npt.NDArray[np.float32]
@@ -208,6 +210,10 @@ def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> 
 
 def skin_dual_quaternion(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
     """Dual quaternion skinning (Kavan et al. 2008). Arguments as of skin_linear."""
+
+def skin_all(jobs: Sequence[tuple[Skin, _Float32, _Float32, _Method]]) -> None:
+    """Several skins at once, with all threads at work on all of them. A job is (skin, matrices, out,
+    method), as skin_linear and skin_dual_quaternion take them."""
 
 def read_dmat(path: _Path) -> _Float64:
     """A .dmat file, text or binary: (rows, columns)."""

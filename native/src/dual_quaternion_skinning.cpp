@@ -3,19 +3,11 @@
 #include <Eigen/SVD>
 #include <limits>
 
-#include "frame_loop.h"
-#include "kernels.h"
+#include "palette.h"
+#include "sinew/skinning.h"
 
 namespace sinew {
 namespace {
-
-/// One joint: first the stretch, then the rigid motion that `real` and `dual` stand for.
-struct RigidAndStretch {
-  Eigen::Quaternionf real;
-  Eigen::Quaternionf dual;
-  Eigen::Matrix3f stretch;
-  bool is_rigid;
-};
 
 // Matrices that went through float32 are orthonormal to about 1e-6.
 constexpr double kRigidTolerance = 1e-5;
@@ -69,13 +61,6 @@ Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const RigidAndStretch* pal
   return rotated + 2 / norm2 * (real.w() * d - dual.w() * r + r.cross(d));
 }
 
-/// A frame's joints: as they are, and with signs for the blocks.
-struct DualQuaternionPalette {
-  std::vector<RigidAndStretch> joints;
-  std::vector<DualQuaternion> signed_joints;  ///< J + 1, the last the identity
-  std::vector<std::uint8_t> skip;             ///< a joint set: 1 if its vertices go one by one
-};
-
 DualQuaternion with_sign(const RigidAndStretch& joint, float sign) {
   const Eigen::Quaternionf &r = joint.real, &d = joint.dual;
   return {{sign * r.w(), sign * r.x(), sign * r.y(), sign * r.z()},
@@ -92,8 +77,8 @@ float dot(const DualQuaternion& a, const DualQuaternion& b) {
 /// set then agree, and no weight is negative, every sum so far agrees with every joint: the signs
 /// that the stored order asks for are these (or all of them turned, which is the same motion), and
 /// a block need not look. Sets in which two joints do not agree, or one is not rigid, are skipped.
-void choose_signs(const BlockedSkin& skin, DualQuaternionPalette& palette) {
-  auto& joints = palette.signed_joints;
+void choose_signs(const BlockedSkin& skin, Palette& palette) {
+  auto& joints = palette.dual_quaternions;
   for (const auto& [from, to] : skin.spanning) {
     if (dot(joints[from], joints[to]) >= 0) continue;
     for (float& part : joints[to].real) part = -part;
@@ -102,13 +87,13 @@ void choose_signs(const BlockedSkin& skin, DualQuaternionPalette& palette) {
   const bool all_agree = std::ranges::all_of(skin.neighbours, [&](const JointPair& pair) {
     return dot(joints[pair.first], joints[pair.second]) >= 0;
   });
-  const bool all_rigid = std::ranges::all_of(palette.joints, &RigidAndStretch::is_rigid);
+  const bool all_rigid = std::ranges::all_of(palette.motions, &RigidAndStretch::is_rigid);
   palette.skip.assign(skin.sets.size(), skin.has_negative_weights);
   if (all_agree && all_rigid) return;
   for (std::uint32_t s = 0; s < skin.sets.size(); ++s) {
     const auto own = skin.joints_of(s);
     for (std::size_t a = 0; a < own.size(); ++a) {
-      if (own[a] < palette.joints.size() && !palette.joints[own[a]].is_rigid) palette.skip[s] = 1;
+      if (own[a] < palette.motions.size() && !palette.motions[own[a]].is_rigid) palette.skip[s] = 1;
       for (std::size_t b = 0; b < a; ++b) {
         if (dot(joints[own[a]], joints[own[b]]) < 0) palette.skip[s] = 1;
       }
@@ -116,42 +101,40 @@ void choose_signs(const BlockedSkin& skin, DualQuaternionPalette& palette) {
   }
 }
 
-void prepare(const BlockedSkin& skin, MatrixStack<const float> matrices, std::ptrdiff_t frame,
-             DualQuaternionPalette& palette) {
-  palette.joints.clear();
-  palette.signed_joints.clear();
+}  // namespace
+
+void prepare_dual_quaternion(const BlockedSkin& skin, MatrixStack<const float> matrices,
+                             std::ptrdiff_t frame, Palette& palette) {
+  palette.motions.clear();
+  palette.dual_quaternions.clear();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
-    palette.joints.push_back(split(matrices.at(frame, j).cast<double>()));
-    palette.signed_joints.push_back(with_sign(palette.joints.back(), 1));
+    palette.motions.push_back(split(matrices.at(frame, j).cast<double>()));
+    palette.dual_quaternions.push_back(with_sign(palette.motions.back(), 1));
   }
-  palette.signed_joints.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});
+  palette.dual_quaternions.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});
   choose_signs(skin, palette);
 }
 
-}  // namespace
+void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, std::size_t begin,
+                         std::size_t end, float* positions) {
+  dual_quaternion_blocks(skin, begin, end, palette.dual_quaternions.data(), palette.skip.data(),
+                         positions);
+  const std::size_t vertices = skin.offsets.size() - 1;
+  for (std::size_t b = begin; b < end; ++b) {
+    const Block& block = skin.blocks[b];
+    if (skin.sets[block.joint_set].count > 0 && !palette.skip[block.joint_set]) continue;
+    const std::size_t last = std::min(vertices, std::size_t{block.first_vertex} + kBlock);
+    for (std::size_t v = block.first_vertex; v < last; ++v) {
+      Eigen::Map<Eigen::Vector3f>(positions + 3 * v) =
+          blend_vertex(skin, palette.motions.data(), v);
+    }
+  }
+}
 
 void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
                           std::span<float> positions) {
-  const BlockedSkin& blocked = skin.blocked();
-  const auto vertices = static_cast<std::size_t>(skin.vertex_count());
-  skin_frames<DualQuaternionPalette>(
-      skin, matrices, positions, 1,
-      [&](MatrixStack<const float> stack, std::ptrdiff_t frame, DualQuaternionPalette* palette) {
-        prepare(blocked, stack, frame, *palette);
-      },
-      [&](const DualQuaternionPalette* palette, std::size_t begin, std::size_t end, float* out) {
-        dual_quaternion_blocks(blocked, begin, end, palette->signed_joints.data(),
-                               palette->skip.data(), out);
-        for (std::size_t b = begin; b < end; ++b) {
-          const Block& block = blocked.blocks[b];
-          if (blocked.sets[block.joint_set].count > 0 && !palette->skip[block.joint_set]) continue;
-          const std::size_t last = std::min(vertices, std::size_t{block.first_vertex} + kBlock);
-          for (std::size_t v = block.first_vertex; v < last; ++v) {
-            Eigen::Map<Eigen::Vector3f>(out + 3 * v) =
-                blend_vertex(blocked, palette->joints.data(), v);
-          }
-        }
-      });
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::dual_quaternion};
+  skin_all({&job, 1});
 }
 
 }  // namespace sinew

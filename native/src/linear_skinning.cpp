@@ -1,25 +1,28 @@
 #include "sinew/linear_skinning.h"
 
-#include "frame_loop.h"
-#include "kernels.h"
+#include "palette.h"
+#include "sinew/skinning.h"
 
 namespace sinew {
 
+void prepare_linear(const BlockedSkin&, MatrixStack<const float> matrices, std::ptrdiff_t frame,
+                    Palette& palette) {
+  using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
+  palette.matrices.resize(matrices.joints + 1);
+  for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
+    Eigen::Map<Rows>(&palette.matrices[j].row[0][0]) = matrices.at(frame, j).topRows<3>();
+  }
+  Eigen::Map<Rows>(&palette.matrices.back().row[0][0]).setIdentity();
+}
+
+void run_linear(const BlockedSkin& skin, const Palette& palette, std::size_t begin, std::size_t end,
+                float* positions) {
+  linear_blocks(skin, begin, end, palette.matrices.data(), positions);
+}
+
 void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
-  const BlockedSkin& blocked = skin.blocked();
-  const std::ptrdiff_t joints = skin.joint_count();
-  skin_frames<MatrixRows>(
-      skin, matrices, positions, joints + 1,
-      [=](MatrixStack<const float> stack, std::ptrdiff_t frame, MatrixRows* palette) {
-        using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
-        for (std::ptrdiff_t j = 0; j < joints; ++j) {
-          Eigen::Map<Rows>(&palette[j].row[0][0]) = stack.at(frame, j).topRows<3>();
-        }
-        Eigen::Map<Rows>(&palette[joints].row[0][0]).setIdentity();
-      },
-      [&](const MatrixRows* palette, std::size_t begin, std::size_t end, float* out) {
-        linear_blocks(blocked, begin, end, palette, out);
-      });
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::linear};
+  skin_all({&job, 1});
 }
 
 }  // namespace sinew

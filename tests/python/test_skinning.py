@@ -214,3 +214,46 @@ def test_unpickled_arrays_are_taken(random, method):
     out = pickle.loads(pickle.dumps(np.zeros((50, 3), np.float32)))
     assert method(skin, pickle.loads(pickle.dumps(matrices)), out) is out
     assert np.array_equal(out, method(skin, matrices))
+
+
+def crowd(random):
+    """Jobs of several sizes and both methods, and what each gives alone."""
+    jobs, alone = [], []
+    for vertices, frames, method in [(100, None, "linear"), (3000, 4, "dual_quaternion"), (0, 2, "linear"),
+                                     (700, 3, "linear")]:
+        weights = random.random((vertices, 5))
+        skin = sinew.Skin.from_dense(random.random((vertices, 3)), weights)
+        shape = (5,) if frames is None else (frames, 5)
+        matrices = np.ascontiguousarray(np.broadcast_to(IDENTITY, shape + (4, 4)))
+        matrices[..., :3, 3] += random.random(shape + (3,), np.float32)
+        alone.append(getattr(sinew, f"skin_{method}")(skin, matrices))
+        jobs.append((skin, matrices, np.empty_like(alone[-1]), method))
+    return jobs, alone
+
+
+def test_skin_all_is_one_call_a_job(random):
+    jobs, alone = crowd(random)
+    assert sinew.skin_all(jobs) is None
+    for (_, _, out, _), expected in zip(jobs, alone):
+        assert np.array_equal(out, expected)
+    sinew.skin_all([])
+
+
+def test_skin_all_refuses_what_is_wrong(random):
+    jobs, _ = crowd(random)
+    skin, matrices, out, method = jobs[0]
+
+    def said_of(*job):
+        return said(sinew.skin_all, [jobs[1], job])
+
+    assert said_of(skin, matrices, out, "cubic") == \
+        'job 1: there is no method "cubic"; expected linear or dual_quaternion'
+    assert said_of(skin, matrices, out) == "job 1: expected (skin, matrices, out, method)"
+    assert said_of(skin, matrices, None, method) == "job 1: out is a NoneType; expected a numpy array"
+    assert said_of(skin, matrices.tolist(), out, method) == "job 1: matrices is a list; expected a numpy array"
+    assert said_of(skin, matrices, out[1:], method) == "job 1: out has shape (99, 3); expected (100, 3)"
+    assert said_of(skin, matrices[:4], out, method) == \
+        "job 1: there are 4 matrices a frame; the skin has 5 joints"
+    assert said(sinew.skin_all, [jobs[0], jobs[0]]) == "the results of job 0 and job 1 overlap"
+    with pytest.raises(TypeError, match=r"job 1: expected \(Skin, array, array, str\)"):
+        sinew.skin_all([jobs[1], ("skin", matrices, out, method)])
