@@ -2,13 +2,23 @@
 
 #include "check.h"
 #include "parallel.h"
+#include "sinew/threads.h"
 
 namespace sinew {
 namespace {
 
-// One joint costs some 20 ns; a range should outweigh the few microseconds that it costs to hand it
-// to another thread.
+// A range of work should outweigh the few microseconds that it costs to hand it to another thread.
 constexpr std::ptrdiff_t kJointsPerTask = 1024;
+
+// Waking a thread costs more than posing this many joints.
+constexpr std::ptrdiff_t kSerialJoints = 8192;
+
+// With so many frames for each thread, frames alone keep all of them busy.
+constexpr std::ptrdiff_t kFramesAThread = 4;
+
+std::ptrdiff_t grain_of(std::ptrdiff_t joints_an_item) {
+  return std::max<std::ptrdiff_t>(1, kJointsPerTask / std::max<std::ptrdiff_t>(1, joints_an_item));
+}
 
 template <class T>
 void check_shapes(const Skeleton& skeleton, MatrixStack<const T> in, std::ptrdiff_t out_frames,
@@ -23,22 +33,36 @@ void check_shapes(const Skeleton& skeleton, MatrixStack<const T> in, std::ptrdif
   }
 }
 
-/// Joints order[begin..end), whose parents are all done.
-template <class T>
+/// One matrix of a stack; `Packed`: its numbers lie column after column without gaps, which the
+/// compiler can use.
+template <bool Packed, class T>
+auto element(MatrixStack<T> stack, std::ptrdiff_t frame, std::ptrdiff_t joint) {
+  if constexpr (Packed) {
+    using Map = Eigen::Map<typename MatrixStack<T>::Element>;
+    return Map(stack.data + frame * stack.frame_stride + joint * stack.joint_stride);
+  } else {
+    return stack.at(frame, joint);
+  }
+}
+
+/// These joints of one frame; those of their parents that are not among them are done.
+template <bool Packed, class T>
 void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world,
-                 std::ptrdiff_t frame, std::ptrdiff_t begin, std::ptrdiff_t end) {
-  const auto order = skeleton.order();
+                 std::ptrdiff_t frame, std::span<const std::int32_t> joints) {
   const auto parents = skeleton.parents();
   const auto rest = skeleton.rest<T>();
-  for (std::ptrdiff_t i = begin; i < end; ++i) {
-    const std::int32_t j = order[i];
-    const Matrix4<T> own = rest[j] * Matrix4<T>(local.at(frame, j));
-    if (parents[j] < 0) {
-      world.at(frame, j) = own;
-    } else {
-      world.at(frame, j).noalias() = Matrix4<T>(world.at(frame, parents[j])) * own;
-    }
+  for (const std::int32_t j : joints) {
+    Matrix4<T> posed = rest[j] * Matrix4<T>(element<Packed>(local, frame, j));
+    if (parents[j] >= 0) posed = Matrix4<T>(element<Packed>(world, frame, parents[j])) * posed;
+    element<Packed>(world, frame, j) = posed;
   }
+}
+
+template <class T>
+void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world,
+                 std::ptrdiff_t frame, std::span<const std::int32_t> joints) {
+  const bool packed = local.is_packed() && world.is_packed();
+  (packed ? pose_joints<true, T> : pose_joints<false, T>)(skeleton, local, world, frame, joints);
 }
 
 }  // namespace
@@ -49,21 +73,34 @@ void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local,
   check_shapes(skeleton, local, world.frames, world.joints);
   const std::ptrdiff_t joints = skeleton.joint_count();
   if (joints == 0) return;
-  if (local.frames == 1) {
-    const auto level = skeleton.level_begin();
-    for (std::size_t l = 0; l + 1 < level.size(); ++l) {
-      parallel_for(level[l + 1] - level[l], kJointsPerTask, [&](auto begin, auto end) {
-        pose_joints(skeleton, local, world, 0, level[l] + begin, level[l] + end);
-      });
-    }
-    return;
+  const auto pose_frames = [&](std::span<const std::int32_t> which, std::ptrdiff_t grain) {
+    parallel_for(local.frames, grain, [&, which](std::ptrdiff_t begin, std::ptrdiff_t end) {
+      for (auto frame = begin; frame < end; ++frame) {
+        pose_joints(skeleton, local, world, frame, which);
+      }
+    });
+  };
+  const auto order = skeleton.grouped_order();
+  const auto begins = skeleton.group_begin();
+  const std::ptrdiff_t groups = std::ssize(begins) - 1;
+  const bool frames_suffice = local.frames >= kFramesAThread * thread_count();
+  if (local.frames * joints < kSerialJoints || thread_count() == 1) {
+    pose_frames(skeleton.order(), local.frames);
+  } else if (frames_suffice || groups == 1) {
+    pose_frames(skeleton.order(), grain_of(joints));
+  } else {
+    // The trunk of each frame first; all groups of all frames are then independent.
+    const auto trunk = order.first(begins.front());
+    pose_frames(trunk, grain_of(std::ssize(trunk)));
+    const std::ptrdiff_t grain = grain_of(joints / groups);
+    parallel_for(local.frames * groups, grain, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+      for (auto item = begin; item < end; ++item) {
+        const auto group = item % groups;
+        pose_joints(skeleton, local, world, item / groups,
+                    order.subspan(begins[group], begins[group + 1] - begins[group]));
+      }
+    });
   }
-  const std::ptrdiff_t frames_per_task = std::max<std::ptrdiff_t>(1, kJointsPerTask / joints);
-  parallel_for(local.frames, frames_per_task, [&](auto begin, auto end) {
-    for (auto frame = begin; frame < end; ++frame) {
-      pose_joints(skeleton, local, world, frame, 0, joints);
-    }
-  });
 }
 
 template <class T>

@@ -135,7 +135,7 @@ TYPED_TEST(ForwardKinematics, WorksInPlace) {
 TYPED_TEST(ForwardKinematics, AnyNumberOfThreadsGivesTheSameBits) {
   const KeepThreadCount keep;
   rigs::Random random(8);
-  // Wide enough for levels to be cut, and many frames.
+  // A trunk and many groups, and many frames.
   const Skeleton wide(rigs::bushy_tree(9000, 60), rigs::random_pose(random, 9000));
   const Matrices wide_pose = rigs::random_pose(random, 9000);
   const Skeleton narrow(rigs::random_forest(random, 90), rigs::random_pose(random, 90));

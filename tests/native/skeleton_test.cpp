@@ -13,32 +13,61 @@ namespace {
 using rigs::Matrices;
 using Parents = std::vector<std::int32_t>;
 
-/// Every joint once, its parent in the level before.
-void expect_levels(const Skeleton& skeleton) {
-  const auto order = skeleton.order();
-  const auto begin = skeleton.level_begin();
-  ASSERT_EQ(begin.front(), 0);
+/// Every joint once, after its parent, which is in the trunk or in the same group.
+void expect_groups(const Skeleton& skeleton) {
+  const auto order = skeleton.grouped_order();
+  const auto begin = skeleton.group_begin();
+  ASSERT_EQ(std::ssize(order), skeleton.joint_count());
   ASSERT_EQ(begin.back(), skeleton.joint_count());
-  std::vector<std::ptrdiff_t> level_of(skeleton.joint_count(), -1);
-  for (std::size_t level = 0; level + 1 < begin.size(); ++level) {
-    EXPECT_LT(begin[level], begin[level + 1]);
-    for (auto i = begin[level]; i < begin[level + 1]; ++i) {
-      ASSERT_EQ(level_of[order[i]], -1) << "joint " << order[i] << " comes twice";
-      level_of[order[i]] = static_cast<std::ptrdiff_t>(level);
+  std::vector<std::ptrdiff_t> group_of(skeleton.joint_count(), -2);
+  for (std::ptrdiff_t group = -1; group + 1 < std::ssize(begin); ++group) {
+    const std::int32_t first = group < 0 ? 0 : begin[group];
+    EXPECT_TRUE(group < 0 || first < begin[group + 1]);
+    EXPECT_TRUE(group < 0 || begin[group + 1] - first <= Skeleton::kLargestGroup);
+    for (auto i = first; i < begin[group + 1]; ++i) {
+      ASSERT_EQ(group_of[order[i]], -2) << "joint " << order[i] << " comes twice";
+      group_of[order[i]] = group;
       const auto parent = skeleton.parents()[order[i]];
-      ASSERT_EQ(parent < 0 ? -1 : level_of[parent], static_cast<std::ptrdiff_t>(level) - 1);
+      ASSERT_TRUE(parent < 0 || group_of[parent] == -1 || group_of[parent] == group);
     }
   }
 }
 
-TEST(Skeleton, OrderPutsParentsFirstLevelByLevel) {
+TEST(Skeleton, OrderIsATrunkAndGroupsOfSubtrees) {
   rigs::Random random(1);
-  for (const std::int32_t count : {1, 2, 3, 17, 300}) {
+  for (const std::int32_t count : {1, 2, 3, 17, 300, 512, 513, 5000}) {
     const Matrices rest = rigs::identities(count);
-    expect_levels(Skeleton(rigs::chain(count), rest));
-    expect_levels(Skeleton(rigs::bushy_tree(count, 5), rest));
-    expect_levels(Skeleton(rigs::random_forest(random, count), rest));
+    expect_groups(Skeleton(rigs::chain(count), rest));
+    expect_groups(Skeleton(rigs::bushy_tree(count, 5), rest));
+    expect_groups(Skeleton(rigs::random_forest(random, count), rest));
+    expect_groups(Skeleton(Parents(count, -1), rest));
   }
+}
+
+TEST(Skeleton, OrderIsByNumberWhereThatWillDo) {
+  const auto order = [](const Parents& parents) {
+    const auto rest = rigs::identities(std::ssize(parents));
+    const Skeleton skeleton(parents, rest);
+    return Parents(skeleton.order().begin(), skeleton.order().end());
+  };
+  EXPECT_EQ(order({-1, 0, -1, 0, 2}), (Parents{0, 1, 2, 3, 4}));
+  EXPECT_EQ(order({3, 0, -1, 2}), (Parents{2, 3, 0, 1}));
+}
+
+TEST(Skeleton, TrunkIsNoLongerThanItMustBe) {
+  const std::int32_t largest = Skeleton::kLargestGroup;
+  const auto groups = [](const Parents& parents) {
+    const auto rest = rigs::identities(std::ssize(parents));
+    const Skeleton skeleton(parents, rest);
+    const auto begin = skeleton.group_begin();
+    return Parents(begin.begin(), begin.end());
+  };
+  EXPECT_EQ(groups(rigs::chain(largest)), (Parents{0, largest}));
+  EXPECT_EQ(groups(rigs::chain(largest + 3)), (Parents{3, largest + 3}));
+  // A root with thousands of children, which are dealt to full groups.
+  Parents star(2 * largest + 2, 0);
+  star[0] = -1;
+  EXPECT_EQ(groups(star), (Parents{1, largest + 1, 2 * largest + 1, 2 * largest + 2}));
 }
 
 TEST(Skeleton, KeepsTheCallersNumbers) {
@@ -50,8 +79,8 @@ TEST(Skeleton, KeepsTheCallersNumbers) {
   EXPECT_TRUE(std::ranges::equal(skeleton.parents(), parents));
   EXPECT_TRUE(std::ranges::equal(skeleton.rest<double>(), rest));
   for (int j = 0; j < 4; ++j) EXPECT_EQ(skeleton.rest<float>()[j], rest[j].cast<float>());
-  EXPECT_TRUE(std::ranges::equal(skeleton.order(), Parents{1, 3, 2, 0}));
-  EXPECT_TRUE(std::ranges::equal(skeleton.level_begin(), Parents{0, 2, 3, 4}));
+  EXPECT_TRUE(std::ranges::equal(skeleton.order(), Parents{1, 2, 0, 3}));
+  EXPECT_TRUE(std::ranges::equal(skeleton.group_begin(), Parents{0, 4}));
 }
 
 TEST(Skeleton, RestInTheWorldAndItsInverse) {
@@ -69,7 +98,7 @@ TEST(Skeleton, RestInTheWorldAndItsInverse) {
 TEST(Skeleton, MayBeEmpty) {
   const Skeleton skeleton(Parents{}, Matrices{});
   EXPECT_EQ(skeleton.joint_count(), 0);
-  EXPECT_TRUE(std::ranges::equal(skeleton.level_begin(), Parents{0}));
+  EXPECT_TRUE(std::ranges::equal(skeleton.group_begin(), Parents{0}));
 }
 
 TEST(Skeleton, RefusesSizesThatDiffer) {

@@ -10,12 +10,11 @@ namespace sinew {
 ///
 /// local   F x J, T(j): pose transform of each joint on top of its rest transform.
 /// world   F x J, out, F(j): each joint's transform relative to the world. May be `local` itself,
-/// but
-///         must not overlap it in any other way.
+///         but must not overlap it in any other way.
 ///
-/// Runs over frames at once, or over the joints of one level of the tree; no joint is read by
-/// another thread before it is written. The same bits for any number of threads. T is float or
-/// double. Throws InputError if a shape does not fit.
+/// Frames, and the groups of the skeleton within them, run at once where there is enough to do; no
+/// joint is read by another thread before it is written. The same bits for any number of threads. T
+/// is float or double. Throws InputError if a shape does not fit.
 template <class T>
 void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world);
 

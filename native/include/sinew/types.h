@@ -57,6 +57,9 @@ struct MatrixStack {
                       Strides(column_stride, row_stride));
   }
 
+  /// Whether each matrix is 16 numbers in a row, column after column.
+  bool is_packed() const { return row_stride == 1 && column_stride == 4; }
+
   /// A stack over contiguous column-major matrices, frame after frame.
   static MatrixStack of(Element* first, std::ptrdiff_t frames, std::ptrdiff_t joints) {
     return {first->data(), frames, joints, 16 * joints, 16, 1, 4};
