@@ -140,7 +140,9 @@ void add_all(std::vector<Subject>& subjects, int cores) {
       if (natural && one.character.rest.rows() > 0 && smallest) add_report(one, threads);
     }
     if (natural && cores > 1) {
-      add_skinning(one, "linear", skin_linear, best, cores, Between::threads_asleep);
+      for (const int threads : {1, cores}) {
+        add_skinning(one, "linear", skin_linear, best, threads, Between::threads_asleep);
+      }
     }
     if (!smallest) continue;
     add_skinning(one, "linear", skin_linear, best, 1, Between::caches_cold);

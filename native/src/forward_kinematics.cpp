@@ -10,8 +10,8 @@ namespace {
 // A range of work should outweigh the few microseconds that it costs to hand it to another thread.
 constexpr std::ptrdiff_t kJointsPerTask = 1024;
 
-// Waking a thread costs more than posing this many joints.
-constexpr std::ptrdiff_t kSerialJoints = 8192;
+// What a joint costs one thread, about.
+constexpr double kMicroseconds = 0.011;
 
 // With so many frames for each thread, frames alone keep all of them busy.
 constexpr std::ptrdiff_t kFramesAThread = 4;
@@ -84,7 +84,7 @@ void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local,
   const auto begins = skeleton.group_begin();
   const std::ptrdiff_t groups = std::ssize(begins) - 1;
   const bool frames_suffice = local.frames >= kFramesAThread * thread_count();
-  if (local.frames * joints < kSerialJoints || thread_count() == 1) {
+  if (!threads_pay(kMicroseconds * static_cast<double>(local.frames * joints))) {
     pose_frames(skeleton.order(), local.frames);
   } else if (frames_suffice || groups == 1) {
     pose_frames(skeleton.order(), grain_of(joints));
@@ -109,7 +109,9 @@ void skinning_matrices(const Skeleton& skeleton, MatrixStack<const T> world,
   check_shapes(skeleton, world, matrices.frames, matrices.joints);
   const auto inverse_rest = skeleton.inverse_rest();
   const std::ptrdiff_t joints = skeleton.joint_count();
-  parallel_for(world.frames * joints, kJointsPerTask, [&](auto begin, auto end) {
+  const std::ptrdiff_t count = world.frames * joints;
+  const bool parallel = threads_pay(kMicroseconds * static_cast<double>(count));
+  parallel_for(count, parallel ? kJointsPerTask : count, [&](auto begin, auto end) {
     for (auto i = begin; i < end; ++i) {
       const auto frame = i / joints, j = i % joints;
       const Matrix4<double> posed = world.at(frame, j).template cast<double>();

@@ -1,6 +1,8 @@
 #include "parallel.h"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -73,6 +75,21 @@ class Pool {
 std::mutex pool_mutex;
 std::shared_ptr<Pool> pool;  // guarded by pool_mutex; a call in flight keeps its own reference
 
+// Workers go to sleep some time after they find nothing more to do.
+constexpr std::chrono::microseconds kAwakeFor(100);
+
+// What one thread does in this time is done no later by two, measured on two cores of a virtual
+// machine: linear skinning on one thread, on two awake; after a sleep of 3 ms, on one and on two:
+//   34,522 vertices     56   38    112   116 us
+//   138,530            220  130    361   370 us
+//   553,826            960  530   1220  1120 us
+//   2,215,010         4000 2700   4600  3300 us
+constexpr double kPaysAwake = 30, kPaysAsleep = 500;  // microseconds
+
+std::atomic<std::chrono::steady_clock::time_point> last_region_end{};
+
+std::atomic<bool> always_pay = false;
+
 std::shared_ptr<Pool> current_pool() {
   const std::lock_guard lock(pool_mutex);
   if (!pool) pool = std::make_shared<Pool>(machine_threads());
@@ -90,6 +107,16 @@ void set_thread_count(int count) {
 
 int thread_count() { return current_pool()->threads(); }
 
+void set_threads_always_pay(bool always) { always_pay = always; }
+
+bool threads_pay(double microseconds) {
+  if (always_pay) return true;
+  if (microseconds < kPaysAwake || thread_count() == 1) return false;
+  if (microseconds >= kPaysAsleep) return true;
+  return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) <
+         kAwakeFor;
+}
+
 void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody body,
                              const void* closure) {
   if (count == 0) return;
@@ -100,6 +127,7 @@ void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody bod
   threads->run(chunks, [=](std::size_t chunk) {
     body(closure, chunk * grain, std::min(count, (chunk + 1) * grain));
   });
+  last_region_end.store(std::chrono::steady_clock::now(), std::memory_order_relaxed);
 }
 
 }  // namespace sinew

@@ -10,6 +10,14 @@ using RangeBody = void (*)(const void* closure, std::size_t begin, std::size_t e
 void parallel_ranges(std::size_t count, std::size_t grain, RangeBody body, const void* closure);
 }  // namespace detail
 
+/// Whether threads are likely to finish work sooner that takes one thread so long. A thread that
+/// sleeps has to be woken, one that has just worked has not: so it hangs on when the last region
+/// ended. Says no where there is but one thread.
+bool threads_pay(double microseconds);
+
+/// For tests: from now on threads_pay says yes however short the work, or looks at it again.
+void set_threads_always_pay(bool always);
+
 /// Calls body(begin, end) on disjoint ranges of at most `grain` items that together cover
 /// [0, count), and returns when all have run. The ranges may run at once and in any order, so a
 /// body writes only what belongs to its own range; then the result cannot depend on the number of

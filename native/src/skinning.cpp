@@ -16,10 +16,8 @@ namespace {
 // that the frames of a clip that follow each other there read them from it.
 constexpr std::ptrdiff_t kBlocksPerTask = 4096 / kBlock;
 
-// Waking a sleeping thread costs more than skinning this many vertices: on two cores of a virtual
-// machine, AVX2, 240,000 vertices take 0.27 ms on one thread, 0.26 ms on two that are awake and
-// 0.42 ms on two that slept; 1.9 million take 4.1, 2.4 and 2.2 ms.
-constexpr std::ptrdiff_t kSerialVertices = 1 << 18;
+// What a vertex costs one thread, about: AVX2, four influences at most.
+constexpr double kMicrosecondsLinear = 1.5e-3, kMicrosecondsDualQuaternion = 2.5e-3;
 
 // More are skinned in parts, so that their prepared matrices stay within some megabytes.
 constexpr std::ptrdiff_t kMatricesAtOnce = 1 << 16;
@@ -80,11 +78,12 @@ struct Batch {
   std::ptrdiff_t palette_count = 0;
   std::ptrdiff_t task_count = 0;
   std::ptrdiff_t matrices = 0;
-  std::ptrdiff_t vertices = 0;
+  double microseconds = 0;
 
   void clear() {
     parts.clear();
-    palette_count = task_count = matrices = vertices = 0;
+    palette_count = task_count = matrices = 0;
+    microseconds = 0;
   }
 
   void add(const SkinningJob& job, std::ptrdiff_t first_frame, std::ptrdiff_t frames) {
@@ -95,19 +94,23 @@ struct Batch {
     palette_count += frames;
     task_count += parts.back().tasks();
     matrices += frames * (job.matrices.joints + 1);
-    vertices += frames * job.skin->vertex_count();
+    microseconds +=
+        static_cast<double>(frames * job.skin->vertex_count()) *
+        (job.method == SkinningMethod::linear ? kMicrosecondsLinear : kMicrosecondsDualQuaternion);
   }
 
   void run() {
     if (static_cast<std::ptrdiff_t>(palettes.size()) < palette_count)
       palettes.resize(palette_count);
-    parallel_for(palette_count, kPalettesPerTask, [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    const bool parallel = threads_pay(microseconds);
+    const auto prepare_some = [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
       for (std::ptrdiff_t i = begin; i < end; ++i) prepare(i);
-    });
-    const std::ptrdiff_t grain = vertices < kSerialVertices ? task_count : 1;
-    parallel_for(task_count, grain, [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    };
+    const auto run_some = [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
       for (std::ptrdiff_t i = begin; i < end; ++i) run_task(i);
-    });
+    };
+    parallel_for(palette_count, parallel ? kPalettesPerTask : palette_count, prepare_some);
+    parallel_for(task_count, parallel ? 1 : task_count, run_some);
   }
 
  private:

@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "parallel.h"
 #include "sinew/threads.h"
 #include "sinew/types.h"
 
@@ -19,9 +20,13 @@ std::string complaint(const Call& call) {
   return "(no complaint)";
 }
 
-/// Puts the number of threads back at the end of a test.
-struct KeepThreadCount {
-  ~KeepThreadCount() { set_thread_count(0); }
+/// Lets a test choose the number of threads, and has them used even for work that would not pay.
+struct ThreadsOfATest {
+  ThreadsOfATest() { set_threads_always_pay(true); }
+  ~ThreadsOfATest() {
+    set_threads_always_pay(false);
+    set_thread_count(0);
+  }
 };
 
 }  // namespace sinew

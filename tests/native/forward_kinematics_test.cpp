@@ -133,7 +133,7 @@ TYPED_TEST(ForwardKinematics, WorksInPlace) {
 }
 
 TYPED_TEST(ForwardKinematics, AnyNumberOfThreadsGivesTheSameBits) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   rigs::Random random(8);
   // A trunk and many groups, and many frames.
   const Skeleton wide(rigs::bushy_tree(9000, 60), rigs::random_pose(random, 9000));
@@ -188,7 +188,7 @@ TYPED_TEST(ForwardKinematics, SkinningMatricesAtRestAreTheIdentity) {
 }
 
 TYPED_TEST(ForwardKinematics, SkinningMatricesAgainstTheFormula) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   rigs::Random random(10);
   constexpr int kFrames = 60, kJoints = 50;
   const auto parents = rigs::random_forest(random, kJoints);

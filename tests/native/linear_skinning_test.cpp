@@ -122,7 +122,7 @@ TEST(LinearSkinning, EveryLayoutGivesTheSameBits) {
 }
 
 TEST(LinearSkinning, AnyNumberOfThreadsGivesTheSameBits) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   constexpr std::ptrdiff_t kFrames = 10;  // enough work that it is shared out
   rigs::Random random(8);
   const Skin skin = rigs::coherent_skin(random, 30001, 40, 3);

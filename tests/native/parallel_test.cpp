@@ -12,7 +12,7 @@ namespace sinew {
 namespace {
 
 TEST(Parallel, RangesCoverEverythingOnce) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   for (const int threads : {1, 2, 3, 8}) {
     set_thread_count(threads);
     for (const std::size_t count : {0, 1, 7, 8, 9, 1000, 4096}) {
@@ -29,7 +29,7 @@ TEST(Parallel, RangesCoverEverythingOnce) {
 }
 
 TEST(Parallel, OneRangeOrOneThreadStaysOnTheCallingThread) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   const auto caller = std::this_thread::get_id();
   const auto expect_caller = [&](std::size_t count, std::size_t grain) {
     int calls = 0;
@@ -47,8 +47,19 @@ TEST(Parallel, OneRangeOrOneThreadStaysOnTheCallingThread) {
   expect_caller(100, 1);
 }
 
+TEST(Parallel, ThreadsPayForLongWorkAlone) {
+  const ThreadsOfATest threads_of_a_test;
+  EXPECT_TRUE(threads_pay(0));
+  set_threads_always_pay(false);
+  set_thread_count(4);
+  EXPECT_FALSE(threads_pay(5));
+  EXPECT_TRUE(threads_pay(1e6));
+  set_thread_count(1);
+  EXPECT_FALSE(threads_pay(1e6));
+}
+
 TEST(Parallel, MayBeCalledInsideItself) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   set_thread_count(4);
   std::vector<int> visits(64 * 64, 0);
   parallel_for(64, 1, [&](std::size_t outer, std::size_t) {

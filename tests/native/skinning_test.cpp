@@ -59,7 +59,7 @@ struct Crowd {
 };
 
 TEST(SkinAll, IsOneCallAJobWithAnyNumberOfThreads) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   Crowd crowd;
   for (const int threads : {1, 2, 3, 8}) {
     set_thread_count(threads);

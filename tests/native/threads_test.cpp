@@ -16,7 +16,7 @@ namespace sinew {
 namespace {
 
 TEST(Threads, CountIsWhatWasAskedFor) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   set_thread_count(3);
   EXPECT_EQ(thread_count(), 3);
   set_thread_count(0);
@@ -24,7 +24,7 @@ TEST(Threads, CountIsWhatWasAskedFor) {
 }
 
 TEST(Threads, NegativeCountIsRefusedAndChangesNothing) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   set_thread_count(2);
   EXPECT_EQ(complaint([] { set_thread_count(-1); }),
             "the thread count is -1; expected 0 (all) or a positive number");
@@ -32,7 +32,7 @@ TEST(Threads, NegativeCountIsRefusedAndChangesNothing) {
 }
 
 TEST(Threads, AnyPositiveCountWorks) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   rigs::Random random(1);
   const Skin skin = rigs::random_skin(random, 20000, 3);
   rigs::Stack<float> matrices(rigs::random_pose(random, 3), 1);
@@ -47,7 +47,7 @@ TEST(Threads, AnyPositiveCountWorks) {
 /// Characters are independent: several threads may deform at once, each with the whole library,
 /// while another changes the number of threads. (What the thread sanitizer looks at.)
 TEST(Threads, CallersDoNotDisturbEachOther) {
-  const KeepThreadCount keep;
+  const ThreadsOfATest threads_of_a_test;
   constexpr std::int32_t kJoints = 40, kVertices = 9000;
   rigs::Random random(2);
   const auto parents = rigs::random_forest(random, kJoints);
