@@ -1,5 +1,6 @@
 #include "baselines.h"
 
+#include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 #include <xmmintrin.h>
@@ -12,6 +13,9 @@ namespace {
 template <class Body>
 void deal(int threads, std::ptrdiff_t count, const Body& body) {
   if (threads <= 1) return body(0, count);
+  // More threads than cores, if that is what is asked for.
+  static const oneapi::tbb::global_control allowed(
+      oneapi::tbb::global_control::max_allowed_parallelism, 64);
   static std::map<int, oneapi::tbb::task_arena> arenas;
   arenas.try_emplace(threads, threads).first->second.execute([&] {
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::ptrdiff_t>(0, count),

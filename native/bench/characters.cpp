@@ -116,18 +116,27 @@ Skin skin_of(const WeightedMesh& mesh, std::ptrdiff_t joints) {
 
 }  // namespace
 
-Character read_character(const std::filesystem::path& folder, int subdivisions, int influences,
-                         int at_least, int frames) {
+Rig read_walking_rig(const std::filesystem::path& folder) {
   RigPaths paths = find_rig(folder);
   paths.poses = folder / "walk.dmat";
-  const Rig rig = read_rig(paths);
+  return read_rig(paths);
+}
+
+std::vector<std::int32_t> joints_of_columns(const Rig& rig) {
+  std::vector<std::int32_t> joints(rig.weights.cols());
+  const auto& columns = rig.skeleton.weight_columns();
+  for (std::size_t j = 0; j < columns.size(); ++j) {
+    if (columns[j] >= 0) joints[columns[j]] = static_cast<std::int32_t>(j);
+  }
+  return joints;
+}
+
+Character read_character(const std::filesystem::path& folder, int subdivisions, int influences,
+                         int at_least, int frames) {
+  const Rig rig = read_walking_rig(folder);
+  const std::vector<std::int32_t> joint_of = joints_of_columns(rig);
   const std::ptrdiff_t columns = rig.weights.cols();
   const auto joint_count = static_cast<std::size_t>(rig.skeleton.joint_count());
-  std::vector<std::int32_t> joint_of(columns);
-  for (std::size_t j = 0; j < joint_count; ++j) {
-    const std::int32_t column = rig.skeleton.weight_columns()[j];
-    if (column >= 0) joint_of[column] = static_cast<std::int32_t>(j);
-  }
 
   WeightedMesh mesh = weighted_mesh(rig);
   for (int i = 0; i < subdivisions; ++i) subdivide(mesh);

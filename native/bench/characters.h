@@ -31,6 +31,12 @@ struct Character {
 
 constexpr std::ptrdiff_t kMostDense = 600'000;
 
+/// A rig folder with the poses of its walk.dmat.
+Rig read_walking_rig(const std::filesystem::path& folder);
+
+/// The joint of each column of weights.
+std::vector<std::int32_t> joints_of_columns(const Rig& rig);
+
 /// Reads a rig folder with its walk.dmat and poses it for `frames` moments of the walk.
 /// subdivisions  each quadruples the vertices: a new one in the middle of each edge and polygon,
 ///               its weights the mean of its corners'.

@@ -8,7 +8,9 @@
 #include <string>
 #include <thread>
 
+#include "peak.h"
 #include "sinew/forward_kinematics.h"
+#include "sinew/instruction_set.h"
 #include "sinew/threads.h"
 
 namespace sinew::bench {
@@ -129,6 +131,8 @@ void add(const Tree& tree, std::ptrdiff_t frames, int cores) {
 int main(int count, char** arguments) {
   using namespace sinew::bench;
   benchmark::Initialize(&count, arguments);
+  benchmark::AddCustomContext("multiply_adds_a_second", std::to_string(multiply_adds_a_second()));
+  benchmark::AddCustomContext("instruction_set", sinew::instruction_sets().front());
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
   const std::vector<Tree> trees{
       {"humanoid", humanoids(1)},

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "baselines.h"
+#include "peak.h"
 #include "sinew/dual_quaternion_skinning.h"
 #include "sinew/instruction_set.h"
 #include "sinew/linear_skinning.h"
@@ -128,6 +129,16 @@ void add_many_frames(Subject& subject, const std::string& set, int threads) {
   });
 }
 
+/// Building the packed form anew, as weight painting does.
+void add_build(Subject& subject, int threads) {
+  add(subject, "build", "-", threads, Between::nothing, 1, [&subject](std::ptrdiff_t) {
+    const Skin& skin = subject.character.skin;
+    const Skin again(skin.rest_positions(), skin.offsets(), skin.joints(), skin.weights(),
+                     skin.joint_count());
+    benchmark::DoNotOptimize(&again);
+  });
+}
+
 void add_all(std::vector<Subject>& subjects, int cores) {
   const std::string best = instruction_sets().front();
   for (Subject& one : subjects) {
@@ -137,6 +148,7 @@ void add_all(std::vector<Subject>& subjects, int cores) {
       add_skinning(one, "linear", skin_linear, best, threads, Between::nothing);
       add_skinning(one, "dual quaternion", skin_dual_quaternion, best, threads, Between::nothing);
       add_bound(one, threads, Between::nothing);
+      if (natural) add_build(one, threads);
       if (natural && one.character.rest.rows() > 0 && smallest) add_report(one, threads);
     }
     if (natural && cores > 1) {
@@ -167,6 +179,8 @@ int main(int count, char** arguments) {
     std::fprintf(stderr, "usage: kernel_bench FOLDER [--benchmark_...]\n");
     return 2;
   }
+  benchmark::AddCustomContext("multiply_adds_a_second", std::to_string(multiply_adds_a_second()));
+  benchmark::AddCustomContext("instruction_set", sinew::instruction_sets().front());
   std::vector<Subject> subjects;
   subjects.reserve(8);
   for (int subdivisions = 0; subdivisions < 4; ++subdivisions) {

@@ -23,7 +23,11 @@ constexpr int kRounds = 1'000'000;
 
 double one_try() {
   const hn::CappedTag<float, 16> tag;
-  auto a = hn::Set(tag, 1.0f), b = a, c = a, d = a, e = a, f = a, g = a, h = a, i = a, j = a;
+  // Ten different numbers: of equal ones the compiler would keep one.
+  auto a = hn::Iota(tag, 1.0f), b = hn::Iota(tag, 2.0f), c = hn::Iota(tag, 3.0f);
+  auto d = hn::Iota(tag, 4.0f), e = hn::Iota(tag, 5.0f), f = hn::Iota(tag, 6.0f);
+  auto g = hn::Iota(tag, 7.0f), h = hn::Iota(tag, 8.0f), i = hn::Iota(tag, 9.0f);
+  auto j = hn::Iota(tag, 10.0f);
   const auto factor = hn::Set(tag, 1.0f - 1e-7f), term = hn::Set(tag, 1e-9f);
   const auto begin = std::chrono::steady_clock::now();
   for (int round = 0; round < kRounds; ++round) {

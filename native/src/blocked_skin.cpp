@@ -115,9 +115,11 @@ std::size_t numbers_of(const BlockedSkin& skin, const Block& block) {
   return kBlock * (3 + (set.is_rigid ? 0 : set.count));
 }
 
-void fill(BlockedSkin& skin, const Block& block) {
+/// Writes a block's numbers. place: J + 1, scratch.
+void fill(BlockedSkin& skin, const Block& block, std::vector<std::uint32_t>& place) {
   const JointSet set = skin.sets[block.joint_set];
-  const auto joints = skin.joints_of(block.joint_set);
+  std::uint32_t next = 3;
+  for (const std::uint32_t joint : skin.joints_of(block.joint_set)) place[joint] = kBlock * next++;
   float* const data = skin.data.get() + block.data;
   std::fill_n(data, numbers_of(skin, block), 0.0f);
   const std::size_t vertices = skin.offsets.size() - 1;
@@ -127,8 +129,7 @@ void fill(BlockedSkin& skin, const Block& block) {
     for (int axis = 0; axis < 3; ++axis) data[kBlock * axis + lane] = skin.rest[3 * v + axis];
     if (set.is_rigid) continue;
     const auto add = [&](std::uint32_t joint, float weight) {
-      const auto place = std::ranges::lower_bound(joints, joint) - joints.begin();
-      data[kBlock * (3 + place) + lane] += weight;
+      data[place[joint] + lane] += weight;
     };
     if (skin.offsets[v] == skin.offsets[v + 1]) add(skin.identity_joint, 1);
     for (auto k = skin.offsets[v]; k < skin.offsets[v + 1]; ++k) {
@@ -213,8 +214,9 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
   data = hwy::AllocateAligned<float>(std::max<std::uint64_t>(1, numbers));
   if (!data) throw std::bad_alloc();
   parallel_for(blocks.size(), kBlocksPerTask, [this](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t> place(identity_joint + 1);
     for (std::size_t b = begin; b < end; ++b) {
-      if (sets[blocks[b].joint_set].count > 0) fill(*this, blocks[b]);
+      if (sets[blocks[b].joint_set].count > 0) fill(*this, blocks[b], place);
     }
   });
 
