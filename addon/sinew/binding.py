@@ -1,6 +1,6 @@
 """Binding a mesh to Sinew and releasing it: what changes in the .blend, and how it is put back."""
 
-from . import blender_io, session
+from . import session
 from .clip_store import has_poses
 from .outputs import OUTPUTS, OutputError
 
@@ -16,6 +16,15 @@ def armature_modifier(ob, armature=None):
                 and armature in (None, modifier.object)):
             return modifier
     return None
+
+
+def mixes_with_another(ob, modifier):
+    """Whether Multi Modifier joins this modifier's result with that of another one."""
+    armatures = [m for m in ob.modifiers
+                 if m.type == "ARMATURE" and (m.show_viewport or m.show_render or m == modifier)]
+    place = armatures.index(modifier)
+    return (place > 0 and modifier.use_multi_modifier) or (
+        place + 1 < len(armatures) and armatures[place + 1].use_multi_modifier)
 
 
 def find_armature(ob):
@@ -41,10 +50,14 @@ def check_bindable(ob, armature):
     if ob.data.users > 1:
         raise BindingError(
             f"The mesh {ob.data.name} has {ob.data.users} users; make it single-user first")
-    if ob.data.shape_keys:
-        raise BindingError(f"{ob.name} has shape keys, which Sinew does not yet play")
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
+    replaced = armature_modifier(ob, armature)
+    if replaced and mixes_with_another(ob, replaced):
+        raise BindingError(
+            f"{ob.name} mixes several Armature modifiers (Multi Modifier), which Sinew cannot follow")
+    if replaced and replaced.use_bone_envelopes:
+        return
     bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
     if not any(group.name in bone_names for group in ob.vertex_groups):
         raise BindingError(
@@ -61,6 +74,11 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     settings = ob.sinew
     replaced = armature_modifier(ob, armature)
     index = ob.modifiers.find(replaced.name) if replaced else 0
+    before = [m.name for m in list(ob.modifiers)[:index] if m.show_viewport or m.show_render]
+    if output == "MESH" and before:
+        raise BindingError(
+            f"{ob.name} has a modifier before its armature's ({before[0]}), which the output Mesh "
+            "cannot follow; use the output Modifier")
     try:
         OUTPUTS[output].install(ob, index)
     except OutputError as error:
@@ -71,6 +89,10 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     if source is None:
         source = "CLIP" if has_poses(armature.data) else "ARMATURE"
     settings.armature, settings.method, settings.source = armature, method, source
+    settings.use_vertex_groups = replaced is None or replaced.use_vertex_groups
+    settings.use_envelopes = replaced is not None and replaced.use_bone_envelopes
+    settings.mask_group = replaced.vertex_group if replaced else ""
+    settings.mask_invert = replaced is not None and replaced.invert_vertex_group
     settings.output = settings.installed_output = output
     settings.replaced_modifier = replaced.name if replaced else ""
     if replaced:

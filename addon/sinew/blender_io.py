@@ -59,6 +59,12 @@ def read_attribute(attribute):
     return vectors.reshape(-1, 3)
 
 
+def modifiers_before(ob, modifier):
+    """Those in the stack above `modifier` that are switched on anywhere."""
+    return [m for m in list(ob.modifiers)[:ob.modifiers.find(modifier.name)]
+            if m.show_viewport or m.show_render]
+
+
 def write_attribute(mesh, name, vectors):
     """vectors (V, 3) float32 -> a vector attribute on points, made if it is not there."""
     attribute = point_attribute(mesh, name)
@@ -162,10 +168,36 @@ def write_weights(mesh, dense):
 
 # --- armatures ------------------------------------------------------------------------------------
 
-def bone_table(armature):
-    """Name and deform flag of each pose bone, in the order of `read_channels`: what decides which
-    weights count."""
-    return tuple((bone.name, bone.bone.use_deform) for bone in armature.pose.bones)
+def bone_names(armature):
+    """Of all pose bones, in the order of `read_channels`."""
+    return tuple(bone.name for bone in armature.pose.bones)
+
+
+def bone_flags(armature):
+    """What changes which weights count, but for names: deform and segments of each bone, in bytes
+    that can be compared. Cheap enough for every frame."""
+    bones = armature.data.bones
+    deform = np.empty(len(bones), bool)
+    segments = np.empty(len(bones), np.int32)
+    bones.foreach_get("use_deform", deform)
+    bones.foreach_get("bbone_segments", segments)
+    return deform.tobytes() + segments.tobytes()
+
+
+def read_bones(armature):
+    """Fields of influences.Bones, each an array with a row a pose bone."""
+    bones = [bone.bone for bone in armature.pose.bones]
+
+    def numbers(name, dtype=np.float64):
+        return np.array([getattr(bone, name) for bone in bones], dtype)
+
+    rest = np.array([bone.matrix_local for bone in bones], np.float64).reshape(-1, 4, 4)
+    return dict(
+        names=bone_names(armature), deform=numbers("use_deform", bool), rest=rest,
+        length=numbers("length"), head_radius=numbers("head_radius"),
+        tail_radius=numbers("tail_radius"), envelope_distance=numbers("envelope_distance"),
+        envelope_weight=numbers("envelope_weight"), multiply=numbers("use_envelope_multiply", bool),
+        segments=numbers("bbone_segments", int))
 
 
 def read_channels(armature):
@@ -175,6 +207,32 @@ def read_channels(armature):
     numbers = np.empty(16 * count, np.float32)
     armature.pose.bones.foreach_get("matrix_channel", numbers)
     return numbers.reshape(count, 4, 4).transpose(0, 2, 1)
+
+
+def read_segments(armature, bone, rest=False):
+    """(n + 1, 4, 4): the ends of a B-bone's n segments, space of the bone."""
+    pose_bone = armature.pose.bones[bone]
+    return np.array([pose_bone.bbone_segment_matrix(k, rest=rest)
+                     for k in range(pose_bone.bone.bbone_segments + 1)], np.float64)
+
+
+def read_bone_matrix(armature, bone):
+    """(4, 4): a pose bone in the armature's space."""
+    return matrix_to_numpy(armature.pose.bones[bone].matrix)
+
+
+def read_group(ob, name):
+    """(V,): each vertex's weight in a vertex group, 0 where it is not in it; None if there is no
+    such group."""
+    group = ob.vertex_groups.get(name)
+    if group is None:
+        return None
+    offsets, groups, weights = read_weights(ob)
+    vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    own = groups == group.index
+    dense = np.zeros(len(offsets) - 1)
+    dense[vertex[own]] = weights[own]
+    return dense
 
 
 def write_pose(armature, location, rotation):

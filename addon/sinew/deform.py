@@ -10,35 +10,6 @@ import numpy as np
 
 from .native import sinew_native
 
-# Blender's modifier leaves a vertex alone whose weights sum to no more than this.
-SMALLEST_WEIGHT_SUM = 1e-4
-
-SKIN_FUNCTIONS = {}
-if sinew_native:
-    SKIN_FUNCTIONS = {
-        "LINEAR": sinew_native.skin_linear,
-        "DUAL_QUATERNION": sinew_native.skin_dual_quaternion,
-    }
-
-
-def normalised_influences(offsets, bones, weights):
-    """Keep what moves a vertex, scaled to sum 1 as Blender's Armature modifier does.
-
-    offsets (V + 1,), bones (N,): bone of each influence or -1 for none, weights (N,) float32.
-    Returns offsets, bones, weights of the same kinds, in the same order.
-    """
-    vertex_count = len(offsets) - 1
-    vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
-    used = (bones >= 0) & (weights != 0)
-    vertex, bones, weights = vertex[used], bones[used], weights[used].astype(np.float64)
-    sums = np.bincount(vertex, weights, minlength=vertex_count)
-    moved = sums[vertex] > SMALLEST_WEIGHT_SUM
-    vertex, bones, weights = vertex[moved], bones[moved], weights[moved]
-    counts = np.bincount(vertex, minlength=vertex_count)
-    offsets = np.concatenate(([0], np.cumsum(counts)))
-    return offsets, bones.astype(np.int32), (weights / sums[vertex]).astype(np.float32)
-
-
 def is_similarity(matrix):
     """Whether a 4x4 matrix only turns, moves and scales uniformly."""
     linear = matrix[:3, :3]
@@ -48,43 +19,78 @@ def is_similarity(matrix):
 
 
 class Deformer:
-    """One mesh and its influences: bone matrices in, vertex positions out."""
+    """One mesh and its influences: joint matrices in, vertex positions out."""
 
-    def __init__(self, rest_positions, offsets, bones, weights, bone_count):
-        """rest_positions (V, 3), mesh space; the influences as `normalised_influences` gives."""
-        self._influences = (offsets, bones, weights, bone_count)
-        self._rest_positions = rest_positions
-        self.skin = sinew_native.Skin(rest_positions, *self._influences)
+    def __init__(self, rest_positions, influences, rest_frames, stretch, mask=None):
+        """rest_positions (V, 3), mesh space; influences as `influences.influences` gives them;
+        rest_frames (J + 1, 4, 4): of the joints, relative to the armature; stretch: how dual
+        quaternions treat scale, as sinew_native names it; mask (V,): of dual quaternions, how much
+        of the motion each vertex takes part in (with linear skinning it is in the influences)."""
+        self.influences = influences
+        self.skin = self._make_skin(rest_positions)
         self.positions = np.empty((self.skin.vertex_count, 3), np.float32)
+        self._rest_positions = rest_positions
+        self.rest_frames, self._stretch = rest_frames, stretch
+        self._mask = None if mask is None else mask[:, None].astype(np.float32)
         self._armature_skin = None
         self._armature_skin_key = None
 
-    def deform(self, method, channels, mesh_from_armature):
-        """channels (B, 4, 4) float32: each bone's motion from rest to pose, armature space.
+    def has_rest(self, rest_positions):
+        return np.array_equal(rest_positions, self._rest_positions)
+
+    def set_rest(self, rest_positions):
+        """Another shape under the same influences, (V, 3), mesh space."""
+        self.skin.set_rest_positions(rest_positions)
+        self._rest_positions = rest_positions
+        self._armature_skin_key = None
+
+    def deform(self, method, matrices, mesh_from_armature):
+        """matrices (J + 1, 4, 4) float32: each joint's motion from rest to pose, armature space, the
+        last the identity.
         mesh_from_armature (4, 4) float64, or None where the two spaces are the same.
         Returns (V, 3) float32, mesh space; the array is reused by the next call.
         """
-        function = SKIN_FUNCTIONS[method]
-        if mesh_from_armature is None:
-            return function(self.skin, channels, self.positions)
-        if method == "LINEAR" or is_similarity(mesh_from_armature):
-            armature_from_mesh = np.linalg.inv(mesh_from_armature)
-            matrices = (mesh_from_armature @ channels @ armature_from_mesh).astype(np.float32)
-            return function(self.skin, matrices, self.positions)
-        # A dual quaternion cannot carry the change of space: blend in the space of the armature.
-        function(self._skin_in_armature_space(mesh_from_armature), channels, self.positions)
-        linear, offset = mesh_from_armature[:3, :3], mesh_from_armature[:3, 3]
-        self.positions[:] = self.positions @ linear.T + offset
+        change = mesh_from_armature
+        if method == "LINEAR":
+            if change is not None:
+                matrices = (change @ matrices @ np.linalg.inv(change)).astype(np.float32)
+            return sinew_native.skin_linear(self.skin, matrices, self.positions)
+        frames = self.rest_frames
+        if change is None:
+            self._preserve_volume(self.skin, matrices, frames)
+        elif is_similarity(change):
+            matrices = (change @ matrices @ np.linalg.inv(change)).astype(np.float32)
+            frames = change @ frames
+            frames[:, :3, :3] /= np.cbrt(np.linalg.det(change[:3, :3]))
+            self._preserve_volume(self.skin, matrices, frames)
+        else:
+            # A dual quaternion cannot carry the change of space: blend in the armature's space.
+            self._preserve_volume(self._skin_in_armature_space(change), matrices, frames)
+            self.positions[:] = self.positions @ change[:3, :3].T + change[:3, 3]
+        if self._mask is not None:
+            self.positions += (1 - self._mask) * (self._rest_positions - self.positions)
         return self.positions
+
+    def _preserve_volume(self, skin, matrices, frames):
+        sinew_native.skin_dual_quaternion(skin, matrices, self.positions, self._stretch, frames)
+
+    def _make_skin(self, rest_positions):
+        own = self.influences
+        return sinew_native.Skin(
+            rest_positions, own.offsets, own.joints, own.weights, own.joint_count + 1)
 
     def _skin_in_armature_space(self, mesh_from_armature):
         key = mesh_from_armature.tobytes()
         if key != self._armature_skin_key:
-            inverse = np.linalg.inv(mesh_from_armature)
-            rest = self._rest_positions @ inverse[:3, :3].T + inverse[:3, 3]
-            self._armature_skin = sinew_native.Skin(rest, *self._influences)
+            rest = transformed(np.linalg.inv(mesh_from_armature), self._rest_positions)
+            self._armature_skin = self._make_skin(rest)
             self._armature_skin_key = key
         return self._armature_skin
+
+
+def transformed(matrix, points):
+    """points (V, 3) moved by a 4x4 matrix; None is the identity."""
+    return points if matrix is None else points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 @dataclass

@@ -9,10 +9,14 @@ import bpy
 from . import blender_io
 
 MODIFIER_NAME = "Sinew"
-NODE_GROUP_NAME = "Sinew"
+NODE_GROUP_NAMES = {False: "Sinew", True: "Sinew After Shape Keys or Modifiers"}
 NODE_GROUP_VERSION = 1
 VERSION_PROPERTY = "sinew_version"
+CAPTURE_PROPERTY = "sinew_captures"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
+INPUT_ATTRIBUTE = ".sinew_input"
+# Modifiers that add vertices behind those there were.
+APPENDING = {"SUBSURF", "SOLIDIFY", "MIRROR", "ARRAY", "MULTIRES"}
 REST_ATTRIBUTE = "rest_position"
 
 
@@ -29,20 +33,51 @@ class ModifierOutput:
         blender_io.write_attribute(
             ob.data, POSITION_ATTRIBUTE, blender_io.read_positions(ob.data))
         modifier = ob.modifiers.new(MODIFIER_NAME, "NODES")
-        modifier.node_group = node_group()
+        modifier.node_group = node_group(False)
         modifier.show_expanded = False
         move_modifier(ob, modifier, index)
+        ModifierOutput.adapt(ob)
+
+    @staticmethod
+    def adapt(ob):
+        """Sees to it that the modifier hands over its input if that is not the mesh's own shape:
+        shape keys, or other modifiers before it. Returns whether something had to be changed; the
+        input is then there after the next evaluation."""
+        modifier = sinew_modifier(ob)
+        captures = (ob.data.shape_keys is not None
+                    or bool(blender_io.modifiers_before(ob, modifier)))
+        if captures == ModifierOutput.captures(ob):
+            return False
+        modifier.node_group = node_group(captures)
+        forget_unused_node_groups()
+        return True
+
+    @staticmethod
+    def captures(ob):
+        return bool(sinew_modifier(ob).node_group.get(CAPTURE_PROPERTY))
 
     @staticmethod
     def remove(ob):
         for modifier in [m for m in ob.modifiers if is_sinew(m)]:
             ob.modifiers.remove(modifier)
         blender_io.remove_attribute(ob.data, POSITION_ATTRIBUTE)
-        forget_unused_node_group()
+        forget_unused_node_groups()
 
     @staticmethod
-    def rest_positions(ob):
-        return blender_io.read_positions(ob.data)
+    def rest_positions(ob, evaluated=None):
+        """The modifier's input as Blender has evaluated it, (V, 3)."""
+        if evaluated is None or not ModifierOutput.captures(ob):
+            return blender_io.read_positions(ob.data)
+        attribute = blender_io.point_attribute(evaluated.data, INPUT_ATTRIBUTE)
+        if attribute is None:  # switched off, or not yet evaluated
+            return blender_io.read_positions(ob.data)
+        captured = blender_io.read_attribute(attribute)
+        count = len(ob.data.vertices)
+        if len(captured) < count:
+            raise OutputError(
+                f"Another modifier of {ob.name} leaves out vertices: with shape keys or modifiers "
+                "before Sinew that cannot be followed")
+        return captured[:count]
 
     @staticmethod
     def write(ob, positions):
@@ -58,7 +93,19 @@ class MeshOutput:
             raise OutputError(
                 f'{ob.data.name} already has an attribute "{REST_ATTRIBUTE}", which the output '
                 "Mesh needs; rename or remove it, or use the output Modifier")
+        if ob.data.shape_keys:
+            raise OutputError(
+                f"{ob.name} has shape keys, which the output Mesh cannot follow; use the output "
+                "Modifier")
         blender_io.write_attribute(ob.data, REST_ATTRIBUTE, blender_io.read_positions(ob.data))
+
+    @staticmethod
+    def adapt(_ob):
+        return False
+
+    @staticmethod
+    def captures(_ob):
+        return False
 
     @staticmethod
     def remove(ob):
@@ -66,7 +113,7 @@ class MeshOutput:
         blender_io.remove_attribute(ob.data, REST_ATTRIBUTE)
 
     @staticmethod
-    def rest_positions(ob):
+    def rest_positions(ob, _evaluated=None):
         attribute = blender_io.point_attribute(ob.data, REST_ATTRIBUTE)
         if attribute is None:
             raise OutputError(
@@ -80,6 +127,13 @@ class MeshOutput:
 
 
 OUTPUTS = {"MODIFIER": ModifierOutput, "MESH": MeshOutput}
+
+
+def sinew_modifier(ob):
+    for modifier in ob.modifiers:
+        if is_sinew(modifier):
+            return modifier
+    raise OutputError(f"{ob.name} has lost its Sinew modifier; unbind it, and bind it again")
 
 
 def is_sinew(modifier):
@@ -98,13 +152,16 @@ def move_modifier(ob, modifier, index):
         bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
 
 
-def node_group():
-    """The one node group that all of Sinew's modifiers share, made when it is first needed."""
+def node_group(captures):
+    """The node group that Sinew's modifiers share, made when it is first needed. captures: keep the
+    positions that come in, for the next evaluation's handler to read."""
     for group in bpy.data.node_groups:
-        if group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION and group.library is None:
+        if (group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION and group.library is None
+                and bool(group.get(CAPTURE_PROPERTY)) == captures):
             return group
-    group = bpy.data.node_groups.new(NODE_GROUP_NAME, "GeometryNodeTree")
+    group = bpy.data.node_groups.new(NODE_GROUP_NAMES[captures], "GeometryNodeTree")
     group[VERSION_PROPERTY] = NODE_GROUP_VERSION
+    group[CAPTURE_PROPERTY] = captures
     if hasattr(group, "interface"):
         for direction in ("INPUT", "OUTPUT"):
             group.interface.new_socket(
@@ -112,22 +169,33 @@ def node_group():
     else:  # before 4.0
         group.inputs.new("NodeSocketGeometry", "Geometry")
         group.outputs.new("NodeSocketGeometry", "Geometry")
-    source = group.nodes.new("NodeGroupInput")
+    nodes = [group.nodes.new("NodeGroupInput")]
+    geometry = nodes[0].outputs[0]
+    if captures:
+        position = group.nodes.new("GeometryNodeInputPosition")
+        store = group.nodes.new("GeometryNodeStoreNamedAttribute")
+        store.data_type, store.domain = "FLOAT_VECTOR", "POINT"
+        store.inputs["Name"].default_value = INPUT_ATTRIBUTE
+        value = next(i for i in store.inputs if i.name == "Value" and i.type == "VECTOR")
+        group.links.new(geometry, store.inputs["Geometry"])
+        group.links.new(position.outputs[0], value)
+        geometry = store.outputs[0]
+        nodes += [position, store]
     attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
     place = group.nodes.new("GeometryNodeSetPosition")
     target = group.nodes.new("NodeGroupOutput")
     attribute.data_type = "FLOAT_VECTOR"
     attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
-    group.links.new(source.outputs[0], place.inputs["Geometry"])
+    group.links.new(geometry, place.inputs["Geometry"])
     group.links.new(attribute.outputs["Attribute"], place.inputs["Position"])
     if "Exists" in attribute.outputs:
         group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
     group.links.new(place.outputs[0], target.inputs[0])
-    for column, node in enumerate((source, attribute, place, target)):
-        node.location = (200 * column, -120 if node == attribute else 0)
+    for column, node in enumerate([*nodes, attribute, place, target]):
+        node.location = (200 * column, -120 if not node.inputs else 0)
     return group
 
 
-def forget_unused_node_group():
+def forget_unused_node_groups():
     for group in [g for g in bpy.data.node_groups if VERSION_PROPERTY in g and g.users == 0]:
         bpy.data.node_groups.remove(group)

@@ -42,6 +42,11 @@ def draw_bound(layout, ob):
     column.prop(settings, "method")
     column.prop(settings, "source")
     column.prop(settings, "output")
+    if ob.vertex_groups:
+        row = column.row(align=True)
+        row.prop_search(settings, "mask_group", ob, "vertex_groups")
+        row.prop(settings, "mask_invert", text="", icon="ARROW_LEFTRIGHT")
+    column.prop(settings, "use_envelopes")
     armature = settings.armature
     if armature is not None and settings.source == "CLIP":
         draw_clip(layout, armature)
@@ -75,7 +80,7 @@ def draw_statistics(layout, entry):
     mean = skin.influence_count / max(skin.vertex_count, 1)
     column = layout.box().column(align=True)
     draw_value(column, "Vertices", f"{skin.vertex_count:,}")
-    draw_value(column, "Bones", str(len(entry.bones)))
+    draw_value(column, "Bones", str(len(entry.bones.names)))
     draw_value(column, "Influences", f"{mean:.2f} (max {skin.most_influences})")
     if skin.unweighted_count:
         draw_value(column, "Unweighted", f"{skin.unweighted_count:,}")

@@ -71,6 +71,18 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
         items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
         update=_apply_output)
 
+    use_vertex_groups: BoolProperty(
+        name="Vertex Groups", description="Weights come from vertex groups named after bones",
+        default=True, update=_apply)
+    use_envelopes: BoolProperty(
+        name="Bone Envelopes", description="Vertices without weights follow the bones whose "
+        "envelopes hold them", update=_apply)
+    mask_group: StringProperty(
+        name="Mask", description="Vertex group that says how much of the motion each vertex takes "
+        "part in; empty: all of it", update=_apply)
+    mask_invert: BoolProperty(
+        name="Invert", description="Turn the mask round", update=_apply)
+
     # Kept by binding.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"})
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"})

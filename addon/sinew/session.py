@@ -17,10 +17,14 @@ import numpy as np
 
 from . import blender_io
 from .clip_store import ClipPlayer, has_poses
-from .deform import Deformer, normalised_influences
+from .deform import Deformer, transformed
+from .influences import Bones, Rules, influences
 from .outputs import OUTPUTS
 
 log = logging.getLogger("sinew")
+
+# How Blender itself treats scaled bones when it preserves volume.
+STRETCH = "frame_each" if bpy.app.version >= (4, 0, 0) else "frame"
 
 
 @dataclass
@@ -42,7 +46,10 @@ class Character:
 
     name: str
     deformer: Deformer | None = None
-    bones: tuple = ()
+    made_of: tuple = ()  # what the deformer depends on and can change without an edit being seen
+    bones: Bones | None = None
+    space: bytes | None = None  # from armature to mesh, when the deformer was made
+    matrices: np.ndarray | None = None  # (J + 1, 4, 4) float32, what the deformer takes
     timings: Timings = field(default_factory=Timings)
     error: str = ""
 
@@ -50,6 +57,7 @@ class Character:
 _lock = threading.RLock()
 _characters = {}  # key of the mesh object -> Character
 _players = {}  # key of the armature object -> ClipPlayer
+_evaluating = False  # Blender is evaluating at our request: handlers are not for us
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 
 
@@ -119,31 +127,44 @@ def _gather():
 def on_frame(scene, depsgraph):
     """A new frame: clips pose their armatures, then every bound mesh takes its shape."""
     with _lock:
-        objects = bound_objects()
+        objects = [] if _evaluating else bound_objects()
         if objects:
+            _forget_edited(objects, depsgraph)
             _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
+
+
+def _forget_edited(objects, depsgraph):
+    """Drops what is cached of meshes and armatures that somebody has edited since the last
+    evaluation; what Sinew's own handlers write is never among it. Returns the objects concerned."""
+    kinds = (bpy.types.Object, bpy.types.Mesh, bpy.types.Armature, bpy.types.Key)
+    changed = {blender_io.key_of(update.id) for update in depsgraph.updates
+               if isinstance(update.id, kinds)}
+    affected = []
+    for ob in objects if changed else ():
+        armature = ob.sinew.armature
+        blocks = [ob, ob.data] + ([armature, armature.data] if armature else [])
+        if changed.isdisjoint(map(blender_io.key_of, blocks)):
+            continue
+        affected.append(ob)
+        # A shape key that moves tags its mesh too; the moved shape arrives through the modifier.
+        keys = ob.data.shape_keys
+        moved_by_keys = keys is not None and blender_io.key_of(keys) in changed
+        if blender_io.key_of(ob.data) in changed and not moved_by_keys:
+            _characters[blender_io.key_of(ob)].deformer = None
+        if armature and blender_io.key_of(armature.data) in changed:
+            _drop_player_if_edited(armature)
+            _drop_deformer_if_edited(ob, armature)
+    return affected
 
 
 def on_update(depsgraph):
     """Somebody changed something: meshes follow the bones as they stand. A clip does not step in,
     so a bone posed by hand keeps its pose until the next frame, as with keyframes."""
     with _lock:
-        objects = bound_objects()
+        objects = [] if _evaluating else bound_objects()
         if not objects:
             return
-        changed = {blender_io.key_of(update.id) for update in depsgraph.updates
-                   if isinstance(update.id, (bpy.types.Object, bpy.types.Mesh, bpy.types.Armature))}
-        affected = []
-        for ob in objects:
-            armature = ob.sinew.armature
-            blocks = [ob, ob.data] + ([armature, armature.data] if armature else [])
-            if changed.isdisjoint(map(blender_io.key_of, blocks)):
-                continue
-            affected.append(ob)
-            if blender_io.key_of(ob.data) in changed:
-                _characters[blender_io.key_of(ob)].deformer = None
-            if armature and blender_io.key_of(armature.data) in changed:
-                _drop_player_if_edited(armature)
+        affected = _forget_edited(objects, depsgraph)
         if affected:
             _deform(affected, depsgraph, {})
 
@@ -195,6 +216,16 @@ def _drop_player_if_edited(armature):
         del _players[blender_io.key_of(armature)]
 
 
+def _drop_deformer_if_edited(ob, armature):
+    """The same for what bones say about influences."""
+    entry = _characters[blender_io.key_of(ob)]
+    if entry.bones is None:
+        return
+    if entry.bones.names != blender_io.bone_names(armature) or not entry.bones.same_as(
+            Bones(**blender_io.read_bones(armature))):
+        entry.deformer = None
+
+
 def clip_time(settings, length, frame, render):
     """Time in poses and whether the clip loops, for the clip's mode at a frame of the scene."""
     if settings.mode == "PLAYBACK":
@@ -232,16 +263,43 @@ def _pose_armatures(objects, scene, depsgraph):
 
 def _deform(objects, depsgraph, posed):
     """An error in one mesh is kept with it and logged once; the others go on."""
+    if _adapt(objects) and depsgraph.mode == "VIEWPORT":
+        _evaluate_again(depsgraph)
     for ob in objects:
         entry = _characters[blender_io.key_of(ob)]
         try:
             _deform_one(ob, entry, depsgraph, posed)
             entry.error = ""
         except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
-            if str(error) != entry.error:
-                log.exception("%s is not deformed", ob.name)
-            entry.error = str(error)
-            entry.deformer = None
+            _keep_error(ob, entry, error)
+
+
+def _keep_error(ob, entry, error):
+    if str(error) != entry.error:
+        log.error("%s is not deformed", ob.name, exc_info=error)
+    entry.error = str(error)
+    entry.deformer = None
+
+
+def _adapt(objects):
+    """Whether some output had to be changed and has to be evaluated before it is of use."""
+    changed = False
+    for ob in objects:
+        try:
+            changed |= OUTPUTS[ob.sinew.installed_output].adapt(ob)
+        except Exception as error:  # noqa: BLE001
+            _keep_error(ob, _characters[blender_io.key_of(ob)], error)
+    return changed
+
+
+def _evaluate_again(depsgraph):
+    """Rare: somebody has given a bound mesh its first shape key, or put a modifier before Sinew's."""
+    global _evaluating
+    _evaluating = True
+    try:
+        depsgraph.update()
+    finally:
+        _evaluating = False
 
 
 def _deform_one(ob, entry, depsgraph, posed):
@@ -255,13 +313,14 @@ def _deform_one(ob, entry, depsgraph, posed):
     start = perf_counter()
     evaluated_armature = armature.evaluated_get(depsgraph)
     clip_pose = posed.get(blender_io.key_of(armature))
-    channels = clip_pose[0] if clip_pose else blender_io.read_channels(evaluated_armature)
     mesh_from_armature = _between(evaluated, evaluated_armature)
+    deformer = _deformer(ob, evaluated, entry, armature, mesh_from_armature)
     if armature.data.pose_position == "REST" or armature.mode == "EDIT":
-        channels = np.broadcast_to(np.eye(4, dtype=np.float32), channels.shape)
-    deformer = _deformer(ob, entry, armature)
+        entry.matrices[:] = np.eye(4)
+    else:
+        _read_joints(entry, evaluated_armature, clip_pose)
     pose_end = perf_counter()
-    positions = deformer.deform(settings.method, channels, mesh_from_armature)
+    positions = deformer.deform(settings.method, entry.matrices, mesh_from_armature)
     skin_end = perf_counter()
     OUTPUTS[settings.installed_output].write(ob, positions)
     end = perf_counter()
@@ -278,21 +337,65 @@ def _between(mesh_object, armature):
     return blender_io.relative_matrix(mesh_object, armature)
 
 
-def _deformer(ob, entry, armature):
-    bones = blender_io.bone_table(armature)
+def _read_joints(entry, armature, clip_pose):
+    """The bones' motions into entry.matrices, those of B-bones spread over their joints."""
+    bones = entry.bones
+    channels = clip_pose[0] if clip_pose else blender_io.read_channels(armature)
+    entry.matrices[bones.first_joint] = channels
+    for bone in bones.bent:
+        first, count = bones.first_joint[bone], bones.segments[bone] + 1
+        posed = blender_io.read_bone_matrix(armature, bone) @ blender_io.read_segments(armature, bone)
+        entry.matrices[first:first + count] = posed @ np.linalg.inv(
+            entry.deformer.rest_frames[first:first + count])
+
+
+def _deformer(ob, evaluated, entry, armature, mesh_from_armature):
+    """The object's deformer, made anew if something that it depends on has changed."""
+    settings = ob.sinew
+    output = OUTPUTS[settings.installed_output]
+    made_of = (settings.method, settings.use_vertex_groups, settings.use_envelopes,
+               settings.mask_group, settings.mask_invert, len(armature.pose.bones),
+               blender_io.bone_flags(armature))
     deformer = entry.deformer
-    if (deformer is None or bones != entry.bones
-            or deformer.skin.vertex_count != len(ob.data.vertices)):
-        entry.bones = bones
-        entry.deformer = deformer = Deformer(
-            OUTPUTS[ob.sinew.installed_output].rest_positions(ob), *influences(ob, bones), len(bones))
-    return deformer
+    if deformer is not None and entry.made_of == made_of and (
+            deformer.skin.vertex_count == len(ob.data.vertices)):
+        space = None if mesh_from_armature is None else mesh_from_armature.tobytes()
+        hangs = deformer.influences.hang_on_shape
+        if not output.captures(ob) and not (hangs and space != entry.space):
+            return deformer
+        rest = output.rest_positions(ob, evaluated)
+        if deformer.has_rest(rest) and not (hangs and space != entry.space):
+            return deformer
+        if not hangs:
+            deformer.set_rest(rest)
+            return deformer
+    entry.made_of = made_of
+    entry.space = None if mesh_from_armature is None else mesh_from_armature.tobytes()
+    entry.bones = Bones(**blender_io.read_bones(armature))
+    rest = output.rest_positions(ob, evaluated)
+    entry.deformer = _make_deformer(ob, armature, entry.bones, rest, mesh_from_armature)
+    entry.matrices = np.tile(np.eye(4, dtype=np.float32), (entry.bones.joint_count + 1, 1, 1))
+    return entry.deformer
 
 
-def influences(ob, bones):
-    """The mesh's weights as influences of bones: offsets, bones, weights."""
+def _make_deformer(ob, armature, bones, rest, mesh_from_armature):
+    settings = ob.sinew
     offsets, groups, weights = blender_io.read_weights(ob)
-    index = {name: i for i, (name, deforms) in enumerate(bones) if deforms}
+    index = {name: i for i, name in enumerate(bones.names)}
     bone_of_group = np.array(
         [index.get(group.name, -1) for group in ob.vertex_groups] + [-1], np.int32)
-    return normalised_influences(offsets, bone_of_group[groups], weights)
+    mask = blender_io.read_group(ob, settings.mask_group) if settings.mask_group else None
+    if mask is not None and settings.mask_invert:
+        mask = 1 - mask
+    linear = settings.method == "LINEAR"
+    rules = Rules(settings.use_vertex_groups, settings.use_envelopes, mask if linear else None)
+    inverse = None if mesh_from_armature is None else np.linalg.inv(mesh_from_armature)
+    own = influences(offsets, bone_of_group[groups], weights, bones, rules,
+                     transformed(inverse, rest.astype(np.float64)))
+    rest_frames = np.tile(np.eye(4), (bones.joint_count + 1, 1, 1))
+    rest_frames[bones.first_joint] = bones.rest
+    for bone in bones.bent:
+        first, count = bones.first_joint[bone], bones.segments[bone] + 1
+        rest_frames[first:first + count] = bones.rest[bone] @ blender_io.read_segments(
+            armature, bone, rest=True)
+    return Deformer(rest, own, rest_frames, STRETCH, None if linear else mask)

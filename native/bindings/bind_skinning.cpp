@@ -1,5 +1,7 @@
 #include <pybind11/stl.h>
 
+#include <optional>
+
 #include "arrays.h"
 #include "sinew/dual_quaternion_skinning.h"
 #include "sinew/linear_skinning.h"
@@ -7,8 +9,6 @@
 
 namespace sinew::bindings {
 namespace {
-
-using SkinFunction = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
 
 /// `out` as the flat numbers that a skinning function writes.
 std::span<float> positions_span(const py::array& out, const std::vector<py::ssize_t>& shape) {
@@ -30,8 +30,10 @@ std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matr
   return shape;
 }
 
-template <SkinFunction function>
-py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out) {
+/// Calls skin(matrices, positions) without the GIL and returns what was written.
+template <class Call>
+py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out,
+                  const Call& call) {
   const auto stack = matrix_stack<const float>("matrices", matrices);
   const auto shape = positions_shape(skin, matrices);
   const py::array result =
@@ -39,9 +41,31 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
   const std::span<float> positions = positions_span(result, shape);
   {
     const py::gil_scoped_release release;
-    function(skin, stack, positions);
+    call(stack, positions);
   }
   return result;
+}
+
+py::array linear(const Skin& skin, const py::array& matrices, const py::object& out) {
+  return skinned(skin, matrices, out,
+                 [&](auto stack, auto positions) { skin_linear(skin, stack, positions); });
+}
+
+Stretch stretch_named(const std::string& name) {
+  if (name == "polar") return Stretch::polar;
+  if (name == "frame") return Stretch::frame;
+  if (name == "frame_each") return Stretch::frame_each;
+  throw InputError("there is no stretch \"" + name + "\"; expected polar, frame or frame_each");
+}
+
+py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py::object& out,
+                          const std::string& stretch, const std::optional<py::array>& rest_frames) {
+  std::vector<Matrix4<double>> frames;
+  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
+  const StretchRule rule{stretch_named(stretch), frames};
+  return skinned(skin, matrices, out, [&](auto stack, auto positions) {
+    skin_dual_quaternion(skin, stack, positions, rule);
+  });
 }
 
 SkinningMethod method_named(const std::string& name) {
@@ -61,7 +85,7 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
       const auto stack = matrix_stack<const float>("matrices", matrices);
       const std::span<float> positions =
           positions_span(given_array("out", tuple[2]), positions_shape(skin, matrices));
-      jobs.push_back({&skin, stack, positions, method_named(tuple[3].cast<std::string>())});
+      jobs.push_back({&skin, stack, positions, method_named(tuple[3].cast<std::string>()), {}});
     } catch (const py::cast_error&) {
       throw py::type_error(where + ": expected (Skin, array, array, str)");
     } catch (const InputError& error) {
@@ -89,7 +113,9 @@ constexpr const char* kSkinArguments =
 }  // namespace
 
 void bind_skinning(py::module_& module) {
-  py::class_<Skin>(module, "Skin", "The mesh at rest and what moves each vertex. Immutable.")
+  py::class_<Skin>(module, "Skin",
+                   "The mesh at rest and what moves each vertex. Immutable but for "
+                   "set_rest_positions.")
       .def(py::init([](const py::array& rest_positions, const py::array& offsets,
                        const py::array& joints, const py::array& weights,
                        std::ptrdiff_t joint_count) {
@@ -135,6 +161,15 @@ void bind_skinning(py::module_& module) {
           "weights",
           [](py::object self) { return view_list(self.cast<const Skin&>().weights(), self); },
           "(N,) float32.")
+      .def(
+          "set_rest_positions",
+          [](Skin& self, const py::array& positions) {
+            self.set_rest_positions(points_of<float>("positions", positions));
+          },
+          py::arg("positions"),
+          "The same influences on another shape, (V, 3), as shape keys change it. Not while "
+          "another "
+          "thread skins with this object.")
       .def("__repr__", [](const Skin& self) {
         return "<Skin of " + std::to_string(self.vertex_count()) + " vertices, " +
                std::to_string(self.joint_count()) + " joints, " +
@@ -142,15 +177,19 @@ void bind_skinning(py::module_& module) {
       });
 
   module.def(
-      "skin_linear", &skinned<skin_linear>, py::arg("skin"), py::arg("matrices"),
-      py::arg("out") = py::none(),
+      "skin_linear", &linear, py::arg("skin"), py::arg("matrices"), py::arg("out") = py::none(),
       (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments).c_str());
-  module.def("skin_dual_quaternion", &skinned<skin_dual_quaternion>, py::arg("skin"),
-             py::arg("matrices"), py::arg("out") = py::none(),
-             (std::string("Dual quaternion skinning (Kavan et al. 2008); scale and shear are "
-                          "blended linearly.\n\n") +
-              kSkinArguments)
-                 .c_str());
+  module.def(
+      "skin_dual_quaternion", &dual_quaternion, py::arg("skin"), py::arg("matrices"),
+      py::arg("out") = py::none(), py::arg("stretch") = "polar",
+      py::arg("rest_frames") = py::none(),
+      (std::string("Dual quaternion skinning (Kavan et al. 2008).\n\n") + kSkinArguments +
+       "\nstretch: what becomes of scale and shear: \"polar\", decomposed and blended "
+       "linearly; \"frame\", along the axes of the joint's rest frame, as Blender 3.4 does; "
+       "\"frame_each\", each joint for itself, as Blender 4.3 and 5.2 do.\n"
+       "rest_frames: with the latter two, (J, 4, 4), each joint's rest transform relative to "
+       "the space of the mesh, without scale.")
+          .c_str());
   module.def(
       "skin_all", &skin_jobs, py::arg("jobs"),
       "Several skins at once, with all threads at work on all of them.\n\n"

@@ -143,7 +143,7 @@ class Rig:
         """(F, J, 4, 4), read-only: skinning matrices."""
 
 class Skin:
-    """The mesh at rest and what moves each vertex. Immutable."""
+    """The mesh at rest and what moves each vertex. Immutable but for set_rest_positions."""
 
     def __init__(
         self,
@@ -189,6 +189,8 @@ class Skin:
     @property
     def weights(self) -> _Float32:
         """(N,), read-only."""
+    def set_rest_positions(self, positions: _Reals) -> None:
+        """The same influences on another shape, (V, 3). Not while another thread skins with it."""
 
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
@@ -208,8 +210,15 @@ def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> 
     """v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out (V, 3) or
     (F, V, 3), C-contiguous. Returns out."""
 
-def skin_dual_quaternion(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
-    """Dual quaternion skinning (Kavan et al. 2008). Arguments as of skin_linear."""
+def skin_dual_quaternion(
+    skin: Skin,
+    matrices: _Float32,
+    out: _Float32 | None = None,
+    stretch: Literal["polar", "frame", "frame_each"] = "polar",
+    rest_frames: _Reals | None = None,
+) -> _Float32:
+    """Dual quaternion skinning (Kavan et al. 2008). The first arguments as of skin_linear; stretch:
+    what becomes of scale and shear; rest_frames (J, 4, 4), for all but "polar"."""
 
 def skin_all(jobs: Sequence[tuple[Skin, _Float32, _Float32, _Method]]) -> None:
     """Several skins at once, with all threads at work on all of them. A job is (skin, matrices, out,

@@ -115,27 +115,47 @@ std::size_t numbers_of(const BlockedSkin& skin, const Block& block) {
   return kBlock * (3 + (set.is_rigid ? 0 : set.count));
 }
 
-/// Writes a block's numbers. place: J + 1, scratch.
-void fill(BlockedSkin& skin, const Block& block, std::vector<std::uint32_t>& place) {
-  const JointSet set = skin.sets[block.joint_set];
+/// Calls use(vertex, lane) for the vertices of a block.
+template <class Use>
+void for_vertices(const BlockedSkin& skin, const Block& block, const Use& use) {
+  const std::size_t first = block.first_vertex;
+  const std::size_t count = std::min<std::size_t>(kBlock, skin.offsets.size() - 1 - first);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t lane_in_group = i % skin.lanes;
+    use(first + i, i - lane_in_group + 3 * lane_in_group % skin.lanes);
+  }
+}
+
+void fill_positions(BlockedSkin& skin, const Block& block) {
+  float* const data = skin.data.get() + block.data;
+  for_vertices(skin, block, [&](std::size_t v, std::size_t lane) {
+    for (int axis = 0; axis < 3; ++axis) data[kBlock * axis + lane] = skin.rest[3 * v + axis];
+  });
+}
+
+/// place: J + 1, scratch.
+void fill_weights(BlockedSkin& skin, const Block& block, std::vector<std::uint32_t>& place) {
+  if (skin.sets[block.joint_set].is_rigid) return;
   std::uint32_t next = 3;
   for (const std::uint32_t joint : skin.joints_of(block.joint_set)) place[joint] = kBlock * next++;
   float* const data = skin.data.get() + block.data;
-  std::fill_n(data, numbers_of(skin, block), 0.0f);
-  const std::size_t vertices = skin.offsets.size() - 1;
-  for (int i = 0; i < kBlock && block.first_vertex + i < vertices; ++i) {
-    const std::size_t v = block.first_vertex + i;
-    const int lane = i / skin.lanes * skin.lanes + 3 * (i % skin.lanes) % skin.lanes;
-    for (int axis = 0; axis < 3; ++axis) data[kBlock * axis + lane] = skin.rest[3 * v + axis];
-    if (set.is_rigid) continue;
-    const auto add = [&](std::uint32_t joint, float weight) {
-      data[place[joint] + lane] += weight;
-    };
-    if (skin.offsets[v] == skin.offsets[v + 1]) add(skin.identity_joint, 1);
+  for_vertices(skin, block, [&](std::size_t v, std::size_t lane) {
+    if (skin.offsets[v] == skin.offsets[v + 1]) data[place[skin.identity_joint] + lane] = 1;
     for (auto k = skin.offsets[v]; k < skin.offsets[v + 1]; ++k) {
-      add(skin.influence_joints[k], skin.weights[k]);
+      data[place[skin.influence_joints[k]] + lane] += skin.weights[k];
     }
-  }
+  });
+}
+
+/// Calls use(block, scratch of the thread) for the blocks that have a packed form.
+template <class Use>
+void for_packed_blocks(BlockedSkin& skin, const Use& use) {
+  parallel_for(skin.blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t> scratch(skin.identity_joint + 1);
+    for (std::size_t b = begin; b < end; ++b) {
+      if (skin.sets[skin.blocks[b].joint_set].count > 0) use(skin.blocks[b], scratch);
+    }
+  });
 }
 
 std::vector<JointPair> neighbours_in(const BlockedSkin& skin) {
@@ -213,15 +233,20 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
   }
   data = hwy::AllocateAligned<float>(std::max<std::uint64_t>(1, numbers));
   if (!data) throw std::bad_alloc();
-  parallel_for(blocks.size(), kBlocksPerTask, [this](std::size_t begin, std::size_t end) {
-    std::vector<std::uint32_t> place(identity_joint + 1);
-    for (std::size_t b = begin; b < end; ++b) {
-      if (sets[blocks[b].joint_set].count > 0) fill(*this, blocks[b], place);
-    }
+  for_packed_blocks(*this, [this](const Block& block, std::vector<std::uint32_t>& scratch) {
+    std::fill_n(data.get() + block.data, numbers_of(*this, block), 0.0f);
+    fill_positions(*this, block);
+    fill_weights(*this, block, scratch);
   });
 
   neighbours = neighbours_in(*this);
   spanning = spanning_forest(neighbours, identity_joint + 1);
+}
+
+void BlockedSkin::take_rest_positions() {
+  for_packed_blocks(*this, [this](const Block& block, std::vector<std::uint32_t>&) {
+    fill_positions(*this, block);
+  });
 }
 
 }  // namespace sinew

@@ -34,7 +34,7 @@ struct JointSet {
 
 using JointPair = std::pair<std::uint32_t, std::uint32_t>;
 
-/// Blocks in the order in which they are processed. Immutable once built.
+/// Blocks in the order in which they are processed. Immutable once built, but for the positions.
 struct BlockedSkin {
   /// rest (V, 3), offsets (V + 1), joints and weights (N) as in Skin; joint_count J.
   /// lanes: of the kernel's registers. Within each group of so many vertices, vertex i lies in lane
@@ -48,6 +48,9 @@ struct BlockedSkin {
   std::span<const std::uint32_t> joints_of(std::uint32_t set) const {
     return {joints.data() + sets[set].begin, sets[set].count};
   }
+
+  /// Copies `rest`, whose numbers were changed, into the blocks.
+  void take_rest_positions();
 
   int lanes;
   /// A vertex that nothing moves hangs on this joint, one past the skin's: its matrix is the

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "palette.h"
-#include "sinew/skinning.h"
 
 namespace sinew {
 namespace {
@@ -12,48 +11,106 @@ namespace {
 // Matrices that went through float32 are orthonormal to about 1e-6.
 constexpr double kRigidTolerance = 1e-5;
 
-RigidAndStretch split(const Matrix4<double>& matrix) {
+bool is_rotation(const Eigen::Matrix3d& linear) {
+  return (linear.transpose() * linear).isIdentity(kRigidTolerance) && linear.determinant() > 0;
+}
+
+RigidAndStretch motion(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
+                       const Eigen::Matrix<double, 3, 4>& stretch, bool is_rigid) {
+  const Eigen::Quaterniond real = Eigen::Quaterniond(rotation).normalized();
+  const Eigen::Vector3d half = 0.5 * translation;
+  const Eigen::Quaterniond dual = Eigen::Quaterniond(0, half.x(), half.y(), half.z()) * real;
+  return {real.cast<float>(), dual.cast<float>(), stretch.cast<float>(), is_rigid};
+}
+
+RigidAndStretch split_polar(const Matrix4<double>& matrix) {
   const Eigen::Matrix3d linear = matrix.topLeftCorner<3, 3>();
   Eigen::Matrix3d rotation = linear;
-  const bool is_rigid =
-      (linear.transpose() * linear).isIdentity(kRigidTolerance) && linear.determinant() > 0;
+  const bool is_rigid = is_rotation(linear);
   if (!is_rigid) {
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
     Eigen::Vector3d sign = Eigen::Vector3d::Ones();
     if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0) sign.z() = -1;
     rotation = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
   }
-  const Eigen::Quaterniond real = Eigen::Quaterniond(rotation).normalized();
-  const Eigen::Vector3d half = 0.5 * matrix.topRightCorner<3, 1>();
-  const Eigen::Quaterniond dual = Eigen::Quaterniond(0, half.x(), half.y(), half.z()) * real;
-  return {real.cast<float>(), dual.cast<float>(), (rotation.transpose() * linear).cast<float>(),
-          is_rigid};
+  Eigen::Matrix<double, 3, 4> stretch;
+  stretch << rotation.transpose() * linear, Eigen::Vector3d::Zero();
+  return motion(rotation, matrix.topRightCorner<3, 1>(), stretch, is_rigid);
+}
+
+/// Orthonormal axes of which Y has the direction of the given one. The two comparisons look at
+/// numbers that are not normalised; they are Blender's, and so is the choice that follows.
+Eigen::Matrix3d axes_along_y(const Eigen::Matrix3d& linear) {
+  const Eigen::Vector3d given_x = linear.col(0), given_z = linear.col(2);
+  const Eigen::Vector3d y = linear.col(1).normalized();
+  Eigen::Vector3d x, z;
+  if (y.dot(given_x) < 1) {
+    z = given_x.cross(y).normalized();
+    x = y.cross(z);
+  } else {
+    const bool z_serves = given_x.dot(given_z) < 1;
+    x = y.cross(z_serves ? given_z : Eigen::Vector3d(y.y(), y.z(), y.x())).normalized();
+    z = x.cross(y);
+  }
+  Eigen::Matrix3d axes;
+  axes << x, y, z;
+  return axes;
+}
+
+/// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
+/// (matrix * rest) when its axes are made orthonormal.
+RigidAndStretch split_in_frame(const Matrix4<double>& matrix, const Matrix4<double>& rest) {
+  const Matrix4<double> posed = matrix * rest;
+  const Eigen::Vector3d excess =
+      posed.topLeftCorner<3, 3>().colwise().norm().transpose() - Eigen::Vector3d::Ones();
+  if (is_rotation(matrix.topLeftCorner<3, 3>()) && excess.squaredNorm() <= 1e-8) {
+    return motion(matrix.topLeftCorner<3, 3>(), matrix.topRightCorner<3, 1>(),
+                  Eigen::Matrix<double, 3, 4>::Identity(), true);
+  }
+  Matrix4<double> rigid = Matrix4<double>::Identity();
+  rigid.topLeftCorner<3, 3>() = axes_along_y(posed.topLeftCorner<3, 3>());
+  rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
+  const Matrix4<double> inverse_rest = rest.inverse();
+  const Matrix4<double> moved = rigid * inverse_rest;
+  const Matrix4<double> stretch = rest * (rigid.inverse() * posed) * inverse_rest;
+  return motion(moved.topLeftCorner<3, 3>(), moved.topRightCorner<3, 1>(), stretch.topRows<3>(),
+                false);
+}
+
+/// real * (0, by): half of it is what a point moved by `by` before the motion adds to the dual
+/// part.
+Eigen::Vector4f times_vector(const Eigen::Quaternionf& real, const Eigen::Vector3f& by) {
+  return (real * Eigen::Quaternionf(0, by.x(), by.y(), by.z())).coeffs();
 }
 
 /// One vertex, exactly as the header says: each sign against the sum so far, in stored order.
-Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const RigidAndStretch* palette,
-                             std::size_t v) {
+Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const Palette& palette, std::size_t v) {
   const Eigen::Vector3f rest = Eigen::Map<const Eigen::Vector3f>(skin.rest.data() + 3 * v);
   Eigen::Vector4f real = Eigen::Vector4f::Zero();
   Eigen::Vector4f dual = Eigen::Vector4f::Zero();
-  Eigen::Matrix3f stretch = Eigen::Matrix3f::Zero();
+  Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
   float weight_sum = 0;
-  bool is_rigid = true;
   for (auto i = skin.offsets[v]; i < skin.offsets[v + 1]; ++i) {
-    const RigidAndStretch& joint = palette[skin.influence_joints[i]];
+    const RigidAndStretch& joint = palette.motions[skin.influence_joints[i]];
     const float weight = skin.weights[i];
     const float sign = joint.real.coeffs().dot(real) < 0 ? -weight : weight;
     real += sign * joint.real.coeffs();
     dual += sign * joint.dual.coeffs();
-    stretch += weight * joint.stretch;
     weight_sum += weight;
-    is_rigid &= joint.is_rigid;
+    const Eigen::Vector3f by = joint.is_rigid
+                                   ? Eigen::Vector3f::Zero()
+                                   : Eigen::Vector3f(joint.stretch * rest.homogeneous() - rest);
+    if (palette.stretch_each) {
+      dual += 0.5f * sign * times_vector(joint.real, by);
+    } else {
+      stretched += weight * by;
+    }
   }
   const float norm2 = real.squaredNorm();
   // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
   if (norm2 < std::numeric_limits<float>::min()) return rest;
-  const bool stretched = !is_rigid && weight_sum != 0;
-  const Eigen::Vector3f point = stretched ? Eigen::Vector3f(stretch * rest / weight_sum) : rest;
+  const Eigen::Vector3f point =
+      weight_sum != 0 ? Eigen::Vector3f(rest + stretched / weight_sum) : rest;
   // Kavan 2008, algorithm 1, on coefficients (x y z w) that are not yet normalised.
   const Eigen::Vector3f r = real.head<3>(), d = dual.head<3>();
   const Eigen::Vector3f rotated =
@@ -103,12 +160,16 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
 
 }  // namespace
 
-void prepare_dual_quaternion(const BlockedSkin& skin, MatrixStack<const float> matrices,
-                             std::ptrdiff_t frame, Palette& palette) {
+void prepare_dual_quaternion(const BlockedSkin& skin, const SkinningJob& job, std::ptrdiff_t frame,
+                             Palette& palette) {
+  const bool polar = job.rule.stretch == Stretch::polar;
+  palette.stretch_each = job.rule.stretch == Stretch::frame_each;
   palette.motions.clear();
   palette.dual_quaternions.clear();
-  for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
-    palette.motions.push_back(split(matrices.at(frame, j).cast<double>()));
+  for (std::ptrdiff_t j = 0; j < job.matrices.joints; ++j) {
+    const Matrix4<double> matrix = job.matrices.at(frame, j).cast<double>();
+    palette.motions.push_back(polar ? split_polar(matrix)
+                                    : split_in_frame(matrix, job.rule.rest_frames[j]));
     palette.dual_quaternions.push_back(with_sign(palette.motions.back(), 1));
   }
   palette.dual_quaternions.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});
@@ -125,16 +186,20 @@ void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, std::s
     if (skin.sets[block.joint_set].count > 0 && !palette.skip[block.joint_set]) continue;
     const std::size_t last = std::min(vertices, std::size_t{block.first_vertex} + kBlock);
     for (std::size_t v = block.first_vertex; v < last; ++v) {
-      Eigen::Map<Eigen::Vector3f>(positions + 3 * v) =
-          blend_vertex(skin, palette.motions.data(), v);
+      Eigen::Map<Eigen::Vector3f>(positions + 3 * v) = blend_vertex(skin, palette, v);
     }
   }
 }
 
 void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions) {
-  const SkinningJob job{&skin, matrices, positions, SkinningMethod::dual_quaternion};
+                          std::span<float> positions, const StretchRule& rule) {
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::dual_quaternion, rule};
   skin_all({&job, 1});
+}
+
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
+                          std::span<float> positions) {
+  skin_dual_quaternion(skin, matrices, positions, {});
 }
 
 }  // namespace sinew

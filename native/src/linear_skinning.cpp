@@ -1,12 +1,12 @@
 #include "sinew/linear_skinning.h"
 
 #include "palette.h"
-#include "sinew/skinning.h"
 
 namespace sinew {
 
-void prepare_linear(const BlockedSkin&, MatrixStack<const float> matrices, std::ptrdiff_t frame,
+void prepare_linear(const BlockedSkin&, const SkinningJob& job, std::ptrdiff_t frame,
                     Palette& palette) {
+  const MatrixStack<const float>& matrices = job.matrices;
   using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
   palette.matrices.resize(matrices.joints + 1);
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
@@ -21,7 +21,7 @@ void run_linear(const BlockedSkin& skin, const Palette& palette, std::size_t beg
 }
 
 void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
-  const SkinningJob job{&skin, matrices, positions, SkinningMethod::linear};
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::linear, {}};
   skin_all({&job, 1});
 }
 

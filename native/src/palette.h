@@ -7,7 +7,7 @@
 
 #include "blocked_skin.h"
 #include "kernels.h"
-#include "sinew/types.h"
+#include "sinew/skinning.h"
 
 namespace sinew {
 
@@ -15,7 +15,7 @@ namespace sinew {
 struct RigidAndStretch {
   Eigen::Quaternionf real;
   Eigen::Quaternionf dual;
-  Eigen::Matrix3f stretch;
+  Eigen::Matrix<float, 3, 4> stretch;
   bool is_rigid;
 };
 
@@ -28,12 +28,13 @@ struct Palette {
   std::vector<DualQuaternion> dual_quaternions;  ///< J + 1, signs chosen, the last the identity
   std::vector<RigidAndStretch> motions;          ///< J, signs as they came
   std::vector<std::uint8_t> skip;                ///< a joint set: 1 if its vertices go one by one
+  bool stretch_each = false;                     ///< Stretch::frame_each
 };
 
-void prepare_linear(const BlockedSkin& skin, MatrixStack<const float> matrices,
-                    std::ptrdiff_t frame, Palette& palette);
-void prepare_dual_quaternion(const BlockedSkin& skin, MatrixStack<const float> matrices,
-                             std::ptrdiff_t frame, Palette& palette);
+void prepare_linear(const BlockedSkin& skin, const SkinningJob& job, std::ptrdiff_t frame,
+                    Palette& palette);
+void prepare_dual_quaternion(const BlockedSkin& skin, const SkinningJob& job, std::ptrdiff_t frame,
+                             Palette& palette);
 
 /// Every vertex of blocks begin..end. positions: V x 3, out, the whole frame's.
 void run_linear(const BlockedSkin& skin, const Palette& palette, std::size_t begin, std::size_t end,

@@ -11,9 +11,19 @@
 
 namespace sinew {
 
+namespace {
+
+void check_positions(std::span<const float> positions) {
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    if (!std::isfinite(positions[i])) fail("the rest position of vertex ", i / 3, " is not finite");
+  }
+}
+
+}  // namespace
+
 struct Skin::Packed {
   std::mutex mutex;
-  std::map<int, std::unique_ptr<const BlockedSkin>> by_lanes;  // guarded by mutex
+  std::map<int, std::unique_ptr<BlockedSkin>> by_lanes;  // guarded by mutex
 };
 
 Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
@@ -40,10 +50,21 @@ const BlockedSkin& Skin::blocked() const {
   const std::lock_guard lock(packed_->mutex);
   auto& blocked = packed_->by_lanes[lanes];
   if (!blocked) {
-    blocked = std::make_unique<const BlockedSkin>(rest_positions_, offsets_, joints_, weights_,
-                                                  joint_count_, lanes);
+    blocked = std::make_unique<BlockedSkin>(rest_positions_, offsets_, joints_, weights_,
+                                            joint_count_, lanes);
   }
   return *blocked;
+}
+
+void Skin::set_rest_positions(std::span<const float> positions) {
+  if (positions.size() != rest_positions_.size()) {
+    fail("positions has ", plural(positions.size(), "number"), "; the skin has ",
+         grouped(rest_positions_.size()), " (", vertex_count(), " x 3)");
+  }
+  check_positions(positions);
+  std::ranges::copy(positions, rest_positions_.begin());
+  const std::lock_guard lock(packed_->mutex);
+  for (auto& [lanes, blocked] : packed_->by_lanes) blocked->take_rest_positions();
 }
 
 void Skin::check() const {
@@ -68,12 +89,8 @@ void Skin::check() const {
   }
   for (std::size_t v = 0; v < vertices; ++v) {
     if (offsets_[v] > offsets_[v + 1]) fail("offsets falls at vertex ", v);
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!std::isfinite(rest_positions_[3 * v + axis])) {
-        fail("the rest position of vertex ", v, " is not finite");
-      }
-    }
   }
+  check_positions(rest_positions_);
   for (std::int64_t i = 0; i < total; ++i) {
     if (joints_[i] < 0 || joints_[i] >= joint_count_) {
       fail("influence ", i, " names joint ", joints_[i], "; there are ",

@@ -36,6 +36,11 @@ void check_shapes(const SkinningJob& job, const std::string& where) {
     fail(where, "the result holds ", grouped(job.positions.size()), " numbers; expected ",
          grouped(expected), " (", job.matrices.frames, " x ", skin.vertex_count(), " x 3)");
   }
+  const auto frames = std::ssize(job.rule.rest_frames);
+  const auto wanted = job.rule.stretch == Stretch::polar ? 0 : skin.joint_count();
+  if (frames != wanted) {
+    fail(where, "there are ", plural(frames, "rest frame"), "; expected ", grouped(wanted));
+  }
 }
 
 void check(std::span<const SkinningJob> jobs) {
@@ -123,8 +128,7 @@ struct Batch {
     const Part& part = part_of(number, &Part::first_palette);
     const bool linear = part.job->method == SkinningMethod::linear;
     (linear ? prepare_linear : prepare_dual_quaternion)(
-        *part.skin, part.job->matrices, part.first_frame + number - part.first_palette,
-        palettes[number]);
+        *part.skin, *part.job, part.first_frame + number - part.first_palette, palettes[number]);
   }
 
   /// All frames of one range of blocks come first, then the next range.

@@ -90,7 +90,7 @@ def test_what_cannot_be_bound_is_said():
     assert not cube.sinew.is_bound and not cube.modifiers
 
 
-def test_shared_and_shape_keyed_meshes_are_refused():
+def test_what_cannot_be_followed_is_refused_and_left_alone():
     ob, _ = import_rig("capsule")
     select(ob)
     bpy.ops.object.sinew_unbind()
@@ -101,6 +101,18 @@ def test_shared_and_shape_keyed_meshes_are_refused():
         bpy.ops.object.sinew_bind()
     bpy.data.objects.remove(twin)
     ob.shape_key_add(name="Basis")
-    with pytest.raises(RuntimeError, match="shape keys"):
-        bpy.ops.object.sinew_bind()
+    with pytest.raises(RuntimeError, match="shape keys, which the output Mesh cannot follow"):
+        bpy.ops.object.sinew_bind(output="MESH")
     assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Armature"]
+    ob.shape_key_clear()
+    ob.modifiers.new("Wave", "WAVE")
+    ob.modifiers.move(1, 0) if hasattr(ob.modifiers, "move") else bpy.ops.object.modifier_move_up(
+        modifier="Wave")
+    with pytest.raises(RuntimeError, match=r"has a modifier before its armature's \(Wave\)"):
+        bpy.ops.object.sinew_bind(output="MESH")
+    second = ob.modifiers.new("Second", "ARMATURE")
+    second.object, second.use_multi_modifier = ob.modifiers["Armature"].object, True
+    with pytest.raises(RuntimeError, match="mixes several Armature modifiers"):
+        bpy.ops.object.sinew_bind()
+    assert not ob.sinew.is_bound
+    assert [m.name for m in ob.modifiers] == ["Wave", "Armature", "Second"]

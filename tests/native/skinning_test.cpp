@@ -42,9 +42,11 @@ struct Crowd {
     }
     methods.push_back(method);
     alone.emplace_back(3 * vertices * frames, -1.0f);
-    const bool linear = method == SkinningMethod::linear;
-    (linear ? skin_linear : skin_dual_quaternion)(skins.back(), matrices.back()->read(),
-                                                  alone.back());
+    if (method == SkinningMethod::linear) {
+      skin_linear(skins.back(), matrices.back()->read(), alone.back());
+    } else {
+      skin_dual_quaternion(skins.back(), matrices.back()->read(), alone.back());
+    }
   }
 
   std::vector<SkinningJob> jobs(std::vector<Floats>& results) {
@@ -52,7 +54,7 @@ struct Crowd {
     for (const Floats& own : alone) results.emplace_back(own.size(), -77.0f);
     std::vector<SkinningJob> jobs;
     for (std::size_t i = 0; i < skins.size(); ++i) {
-      jobs.push_back({&skins[i], matrices[i]->read(), results[i], methods[i]});
+      jobs.push_back({&skins[i], matrices[i]->read(), results[i], methods[i], {}});
     }
     return jobs;
   }
@@ -81,7 +83,7 @@ TEST(SkinAll, OneSkinInManyPoses) {
     frame.data += f * frame.frame_stride;
     frame.frames = 1;
     jobs.push_back(
-        {&skin, frame, std::span(results).subspan(f * 1500, 1500), SkinningMethod::linear});
+        {&skin, frame, std::span(results).subspan(f * 1500, 1500), SkinningMethod::linear, {}});
   }
   skin_all(jobs);
   EXPECT_EQ(results, expected);
@@ -111,8 +113,8 @@ TEST(SkinAll, ResultsThatOverlapAreRefused) {
   rigs::Stack<float> pose(rigs::random_pose(random, 4), 1);
   Floats memory(90);
   const auto job = [&](std::size_t first) {
-    return SkinningJob{&skin, pose.read(), std::span(memory).subspan(first, 30),
-                       SkinningMethod::linear};
+    return SkinningJob{
+        &skin, pose.read(), std::span(memory).subspan(first, 30), SkinningMethod::linear, {}};
   };
   skin_all(std::vector{job(60), job(0), job(30)});
   EXPECT_EQ(complaint([&] {

@@ -11,10 +11,10 @@ namespace sinew {
 
 struct BlockedSkin;
 
-/// Immutable, and moved rather than copied. Every influence that comes in is kept, in the order in
-/// which it came, and weights are used as they are: nothing is normalised, clamped or dropped (but
-/// see from_dense). A vertex that has no influence, or whose weights are all zero, stays at its
-/// rest position.
+/// Moved rather than copied; immutable but for set_rest_positions. Every influence that comes in is
+/// kept, in the order in which it came, and weights are used as they are: nothing is normalised,
+/// clamped or dropped (but see from_dense). A vertex that has no influence, or whose weights are
+/// all zero, stays at its rest position.
 class Skin {
  public:
   /// rest_positions  V x 3, space of the mesh.
@@ -53,6 +53,11 @@ class Skin {
   std::ptrdiff_t unweighted_count() const { return unweighted_count_; }
   /// The largest |sum of weights - 1| over the vertices that something moves.
   double largest_sum_error() const { return largest_sum_error_; }
+
+  /// The same influences on another shape, as shape keys change it: costs a copy of the positions.
+  /// V x 3. No skinning with this object may be under way. Throws InputError, and changes nothing,
+  /// for another number of vertices or a number that is not finite.
+  void set_rest_positions(std::span<const float> positions);
 
   /// The packed form for the kernels of the instruction set in use: made with the object, and once
   /// more if a set with other registers is chosen later.

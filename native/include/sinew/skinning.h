@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "sinew/dual_quaternion_skinning.h"
 #include "sinew/skin.h"
 #include "sinew/types.h"
 
@@ -16,6 +17,7 @@ struct SkinningJob {
   MatrixStack<const float> matrices;  ///< F x J skinning matrices
   std::span<float> positions;         ///< out, F x V x 3; no part of it in another job's
   SkinningMethod method;
+  StretchRule rule{};  ///< of dual quaternions
 };
 
 /// Does all jobs in one parallel region, whose start is thus paid for once: many small meshes keep

@@ -1,0 +1,286 @@
+"""Characters as people make them, each with everything that the Armature modifier can be told:
+accelerated, and compared with a copy that the modifier deforms."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix, Vector
+
+from helpers import addon_module, assert_same_shape, diagonal, evaluated, select
+
+METHODS = ("LINEAR", "DUAL_QUATERNION")
+BONES = 5
+
+
+def make_armature(connected=True):
+    """A chain of five bones along Z and a side branch, one unit each."""
+    data = bpy.data.armatures.new("Rig")
+    armature = bpy.data.objects.new("Rig", data)
+    bpy.context.collection.objects.link(armature)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    parent = None
+    for i in range(BONES):
+        bone = data.edit_bones.new(f"bone{i}")
+        bone.head, bone.tail = (0, 0.05 * i, i), (0, 0.05 * (i + 1), i + 1)
+        bone.roll = 0.3 * i
+        bone.parent = parent
+        parent = bone
+    side = data.edit_bones.new("side")
+    side.head, side.tail, side.parent = (0.2, 0, 2), (1.2, 0.3, 2.2), data.edit_bones["bone1"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return armature
+
+
+def make_mesh(armature, preserve_volume):
+    """A tube of 1,200 vertices with random weights that are not normalised, by that armature."""
+    random = np.random.default_rng(3)
+    rings, around = 60, 20
+    height, angle = np.meshgrid(np.linspace(-0.2, 5.2, rings),
+                                np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij")
+    points = np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle), height], -1).reshape(-1, 3)
+    faces = [(r * around + i, r * around + (i + 1) % around,
+              (r + 1) * around + (i + 1) % around, (r + 1) * around + i)
+             for r in range(rings - 1) for i in range(around)]
+    mesh = bpy.data.meshes.new("Tube")
+    mesh.from_pydata(points.tolist(), [], faces)
+    ob = bpy.data.objects.new("Tube", mesh)
+    bpy.context.collection.objects.link(ob)
+    names = [bone.name for bone in armature.data.bones]
+    groups = [ob.vertex_groups.new(name=name) for name in names]
+    for v, (_, _, z) in enumerate(points):
+        near = int(np.clip(z, 0, BONES - 1))
+        for bone in random.permutation([near, max(near - 1, 0), 5 if 1 < z < 3 else near]):
+            groups[bone].add([v], float(random.uniform(0.1, 1)), "ADD")
+    modifier = ob.modifiers.new("Armature", "ARMATURE")
+    modifier.object = armature
+    modifier.use_deform_preserve_volume = preserve_volume
+    return ob
+
+
+def add_shape_keys(ob):
+    """Two keys, one of them relative to the other and with a vertex group, both animated."""
+    random = np.random.default_rng(5)
+    ob.shape_key_add(name="Basis")
+    for name in ("Wide", "Bumpy"):
+        key = ob.shape_key_add(name=name)
+        for point in key.data:
+            point.co += Vector(random.uniform(-0.1, 0.1, 3))
+    keys = ob.data.shape_keys.key_blocks
+    keys["Bumpy"].relative_key = keys["Wide"]
+    keys["Bumpy"].vertex_group = "bone2"
+    for name, values in (("Wide", (0.2, 0.9)), ("Bumpy", (1.0, 0.3))):
+        for frame, value in zip((1, 10), values):
+            keys[name].value = value
+            keys[name].keyframe_insert("value", frame=frame)
+
+
+def with_mask(ob, invert=False):
+    group = ob.vertex_groups.new(name="mask")
+    for v in range(0, 1200, 3):
+        group.add([v], (v % 400) / 400, "REPLACE")
+    ob.modifiers["Armature"].vertex_group = "mask"
+    ob.modifiers["Armature"].invert_vertex_group = invert
+
+
+def with_bendy_bones(ob):
+    for bone, segments in zip(ob.modifiers["Armature"].object.data.bones, (4, 8, 1, 3, 5)):
+        bone.bbone_segments = segments
+
+
+def with_envelopes(ob):
+    """A third of the vertices has no weights; those of the upper bones are multiplied."""
+    modifier = ob.modifiers["Armature"]
+    modifier.use_bone_envelopes = True
+    for group in ob.vertex_groups:
+        group.remove(range(0, 400))
+    for i, bone in enumerate(modifier.object.data.bones):
+        bone.head_radius, bone.tail_radius = 0.1 + 0.05 * i, 0.3
+        bone.envelope_distance, bone.envelope_weight = 0.3 + 0.1 * i, 0.5 + 0.3 * i
+        bone.use_envelope_multiply = i > 2
+
+
+def with_envelopes_alone(ob):
+    with_envelopes(ob)
+    ob.modifiers["Armature"].use_vertex_groups = False
+
+
+def with_bones_that_do_not_deform(ob):
+    bones = ob.modifiers["Armature"].object.data.bones
+    bones["bone1"].use_deform = bones["bone4"].use_deform = False
+    group = ob.vertex_groups.new(name="no bone")
+    group.add(range(200, 900), 0.7, "REPLACE")
+    for g in ob.vertex_groups:
+        g.remove(range(500, 550))
+        g.add(range(550, 600), 2e-5, "REPLACE")
+
+
+def with_a_modifier_before(ob):
+    wave = ob.modifiers.new("Cast", "CAST")
+    wave.factor = 0.4
+    select(ob)
+    bpy.ops.object.modifier_move_up(modifier="Cast")
+
+
+def with_another_armature_before(ob):
+    with_a_modifier_before(ob)
+    second = ob.modifiers.new("Second", "ARMATURE")
+    second.object = ob.modifiers["Armature"].object
+
+
+def with_subdivision_after(ob):
+    ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
+
+
+def with_keys_and_subdivision(ob):
+    add_shape_keys(ob)
+    with_subdivision_after(ob)
+
+
+def with_keys_and_the_lot_after(ob):
+    add_shape_keys(ob)
+    ob.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.05
+    ob.modifiers.new("Mirror", "MIRROR").use_mirror_merge = False
+    ob.modifiers.new("Array", "ARRAY").count = 2
+
+
+def with_keys_mask_envelopes_and_bendy_bones(ob):
+    add_shape_keys(ob)
+    with_envelopes(ob)
+    with_bendy_bones(ob)
+    with_mask(ob)
+
+
+def apart(ob):
+    ob.matrix_world = Matrix.Translation((1, 2, 3)) @ Euler((0.3, 0.8, -1)).to_matrix().to_4x4()
+
+
+def parented_and_squashed(ob):
+    armature = ob.modifiers["Armature"].object
+    armature.matrix_world = Euler((0.1, 0.2, 0.3)).to_matrix().to_4x4() @ Matrix.Diagonal((2, 1, 1, 1))
+    ob.parent = armature
+    ob.scale = (1, 0.5, 1.5)
+    with_bendy_bones(ob)
+
+
+KINDS = (
+    lambda ob: None, add_shape_keys, with_mask, lambda ob: with_mask(ob, invert=True),
+    with_bendy_bones, with_envelopes, with_envelopes_alone, with_bones_that_do_not_deform,
+    with_a_modifier_before, with_another_armature_before, with_subdivision_after,
+    with_keys_and_subdivision, with_keys_and_the_lot_after, with_keys_mask_envelopes_and_bendy_bones,
+    apart, parented_and_squashed)
+NAMES = [kind.__name__ for kind in KINDS]
+NAMES[0], NAMES[3] = "plain", "with_mask_turned_round"
+
+
+def pose(armature, frame, scaled):
+    random = np.random.default_rng(frame)
+    for bone in armature.pose.bones:
+        bone.rotation_mode = "QUATERNION"
+        bone.rotation_quaternion = Euler(random.uniform(-1.2, 1.2, 3)).to_quaternion()
+        bone.location = random.uniform(-0.2, 0.2, 3)
+        bone.scale = random.uniform(0.6, 1.5, 3) if scaled else (1, 1, 1)
+        for path in ("rotation_quaternion", "location", "scale"):
+            bone.keyframe_insert(path, frame=frame)
+
+
+def twin_of(ob):
+    """The same object with data of its own."""
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.collection.objects.link(copy)
+    return copy
+
+
+def accelerate(ob):
+    select(ob)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+
+
+@pytest.fixture(params=METHODS)
+def method(request):
+    return request.param
+
+
+@pytest.mark.parametrize("scaled", (False, True), ids=("rigid", "scaled"))
+@pytest.mark.parametrize("kind", KINDS, ids=NAMES)
+def test_same_as_the_modifier(fresh_scene, method, kind, scaled):
+    armature = make_armature()
+    ob = make_mesh(armature, method == "DUAL_QUATERNION")
+    kind(ob)
+    reference = twin_of(ob)
+    for frame in (1, 4, 7, 10):
+        pose(armature, frame, scaled)
+    accelerate(ob)
+    assert ob.sinew.method == method
+    shapes = []
+    for frame in range(1, 11):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, reference)
+        shapes.append(evaluated(reference))
+    assert np.abs(shapes[0] - shapes[-1]).max() > 0.05 * diagonal(shapes[0])
+    assert bpy.context.scene.objects[ob.name].sinew.is_bound
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=NAMES)
+def test_given_back_as_it_was(fresh_scene, kind):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    kind(ob)
+    pose(armature, 1, False)
+    fresh_scene.frame_set(1)
+
+    def description():
+        return ([(m.name, m.type, m.show_viewport, m.show_render) for m in ob.modifiers],
+                sorted(a.name for a in ob.data.attributes), len(bpy.data.node_groups),
+                evaluated(ob).tobytes())
+
+    before = description()
+    accelerate(ob)
+    fresh_scene.frame_set(5)
+    fresh_scene.frame_set(1)
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    bpy.context.view_layer.update()
+    assert description() == before
+
+
+def test_weights_painted_and_settings_changed_while_it_plays(fresh_scene, method):
+    armature = make_armature()
+    ob = make_mesh(armature, method == "DUAL_QUATERNION")
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    for change in (lambda o: o.vertex_groups["bone1"].add(range(300), 0.5, "ADD"), add_shape_keys):
+        change(ob), change(reference)
+        ob.data.update(), reference.data.update()
+        fresh_scene.frame_set(3)
+        assert_same_shape(ob, reference)
+    with_mask(reference)
+    group = ob.vertex_groups.new(name="mask")
+    for v in range(0, 1200, 3):
+        group.add([v], (v % 400) / 400, "REPLACE")
+    ob.sinew.mask_group = "mask"
+    fresh_scene.frame_set(4)
+    assert_same_shape(ob, reference)
+    armature.data.bones["bone2"].use_deform = False
+    with_bendy_bones(reference)
+    fresh_scene.frame_set(5)
+    assert_same_shape(ob, reference)
+
+
+@pytest.mark.parametrize("kind", (lambda ob: None, add_shape_keys), ids=("plain", "shape keys"))
+def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
+    """Neither Sinew's own writing nor an animated pose counts as an edit."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    kind(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    accelerate(ob)
+    fresh_scene.frame_set(1)
+    deformer = addon_module("session").character(ob).deformer
+    assert deformer is not None
+    for frame in range(2, 8):
+        fresh_scene.frame_set(frame)
+        assert addon_module("session").character(ob).deformer is deformer
