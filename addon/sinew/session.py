@@ -350,30 +350,30 @@ def _read_joints(entry, armature, clip_pose):
 
 
 def _deformer(ob, evaluated, entry, armature, mesh_from_armature):
-    """The object's deformer, made anew if something that it depends on has changed."""
+    """The object's deformer on the rest shape of this frame, made anew if its influences may have
+    changed."""
     settings = ob.sinew
     output = OUTPUTS[settings.installed_output]
     made_of = (settings.method, settings.use_vertex_groups, settings.use_envelopes,
-               settings.mask_group, settings.mask_invert, len(armature.pose.bones),
-               blender_io.bone_flags(armature))
+               settings.mask_group, settings.mask_invert, len(ob.data.vertices),
+               len(armature.pose.bones), blender_io.bone_flags(armature))
+    space = None if mesh_from_armature is None else mesh_from_armature.tobytes()
     deformer = entry.deformer
-    if deformer is not None and entry.made_of == made_of and (
-            deformer.skin.vertex_count == len(ob.data.vertices)):
-        space = None if mesh_from_armature is None else mesh_from_armature.tobytes()
-        hangs = deformer.influences.hang_on_shape
-        if not output.captures(ob) and not (hangs and space != entry.space):
+    if deformer is not None and entry.made_of == made_of:
+        hangs_on_shape = deformer.influences.hang_on_shape
+        stays = not hangs_on_shape or space == entry.space
+        if stays and not output.captures(ob):
             return deformer
         rest = output.rest_positions(ob, evaluated)
-        if deformer.has_rest(rest) and not (hangs and space != entry.space):
+        if stays and deformer.has_rest(rest):
             return deformer
-        if not hangs:
+        if not hangs_on_shape:
             deformer.set_rest(rest)
             return deformer
-    entry.made_of = made_of
-    entry.space = None if mesh_from_armature is None else mesh_from_armature.tobytes()
+    entry.made_of, entry.space = made_of, space
     entry.bones = Bones(**blender_io.read_bones(armature))
-    rest = output.rest_positions(ob, evaluated)
-    entry.deformer = _make_deformer(ob, armature, entry.bones, rest, mesh_from_armature)
+    entry.deformer = _make_deformer(
+        ob, armature, entry.bones, output.rest_positions(ob, evaluated), mesh_from_armature)
     entry.matrices = np.tile(np.eye(4, dtype=np.float32), (entry.bones.joint_count + 1, 1, 1))
     return entry.deformer
 

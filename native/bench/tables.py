@@ -154,11 +154,11 @@ def report(path, folder):
                 ax.set_xscale("log", base=2)
             else:
                 ax.axvspan(cores + 0.5, 8.5, color="#000", alpha=0.06, linewidth=0)
-                ax.text(8.4, ax.get_ylim()[0] * 1.2, f"more threads than the {cores} cores", ha="right", fontsize=8)
+                ax.set_xlabel(f"threads (shaded: more than the {cores} cores)")
         axes[0].legend(fontsize=8)
         figure.savefig(folder / f"{experiment}_scaling.png", dpi=120)
 
-    figure, axes = plt.subplots(1, len(rigs), figsize=(4.6 * len(rigs), 2.6), layout="constrained")
+    figure, axes = plt.subplots(1, len(rigs), figsize=(4.6 * len(rigs), 2.9), layout="constrained")
     shades = ["#fdbf6f", "#a6cee3", "#1f78b4"]
     for ax, rig in zip(axes, rigs):
         for y, program in enumerate(PROGRAMS[:3]):
@@ -169,9 +169,10 @@ def report(path, folder):
                 ax.barh(y, share, left=left, color=shade, label=stage if y == 0 else None)
                 left += share
             ax.text(101, y, f"{1e3 * total / parts[0]['calls']:.3g} ms", va="center", fontsize=8)
-        ax.set(title=rig, yticks=range(3), yticklabels=PROGRAMS[:3], xlabel="% of a frame's wall time", xlim=(0, 118))
+        ax.set_title(rig, loc="left")
+        ax.set(yticks=range(3), yticklabels=PROGRAMS[:3], xlabel="% of a frame's wall time", xlim=(0, 118))
         ax.grid(False)
-    axes[0].legend(fontsize=8, loc="lower left")
+    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, loc="upper center", ncol=3)
     figure.savefig(folder / "stages.png", dpi=120)
 
     lines = []

@@ -257,3 +257,122 @@ def test_skin_all_refuses_what_is_wrong(random):
     assert said(sinew.skin_all, [jobs[0], jobs[0]]) == "the results of job 0 and job 1 overlap"
     with pytest.raises(TypeError, match=r"job 1: expected \(Skin, array, array, str\)"):
         sinew.skin_all([jobs[1], ("skin", matrices, out, method)])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_another_rest_shape(random, method):
+    skin, positions, weights = rigs.dense_skin(random, 5000, 8)
+    matrices = rigs.random_matrices(random, 8, dtype=np.float32)
+    before = method(skin, matrices)
+    other = random.random((5000, 3)).astype(np.float32)
+    skin.set_rest_positions(other)
+    assert np.array_equal(skin.rest_positions, other)
+    fresh = sinew.Skin(other, skin.offsets, skin.joints, skin.weights, 8)
+    assert np.array_equal(method(skin, matrices), method(fresh, matrices))
+    skin.set_rest_positions(positions)
+    assert np.array_equal(method(skin, matrices), before)
+
+
+def test_another_rest_shape_reaches_every_instruction_set(random):
+    skin, _, _ = rigs.dense_skin(random, 100, 4)
+    matrices = rigs.random_matrices(random, 4, dtype=np.float32)
+    other = random.random((100, 3)).astype(np.float32)
+    try:
+        for name in sinew.instruction_sets():
+            sinew.set_instruction_set(name)
+            sinew.skin_linear(skin, matrices)  # packs for this set
+        skin.set_rest_positions(other)
+        for name in sinew.instruction_sets():
+            sinew.set_instruction_set(name)
+            fresh = sinew.Skin(other, skin.offsets, skin.joints, skin.weights, 4)
+            assert np.array_equal(sinew.skin_linear(skin, matrices), sinew.skin_linear(fresh, matrices))
+    finally:
+        sinew.set_instruction_set("auto")
+
+
+def test_another_rest_shape_is_checked_first(random):
+    skin, positions, _ = rigs.dense_skin(random, 20, 3)
+    wrong = positions.copy()
+    wrong[7, 1] = np.nan
+    assert said(skin.set_rest_positions, wrong) == "the rest position of vertex 7 is not finite"
+    assert said(skin.set_rest_positions, positions[:19]) == \
+        "positions has 57 numbers; the skin has 60 (20 x 3)"
+    assert said(skin.set_rest_positions, positions.ravel()) == "positions has shape (60,); expected (V, 3)"
+    assert np.array_equal(skin.rest_positions, positions)
+
+
+def scaled_joints(random, count):
+    """Matrices that turn, move and scale each joint along the axes of its own rest frame, and those
+    frames: R = motion, S = scale in the frame."""
+    frames = rigs.random_matrices(random, count)
+    motions = rigs.random_matrices(random, count)
+    scales = np.tile(np.eye(4), (count, 1, 1))
+    scales[:, [0, 1, 2], [0, 1, 2]] = random.uniform(0.5, 2, (count, 3))
+    stretches = frames @ scales @ np.linalg.inv(frames)
+    return (motions @ stretches).astype(np.float32), frames, motions, stretches
+
+
+def test_one_scaled_joint_is_its_matrix(random):
+    """However it is split, one joint alone must move a vertex by its own matrix."""
+    matrices, frames, _, _ = scaled_joints(random, 6)
+    points = random.random((600, 3))
+    skin = sinew.Skin.from_dense(points, np.repeat(np.eye(6), 100, axis=0))
+    expected = np.einsum("vrc,vc->vr", np.repeat(matrices, 100, axis=0).astype(float),
+                         np.column_stack([points, np.ones(600)]))[:, :3]
+    for stretch in ("polar", "frame", "frame_each"):
+        moved = sinew.skin_dual_quaternion(
+            skin, matrices, None, stretch, None if stretch == "polar" else frames)
+        assert np.abs(moved - expected).max() < 5e-6
+
+
+def test_stretch_in_the_frames_of_the_joints(random):
+    """Against the formulas: stretches blended and applied first, or each to its own dual quaternion."""
+    matrices, frames, motions, stretches = scaled_joints(random, 4)
+    weights = random.random((200, 4))
+    weights /= weights.sum(1, keepdims=True)
+    skin = sinew.Skin.from_dense(random.random((200, 3)), weights)
+    rest = skin.rest_positions.astype(float)
+    points = np.column_stack([rest, np.ones(200)])
+    real = np.array([reference.quaternion(m) for m in motions])
+    dual = np.array([reference.multiply(np.array([0, *m[:3, 3]]), q) / 2 for m, q in zip(motions, real)])
+    for stretch in ("frame", "frame_each"):
+        expected = np.empty((200, 3))
+        for v, point in enumerate(points):
+            r, d, place = np.zeros(4), np.zeros(4), np.zeros(4)
+            for j in range(4):
+                own = stretches[j] @ point
+                sign = -1 if r @ real[j] < 0 else 1
+                r, d = r + sign * weights[v, j] * real[j], d + sign * weights[v, j] * dual[j]
+                place += weights[v, j] * own
+                if stretch == "frame_each":
+                    by = np.array([0, *(own - point)[:3]])
+                    d = d + sign * weights[v, j] * reference.multiply(real[j], by) / 2
+            start = place[:3] if stretch == "frame" else point[:3]
+            length = np.linalg.norm(r)
+            r, d = r / length, d / length
+            expected[v] = reference.rotation(r) @ start + 2 * reference.multiply(d, r * [1, -1, -1, -1])[1:]
+        moved = sinew.skin_dual_quaternion(skin, matrices, None, stretch, frames)
+        assert np.abs(moved - expected).max() < 2e-5, stretch
+
+
+def test_rigid_joints_are_the_same_under_every_rule(random):
+    skin, _, _ = rigs.dense_skin(random, 300, 5)
+    matrices = rigs.random_matrices(random, 5, dtype=np.float32)
+    frames = rigs.random_matrices(random, 5)
+    polar = sinew.skin_dual_quaternion(skin, matrices)
+    for stretch in ("frame", "frame_each"):
+        assert np.array_equal(sinew.skin_dual_quaternion(skin, matrices, None, stretch, frames), polar)
+
+
+def test_stretch_is_checked(random):
+    skin, _, _ = rigs.dense_skin(random, 10, 3)
+    matrices = np.tile(IDENTITY, (3, 1, 1))
+    frames = np.tile(np.eye(4), (3, 1, 1))
+
+    def said_of(*more):
+        return said(sinew.skin_dual_quaternion, skin, matrices, None, *more)
+
+    assert said_of("rubber") == 'there is no stretch "rubber"; expected polar, frame or frame_each'
+    assert said_of("frame") == "there are 0 rest frames; expected 3"
+    assert said_of("frame_each", frames[:2]) == "there are 2 rest frames; expected 3"
+    assert said_of("polar", frames) == "there are 3 rest frames; expected 0"

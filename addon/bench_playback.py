@@ -1,0 +1,159 @@
+"""How long a frame takes, by Blender's Armature modifier and by Sinew in the same process.
+
+    blender -b --python-exit-code 1 --python addon/bench_playback.py -- [--json FILE] [VERTICES ...]
+
+Medians over 40 different frames of whole `scene.frame_set` calls; an armature of 22 animated bones,
+about three influences a vertex.
+"""
+
+import json
+import statistics
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import bpy
+import numpy as np
+
+BONES = 22
+FRAMES = range(2, 42)
+SIZES = (30_000, 180_000, 1_000_000)
+STAGES = ("pose", "skin", "write")
+ADDON = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]  # however this Blender names it
+
+
+def make_armature():
+    data = bpy.data.armatures.new("Rig")
+    armature = bpy.data.objects.new("Rig", data)
+    bpy.context.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    parent = None
+    for i in range(BONES):
+        bone = data.edit_bones.new(f"bone{i:02}")
+        bone.head, bone.tail, bone.parent = (0, 0, i), (0, 0, i + 1), parent
+        parent = bone
+    bpy.ops.object.mode_set(mode="OBJECT")
+    random = np.random.default_rng(1)
+    for bone in armature.pose.bones:
+        bone.rotation_mode = "XYZ"
+        for frame in (1, 15, 30, 45):
+            bone.rotation_euler = random.uniform(-0.2, 0.2, 3)
+            bone.keyframe_insert("rotation_euler", frame=frame)
+    return armature
+
+
+def make_mesh(armature, vertices):
+    """A tube of quads along the bones."""
+    around = 4 * round((vertices / BONES) ** 0.5 / 4)
+    rings = vertices // around
+    height, angle = np.meshgrid(np.linspace(0, BONES, rings),
+                                np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij")
+    points = np.stack([np.cos(angle), np.sin(angle), height], -1).reshape(-1, 3).astype(np.float32)
+    row, column = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
+    after = (column + 1) % around
+    corners = np.stack([row * around + column, row * around + after,
+                        (row + 1) * around + after, (row + 1) * around + column], -1).reshape(-1)
+    mesh = bpy.data.meshes.new("Tube")
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.reshape(-1))
+    mesh.loops.add(len(corners))
+    mesh.loops.foreach_set("vertex_index", corners.astype(np.int32))
+    mesh.polygons.add(len(corners) // 4)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 4, dtype=np.int32))
+    if bpy.app.version < (4, 1, 0):
+        mesh.polygons.foreach_set("loop_total", np.full(len(corners) // 4, 4, np.int32))
+    mesh.update(calc_edges=True)
+    ob = bpy.data.objects.new("Tube", mesh)
+    bpy.context.collection.objects.link(ob)
+    for bone in armature.data.bones:
+        ob.vertex_groups.new(name=bone.name)
+    write_weights(mesh, points[:, 2])
+    modifier = ob.modifiers.new("Armature", "ARMATURE")
+    modifier.object = armature
+    return ob
+
+
+def write_weights(mesh, height):
+    """The three bones nearest to each vertex."""
+    import bmesh
+    bm = bmesh.new()
+    bm.from_mesh(mesh, face_normals=False)
+    layer = bm.verts.layers.deform.verify()
+    near = np.clip(height.astype(int), 1, BONES - 2)
+    for vertex, bone, z in zip(bm.verts, near.tolist(), height.tolist()):
+        entry = vertex[layer]
+        for other in (bone - 1, bone, bone + 1):
+            entry[other] = max(0.05, 1 - 0.6 * abs(z - other - 0.5))
+    bm.to_mesh(mesh)
+    bm.free()
+
+
+def frame_times(scene, entry=None):
+    """(median ms of frame_set, its extremes, median ms of each stage)."""
+    times, stages = [], {stage: [] for stage in STAGES}
+    for frame in FRAMES:
+        start = perf_counter()
+        scene.frame_set(frame)
+        times.append(1e3 * (perf_counter() - start))
+        for stage in STAGES if entry else ():
+            stages[stage].append(getattr(entry.timings, stage))
+    medians = {stage: statistics.median(t) for stage, t in stages.items() if t}
+    return statistics.median(times), min(times), max(times), medians
+
+
+def measure(vertices, preserve_volume):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    session = sys.modules[f"{ADDON}.session"]
+    scene = bpy.context.scene
+    armature = make_armature()
+    ob = make_mesh(armature, vertices)
+    ob.modifiers["Armature"].use_deform_preserve_volume = preserve_volume
+    scene.frame_set(1)
+    ob.select_set(True)
+    bpy.context.view_layer.objects.active = ob
+    method = "preserve volume" if preserve_volume else "linear"
+    rows = []
+    builtin = frame_times(scene)
+    for output in ("MODIFIER", "MESH"):
+        start = perf_counter()
+        bpy.ops.object.sinew_bind(output=output)
+        bound = perf_counter() - start
+        scene.frame_set(1)
+        ours = frame_times(scene, session.character(ob))
+        bpy.ops.object.sinew_unbind()
+        scene.frame_set(1)
+        again = frame_times(scene)[0]  # the modifier before and after: the machine drifts
+        modifier = (builtin[0] + again) / 2
+        rows.append({
+            "vertices": len(ob.data.vertices), "method": method, "output": output,
+            "modifier_ms": modifier, "sinew_ms": ours[0], "sinew_extremes_ms": ours[1:3],
+            "times_faster": modifier / ours[0], "stages_ms": ours[3],
+            "blender_ms": ours[0] - sum(ours[3].values()), "accelerate_s": bound})
+    return rows
+
+
+def main(arguments):
+    path = None
+    if "--json" in arguments:
+        place = arguments.index("--json")
+        path = arguments[place + 1]
+        del arguments[place:place + 2]
+    sizes = [int(size) for size in arguments] or SIZES
+    rows = [row for preserve_volume in (False, True) for size in sizes
+            for row in measure(size, preserve_volume)]
+    print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
+    print("| vertices | method | output | modifier | Sinew | faster | pose | skin | write | Blender "
+          "| accelerate, s |")
+    print("|" + "---|" * 11)
+    for row in rows:
+        stages = " | ".join(f"{row['stages_ms'][stage]:.3f}" for stage in STAGES)
+        print(f"| {row['vertices']:,} | {row['method']} | {row['output']} | {row['modifier_ms']:.2f} "
+              f"| {row['sinew_ms']:.2f} | {row['times_faster']:.2f}x | {stages} "
+              f"| {row['blender_ms']:.2f} | {row['accelerate_s']:.2f} |")
+    if path:
+        Path(path).write_text(json.dumps({"blender": bpy.app.version_string, "results": rows}, indent=1) + "\n")
+
+
+main(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else [])
