@@ -28,7 +28,10 @@ def mixes_with_another(ob, modifier):
 
 
 def find_armature(ob):
-    """The armature that a mesh hangs on: of its Armature modifier, else its parent, else None."""
+    """The armature that a mesh hangs on: its binding's, that of its Armature modifier, else its
+    parent, else None."""
+    if ob.sinew.is_bound:
+        return ob.sinew.armature
     modifier = armature_modifier(ob)
     if modifier:
         return modifier.object
@@ -99,6 +102,9 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
         settings.replaced_show_viewport = replaced.show_viewport
         settings.replaced_show_render = replaced.show_render
         replaced.show_viewport = replaced.show_render = False
+        # Else Blender evaluates the mesh once for the armature and once for Sinew, though the
+        # modifier is switched off: half of a frame's time in 3.4.
+        settings.replaced_object, replaced.object = replaced.object, None
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
     session.forget_object(ob)
@@ -114,6 +120,8 @@ def unbind(ob):
     if modifier:
         modifier.show_viewport = settings.replaced_show_viewport
         modifier.show_render = settings.replaced_show_render
+        modifier.object = settings.replaced_object or modifier.object
+    settings.replaced_object = None
     session.forget_object(ob)
 
 

@@ -87,6 +87,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     is_bound: BoolProperty(options={"HIDDEN"})
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"})
     replaced_modifier: StringProperty(options={"HIDDEN"})
+    replaced_object: PointerProperty(type=bpy.types.Object, options={"HIDDEN"})
     replaced_show_viewport: BoolProperty(options={"HIDDEN"})
     replaced_show_render: BoolProperty(options={"HIDDEN"})
 

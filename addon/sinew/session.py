@@ -221,9 +221,24 @@ def _drop_deformer_if_edited(ob, armature):
     entry = _characters[blender_io.key_of(ob)]
     if entry.bones is None:
         return
-    if entry.bones.names != blender_io.bone_names(armature) or not entry.bones.same_as(
+    names = blender_io.bone_names(armature)
+    if names != entry.bones.names:
+        _follow_renamed_bones(ob, entry.bones.names, names)
+    if names != entry.bones.names or not entry.bones.same_as(
             Bones(**blender_io.read_bones(armature))):
         entry.deformer = None
+
+
+def _follow_renamed_bones(ob, old, new):
+    """Blender renames vertex groups with their bones only where an Armature modifier on that armature
+    is at work, which is not so on a bound mesh."""
+    if len(old) != len(new):
+        return
+    renamed = [(a, b) for a, b in zip(old, new) if a != b and a not in new and b not in old]
+    for before, after in renamed:
+        group = ob.vertex_groups.get(before)
+        if group is not None and after not in ob.vertex_groups:
+            group.name = after
 
 
 def clip_time(settings, length, frame, render):

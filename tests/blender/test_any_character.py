@@ -231,7 +231,8 @@ def test_given_back_as_it_was(fresh_scene, kind):
     fresh_scene.frame_set(1)
 
     def description():
-        return ([(m.name, m.type, m.show_viewport, m.show_render) for m in ob.modifiers],
+        return ([(m.name, m.type, m.show_viewport, m.show_render, getattr(m, "object", None))
+                 for m in ob.modifiers],
                 sorted(a.name for a in ob.data.attributes), len(bpy.data.node_groups),
                 evaluated(ob).tobytes())
 
@@ -284,3 +285,38 @@ def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
     for frame in range(2, 8):
         fresh_scene.frame_set(frame)
         assert addon_module("session").character(ob).deformer is deformer
+
+
+@pytest.mark.parametrize("parented", (False, True), ids=("free", "parented"))
+def test_bones_renamed_while_bound(fresh_scene, parented):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    if parented:
+        ob.parent = armature
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    armature.data.bones["bone2"].name = "elbow"
+    bpy.context.view_layer.update()
+    fresh_scene.frame_set(1)
+    assert "elbow" in ob.vertex_groups and "bone2" not in ob.vertex_groups
+    assert_same_shape(ob, reference)
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, reference)
+
+
+def test_bound_again_with_another_output(fresh_scene):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    select(ob)
+    assert bpy.ops.object.sinew_bind(output="MESH") == {"FINISHED"}
+    fresh_scene.frame_set(1)
+    assert ob.sinew.installed_output == "MESH"
+    assert_same_shape(ob, reference)
+    bpy.ops.object.sinew_unbind()
+    assert ob.modifiers["Armature"].object == armature
