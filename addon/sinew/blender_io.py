@@ -221,20 +221,6 @@ def read_bone_matrix(armature, bone):
     return matrix_to_numpy(armature.pose.bones[bone].matrix)
 
 
-def read_group(ob, name):
-    """(V,): each vertex's weight in a vertex group, 0 where it is not in it; None if there is no
-    such group."""
-    group = ob.vertex_groups.get(name)
-    if group is None:
-        return None
-    offsets, groups, weights = read_weights(ob)
-    vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    own = groups == group.index
-    dense = np.zeros(len(offsets) - 1)
-    dense[vertex[own]] = weights[own]
-    return dense
-
-
 def write_pose(armature, location, rotation):
     """location (B, 3), rotation (B, 4) w x y z -> all pose bones of the original armature."""
     bones = armature.pose.bones

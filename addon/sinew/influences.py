@@ -101,6 +101,15 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points):
         bones.joint_count, bool(multiplied.any() or rules.use_envelopes or bent.any()))
 
 
+def group_weights(offsets, groups, weights, group):
+    """(V,): each vertex's weight in one vertex group, 0 where it is not in it. The rest as
+    `blender_io.read_weights` gives it."""
+    vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    dense = np.zeros(len(offsets) - 1)
+    dense[vertex[groups == group]] = weights[groups == group]
+    return dense
+
+
 def envelope(points, bones, bone):
     """(N,): how far the envelope of bone[i] takes hold of points[i], 0 to 1: wholly within its
     radius, which goes from head to tail, and not at all beyond its distance."""

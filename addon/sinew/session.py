@@ -18,7 +18,7 @@ import numpy as np
 from . import blender_io
 from .clip_store import ClipPlayer, has_poses
 from .deform import Deformer, transformed
-from .influences import Bones, Rules, influences
+from .influences import Bones, Rules, group_weights, influences
 from .outputs import OUTPUTS
 
 log = logging.getLogger("sinew")
@@ -399,9 +399,10 @@ def _make_deformer(ob, armature, bones, rest, mesh_from_armature):
     index = {name: i for i, name in enumerate(bones.names)}
     bone_of_group = np.array(
         [index.get(group.name, -1) for group in ob.vertex_groups] + [-1], np.int32)
-    mask = blender_io.read_group(ob, settings.mask_group) if settings.mask_group else None
-    if mask is not None and settings.mask_invert:
-        mask = 1 - mask
+    mask, group = None, ob.vertex_groups.get(settings.mask_group)
+    if group is not None:
+        mask = group_weights(offsets, groups, weights, group.index)
+        mask = 1 - mask if settings.mask_invert else mask
     linear = settings.method == "LINEAR"
     rules = Rules(settings.use_vertex_groups, settings.use_envelopes, mask if linear else None)
     inverse = None if mesh_from_armature is None else np.linalg.inv(mesh_from_armature)

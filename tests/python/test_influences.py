@@ -1,0 +1,93 @@
+"""addon/sinew/influences.py, which needs no Blender: the rules by hand. The judge of the whole is
+Blender's modifier, in tests/blender/test_any_character.py."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+
+PATH = Path(__file__).resolve().parents[2] / "addon" / "sinew" / "influences.py"
+spec = importlib.util.spec_from_file_location("influences", PATH)
+rules = sys.modules["influences"] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(rules)
+
+
+def bones(count=2, segments=None, deform=None, multiply=None):
+    """Bones of length 1 along Y, one above the other, with envelopes of radius 0.25 and reach 0.5."""
+    rest = np.tile(np.eye(4), (count, 1, 1))
+    rest[:, 1, 3] = np.arange(count)
+    ones = np.ones(count)
+    return rules.Bones(
+        names=tuple(f"b{i}" for i in range(count)), rest=rest, length=ones,
+        deform=np.ones(count, bool) if deform is None else np.array(deform),
+        head_radius=0.25 * ones, tail_radius=0.25 * ones, envelope_distance=0.5 * ones,
+        envelope_weight=np.arange(1.0, count + 1),
+        multiply=np.zeros(count, bool) if multiply is None else np.array(multiply),
+        segments=np.ones(count, int) if segments is None else np.array(segments))
+
+
+def dense(result):
+    table = np.zeros((len(result.offsets) - 1, result.joint_count + 1))
+    vertex = np.repeat(np.arange(len(table)), np.diff(result.offsets))
+    np.add.at(table, (vertex, result.joints), result.weights)
+    return table
+
+
+def of(entries, own_bones, points=None, **settings):
+    """entries: for each vertex [(bone, weight)]."""
+    offsets = np.cumsum([0] + [len(e) for e in entries])
+    flat = [pair for e in entries for pair in e]
+    bone = np.array([b for b, _ in flat], np.int32)
+    weight = np.array([w for _, w in flat], np.float32)
+    points = np.zeros((len(entries), 3)) if points is None else np.array(points, float)
+    return rules.influences(offsets, bone, weight, own_bones, rules.Rules(**settings), points)
+
+
+def test_weights_are_normalised_over_bones_that_deform():
+    result = of([[(0, 0.3), (1, 0.3)], [(0, 0.2), (-1, 0.7)], [(1, 1.0)], [(0, 5e-5)], []],
+                bones(deform=[True, False]))
+    assert dense(result).tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+    assert not result.hang_on_shape
+
+
+def test_entries_keep_their_order():
+    result = of([[(1, 0.25), (0, 0.75)]], bones())
+    assert result.joints.tolist() == [1, 0] and result.weights.tolist() == [0.25, 0.75]
+
+
+def test_envelope_by_distance():
+    points = np.array([[0, 0.5, 0], [0.25, 0.5, 0], [0.5, 0.5, 0], [0.75, 0.5, 0], [0, -0.5, 0]])
+    taken = rules.envelope(points, bones(1), np.zeros(5, int))
+    assert np.allclose(taken, [1, 1, 0.75, 0, 0.75])
+
+
+def test_envelopes_for_vertices_without_weights_alone():
+    result = of([[(0, 1.0)], [], []], bones(), points=[[0, 1.5, 0], [0, 1, 0], [9, 9, 9]],
+                use_envelopes=True)
+    table = dense(result)
+    assert np.allclose(table, [[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 0, 0]])  # envelope weights 1 and 2
+    assert result.hang_on_shape
+
+
+def test_envelope_multiplies():
+    result = of([[(0, 0.5), (1, 0.5)]], bones(multiply=[True, False]), points=[[0.5, 0.5, 0]])
+    assert np.allclose(dense(result), [[0.375 / 0.875, 0.5 / 0.875, 0]])
+
+
+def test_segments_share_a_bone():
+    result = of([[(0, 1.0)]] * 4, bones(1, segments=[4]),
+                points=[[0, -1, 0], [0, 0.375, 0], [0, 0.5, 0], [0, 3, 0]])
+    assert result.joint_count == 5
+    assert np.allclose(dense(result), [[1, 0, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0, 0],
+                                       [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0]])
+
+
+def test_mask_leaves_the_rest_to_the_joint_that_never_moves():
+    result = of([[(0, 0.5), (1, 0.5)]] * 3 + [[]], bones(), mask=np.array([1, 0.25, 0, 0.5]))
+    assert np.allclose(dense(result), [[0.5, 0.5, 0], [0.125, 0.125, 0.75], [0, 0, 1], [0, 0, 0]])
+
+
+def test_weights_of_one_group():
+    assert rules.group_weights(np.array([0, 2, 2, 3]), np.array([1, 0, 1]), np.array([0.5, 0.25, 1.0]),
+                               1).tolist() == [0.5, 0, 1]
