@@ -1,0 +1,99 @@
+"""Characters that nobody here made: every skinned model of Debian's assimp-testmodels that this
+Blender can read, on each frame of each of its actions, against the Armature modifier."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from helpers import assert_same_shape, evaluated, select
+
+MODELS = Path("/usr/share/assimp/models")
+MOST_FRAMES = 60  # of one action
+
+IMPORTERS = {
+    ".gltf": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+    ".glb": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+    ".fbx": lambda path: bpy.ops.import_scene.fbx(filepath=path),
+    ".dae": lambda path: bpy.ops.wm.collada_import(filepath=path),
+}
+# What keeps a mesh from being taken over; anything else that an error says is a failure.
+REASONS = ("has the name of a deforming bone", "users; make it single-user first")
+
+
+def files():
+    """In every format that this Blender reads."""
+    return sorted(path for path in MODELS.rglob("*") if path.suffix.lower() in IMPORTERS)
+
+
+def read(path):
+    """Whether Blender could."""
+    try:
+        return IMPORTERS[path.suffix.lower()](str(path)) == {"FINISHED"}
+    except Exception:  # noqa: BLE001 - broken and unusual files are what the collection is for
+        return False
+
+
+def skinned_meshes():
+    return [ob for ob in bpy.context.scene.objects if ob.type == "MESH" and any(
+        m.type == "ARMATURE" and m.object is not None for m in ob.modifiers)]
+
+
+def frames_of(action):
+    first, last = (int(round(edge)) for edge in action.frame_range)
+    step = max(1, (last - first) // MOST_FRAMES)
+    return range(first, last + 1, step)
+
+
+def twin_of(ob):
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.collection.objects.link(copy)
+    return copy
+
+
+@pytest.fixture
+def old_numpy_names(monkeypatch):
+    """The glTF importer of Blender 3.4 uses a name that Debian's numpy has dropped."""
+    if not hasattr(np, "bool"):
+        monkeypatch.setattr(np, "bool", bool, raising=False)
+
+
+@pytest.mark.skipif(not MODELS.exists(), reason="assimp-testmodels is not installed")
+def test_every_skinned_model(capsys, old_numpy_names):
+    compared, moved, refused, files_with_skins = 0, 0, [], set()
+    for path in files():
+        bpy.ops.wm.read_homefile(use_empty=True)
+        if not read(path):
+            continue
+        scene = bpy.context.scene
+        pairs = []
+        for ob in skinned_meshes():
+            twin = twin_of(ob)
+            select(ob)
+            try:
+                assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+                pairs.append((ob, twin))
+                files_with_skins.add(path.name)
+            except RuntimeError as error:
+                assert any(reason in str(error) for reason in REASONS), f"{path.name}: {error}"
+                refused.append(f"{path.name}: {ob.name}")
+        armatures = {ob.sinew.armature for ob, _ in pairs}
+        for action in bpy.data.actions if pairs else ():
+            for armature in armatures:
+                (armature.animation_data or armature.animation_data_create()).action = action
+            shapes = []
+            for frame in frames_of(action):
+                scene.frame_set(frame)
+                for ob, twin in pairs:
+                    if not np.ptp(evaluated(twin), axis=0).any():
+                        continue
+                    assert_same_shape(ob, twin)
+                    compared += 1
+                shapes.append(evaluated(pairs[0][1]))
+            moved += any(np.abs(shape - shapes[0]).max() > 1e-6 for shape in shapes)
+    with capsys.disabled():
+        print(f"\n{compared} shapes of {len(files_with_skins)} files compared, {moved} actions that move; "
+              f"left to the modifier: {len(refused)}")
+    assert compared > 100 and moved >= 3
