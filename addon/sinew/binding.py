@@ -2,7 +2,7 @@
 
 from . import session
 from .clip_store import has_poses
-from .outputs import OUTPUTS, OutputError
+from .outputs import OUTPUTS, OutputError, check_numbers_kept
 
 
 class BindingError(Exception):
@@ -55,6 +55,11 @@ def check_bindable(ob, armature):
             f"The mesh {ob.data.name} has {ob.data.users} users; make it single-user first")
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
+    for bone in armature.data.bones:
+        if bone.bbone_segments > 1 and getattr(bone, "bbone_mapping_mode", "STRAIGHT") != "STRAIGHT":
+            raise BindingError(
+                f"The B-bone {bone.name} of {armature.name} maps vertices along its curve, which "
+                "Sinew cannot follow; set its Vertex Mapping to Straight")
     replaced = armature_modifier(ob, armature)
     if replaced and mixes_with_another(ob, replaced):
         raise BindingError(
@@ -83,6 +88,8 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
             f"{ob.name} has a modifier before its armature's ({before[0]}), which the output Mesh "
             "cannot follow; use the output Modifier")
     try:
+        if before or ob.data.shape_keys:
+            check_numbers_kept(ob, index)
         OUTPUTS[output].install(ob, index)
     except OutputError as error:
         raise BindingError(str(error)) from error

@@ -15,8 +15,14 @@ VERSION_PROPERTY = "sinew_version"
 CAPTURE_PROPERTY = "sinew_captures"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
 INPUT_ATTRIBUTE = ".sinew_input"
-# Modifiers that add vertices behind those there were.
-APPENDING = {"SUBSURF", "SOLIDIFY", "MIRROR", "ARRAY", "MULTIRES"}
+# Modifiers that leave each vertex its number: the first move vertices or change other things, the
+# last add new ones behind those there were.
+KEEPS_NUMBERS = {
+    "ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM",
+    "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "CORRECTIVE_SMOOTH", "LAPLACIANSMOOTH", "SURFACE_DEFORM",
+    "WARP", "WAVE", "CLOTH", "SOFT_BODY", "COLLISION", "WEIGHTED_NORMAL", "NORMAL_EDIT", "UV_PROJECT",
+    "UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "DATA_TRANSFER",
+    "PARTICLE_SYSTEM", "SUBSURF", "SOLIDIFY", "MIRROR", "ARRAY", "MULTIRES"}
 REST_ATTRIBUTE = "rest_position"
 
 
@@ -73,10 +79,8 @@ class ModifierOutput:
             return blender_io.read_positions(ob.data)
         captured = blender_io.read_attribute(attribute)
         count = len(ob.data.vertices)
-        if len(captured) < count:
-            raise OutputError(
-                f"Another modifier of {ob.name} leaves out vertices: with shape keys or modifiers "
-                "before Sinew that cannot be followed")
+        if len(captured) != count:
+            check_numbers_kept(ob, ob.modifiers.find(sinew_modifier(ob).name))
         return captured[:count]
 
     @staticmethod
@@ -127,6 +131,18 @@ class MeshOutput:
 
 
 OUTPUTS = {"MODIFIER": ModifierOutput, "MESH": MeshOutput}
+
+
+def check_numbers_kept(ob, index):
+    """Raises OutputError if a modifier after place `index` of the stack gives vertices other numbers
+    (Sinew's own group, and others that are switched off, aside)."""
+    for modifier in list(ob.modifiers)[index + 1:]:
+        if not (modifier.show_viewport or modifier.show_render) or is_sinew(modifier):
+            continue
+        if modifier.type not in KEEPS_NUMBERS:
+            raise OutputError(
+                f"{ob.name} has shape keys or modifiers before Sinew, which can then not be followed "
+                f"through {modifier.name}: it gives vertices other numbers")
 
 
 def sinew_modifier(ob):

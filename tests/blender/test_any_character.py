@@ -320,3 +320,31 @@ def test_bound_again_with_another_output(fresh_scene):
     assert_same_shape(ob, reference)
     bpy.ops.object.sinew_unbind()
     assert ob.modifiers["Armature"].object == armature
+
+
+def test_modifiers_that_renumber_vertices(fresh_scene):
+    """Fine on an ordinary mesh; with shape keys refused, or said so if one comes later."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    ob.modifiers.new("Bevel", "BEVEL")
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    fresh_scene.frame_set(1)
+    assert_same_shape(ob, reference)
+    bpy.ops.object.sinew_unbind()
+    add_shape_keys(ob)
+    with pytest.raises(RuntimeError, match="through Bevel: it gives vertices other numbers"):
+        bpy.ops.object.sinew_bind()
+    assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Armature", "Bevel"]
+    ob.modifiers.remove(ob.modifiers["Bevel"])
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    ob.modifiers.new("Bevel", "BEVEL")
+    fresh_scene.frame_set(3)
+    fresh_scene.frame_set(4)
+    assert "through Bevel" in addon_module("session").character(ob).error
+    ob.modifiers.remove(ob.modifiers["Bevel"])
+    fresh_scene.frame_set(5)
+    fresh_scene.frame_set(6)
+    assert addon_module("session").character(ob).error == ""
