@@ -56,8 +56,8 @@ def twin_of(ob):
 @pytest.fixture
 def old_numpy_names(monkeypatch):
     """The glTF importer of Blender 3.4 uses a name that Debian's numpy has dropped."""
-    if not hasattr(np, "bool"):
-        monkeypatch.setattr(np, "bool", bool, raising=False)
+    if "bool" not in vars(np):
+        monkeypatch.setitem(vars(np), "bool", bool)
 
 
 @pytest.mark.skipif(not MODELS.exists(), reason="assimp-testmodels is not installed")
