@@ -1,6 +1,6 @@
 """Binding a mesh to Sinew and releasing it: what changes in the .blend, and how it is put back."""
 
-from . import session
+from . import blender_io, session
 from .clip_store import has_poses
 from .outputs import OUTPUTS, OutputError, check_numbers_kept
 
@@ -82,10 +82,10 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     settings = ob.sinew
     replaced = armature_modifier(ob, armature)
     index = ob.modifiers.find(replaced.name) if replaced else 0
-    before = [m.name for m in list(ob.modifiers)[:index] if m.show_viewport or m.show_render]
+    before = blender_io.modifiers_before(ob, replaced) if replaced else []
     if output == "MESH" and before:
         raise BindingError(
-            f"{ob.name} has a modifier before its armature's ({before[0]}), which the output Mesh "
+            f"{ob.name} has a modifier before its armature's ({before[0].name}), which the output Mesh "
             "cannot follow; use the output Modifier")
     try:
         if before or ob.data.shape_keys:

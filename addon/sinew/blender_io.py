@@ -168,11 +168,6 @@ def write_weights(mesh, dense):
 
 # --- armatures ------------------------------------------------------------------------------------
 
-def bone_names(armature):
-    """Of all pose bones, in the order of `read_channels`."""
-    return tuple(bone.name for bone in armature.pose.bones)
-
-
 def bone_flags(armature):
     """What changes which weights count, but for names: deform and segments of each bone, in bytes
     that can be compared. Cheap enough for every frame."""
@@ -185,7 +180,7 @@ def bone_flags(armature):
 
 
 def read_bones(armature):
-    """Fields of influences.Bones, each an array with a row a pose bone."""
+    """Fields of influences.Bones, each with an entry a pose bone in the order of `read_channels`."""
     bones = [bone.bone for bone in armature.pose.bones]
 
     def numbers(name, dtype=np.float64):
@@ -193,7 +188,7 @@ def read_bones(armature):
 
     rest = np.array([bone.matrix_local for bone in bones], np.float64).reshape(-1, 4, 4)
     return dict(
-        names=bone_names(armature), deform=numbers("use_deform", bool), rest=rest,
+        names=tuple(bone.name for bone in bones), deform=numbers("use_deform", bool), rest=rest,
         length=numbers("length"), head_radius=numbers("head_radius"),
         tail_radius=numbers("tail_radius"), envelope_distance=numbers("envelope_distance"),
         envelope_weight=numbers("envelope_weight"), multiply=numbers("use_envelope_multiply", bool),

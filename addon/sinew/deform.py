@@ -50,29 +50,24 @@ class Deformer:
         mesh_from_armature (4, 4) float64, or None where the two spaces are the same.
         Returns (V, 3) float32, mesh space; the array is reused by the next call.
         """
-        change = mesh_from_armature
-        if method == "LINEAR":
-            if change is not None:
-                matrices = (change @ matrices @ np.linalg.inv(change)).astype(np.float32)
-            return sinew_native.skin_linear(self.skin, matrices, self.positions)
-        frames = self.rest_frames
-        if change is None:
-            self._preserve_volume(self.skin, matrices, frames)
-        elif is_similarity(change):
+        skin, frames, change = self.skin, self.rest_frames, mesh_from_armature
+        in_armature_space = change is not None and not (method == "LINEAR" or is_similarity(change))
+        if in_armature_space:
+            # A dual quaternion cannot carry the change of space: blend in the armature's space.
+            skin = self._skin_in_armature_space(change)
+        elif change is not None:
             matrices = (change @ matrices @ np.linalg.inv(change)).astype(np.float32)
+        if method == "LINEAR":
+            return sinew_native.skin_linear(skin, matrices, self.positions)
+        if change is not None and not in_armature_space:
             frames = change @ frames
             frames[:, :3, :3] /= np.cbrt(np.linalg.det(change[:3, :3]))
-            self._preserve_volume(self.skin, matrices, frames)
-        else:
-            # A dual quaternion cannot carry the change of space: blend in the armature's space.
-            self._preserve_volume(self._skin_in_armature_space(change), matrices, frames)
-            self.positions[:] = self.positions @ change[:3, :3].T + change[:3, 3]
+        sinew_native.skin_dual_quaternion(skin, matrices, self.positions, self._stretch, frames)
+        if in_armature_space:
+            self.positions[:] = transformed(change, self.positions)
         if self._mask is not None:
             self.positions += (1 - self._mask) * (self._rest_positions - self.positions)
         return self.positions
-
-    def _preserve_volume(self, skin, matrices, frames):
-        sinew_native.skin_dual_quaternion(skin, matrices, self.positions, self._stretch, frames)
 
     def _make_skin(self, rest_positions):
         own = self.influences

@@ -221,11 +221,9 @@ def _drop_deformer_if_edited(ob, armature):
     entry = _characters[blender_io.key_of(ob)]
     if entry.bones is None:
         return
-    names = blender_io.bone_names(armature)
-    if names != entry.bones.names:
-        _follow_renamed_bones(ob, entry.bones.names, names)
-    if names != entry.bones.names or not entry.bones.same_as(
-            Bones(**blender_io.read_bones(armature))):
+    bones = Bones(**blender_io.read_bones(armature))
+    if not bones.same_as(entry.bones):
+        _follow_renamed_bones(ob, entry.bones.names, bones.names)
         entry.deformer = None
 
 

@@ -169,7 +169,7 @@ void bind_skinning(py::module_& module) {
           py::arg("positions"),
           "The same influences on another shape, (V, 3), as shape keys change it. Not while "
           "another "
-          "thread skins with this object.")
+          "thread skins with it.")
       .def("__repr__", [](const Skin& self) {
         return "<Skin of " + std::to_string(self.vertex_count()) + " vertices, " +
                std::to_string(self.joint_count()) + " joints, " +

@@ -20,6 +20,7 @@ constexpr std::size_t kBlocksPerWindow = 4096 / kBlock;
 constexpr int kLanesThatPair = 16;
 
 constexpr std::size_t kBlocksPerTask = 512;
+constexpr double kFill = 0.2, kFillPositions = 0.05;  // microseconds a block
 
 /// The joint sets of a skin, each of which is stored once.
 class SetTable {
@@ -147,10 +148,13 @@ void fill_weights(BlockedSkin& skin, const Block& block, std::vector<std::uint32
   });
 }
 
-/// Calls use(block, scratch of the thread) for the blocks that have a packed form.
+/// Calls use(block, scratch of the thread) for the blocks that have a packed form. `microseconds`:
+/// what a block takes, about.
 template <class Use>
-void for_packed_blocks(BlockedSkin& skin, const Use& use) {
-  parallel_for(skin.blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
+void for_packed_blocks(BlockedSkin& skin, double microseconds, const Use& use) {
+  const std::size_t count = skin.blocks.size();
+  const bool parallel = threads_pay(microseconds * static_cast<double>(count));
+  parallel_for(count, parallel ? kBlocksPerTask : count, [&](std::size_t begin, std::size_t end) {
     std::vector<std::uint32_t> scratch(skin.identity_joint + 1);
     for (std::size_t b = begin; b < end; ++b) {
       if (skin.sets[skin.blocks[b].joint_set].count > 0) use(skin.blocks[b], scratch);
@@ -233,7 +237,7 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
   }
   data = hwy::AllocateAligned<float>(std::max<std::uint64_t>(1, numbers));
   if (!data) throw std::bad_alloc();
-  for_packed_blocks(*this, [this](const Block& block, std::vector<std::uint32_t>& scratch) {
+  for_packed_blocks(*this, kFill, [this](const Block& block, std::vector<std::uint32_t>& scratch) {
     std::fill_n(data.get() + block.data, numbers_of(*this, block), 0.0f);
     fill_positions(*this, block);
     fill_weights(*this, block, scratch);
@@ -244,7 +248,7 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
 }
 
 void BlockedSkin::take_rest_positions() {
-  for_packed_blocks(*this, [this](const Block& block, std::vector<std::uint32_t>&) {
+  for_packed_blocks(*this, kFillPositions, [this](const Block& block, std::vector<std::uint32_t>&) {
     fill_positions(*this, block);
   });
 }

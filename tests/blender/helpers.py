@@ -64,11 +64,17 @@ def diagonal(positions):
     return float(np.linalg.norm(np.ptp(positions, axis=0)))
 
 
-def builtin_copy(ob, preserve_volume=None):
-    """A copy of the bound mesh that Blender's own Armature modifier deforms."""
+def twin_of(ob):
+    """The same object with data of its own."""
     copy = ob.copy()
     copy.data = ob.data.copy()
     bpy.context.collection.objects.link(copy)
+    return copy
+
+
+def builtin_copy(ob, preserve_volume=None):
+    """A copy of the bound mesh that Blender's own Armature modifier deforms."""
+    copy = twin_of(ob)
     addon_module("binding").unbind(copy)
     modifier = next(m for m in copy.modifiers if m.type == "ARMATURE")
     if preserve_volume is None:

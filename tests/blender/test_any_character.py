@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
 
-from helpers import addon_module, assert_same_shape, diagonal, evaluated, select
+from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of
 
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 BONES = 5
@@ -182,14 +182,6 @@ def pose(armature, frame, scaled):
         bone.scale = random.uniform(0.6, 1.5, 3) if scaled else (1, 1, 1)
         for path in ("rotation_quaternion", "location", "scale"):
             bone.keyframe_insert(path, frame=frame)
-
-
-def twin_of(ob):
-    """The same object with data of its own."""
-    copy = ob.copy()
-    copy.data = ob.data.copy()
-    bpy.context.collection.objects.link(copy)
-    return copy
 
 
 def accelerate(ob):

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import assert_same_shape, evaluated, select
+from helpers import assert_same_shape, evaluated, select, twin_of
 
 MODELS = Path("/usr/share/assimp/models")
 MOST_FRAMES = 60  # of one action
@@ -44,13 +44,6 @@ def frames_of(action):
     first, last = (int(round(edge)) for edge in action.frame_range)
     step = max(1, (last - first) // MOST_FRAMES)
     return range(first, last + 1, step)
-
-
-def twin_of(ob):
-    copy = ob.copy()
-    copy.data = ob.data.copy()
-    bpy.context.collection.objects.link(copy)
-    return copy
 
 
 @pytest.fixture

@@ -78,52 +78,65 @@ inline std::vector<std::int32_t> random_forest(Random& random, std::int32_t coun
   return parents;
 }
 
-/// V positions in a box of 2 x 2 x 2; vertex v has v % 16 influences, so vertex 0 has none, whose
-/// weights sum to 1. Joints may repeat.
-inline Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints) {
-  std::vector<float> positions, weights;
-  std::vector<std::int64_t> offsets{0};
-  std::vector<std::int32_t> names;
-  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
+/// Puts a skin together, vertex by vertex: positions in a box of 2 x 2 x 2, weights that sum to 1.
+class SkinMaker {
+ public:
+  void add_vertex(Random& random) {
     for (int axis = 0; axis < 3; ++axis) {
-      positions.push_back(static_cast<float>(uniform(random, -1, 1)));
+      positions_.push_back(static_cast<float>(uniform(random, -1, 1)));
     }
-    std::vector<double> own;
-    for (std::ptrdiff_t i = 0; i < v % 16; ++i) {
-      own.push_back(uniform(random, 0.01, 1));
-      names.push_back(static_cast<std::int32_t>(random() % joints));
-    }
-    const double sum = std::accumulate(own.begin(), own.end(), 0.0);
-    for (const double weight : own) weights.push_back(static_cast<float>(weight / sum));
-    offsets.push_back(static_cast<std::int64_t>(names.size()));
+    offsets_.push_back(offsets_.back());
   }
-  return Skin(positions, offsets, names, weights, joints);
+  /// Of the vertex added last, once.
+  void set_influences(const std::vector<std::int32_t>& joints, const std::vector<double>& weights) {
+    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
+    joints_.insert(joints_.end(), joints.begin(), joints.end());
+    for (const double weight : weights) weights_.push_back(static_cast<float>(weight / sum));
+    offsets_.back() = static_cast<std::int64_t>(joints_.size());
+  }
+  Skin skin(std::int32_t joint_count) const {
+    return Skin(positions_, offsets_, joints_, weights_, joint_count);
+  }
+
+ private:
+  std::vector<float> positions_, weights_;
+  std::vector<std::int64_t> offsets_{0};
+  std::vector<std::int32_t> joints_;
+};
+
+/// Vertex v has v % 16 influences, so vertex 0 has none. Joints may repeat.
+inline Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints) {
+  SkinMaker maker;
+  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
+    maker.add_vertex(random);
+    std::vector<std::int32_t> own;
+    std::vector<double> weights;
+    for (std::ptrdiff_t i = 0; i < v % 16; ++i) {
+      weights.push_back(uniform(random, 0.01, 1));
+      own.push_back(static_cast<std::int32_t>(random() % joints));
+    }
+    maker.set_influences(own, weights);
+  }
+  return maker.skin(joints);
 }
 
 /// A skin like a real one: neighbouring vertices share joints. Vertex v has `influences` of them,
 /// beginning at v / 48, in random order; every 37th vertex has none, which leaves it at rest.
 inline Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints,
                           std::int32_t influences) {
-  std::vector<float> positions, weights;
-  std::vector<std::int64_t> offsets{0};
-  std::vector<std::int32_t> names;
+  SkinMaker maker;
   for (std::ptrdiff_t v = 0; v < vertices; ++v) {
-    for (int axis = 0; axis < 3; ++axis) {
-      positions.push_back(static_cast<float>(uniform(random, -1, 1)));
-    }
+    maker.add_vertex(random);
     std::vector<std::int32_t> own;
     for (std::int32_t i = 0; i < influences && v % 37 != 36; ++i) {
       own.push_back(static_cast<std::int32_t>((v / 48 + i) % joints));
     }
     std::shuffle(own.begin(), own.end(), random);
-    std::vector<double> own_weights;
-    for (std::size_t i = 0; i < own.size(); ++i) own_weights.push_back(uniform(random, 0.05, 1));
-    const double sum = std::accumulate(own_weights.begin(), own_weights.end(), 0.0);
-    names.insert(names.end(), own.begin(), own.end());
-    for (const double weight : own_weights) weights.push_back(static_cast<float>(weight / sum));
-    offsets.push_back(static_cast<std::int64_t>(names.size()));
+    std::vector<double> weights;
+    for (std::size_t i = 0; i < own.size(); ++i) weights.push_back(uniform(random, 0.05, 1));
+    maker.set_influences(own, weights);
   }
-  return Skin(positions, offsets, names, weights, joints);
+  return maker.skin(joints);
 }
 
 enum class Layout { column_major, row_major, padded, backwards };
