@@ -137,8 +137,9 @@ def _forget_edited(objects, depsgraph):
     """Drops what is cached of meshes and armatures that somebody has edited since the last
     evaluation; what Sinew's own handlers write is never among it. Returns the objects concerned."""
     kinds = (bpy.types.Object, bpy.types.Mesh, bpy.types.Armature, bpy.types.Key)
-    changed = {blender_io.key_of(update.id) for update in depsgraph.updates
-               if isinstance(update.id, kinds)}
+    updates = [update for update in depsgraph.updates if isinstance(update.id, kinds)]
+    changed = {blender_io.key_of(update.id) for update in updates}
+    edited = {blender_io.key_of(update.id) for update in updates if update.is_updated_shading}
     affected = []
     for ob in objects if changed else ():
         armature = ob.sinew.armature
@@ -146,10 +147,11 @@ def _forget_edited(objects, depsgraph):
         if changed.isdisjoint(map(blender_io.key_of, blocks)):
             continue
         affected.append(ob)
-        # A shape key that moves tags its mesh too; the moved shape arrives through the modifier.
+        # An animated shape key tags its mesh too, but for its geometry alone: the moved shape
+        # arrives through the modifier, and weights stay as they are.
         keys = ob.data.shape_keys
         moved_by_keys = keys is not None and blender_io.key_of(keys) in changed
-        if blender_io.key_of(ob.data) in changed and not moved_by_keys:
+        if blender_io.key_of(ob.data) in (edited if moved_by_keys else changed):
             _characters[blender_io.key_of(ob)].deformer = None
         if armature and blender_io.key_of(armature.data) in changed:
             _drop_player_if_edited(armature)

@@ -340,3 +340,23 @@ def test_modifiers_that_renumber_vertices(fresh_scene):
     fresh_scene.frame_set(5)
     fresh_scene.frame_set(6)
     assert addon_module("session").character(ob).error == ""
+
+
+@pytest.mark.parametrize("update", (True, False), ids=("live", "with the next frame"))
+def test_weights_painted_under_animated_shape_keys(fresh_scene, update):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    add_shape_keys(ob)
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    for each in (ob, reference):
+        each.vertex_groups["bone1"].add(range(300), 0.5, "ADD")
+        each.data.update()
+    if update:
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, reference)
+    fresh_scene.frame_set(3)
+    assert_same_shape(ob, reference)
