@@ -1,0 +1,42 @@
+# The Python module, once for the Python that builds it and once for that of each folder in
+# SINEW_PYTHON_ROOTS. All go to python/ of the build folder, told apart by their suffix.
+
+find_package(Python3 REQUIRED COMPONENTS Interpreter Development.Module)
+set(PYTHON_EXECUTABLE ${Python3_EXECUTABLE})
+find_package(pybind11 2.10 REQUIRED)
+
+function(add_python_module target soabi)  # ARGN: folders with the headers of Python and pybind11
+  add_library(${target} MODULE
+    bindings/bind_files.cpp
+    bindings/bind_skeleton.cpp
+    bindings/bind_skinning.cpp
+    bindings/module.cpp)
+  target_include_directories(${target} SYSTEM PRIVATE ${ARGN})
+  target_link_libraries(${target} PRIVATE sinew)
+  target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
+  set_target_properties(${target} PROPERTIES
+    PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}.so
+    LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
+endfunction()
+
+add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS} ${pybind11_INCLUDE_DIRS})
+configure_file(bindings/sinew_native.pyi ${CMAKE_BINARY_DIR}/python/sinew_native.pyi COPYONLY)
+
+set(SINEW_PYTHON_ROOTS "" CACHE STRING
+    "Root folders of other Debian releases: a module is built for the Python of each")
+foreach(root IN LISTS SINEW_PYTHON_ROOTS)
+  file(GLOB includes ${root}/usr/include/python3.*)
+  list(LENGTH includes count)
+  if(NOT count EQUAL 1)
+    message(FATAL_ERROR "${root} has no Python headers (or those of several versions)")
+  endif()
+  get_filename_component(name ${includes} NAME)  # python3.13
+  string(REPLACE "python3." "3" digits ${name})
+  # The release's headers without its C library's.
+  set(picked ${CMAKE_BINARY_DIR}/headers/${name})
+  set(triple ${CMAKE_LIBRARY_ARCHITECTURE})
+  file(MAKE_DIRECTORY ${picked}/${triple})
+  file(CREATE_LINK ${root}/usr/include/pybind11 ${picked}/pybind11 SYMBOLIC)
+  file(CREATE_LINK ${root}/usr/include/${triple}/${name} ${picked}/${triple}/${name} SYMBOLIC)
+  add_python_module(sinew_native_${digits} cpython-${digits}-${triple} ${includes} ${picked})
+endforeach()
