@@ -76,18 +76,27 @@ SkinningMethod method_named(const std::string& name) {
 
 void skin_jobs(const std::vector<py::tuple>& tuples) {
   std::vector<SkinningJob> jobs;
+  std::vector<std::vector<Matrix4<double>>> rest_frames(tuples.size());
   for (const py::tuple& tuple : tuples) {
     const std::string where = "job " + std::to_string(jobs.size());
     try {
-      if (tuple.size() != 4) throw InputError("expected (skin, matrices, out, method)");
+      if (tuple.size() != 4 && tuple.size() != 6) {
+        throw InputError("expected (skin, matrices, out, method[, stretch, rest_frames])");
+      }
       const auto& skin = tuple[0].cast<const Skin&>();
       const py::array matrices = given_array("matrices", tuple[1]);
       const auto stack = matrix_stack<const float>("matrices", matrices);
       const std::span<float> positions =
           positions_span(given_array("out", tuple[2]), positions_shape(skin, matrices));
-      jobs.push_back({&skin, stack, positions, method_named(tuple[3].cast<std::string>()), {}});
+      SkinningJob job{&skin, stack, positions, method_named(tuple[3].cast<std::string>()), {}};
+      if (tuple.size() == 6) {
+        auto& frames = rest_frames[jobs.size()];
+        frames = copied_matrices("rest_frames", given_array("rest_frames", tuple[5]), 3);
+        job.rule = {stretch_named(tuple[4].cast<std::string>()), frames};
+      }
+      jobs.push_back(job);
     } catch (const py::cast_error&) {
-      throw py::type_error(where + ": expected (Skin, array, array, str)");
+      throw py::type_error(where + ": expected (Skin, array, array, str[, str, array])");
     } catch (const InputError& error) {
       throw InputError(where + ": " + error.what());
     }
@@ -193,8 +202,9 @@ void bind_skinning(py::module_& module) {
   module.def(
       "skin_all", &skin_jobs, py::arg("jobs"),
       "Several skins at once, with all threads at work on all of them.\n\n"
-      "jobs: (skin, matrices, out, method) each: matrices and out as of skin_linear, out not "
-      "None; method \"linear\" or \"dual_quaternion\". The same bits as one call a job.\n"
+      "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
+      "quaternions behind them: matrices and out as of skin_linear, out not None; method "
+      "\"linear\" or \"dual_quaternion\". The same bits as one call a job.\n"
       "Raises ValueError if a shape or dtype does not fit or two results overlap.");
 }
 

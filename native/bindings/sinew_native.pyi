@@ -15,6 +15,7 @@ import numpy.typing as npt
 _Path: TypeAlias = str | os.PathLike[str]
 _Convention: TypeAlias = Literal["bone", "joint"]
 _Method: TypeAlias = Literal["linear", "dual_quaternion"]
+_Stretch: TypeAlias = Literal["polar", "frame", "frame_each"]
 _Integers: TypeAlias = npt.NDArray[np.integer[Any]]
 _Reals: TypeAlias = npt.NDArray[np.floating[Any] | np.integer[Any]]
 _Float32: TypeAlias = npt.NDArray[np.float32]
@@ -214,15 +215,20 @@ def skin_dual_quaternion(
     skin: Skin,
     matrices: _Float32,
     out: _Float32 | None = None,
-    stretch: Literal["polar", "frame", "frame_each"] = "polar",
+    stretch: _Stretch = "polar",
     rest_frames: _Reals | None = None,
 ) -> _Float32:
     """Dual quaternion skinning (Kavan et al. 2008). The first arguments as of skin_linear; stretch:
     what becomes of scale and shear; rest_frames (J, 4, 4), for all but "polar"."""
 
-def skin_all(jobs: Sequence[tuple[Skin, _Float32, _Float32, _Method]]) -> None:
+def skin_all(
+    jobs: Sequence[
+        tuple[Skin, _Float32, _Float32, _Method]
+        | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals]
+    ],
+) -> None:
     """Several skins at once, with all threads at work on all of them. A job is (skin, matrices, out,
-    method), as skin_linear and skin_dual_quaternion take them."""
+    method[, stretch, rest_frames]), as skin_linear and skin_dual_quaternion take them."""
 
 def read_dmat(path: _Path) -> _Float64:
     """A .dmat file, text or binary: (rows, columns)."""

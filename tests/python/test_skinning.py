@@ -239,6 +239,19 @@ def test_skin_all_is_one_call_a_job(random):
     sinew.skin_all([])
 
 
+@pytest.mark.parametrize("stretch", ("frame", "frame_each"))
+def test_skin_all_takes_what_becomes_of_scale(random, stretch):
+    skin, positions, _ = rigs.dense_skin(random, 500, 4)
+    matrices = rigs.random_matrices(random, 4, dtype=np.float32)
+    matrices[:, :3, 0] *= 1.5
+    frames = np.tile(np.eye(4), (4, 1, 1))
+    out = np.empty_like(positions, np.float32)
+    sinew.skin_all([(skin, matrices, out, "dual_quaternion", stretch, frames)])
+    assert np.array_equal(
+        out, sinew.skin_dual_quaternion(skin, matrices, stretch=stretch, rest_frames=frames))
+    assert not np.array_equal(out, sinew.skin_dual_quaternion(skin, matrices))
+
+
 def test_skin_all_refuses_what_is_wrong(random):
     jobs, _ = crowd(random)
     skin, matrices, out, method = jobs[0]
@@ -248,14 +261,18 @@ def test_skin_all_refuses_what_is_wrong(random):
 
     assert said_of(skin, matrices, out, "cubic") == \
         'job 1: there is no method "cubic"; expected linear or dual_quaternion'
-    assert said_of(skin, matrices, out) == "job 1: expected (skin, matrices, out, method)"
+    assert said_of(skin, matrices, out) == \
+        "job 1: expected (skin, matrices, out, method[, stretch, rest_frames])"
+    frames = np.tile(np.eye(4), (5, 1, 1))
+    assert said_of(skin, matrices, out, method, "odd", frames) == \
+        'job 1: there is no stretch "odd"; expected polar, frame or frame_each'
     assert said_of(skin, matrices, None, method) == "job 1: out is a NoneType; expected a numpy array"
     assert said_of(skin, matrices.tolist(), out, method) == "job 1: matrices is a list; expected a numpy array"
     assert said_of(skin, matrices, out[1:], method) == "job 1: out has shape (99, 3); expected (100, 3)"
     assert said_of(skin, matrices[:4], out, method) == \
         "job 1: there are 4 matrices a frame; the skin has 5 joints"
     assert said(sinew.skin_all, [jobs[0], jobs[0]]) == "the results of job 0 and job 1 overlap"
-    with pytest.raises(TypeError, match=r"job 1: expected \(Skin, array, array, str\)"):
+    with pytest.raises(TypeError, match=r"job 1: expected \(Skin, array, array, str\["):
         sinew.skin_all([jobs[1], ("skin", matrices, out, method)])
 
 
