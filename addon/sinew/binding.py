@@ -18,13 +18,25 @@ def armature_modifier(ob, armature=None):
     return None
 
 
-def mixes_with_another(ob, modifier):
-    """Whether Multi Modifier joins this modifier's result with that of another one."""
-    armatures = [m for m in ob.modifiers
-                 if m.type == "ARMATURE" and (m.show_viewport or m.show_render or m == modifier)]
-    place = armatures.index(modifier)
-    return (place > 0 and modifier.use_multi_modifier) or (
-        place + 1 < len(armatures) and armatures[place + 1].use_multi_modifier)
+def mixed_modifiers(ob, modifier):
+    """The Armature modifiers that Multi Modifier joins, this one first: a later one starts from the same
+    shape as the first, and the two results are mixed. An ordinary modifier stands alone."""
+    chain = [modifier]
+    for later in list(ob.modifiers)[ob.modifiers.find(modifier.name) + 1:]:
+        if later.type != "ARMATURE" or not later.use_multi_modifier:
+            break
+        if later.object is not None and (later.show_viewport or later.show_render):
+            chain.append(later)
+    return chain
+
+
+def first_of_mix(ob, modifier):
+    """The modifier with which the mix begins that `modifier` is part of, or itself."""
+    before = list(ob.modifiers)[:ob.modifiers.find(modifier.name)]
+    first = modifier
+    while before and first.use_multi_modifier and before[-1].type == "ARMATURE":
+        first = before.pop()
+    return first if modifier in mixed_modifiers(ob, first) else modifier
 
 
 def find_armature(ob):
@@ -55,15 +67,11 @@ def check_bindable(ob, armature):
             f"The mesh {ob.data.name} has {ob.data.users} users; make it single-user first")
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
-    for bone in armature.data.bones:
-        if bone.bbone_segments > 1 and getattr(bone, "bbone_mapping_mode", "STRAIGHT") != "STRAIGHT":
-            raise BindingError(
-                f"The B-bone {bone.name} of {armature.name} maps vertices along its curve, which "
-                "Sinew cannot follow; set its Vertex Mapping to Straight")
     replaced = armature_modifier(ob, armature)
-    if replaced and mixes_with_another(ob, replaced):
+    if replaced and first_of_mix(ob, replaced) != replaced:
         raise BindingError(
-            f"{ob.name} mixes several Armature modifiers (Multi Modifier), which Sinew cannot follow")
+            f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
+            f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
     if replaced and replaced.use_bone_envelopes:
         return
     bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
@@ -93,29 +101,52 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
         OUTPUTS[output].install(ob, index)
     except OutputError as error:
         raise BindingError(str(error)) from error
-    if method is None:
-        preserve = replaced is not None and replaced.use_deform_preserve_volume
-        method = "DUAL_QUATERNION" if preserve else "LINEAR"
     if source is None:
         source = "CLIP" if has_poses(armature.data) else "ARMATURE"
-    settings.armature, settings.method, settings.source = armature, method, source
-    settings.use_vertex_groups = replaced is None or replaced.use_vertex_groups
-    settings.use_envelopes = replaced is not None and replaced.use_bone_envelopes
-    settings.mask_group = replaced.vertex_group if replaced else ""
-    settings.mask_invert = replaced is not None and replaced.invert_vertex_group
+    settings.source = source
     settings.output = settings.installed_output = output
-    settings.replaced_modifier = replaced.name if replaced else ""
-    if replaced:
-        settings.replaced_show_viewport = replaced.show_viewport
-        settings.replaced_show_render = replaced.show_render
-        replaced.show_viewport = replaced.show_render = False
-        # Else Blender evaluates the mesh once for the armature and once for Sinew, though the
-        # modifier is switched off: half of a frame's time in 3.4.
-        settings.replaced_object, replaced.object = replaced.object, None
+    settings.mixed.clear()
+    settings.replaced.clear()
+    for name in ("method", "use_vertex_groups", "use_envelopes", "mask_group", "mask_invert"):
+        settings.property_unset(name)
+    settings.armature = armature
+    for modifier in mixed_modifiers(ob, replaced) if replaced else ():
+        take_over(modifier, settings if modifier == replaced else settings.mixed.add())
+        remember(modifier, settings.replaced.add())
+    if method:
+        settings.method = method
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
     session.forget_object(ob)
     session.refresh(ob)
+
+
+def take_over(modifier, layer):
+    """What an Armature modifier says, into a layer's settings."""
+    layer.armature = modifier.object
+    layer.method = "DUAL_QUATERNION" if modifier.use_deform_preserve_volume else "LINEAR"
+    layer.use_vertex_groups = modifier.use_vertex_groups
+    layer.use_envelopes = modifier.use_bone_envelopes
+    layer.mask_group, layer.mask_invert = modifier.vertex_group, modifier.invert_vertex_group
+
+
+def remember(modifier, entry):
+    """Switches an Armature modifier off and keeps how it was. It is taken off its armature, else Blender
+    would evaluate the mesh once for the armature and once for Sinew though the modifier is switched off:
+    half of a frame's time in 3.4."""
+    entry.name, entry.object = modifier.name, modifier.object
+    entry.show_viewport, entry.show_render = modifier.show_viewport, modifier.show_render
+    modifier.show_viewport = modifier.show_render = False
+    modifier.object = None
+
+
+def give_back(entry, ob):
+    """Switches it on again, unless it is gone."""
+    modifier = ob.modifiers.get(entry.name)
+    if modifier is None:
+        return
+    modifier.object = entry.object or modifier.object
+    modifier.show_viewport, modifier.show_render = entry.show_viewport, entry.show_render
 
 
 def unbind(ob):
@@ -123,12 +154,10 @@ def unbind(ob):
     settings = ob.sinew
     OUTPUTS[settings.installed_output].remove(ob)
     settings.is_bound = False
-    modifier = ob.modifiers.get(settings.replaced_modifier)
-    if modifier:
-        modifier.show_viewport = settings.replaced_show_viewport
-        modifier.show_render = settings.replaced_show_render
-        modifier.object = settings.replaced_object or modifier.object
-    settings.replaced_object = None
+    for entry in settings.replaced:
+        give_back(entry, ob)
+    settings.replaced.clear()
+    settings.mixed.clear()
     session.forget_object(ob)
 
 
@@ -139,7 +168,7 @@ def switch_output(ob):
     old, new = settings.installed_output, settings.output
     if old == new:
         return
-    index = max(ob.modifiers.find(settings.replaced_modifier), 0)
+    index = max(ob.modifiers.find(settings.replaced[0].name), 0) if settings.replaced else 0
     settings.is_bound = False  # moving a modifier evaluates the scene, and handlers run
     OUTPUTS[old].remove(ob)
     try:

@@ -1,8 +1,12 @@
 """bpy <-> numpy, both ways. Nothing here knows what the numbers are for."""
 
+import ctypes
+import functools
+
 import bmesh
 import bpy
 import numpy as np
+from mathutils import Vector
 
 
 def key_of(id_block):
@@ -36,12 +40,36 @@ def write_positions(mesh, positions):
     attribute = mesh.attributes.get("position")
     if attribute is None:  # before 3.5
         mesh.vertices.foreach_set("co", flat)
+        mesh.update()
     else:
         attribute.data.foreach_set("vector", flat)
-        if len(flat):
-            # 4.3 leaves the bounding box stale after the line above; this setter does not.
-            mesh.vertices[0].co = positions[0]
-    mesh.update()
+        positions_written(mesh, positions)
+
+
+def positions_written(mesh, positions):
+    """Tells Blender that its positions (3.5 and later) were changed. 4.3's bounding box stays stale
+    after all other ways of saying so, this setter looks after it and all else."""
+    if len(positions):
+        mesh.vertices[0].co = positions[0]
+
+
+def memory_of(attribute, count):
+    """(count, 3) float32: the numbers of a vector attribute themselves, to be written at once and
+    forgotten, or None if they cannot be had. Asking for their address makes Blender give the mesh
+    numbers of its own, no longer shared with evaluated copies, as any write through its API does; but
+    it does not see what is written here."""
+    data = attribute.data
+    if count == 0 or len(data) != count:
+        return None
+    address = data[0].as_pointer()
+    if data[count - 1].as_pointer() != address + 12 * (count - 1):
+        return None
+    return np.frombuffer(_floats(3 * count).from_address(address), np.float32).reshape(count, 3)
+
+
+@functools.lru_cache(maxsize=64)
+def _floats(count):
+    return ctypes.c_float * count
 
 
 def point_attribute(mesh, name):
@@ -168,15 +196,32 @@ def write_weights(mesh, dense):
 
 # --- armatures ------------------------------------------------------------------------------------
 
-def bone_flags(armature):
-    """What changes which weights count, but for names: deform and segments of each bone, in bytes
-    that can be compared. Cheap enough for every frame."""
+_BONE_NUMBERS = (
+    ("use_deform", 1, bool), ("use_envelope_multiply", 1, bool), ("bbone_segments", 1, np.int32),
+    ("matrix_local", 16, np.float32), ("length", 1, np.float32), ("head_radius", 1, np.float32),
+    ("tail_radius", 1, np.float32), ("envelope_distance", 1, np.float32),
+    ("envelope_weight", 1, np.float32), ("bbone_curveinx", 1, np.float32),
+    ("bbone_curveinz", 1, np.float32), ("bbone_curveoutx", 1, np.float32),
+    ("bbone_curveoutz", 1, np.float32), ("bbone_rollin", 1, np.float32),
+    ("bbone_rollout", 1, np.float32), ("bbone_easein", 1, np.float32),
+    ("bbone_easeout", 1, np.float32))
+
+
+def bone_signature(armature):
+    """What can be compared to see whether bones have changed in anything that decides on influences."""
     bones = armature.data.bones
-    deform = np.empty(len(bones), bool)
-    segments = np.empty(len(bones), np.int32)
-    bones.foreach_get("use_deform", deform)
-    bones.foreach_get("bbone_segments", segments)
-    return deform.tobytes() + segments.tobytes()
+    parts = [bones.keys()]
+    for name, size, dtype in _BONE_NUMBERS:
+        numbers = np.empty(size * len(bones), dtype)
+        bones.foreach_get(name, numbers)
+        parts.append(numbers.tobytes())
+    parts.append([is_curved(bone) for bone in bones])
+    return parts
+
+
+def is_curved(bone):
+    """Whether a B-bone's vertices belong to its segments along its curve (4.x)."""
+    return getattr(bone, "bbone_mapping_mode", "STRAIGHT") == "CURVED"
 
 
 def read_bones(armature):
@@ -192,7 +237,8 @@ def read_bones(armature):
         length=numbers("length"), head_radius=numbers("head_radius"),
         tail_radius=numbers("tail_radius"), envelope_distance=numbers("envelope_distance"),
         envelope_weight=numbers("envelope_weight"), multiply=numbers("use_envelope_multiply", bool),
-        segments=numbers("bbone_segments", int))
+        segments=numbers("bbone_segments", int),
+        curved=np.array([is_curved(bone) for bone in bones], bool))
 
 
 def read_channels(armature):
@@ -209,6 +255,11 @@ def read_segments(armature, bone, rest=False):
     pose_bone = armature.pose.bones[bone]
     return np.array([pose_bone.bbone_segment_matrix(k, rest=rest)
                      for k in range(pose_bone.bone.bbone_segments + 1)], np.float64)
+
+
+def segment_at(armature, bone, point):
+    """(segment, 0 to 1: how near its end) of a curved B-bone at a point (3,), space of the armature."""
+    return armature.pose.bones[bone].bbone_segment_index(Vector(point))
 
 
 def read_bone_matrix(armature, bone):

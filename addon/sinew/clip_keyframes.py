@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import clip_store, session
+from . import clip_store, posing, session
 
 
 def clip_armature(ob):
@@ -23,7 +23,7 @@ def insert(scene, armature, first, last):
     settings = armature.sinew_clip
     poses = []
     for frame in frames:
-        time, loop = session.clip_time(settings, player.clip.length, float(frame), scene.render)
+        time, loop = posing.clip_time(settings, player.clip.length, float(frame), scene.render)
         _, location, rotation = player.at(time, loop, rest=settings.mode == "REST")
         poses.append(np.concatenate((location, rotation), axis=1))
     poses = np.array(poses)  # (frames, bones, 7)

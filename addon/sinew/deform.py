@@ -28,12 +28,12 @@ class Deformer:
         of the motion each vertex takes part in (with linear skinning it is in the influences)."""
         self.influences = influences
         self.skin = self._make_skin(rest_positions)
-        self.positions = np.empty((self.skin.vertex_count, 3), np.float32)
         self._rest_positions = rest_positions
         self.rest_frames, self._stretch = rest_frames, stretch
         self._mask = None if mask is None else mask[:, None].astype(np.float32)
         self._armature_skin = None
         self._armature_skin_key = None
+        self._in_armature_space = False  # the last job was
 
     def has_rest(self, rest_positions):
         return np.array_equal(rest_positions, self._rest_positions)
@@ -44,30 +44,35 @@ class Deformer:
         self._rest_positions = rest_positions
         self._armature_skin_key = None
 
-    def deform(self, method, matrices, mesh_from_armature):
-        """matrices (J + 1, 4, 4) float32: each joint's motion from rest to pose, armature space, the
+    def job(self, method, matrices, mesh_from_armature, out):
+        """What `sinew_native.skin_all` is to do; `finish` comes after it.
+
+        matrices (J + 1, 4, 4) float32: each joint's motion from rest to pose, armature space, the
         last the identity.
         mesh_from_armature (4, 4) float64, or None where the two spaces are the same.
-        Returns (V, 3) float32, mesh space; the array is reused by the next call.
+        out (V, 3) float32: where the shape goes, mesh space.
         """
         skin, frames, change = self.skin, self.rest_frames, mesh_from_armature
-        in_armature_space = change is not None and not (method == "LINEAR" or is_similarity(change))
-        if in_armature_space:
+        linear = method == "LINEAR"
+        self._in_armature_space = change is not None and not (linear or is_similarity(change))
+        if self._in_armature_space:
             # A dual quaternion cannot carry the change of space: blend in the armature's space.
             skin = self._skin_in_armature_space(change)
         elif change is not None:
             matrices = (change @ matrices @ np.linalg.inv(change)).astype(np.float32)
-        if method == "LINEAR":
-            return sinew_native.skin_linear(skin, matrices, self.positions)
-        if change is not None and not in_armature_space:
+        if linear:
+            return skin, matrices, out, "linear"
+        if change is not None and not self._in_armature_space:
             frames = change @ frames
             frames[:, :3, :3] /= np.cbrt(np.linalg.det(change[:3, :3]))
-        sinew_native.skin_dual_quaternion(skin, matrices, self.positions, self._stretch, frames)
-        if in_armature_space:
-            self.positions[:] = transformed(change, self.positions)
+        return skin, matrices, out, "dual_quaternion", self._stretch, frames
+
+    def finish(self, positions, mesh_from_armature):
+        """What is left to do to the last job's positions, (V, 3), in place."""
+        if self._in_armature_space:
+            positions[:] = transformed(mesh_from_armature, positions)
         if self._mask is not None:
-            self.positions += (1 - self._mask) * (self._rest_positions - self.positions)
-        return self.positions
+            positions += (1 - self._mask) * (self._rest_positions - positions)
 
     def _make_skin(self, rest_positions):
         own = self.influences

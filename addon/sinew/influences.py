@@ -5,7 +5,7 @@ Letters: V vertices, B bones, N influences. A *joint* of the deformer is a bone,
 of a B-bone, or, last of all, one that never moves.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +27,7 @@ class Bones:
     envelope_weight: np.ndarray  # (B,)
     multiply: np.ndarray  # (B,) bool: the envelope multiplies the weights
     segments: np.ndarray  # (B,) int, 1: an ordinary bone
+    curved: np.ndarray  # (B,) bool: vertices belong to the segments along the bone's curve
 
     def __post_init__(self):
         # A bone with n > 1 segments has n + 1 joints.
@@ -34,9 +35,6 @@ class Bones:
         self.first_joint = np.cumsum(counts) - counts  # (B,)
         self.joint_count = int(counts.sum())  # without the one that never moves
         self.bent = np.flatnonzero(self.segments > 1)  # bones with segments
-
-    def same_as(self, other):
-        return all(np.array_equal(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
 
 
 @dataclass
@@ -59,9 +57,10 @@ class Influences:
     hang_on_shape: bool = False  # other rest positions may mean other influences
 
 
-def influences(offsets, bones_of_entries, weights, bones, rules, points):
+def influences(offsets, bones_of_entries, weights, bones, rules, points, segment_at=None):
     """offsets (V + 1,), bones_of_entries (N,): bone of each entry or -1, weights (N,), in the order
-    in which Blender stores them; points (V, 3): rest positions in the armature's space.
+    in which Blender stores them; points (V, 3): rest positions in the armature's space;
+    segment_at(bone, point): of a curved B-bone, the segment at a point and how near its end.
     """
     vertex_count = len(offsets) - 1
     vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
@@ -92,7 +91,8 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points):
     joint = bones.first_joint[bone]
     bent = bones.segments[bone] > 1
     if bent.any():
-        vertex, joint, weight = _split_over_segments(vertex, bone, joint, weight, bent, bones, points)
+        vertex, joint, weight = _split_over_segments(
+            vertex, bone, joint, weight, bent, bones, points, segment_at)
     if rules.mask is not None:
         vertex, joint, weight = _masked(vertex, joint, weight, rules.mask, bones.joint_count)
     counts = np.bincount(vertex, minlength=vertex_count)
@@ -135,7 +135,7 @@ def _envelope_influences(vertices, bones, points):
     return vertex, bone, envelope(points[vertex], bones, bone) * bones.envelope_weight[bone]
 
 
-def _split_over_segments(vertex, bone, joint, weight, bent, bones, points):
+def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at):
     """Each influence of a B-bone becomes two, of the ends of the segment that the vertex is at."""
     inverse = np.linalg.inv(bones.rest)[bone]
     local = np.einsum("nab,nb->na", inverse[:, 1:2, :3], points[vertex])[:, 0] + inverse[:, 1, 3]
@@ -143,6 +143,8 @@ def _split_over_segments(vertex, bone, joint, weight, bent, bones, points):
     place = np.clip(local / np.maximum(bones.length[bone], 1e-30), 0, 1) * count
     index = np.clip(np.floor(place).astype(int), 0, count - 1)
     blend = np.where(bent, place - index, 0)
+    for entry in np.flatnonzero(bent & bones.curved[bone]):
+        index[entry], blend[entry] = segment_at(bone[entry], points[vertex[entry]])
     joint = np.where(bent, joint + index, joint)
     vertex, joint = np.repeat(vertex, 2), np.stack((joint, joint + 1), 1).reshape(-1)
     weight = np.stack((weight * (1 - blend), weight * blend), 1).reshape(-1)

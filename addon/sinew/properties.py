@@ -3,7 +3,7 @@ object how the clip of an imported rig plays."""
 
 import bpy
 from bpy.props import (
-    BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty)
+    BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty)
 
 from . import binding, session
 from .outputs import OutputError
@@ -46,7 +46,7 @@ def _apply_output(settings, _context):
 
 
 def _apply_armature(settings, _context):
-    if settings.is_bound:
+    if settings.id_data.sinew.is_bound:
         session.forget_object(settings.id_data)
         session.refresh(settings.id_data)
 
@@ -55,8 +55,8 @@ def _apply_clip(settings, _context):
     session.refresh_armature(settings.id_data)
 
 
-class SinewObjectSettings(bpy.types.PropertyGroup):
-    """On mesh objects: `object.sinew`."""
+class LayerSettings:
+    """What an Armature modifier says."""
 
     armature: PointerProperty(
         type=bpy.types.Object, name="Armature", description="The armature that deforms this mesh",
@@ -64,13 +64,6 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     method: EnumProperty(
         items=METHODS, name="Method", description="How the joints' motions are blended",
         update=_apply)
-    source: EnumProperty(
-        items=SOURCES, name="Pose", description="Where the pose comes from", default="ARMATURE",
-        update=_apply)
-    output: EnumProperty(
-        items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
-        update=_apply_output)
-
     use_vertex_groups: BoolProperty(
         name="Vertex Groups", description="Weights come from vertex groups named after bones",
         default=True, update=_apply)
@@ -83,13 +76,39 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     mask_invert: BoolProperty(
         name="Invert", description="Turn the mask round", update=_apply)
 
+
+class SinewMixedLayer(LayerSettings, bpy.types.PropertyGroup):
+    """Of a mesh on which Multi Modifier mixed Armature modifiers: what the second, third, ... say."""
+
+
+class SinewReplacedModifier(bpy.types.PropertyGroup):
+    """An Armature modifier that is switched off while its mesh is bound, and how it was."""
+
+    name: StringProperty()
+    object: PointerProperty(type=bpy.types.Object)
+    show_viewport: BoolProperty()
+    show_render: BoolProperty()
+
+
+class SinewObjectSettings(LayerSettings, bpy.types.PropertyGroup):
+    """On mesh objects: `object.sinew`."""
+
+    source: EnumProperty(
+        items=SOURCES, name="Pose", description="Where the pose comes from", default="ARMATURE",
+        update=_apply)
+    output: EnumProperty(
+        items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
+        update=_apply_output)
+    mixed: CollectionProperty(type=SinewMixedLayer)
+
     # Kept by binding.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"})
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"})
-    replaced_modifier: StringProperty(options={"HIDDEN"})
-    replaced_object: PointerProperty(type=bpy.types.Object, options={"HIDDEN"})
-    replaced_show_viewport: BoolProperty(options={"HIDDEN"})
-    replaced_show_render: BoolProperty(options={"HIDDEN"})
+    replaced: CollectionProperty(type=SinewReplacedModifier, options={"HIDDEN"})
+
+    def layers(self):
+        """The settings of each layer, in the order in which they are mixed."""
+        return (self, *self.mixed)
 
 
 class SinewClipSettings(bpy.types.PropertyGroup):
@@ -112,7 +131,7 @@ class SinewClipSettings(bpy.types.PropertyGroup):
         update=_apply_clip)
 
 
-CLASSES = (SinewObjectSettings, SinewClipSettings)
+CLASSES = (SinewMixedLayer, SinewReplacedModifier, SinewObjectSettings, SinewClipSettings)
 
 
 def register():

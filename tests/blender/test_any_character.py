@@ -128,6 +128,47 @@ def with_another_armature_before(ob):
     second.object = ob.modifiers["Armature"].object
 
 
+def mixed(ob):
+    """Multi Modifier: linear where the mask says so, preserving volume elsewhere, or the other way
+    round in later versions."""
+    first = ob.modifiers["Armature"]
+    second = ob.modifiers.new("Second", "ARMATURE")
+    second.object, second.use_multi_modifier = first.object, True
+    second.use_deform_preserve_volume = not first.use_deform_preserve_volume
+    with_mask(ob)
+    first.vertex_group, second.vertex_group = "", "mask"
+
+
+def mixed_without_a_mask(ob):
+    mixed(ob)
+    ob.modifiers["Second"].vertex_group = ""
+
+
+def mixed_thrice_by_two_armatures(ob):
+    """With keys, a masked first one, and one in between that is switched off."""
+    add_shape_keys(ob)
+    mixed(ob)
+    ob.modifiers["Armature"].vertex_group = "bone3"
+    off = ob.modifiers.new("Off", "ARMATURE")
+    off.object, off.use_multi_modifier = ob.modifiers["Armature"].object, True
+    off.show_viewport = off.show_render = False
+    other = make_armature()
+    other.location.x = 0.3
+    other.pose.bones["bone1"].rotation_mode = "XYZ"
+    other.pose.bones["bone1"].rotation_euler.y = 0.5
+    third = ob.modifiers.new("Third", "ARMATURE")
+    third.object, third.use_multi_modifier = other, True
+    third.vertex_group, third.invert_vertex_group = "bone2", True
+
+
+def with_curved_bendy_bones(ob):
+    with_bendy_bones(ob)
+    for bone in ob.modifiers["Armature"].object.data.bones:
+        bone.bbone_curveinx, bone.bbone_curveoutz = 0.3, -0.4
+        if bpy.app.version >= (4, 0, 0):
+            bone.bbone_mapping_mode = "CURVED"
+
+
 def with_subdivision_after(ob):
     ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
 
@@ -166,7 +207,8 @@ def parented_and_squashed(ob):
 KINDS = (
     lambda ob: None, add_shape_keys, with_mask, lambda ob: with_mask(ob, invert=True),
     with_bendy_bones, with_envelopes, with_envelopes_alone, with_bones_that_do_not_deform,
-    with_a_modifier_before, with_another_armature_before, with_subdivision_after,
+    with_a_modifier_before, with_another_armature_before, mixed, mixed_without_a_mask,
+    mixed_thrice_by_two_armatures, with_curved_bendy_bones, with_subdivision_after,
     with_keys_and_subdivision, with_keys_and_the_lot_after, with_keys_mask_envelopes_and_bendy_bones,
     apart, parented_and_squashed)
 NAMES = [kind.__name__ for kind in KINDS]

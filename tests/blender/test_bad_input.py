@@ -110,9 +110,12 @@ def test_what_cannot_be_followed_is_refused_and_left_alone():
         modifier="Wave")
     with pytest.raises(RuntimeError, match=r"has a modifier before its armature's \(Wave\)"):
         bpy.ops.object.sinew_bind(output="MESH")
+    other = ob.modifiers["Armature"].object.copy()
+    bpy.context.collection.objects.link(other)
     second = ob.modifiers.new("Second", "ARMATURE")
-    second.object, second.use_multi_modifier = ob.modifiers["Armature"].object, True
-    with pytest.raises(RuntimeError, match="mixes several Armature modifiers"):
+    second.object, second.use_multi_modifier = other, True
+    select(other, ob)
+    with pytest.raises(RuntimeError, match="Multi Modifier mixes Second of capsule with"):
         bpy.ops.object.sinew_bind()
     assert not ob.sinew.is_bound
     assert [m.name for m in ob.modifiers] == ["Wave", "Armature", "Second"]
