@@ -3,7 +3,7 @@
     blender -b --python-exit-code 1 --python addon/bench_playback.py -- [--json FILE] [VERTICES ...]
 
 Medians over 40 different frames of whole `scene.frame_set` calls; an armature of 22 animated bones,
-about three influences a vertex.
+about three influences a vertex. The last rows are ten characters of the first size in one scene.
 """
 
 import json
@@ -89,30 +89,33 @@ def write_weights(mesh, height):
     bm.free()
 
 
-def frame_times(scene, entry=None):
-    """(median ms of frame_set, its extremes, median ms of each stage)."""
+def frame_times(scene, entries=()):
+    """(median ms of frame_set, its extremes, median ms of each stage, of all bound meshes)."""
     times, stages = [], {stage: [] for stage in STAGES}
     for frame in FRAMES:
         start = perf_counter()
         scene.frame_set(frame)
         times.append(1e3 * (perf_counter() - start))
-        for stage in STAGES if entry else ():
-            stages[stage].append(getattr(entry.timings, stage))
+        for stage in STAGES if entries else ():
+            stages[stage].append(sum(getattr(entry.timings, stage) for entry in entries))
     medians = {stage: statistics.median(t) for stage, t in stages.items() if t}
     return statistics.median(times), min(times), max(times), medians
 
 
-def measure(vertices, preserve_volume):
+def measure(vertices, preserve_volume, characters=1):
+    """characters: so many in one scene, each with an armature of its own; `vertices` of each."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     session = sys.modules[f"{ADDON}.session"]
     scene = bpy.context.scene
-    armature = make_armature()
-    ob = make_mesh(armature, vertices)
-    ob.modifiers["Armature"].use_deform_preserve_volume = preserve_volume
+    objects = [make_mesh(make_armature(), vertices) for _ in range(characters)]
+    for ob in bpy.context.selected_objects:
+        ob.select_set(False)
+    for ob in objects:
+        ob.modifiers["Armature"].use_deform_preserve_volume = preserve_volume
+        ob.select_set(True)
+    bpy.context.view_layer.objects.active = objects[0]
     scene.frame_set(1)
-    ob.select_set(True)
-    bpy.context.view_layer.objects.active = ob
     method = "preserve volume" if preserve_volume else "linear"
     rows = []
     builtin = frame_times(scene)
@@ -121,13 +124,13 @@ def measure(vertices, preserve_volume):
         bpy.ops.object.sinew_bind(output=output)
         bound = perf_counter() - start
         scene.frame_set(1)
-        ours = frame_times(scene, session.character(ob))
+        ours = frame_times(scene, [session.character(ob) for ob in objects])
         bpy.ops.object.sinew_unbind()
         scene.frame_set(1)
         again = frame_times(scene)[0]  # the modifier before and after: the machine drifts
         modifier = (builtin[0] + again) / 2
         rows.append({
-            "vertices": len(ob.data.vertices), "method": method, "output": output,
+            "vertices": len(objects[0].data.vertices), "characters": characters, "method": method, "output": output,
             "modifier_ms": modifier, "sinew_ms": ours[0], "sinew_extremes_ms": ours[1:3],
             "times_faster": modifier / ours[0], "stages_ms": ours[3],
             "blender_ms": ours[0] - sum(ours[3].values()), "accelerate_s": bound})
@@ -143,13 +146,15 @@ def main(arguments):
     sizes = [int(size) for size in arguments] or SIZES
     rows = [row for preserve_volume in (False, True) for size in sizes
             for row in measure(size, preserve_volume)]
+    rows += measure(sizes[0], False, characters=10)
     print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
     print("| vertices | method | output | modifier | Sinew | faster | pose | skin | write | Blender "
           "| accelerate, s |")
     print("|" + "---|" * 11)
     for row in rows:
         stages = " | ".join(f"{row['stages_ms'][stage]:.3f}" for stage in STAGES)
-        print(f"| {row['vertices']:,} | {row['method']} | {row['output']} | {row['modifier_ms']:.2f} "
+        count = f"{row['characters']} x " if row["characters"] > 1 else ""
+        print(f"| {count}{row['vertices']:,} | {row['method']} | {row['output']} | {row['modifier_ms']:.2f} "
               f"| {row['sinew_ms']:.2f} | {row['times_faster']:.2f}x | {stages} "
               f"| {row['blender_ms']:.2f} | {row['accelerate_s']:.2f} |")
     if path:

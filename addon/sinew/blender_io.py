@@ -241,13 +241,14 @@ def read_bones(armature):
         curved=np.array([is_curved(bone) for bone in bones], bool))
 
 
-def read_channels(armature):
-    """(B, 4, 4) float32: each pose bone's motion from rest to pose, armature space. Blender stores
-    columns; the transposed view reads as [bone, row, column]."""
-    count = len(armature.pose.bones)
-    numbers = np.empty(16 * count, np.float32)
-    armature.pose.bones.foreach_get("matrix_channel", numbers)
-    return numbers.reshape(count, 4, 4).transpose(0, 2, 1)
+def read_channels(armature, numbers=None):
+    """(B, 4, 4) float32: each pose bone's motion from rest to pose, armature space; a view of numbers
+    (16 B,), if given, which has them by columns, as Blender does."""
+    bones = armature.pose.bones
+    if numbers is None:
+        numbers = np.empty(16 * len(bones), np.float32)
+    bones.foreach_get("matrix_channel", numbers)
+    return numbers.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 def read_segments(armature, bone, rest=False):

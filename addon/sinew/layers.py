@@ -28,6 +28,7 @@ class Layer:
     bones: Bones | None = None
     matrices: np.ndarray | None = None  # (J + 1, 4, 4) float32, what the deformer takes
     positions: np.ndarray | None = None  # (V, 3) float32, what it writes if nothing better is there
+    _channels: np.ndarray | None = None  # (16 B,): the bones' motions as Blender hands them over
     _made_of: tuple = ()  # settings that can change without an edit being seen
     _signature: tuple = ()  # of the bones
     _space: bytes | None = None  # from armature to mesh, when the deformer was made
@@ -40,7 +41,8 @@ class Layer:
         armature = settings.armature
         mesh_from_armature = _between(evaluated, evaluated_armature)
         made_of = (settings.method, settings.use_vertex_groups, settings.use_envelopes,
-                   settings.mask_group, settings.mask_invert, len(ob.data.vertices))
+                   settings.mask_group, settings.mask_invert, len(ob.data.vertices),
+                   blender_io.key_of(armature.data))
         if self.deformer is None or made_of != self._made_of or not self._holds(
                 mesh_from_armature, rest, captured):
             self._make(ob, settings, evaluated_armature, mesh_from_armature, mixed, rest())
@@ -103,17 +105,21 @@ class Layer:
             rest_frames[first:first + count] = bones.rest[bone] @ blender_io.read_segments(
                 armature, bone, rest=True)
         self.deformer = Deformer(rest, own, rest_frames, STRETCH, None if linear else mask)
-        self.matrices = np.tile(np.eye(4, dtype=np.float32), (bones.joint_count + 1, 1, 1))
+        # Columns, as Blender stores them: the motions of ordinary bones can be read in place.
+        numbers = np.tile(np.eye(4, dtype=np.float32).reshape(-1), bones.joint_count + 1)
+        self.matrices = numbers.reshape(-1, 4, 4).transpose(0, 2, 1)
+        self._channels = numbers[:-16] if len(bones.bent) == 0 else np.empty(
+            16 * len(bones.names), np.float32)
         self.positions = np.empty((len(rest), 3), np.float32)
 
     def _read_joints(self, armature, clip_pose):
         """The bones' motions into the matrices, those of B-bones spread over their joints."""
         bones = self.bones
-        channels = blender_io.read_channels(armature) if clip_pose is None else clip_pose
-        if len(bones.bent) == 0:
-            self.matrices[:-1] = channels
-            return
-        self.matrices[bones.first_joint] = channels
+        in_place = clip_pose is None and len(bones.bent) == 0
+        if clip_pose is None:
+            clip_pose = blender_io.read_channels(armature, self._channels)
+        if not in_place:
+            self.matrices[bones.first_joint] = clip_pose
         for bone in bones.bent:
             first, count = bones.first_joint[bone], bones.segments[bone] + 1
             posed = (blender_io.read_bone_matrix(armature, bone)

@@ -43,6 +43,7 @@ class Character:
     name: str
     layers: list = field(default_factory=list)  # of Layer, as long as its settings ask for
     captured: bool | None = None  # whether rest positions come with each frame; None: look
+    watched: frozenset | None = None  # keys of the data-blocks whose edits count; None: look
     timings: Timings = field(default_factory=Timings)
     error: str = ""
 
@@ -54,7 +55,7 @@ class Character:
     def forget(self):
         """Everything is to be made anew."""
         self.layers.clear()
-        self.captured = None
+        self.captured = self.watched = None
 
 
 _lock = threading.RLock()
@@ -131,7 +132,7 @@ def on_frame(scene, depsgraph):
     with _lock:
         objects = [] if _evaluating else bound_objects()
         if objects:
-            _note_edits(objects, depsgraph)
+            _note_edits(objects, depsgraph, _changed(depsgraph))
             _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
 
 
@@ -142,7 +143,11 @@ def on_update(depsgraph):
         objects = [] if _evaluating else bound_objects()
         if not objects:
             return
-        affected = _note_edits(objects, depsgraph)
+        changed = _changed(depsgraph)
+        _note_edits(objects, depsgraph, changed)
+        affected = [ob for ob in objects if changed and not changed.isdisjoint(
+            map(blender_io.key_of, (ob, ob.data, *_armatures(ob),
+                                    *(armature.data for armature in _armatures(ob)))))]
         if affected:
             _deform(affected, depsgraph, {})
 
@@ -183,37 +188,36 @@ def _armatures(ob):
     return [settings.armature for settings in ob.sinew.layers() if settings.armature is not None]
 
 
-def _note_edits(objects, depsgraph):
-    """Drops what is cached of meshes and armatures that somebody has edited since the last
-    evaluation; what Sinew's own handlers write is never among it. Returns the objects concerned."""
+def _changed(depsgraph):
+    """The keys of what somebody has edited, or animation moved, since the last evaluation. What Sinew's
+    own handlers write is never among it."""
     kinds = (bpy.types.Object, bpy.types.Mesh, bpy.types.Armature, bpy.types.Key)
-    updates = [update for update in depsgraph.updates if isinstance(update.id, kinds)]
-    changed = {blender_io.key_of(update.id) for update in updates}
-    affected = []
-    for ob in objects if changed else ():
+    return {blender_io.key_of(update.id) for update in depsgraph.updates
+            if isinstance(update.id, kinds)}
+
+
+def _note_edits(objects, depsgraph, changed):
+    """Drops what is cached of meshes and bones that are among `changed`, if they were edited."""
+    for ob in objects:
         entry = _characters[blender_io.key_of(ob)]
-        armatures = _armatures(ob)
-        blocks = [ob, ob.data, *armatures, *(armature.data for armature in armatures)]
-        if changed.isdisjoint(map(blender_io.key_of, blocks)):
+        if entry.watched is not None and changed.isdisjoint(entry.watched):
             continue
-        affected.append(ob)
-        if blender_io.key_of(ob) in changed or blender_io.key_of(ob.data) in changed:
-            entry.captured = None
-            # An animated shape key tags its mesh too, but for its geometry alone: the moved shape
-            # arrives through the modifier, and weights stay as they are.
-            keys = ob.data.shape_keys
-            moved_by_keys = keys is not None and blender_io.key_of(keys) in changed
-            if any(update.id.original == ob.data and (update.is_updated_shading or not moved_by_keys)
-                   for update in updates):
-                entry.layers.clear()
-        for armature in armatures:
-            if blender_io.key_of(armature.data) in changed:
-                posing.forget_if_edited(armature)
-        for layer, settings in zip(entry.layers, ob.sinew.layers()):
-            armature = settings.armature
-            if armature is not None and blender_io.key_of(armature.data) in changed:
-                _follow_renamed_bones(ob, layer.bones_edited(armature))
-    return affected
+        mesh_key, keys = blender_io.key_of(ob.data), ob.data.shape_keys
+        armatures = {blender_io.key_of(armature.data): armature for armature in _armatures(ob)}
+        entry.watched = frozenset((blender_io.key_of(ob), mesh_key, *armatures))
+        entry.captured = None
+        # An animated shape key tags its mesh too, but for its geometry alone: the moved shape arrives
+        # through the modifier, and weights stay as they are.
+        moved_by_keys = keys is not None and blender_io.key_of(keys) in changed
+        if mesh_key in changed and (not moved_by_keys or any(
+                update.is_updated_shading for update in depsgraph.updates
+                if blender_io.key_of(update.id) == mesh_key)):
+            entry.layers.clear()
+        for key in changed.intersection(armatures):
+            posing.forget_if_edited(armatures[key])
+            for layer, settings in zip(entry.layers, ob.sinew.layers()):
+                if settings.armature == armatures[key]:
+                    _follow_renamed_bones(ob, layer.bones_edited(settings.armature))
 
 
 def _follow_renamed_bones(ob, names):
@@ -238,14 +242,11 @@ class _Frame:
 
     ob: bpy.types.Object
     entry: Character
+    output: type  # one of OUTPUTS
     parts: list  # (layer, its settings, what leads from its armature's space to the mesh's)
     positions: np.ndarray | None = None  # (V, 3), where the shape goes
     in_place: bool = False  # they are the mesh's own memory
     jobs: list = field(default_factory=list)
-
-    @property
-    def output(self):
-        return OUTPUTS[self.ob.sinew.installed_output]
 
 
 def _pose_armatures(objects, scene, depsgraph):
@@ -315,19 +316,20 @@ def _prepare(ob, depsgraph, posed):
     if not evaluated.is_evaluated or ob.data.is_editmode:
         return None
     start = perf_counter()
-    entry = _characters[blender_io.key_of(ob)]
-    output = OUTPUTS[ob.sinew.installed_output]
-    frame = _Frame(ob, entry, [])
+    entry, all_settings = _characters[blender_io.key_of(ob)], ob.sinew
+    output = OUTPUTS[all_settings.installed_output]
+    frame = _Frame(ob, entry, output, [])
     clips_milliseconds = 0.0
-    for number, settings in enumerate(ob.sinew.layers()):
+    for number, settings in enumerate(all_settings.layers()):
         armature = settings.armature
         if armature is None:
             raise RuntimeError("Its armature is gone: choose another one, or unbind")
         if number == len(entry.layers):
             entry.layers.append(Layer())
-        layer = entry.layers[number]
-        clip_pose, milliseconds = posed.get(blender_io.key_of(armature), (None, 0.0))
-        clips_milliseconds += milliseconds
+        layer, clip_pose = entry.layers[number], None
+        if posed:
+            clip_pose, milliseconds = posed.get(blender_io.key_of(armature), (None, 0.0))
+            clips_milliseconds += milliseconds
         change = layer.prepare(
             ob, settings, evaluated, armature.evaluated_get(depsgraph), clip_pose, number > 0,
             lambda: output.rest_positions(ob, evaluated), entry.captured)
