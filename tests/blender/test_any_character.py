@@ -4,77 +4,12 @@ accelerated, and compared with a copy that the modifier deforms."""
 import bpy
 import numpy as np
 import pytest
-from mathutils import Euler, Matrix, Vector
+from mathutils import Euler, Matrix
 
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of
 
 METHODS = ("LINEAR", "DUAL_QUATERNION")
-BONES = 5
-
-
-def make_armature(connected=True):
-    """A chain of five bones along Z and a side branch, one unit each."""
-    data = bpy.data.armatures.new("Rig")
-    armature = bpy.data.objects.new("Rig", data)
-    bpy.context.collection.objects.link(armature)
-    select(armature)
-    bpy.ops.object.mode_set(mode="EDIT")
-    parent = None
-    for i in range(BONES):
-        bone = data.edit_bones.new(f"bone{i}")
-        bone.head, bone.tail = (0, 0.05 * i, i), (0, 0.05 * (i + 1), i + 1)
-        bone.roll = 0.3 * i
-        bone.parent = parent
-        parent = bone
-    side = data.edit_bones.new("side")
-    side.head, side.tail, side.parent = (0.2, 0, 2), (1.2, 0.3, 2.2), data.edit_bones["bone1"]
-    bpy.ops.object.mode_set(mode="OBJECT")
-    return armature
-
-
-def make_mesh(armature, preserve_volume):
-    """A tube of 1,200 vertices with random weights that are not normalised, by that armature."""
-    random = np.random.default_rng(3)
-    rings, around = 60, 20
-    height, angle = np.meshgrid(np.linspace(-0.2, 5.2, rings),
-                                np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij")
-    points = np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle), height], -1).reshape(-1, 3)
-    faces = [(r * around + i, r * around + (i + 1) % around,
-              (r + 1) * around + (i + 1) % around, (r + 1) * around + i)
-             for r in range(rings - 1) for i in range(around)]
-    mesh = bpy.data.meshes.new("Tube")
-    mesh.from_pydata(points.tolist(), [], faces)
-    ob = bpy.data.objects.new("Tube", mesh)
-    bpy.context.collection.objects.link(ob)
-    names = [bone.name for bone in armature.data.bones]
-    groups = [ob.vertex_groups.new(name=name) for name in names]
-    for v, (_, _, z) in enumerate(points):
-        near = int(np.clip(z, 0, BONES - 1))
-        for bone in random.permutation([near, max(near - 1, 0), 5 if 1 < z < 3 else near]):
-            groups[bone].add([v], float(random.uniform(0.1, 1)), "ADD")
-    modifier = ob.modifiers.new("Armature", "ARMATURE")
-    modifier.object = armature
-    modifier.use_deform_preserve_volume = preserve_volume
-    return ob
-
-
-def add_shape_keys(ob):
-    """Two keys, one of them relative to the other and with a vertex group, both animated."""
-    random = np.random.default_rng(5)
-    ob.shape_key_add(name="Basis")
-    for name in ("Wide", "Bumpy"):
-        key = ob.shape_key_add(name=name)
-        for point in key.data:
-            point.co += Vector(random.uniform(-0.1, 0.1, 3))
-    keys = ob.data.shape_keys.key_blocks
-    keys["Bumpy"].relative_key = keys["Wide"]
-    keys["Bumpy"].vertex_group = "bone2"
-    for name, values in (("Wide", (0.2, 0.9)), ("Bumpy", (1.0, 0.3))):
-        for frame, value in zip((1, 10), values):
-            keys[name].value = value
-            keys[name].keyframe_insert("value", frame=frame)
-
-
 def with_mask(ob, invert=False):
     group = ob.vertex_groups.new(name="mask")
     for v in range(0, 1200, 3):
@@ -213,22 +148,6 @@ KINDS = (
     apart, parented_and_squashed)
 NAMES = [kind.__name__ for kind in KINDS]
 NAMES[0], NAMES[3] = "plain", "with_mask_turned_round"
-
-
-def pose(armature, frame, scaled):
-    random = np.random.default_rng(frame)
-    for bone in armature.pose.bones:
-        bone.rotation_mode = "QUATERNION"
-        bone.rotation_quaternion = Euler(random.uniform(-1.2, 1.2, 3)).to_quaternion()
-        bone.location = random.uniform(-0.2, 0.2, 3)
-        bone.scale = random.uniform(0.6, 1.5, 3) if scaled else (1, 1, 1)
-        for path in ("rotation_quaternion", "location", "scale"):
-            bone.keyframe_insert(path, frame=frame)
-
-
-def accelerate(ob):
-    select(ob)
-    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
 
 
 @pytest.fixture(params=METHODS)
