@@ -60,11 +60,9 @@ def check_bindable(ob, armature):
         raise BindingError(
             f"{ob.name} has no armature: select one with it, parent it to one or give it an "
             "Armature modifier")
-    if ob.library or ob.override_library or ob.data.library:
-        raise BindingError(f"{ob.name} is linked from another file; make it local first")
-    if ob.data.users > 1:
+    if ob.library:
         raise BindingError(
-            f"The mesh {ob.data.name} has {ob.data.users} users; make it single-user first")
+            f"{ob.name} is linked from another file; make a library override of it first, or bind it there")
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
     replaced = armature_modifier(ob, armature)

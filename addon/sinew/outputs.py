@@ -1,8 +1,9 @@
 """Where deformed positions go: through a Geometry Nodes modifier, or into the mesh itself.
 
-An output has `install(object)`, `remove(object)`, which leaves the mesh as it was before, and
-`rest_positions(object)`. A shape goes to it by `write(object, positions)`, or into the array that
-`target(object)` gives, if it gives one, and then `written(object, positions)`.
+An output class puts itself into the .blend and takes itself out again, leaving the mesh as it was before;
+an instance of it knows one bound object as it stands, until somebody edits it. A shape goes to it by
+`write(object, positions)`, or into the array that `target(object)` gives, if it gives one, and then
+`written(object, positions)`.
 """
 
 import bpy
@@ -14,6 +15,7 @@ NODE_GROUP_NAMES = {False: "Sinew", True: "Sinew After Shape Keys or Modifiers"}
 NODE_GROUP_VERSION = 2
 VERSION_PROPERTY = "sinew_version"
 CAPTURE_PROPERTY = "sinew_captures"
+SLOT_PROPERTY = "sinew_slot"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
 INPUT_ATTRIBUTE = ".sinew_input"
 # Modifiers that leave each vertex its number: the first move vertices or change other things, the
@@ -32,48 +34,61 @@ class OutputError(Exception):
 
 
 class ModifierOutput:
-    """Positions in an attribute, put in place by a modifier: the mesh itself is never touched."""
+    """Positions in an attribute, put in place by a modifier: the mesh itself is never touched. Objects
+    that share a mesh have an attribute each, told apart by a number, the slot."""
+
+    def __init__(self, ob):
+        group = sinew_modifier(ob).node_group
+        self.captures = bool(group.get(CAPTURE_PROPERTY))  # the modifier hands over its input
+        self._attribute = attribute_name(group.get(SLOT_PROPERTY, 0))
 
     @staticmethod
     def install(ob, index=0):
         """index: the modifier's place in the stack."""
-        blender_io.write_attribute(
-            ob.data, POSITION_ATTRIBUTE, blender_io.read_positions(ob.data))
         modifier = ob.modifiers.new(MODIFIER_NAME, "NODES")
-        modifier.node_group = node_group(False)
+        modifier.node_group = node_group(False, free_slot(ob))
         modifier.show_expanded = False
-        move_modifier(ob, modifier, index)
-        ModifierOutput.adapt(ob)
+        try:
+            move_modifier(ob, modifier, index)
+            ModifierOutput.adapt(ob)
+        except Exception:
+            ModifierOutput.remove(ob)
+            raise
 
     @staticmethod
     def adapt(ob):
-        """Sees to it that the modifier hands over its input if that is not the mesh's own shape:
-        shape keys, or other modifiers before it. Returns whether something had to be changed; the
-        input is then there after the next evaluation."""
+        """Sees to it that the modifier hands over its input if that is not the mesh's own shape (shape
+        keys, or other modifiers before it) and that its slot is its own. Returns whether something had
+        to be changed; the input is then there after the next evaluation."""
         modifier = sinew_modifier(ob)
+        group = modifier.node_group
+        slot = group.get(SLOT_PROPERTY, 0)
+        if ob.data.users > 1 and slot in slots_of_others(ob):
+            slot = free_slot(ob)
+        if not blender_io.point_attribute(ob.data, attribute_name(slot)):
+            blender_io.write_attribute(
+                ob.data, attribute_name(slot), blender_io.read_positions(ob.data))
         captures = (ob.data.shape_keys is not None
                     or bool(blender_io.modifiers_before(ob, modifier)))
-        if captures == ModifierOutput.captures(ob):
+        if is_group(group, captures, slot) or ob.library is not None:
             return False
-        modifier.node_group = node_group(captures)
+        modifier.node_group = node_group(captures, slot)
         forget_unused_node_groups()
         return True
-
-    @staticmethod
-    def captures(ob):
-        return bool(sinew_modifier(ob).node_group.get(CAPTURE_PROPERTY))
 
     @staticmethod
     def remove(ob):
         for modifier in [m for m in ob.modifiers if is_sinew(m)]:
             ob.modifiers.remove(modifier)
-        blender_io.remove_attribute(ob.data, POSITION_ATTRIBUTE)
+        used = {attribute_name(slot) for slot in slots_of_others(ob)}
+        for name in ob.data.attributes.keys():
+            if name.startswith(POSITION_ATTRIBUTE) and name not in used:
+                blender_io.remove_attribute(ob.data, name)
         forget_unused_node_groups()
 
-    @staticmethod
-    def rest_positions(ob, evaluated=None):
+    def rest_positions(self, ob, evaluated=None):
         """The modifier's input as Blender has evaluated it, (V, 3)."""
-        if evaluated is None or not ModifierOutput.captures(ob):
+        if evaluated is None or not self.captures:
             return blender_io.read_positions(ob.data)
         attribute = blender_io.point_attribute(evaluated.data, INPUT_ATTRIBUTE)
         if attribute is None:  # switched off, or not yet evaluated
@@ -84,22 +99,24 @@ class ModifierOutput:
             check_numbers_kept(ob, ob.modifiers.find(sinew_modifier(ob).name))
         return captured[:count]
 
-    @staticmethod
-    def target(ob):
-        attribute = blender_io.point_attribute(ob.data, POSITION_ATTRIBUTE)
+    def target(self, ob):
+        attribute = blender_io.point_attribute(ob.data, self._attribute)
         return attribute and blender_io.memory_of(attribute, len(ob.data.vertices))
 
-    @staticmethod
-    def written(ob, _positions):
+    def written(self, ob, _positions):
         ob.data.update_tag()
 
-    @staticmethod
-    def write(ob, positions):
-        blender_io.write_attribute(ob.data, POSITION_ATTRIBUTE, positions)
+    def write(self, ob, positions):
+        blender_io.write_attribute(ob.data, self._attribute, positions)
 
 
 class MeshOutput:
     """Positions straight in the mesh's vertices, with the rest kept in an attribute."""
+
+    captures = False
+
+    def __init__(self, _ob):
+        pass
 
     @staticmethod
     def install(ob, index=0):
@@ -107,6 +124,14 @@ class MeshOutput:
             raise OutputError(
                 f'{ob.data.name} already has an attribute "{REST_ATTRIBUTE}", which the output '
                 "Mesh needs; rename or remove it, or use the output Modifier")
+        if ob.data.library:
+            raise OutputError(
+                f"The mesh {ob.data.name} is linked from another file, so the output Mesh cannot write "
+                "it; use the output Modifier")
+        if ob.data.users > 1:
+            raise OutputError(
+                f"The mesh {ob.data.name} has {ob.data.users} users, which the output Mesh would all "
+                "deform; make it single-user first, or use the output Modifier")
         if ob.data.shape_keys:
             raise OutputError(
                 f"{ob.name} has shape keys, which the output Mesh cannot follow; use the output "
@@ -118,16 +143,11 @@ class MeshOutput:
         return False
 
     @staticmethod
-    def captures(_ob):
-        return False
-
-    @staticmethod
     def remove(ob):
-        blender_io.write_positions(ob.data, MeshOutput.rest_positions(ob))
+        blender_io.write_positions(ob.data, MeshOutput(ob).rest_positions(ob))
         blender_io.remove_attribute(ob.data, REST_ATTRIBUTE)
 
-    @staticmethod
-    def rest_positions(ob, _evaluated=None):
+    def rest_positions(self, ob, _evaluated=None):
         attribute = blender_io.point_attribute(ob.data, REST_ATTRIBUTE)
         if attribute is None:
             raise OutputError(
@@ -135,17 +155,14 @@ class MeshOutput:
                 "positions; unbind it")
         return blender_io.read_attribute(attribute)
 
-    @staticmethod
-    def target(ob):
+    def target(self, ob):
         attribute = ob.data.attributes.get("position")
         return attribute and blender_io.memory_of(attribute, len(ob.data.vertices))
 
-    @staticmethod
-    def written(ob, positions):
+    def written(self, ob, positions):
         blender_io.positions_written(ob.data, positions)
 
-    @staticmethod
-    def write(ob, positions):
+    def write(self, ob, positions):
         blender_io.write_positions(ob.data, positions)
 
 
@@ -171,12 +188,30 @@ def sinew_modifier(ob):
     raise OutputError(f"{ob.name} has lost its Sinew modifier; unbind it, and bind it again")
 
 
+def attribute_name(slot):
+    return f"{POSITION_ATTRIBUTE}_{slot}" if slot else POSITION_ATTRIBUTE
+
+
+def slots_of_others(ob):
+    """The slots that other bound objects with the same mesh have."""
+    return {modifier.node_group.get(SLOT_PROPERTY, 0)
+            for other in (bpy.data.objects if ob.data.users > 1 else ())
+            if other != ob and other.data == ob.data
+            for modifier in other.modifiers if is_sinew(modifier)}
+
+
+def free_slot(ob):
+    taken = slots_of_others(ob)
+    return next(slot for slot in range(len(taken) + 1) if slot not in taken)
+
+
 def is_sinew(modifier):
     return (modifier.type == "NODES" and modifier.node_group is not None
             and VERSION_PROPERTY in modifier.node_group)
 
 
 def move_modifier(ob, modifier, index):
+    """Raises OutputError where Blender does not allow it and it would make a difference."""
     place = ob.modifiers.find(modifier.name)
     if place == index:
         return
@@ -184,19 +219,28 @@ def move_modifier(ob, modifier, index):
         ob.modifiers.move(place, index)
         return
     with bpy.context.temp_override(object=ob, active_object=ob):  # before 3.5
-        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+        if bpy.ops.object.modifier_move_to_index.poll():
+            bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+            return
+    others = [m.name for m in ob.modifiers[index:place]
+              if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
+    if others:
+        raise OutputError(
+            f"This version of Blender does not let modifiers of a library override be moved, and "
+            f"{ob.name} needs Sinew's before {others[0]}; bind it in its own file")
 
 
-def node_group(captures):
+def node_group(captures, slot):
     """The node group that Sinew's modifiers share, made when it is first needed. captures: keep the
     positions that come in, for the next evaluation's handler to read."""
     for group in bpy.data.node_groups:
-        if (group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION and group.library is None
-                and bool(group.get(CAPTURE_PROPERTY)) == captures):
+        if group.library is None and is_group(group, captures, slot):
             return group
-    group = bpy.data.node_groups.new(NODE_GROUP_NAMES[captures], "GeometryNodeTree")
+    name = NODE_GROUP_NAMES[captures] + (f" {slot + 1}" if slot else "")
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     group[VERSION_PROPERTY] = NODE_GROUP_VERSION
     group[CAPTURE_PROPERTY] = captures
+    group[SLOT_PROPERTY] = slot
     if hasattr(group, "interface"):
         for direction in ("INPUT", "OUTPUT"):
             group.interface.new_socket(
@@ -215,7 +259,7 @@ def node_group(captures):
         nodes += [position, store]
     attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
     attribute.data_type = "FLOAT_VECTOR"
-    attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    attribute.inputs["Name"].default_value = attribute_name(slot)
     if bpy.app.version >= (4, 0, 0):
         # The same as Set Position, in less time.
         place, value = store_node(group, "position")
@@ -234,6 +278,11 @@ def node_group(captures):
     return group
 
 
+def is_group(group, captures, slot):
+    return (group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION
+            and bool(group.get(CAPTURE_PROPERTY)) == captures and group.get(SLOT_PROPERTY, 0) == slot)
+
+
 def store_node(group, name):
     """A node that stores a vector a point in the attribute of that name, and its input for them."""
     node = group.nodes.new("GeometryNodeStoreNamedAttribute")
@@ -243,5 +292,6 @@ def store_node(group, name):
 
 
 def forget_unused_node_groups():
-    for group in [g for g in bpy.data.node_groups if VERSION_PROPERTY in g and g.users == 0]:
+    for group in [g for g in bpy.data.node_groups
+                  if VERSION_PROPERTY in g and g.users == 0 and g.library is None]:
         bpy.data.node_groups.remove(group)

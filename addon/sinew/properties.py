@@ -32,6 +32,10 @@ CLIP_MODES = (
     ("PLAYBACK", "Playback", "One pose after the other with the frames of the scene"),
 )
 
+# An override of a linked character keeps its own settings.
+OVERRIDE = {"LIBRARY_OVERRIDABLE"}
+OVERRIDE_LIST = {"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
+
 
 def _apply(settings, _context):
     session.refresh(settings.id_data)
@@ -60,21 +64,21 @@ class LayerSettings:
 
     armature: PointerProperty(
         type=bpy.types.Object, name="Armature", description="The armature that deforms this mesh",
-        poll=lambda _self, ob: ob.type == "ARMATURE", update=_apply_armature)
+        poll=lambda _self, ob: ob.type == "ARMATURE", update=_apply_armature, override=OVERRIDE)
     method: EnumProperty(
         items=METHODS, name="Method", description="How the joints' motions are blended",
-        update=_apply)
+        update=_apply, override=OVERRIDE)
     use_vertex_groups: BoolProperty(
         name="Vertex Groups", description="Weights come from vertex groups named after bones",
-        default=True, update=_apply)
+        default=True, update=_apply, override=OVERRIDE)
     use_envelopes: BoolProperty(
         name="Bone Envelopes", description="Vertices without weights follow the bones whose "
-        "envelopes hold them", update=_apply)
+        "envelopes hold them", update=_apply, override=OVERRIDE)
     mask_group: StringProperty(
         name="Mask", description="Vertex group that says how much of the motion each vertex takes "
-        "part in; empty: all of it", update=_apply)
+        "part in; empty: all of it", update=_apply, override=OVERRIDE)
     mask_invert: BoolProperty(
-        name="Invert", description="Turn the mask round", update=_apply)
+        name="Invert", description="Turn the mask round", update=_apply, override=OVERRIDE)
 
 
 class SinewMixedLayer(LayerSettings, bpy.types.PropertyGroup):
@@ -84,10 +88,10 @@ class SinewMixedLayer(LayerSettings, bpy.types.PropertyGroup):
 class SinewReplacedModifier(bpy.types.PropertyGroup):
     """An Armature modifier that is switched off while its mesh is bound, and how it was."""
 
-    name: StringProperty()
-    object: PointerProperty(type=bpy.types.Object)
-    show_viewport: BoolProperty()
-    show_render: BoolProperty()
+    name: StringProperty(override=OVERRIDE)
+    object: PointerProperty(type=bpy.types.Object, override=OVERRIDE)
+    show_viewport: BoolProperty(override=OVERRIDE)
+    show_render: BoolProperty(override=OVERRIDE)
 
 
 class SinewObjectSettings(LayerSettings, bpy.types.PropertyGroup):
@@ -95,16 +99,16 @@ class SinewObjectSettings(LayerSettings, bpy.types.PropertyGroup):
 
     source: EnumProperty(
         items=SOURCES, name="Pose", description="Where the pose comes from", default="ARMATURE",
-        update=_apply)
+        update=_apply, override=OVERRIDE)
     output: EnumProperty(
         items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
-        update=_apply_output)
-    mixed: CollectionProperty(type=SinewMixedLayer)
+        update=_apply_output, override=OVERRIDE)
+    mixed: CollectionProperty(type=SinewMixedLayer, override=OVERRIDE_LIST)
 
     # Kept by binding.py, not for people to set.
-    is_bound: BoolProperty(options={"HIDDEN"})
-    installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"})
-    replaced: CollectionProperty(type=SinewReplacedModifier, options={"HIDDEN"})
+    is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
+    installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
+    replaced: CollectionProperty(type=SinewReplacedModifier, options={"HIDDEN"}, override=OVERRIDE_LIST)
 
     def layers(self):
         """The settings of each layer, in the order in which they are mixed."""
@@ -116,19 +120,19 @@ class SinewClipSettings(bpy.types.PropertyGroup):
 
     mode: EnumProperty(
         items=CLIP_MODES, name="Mode", description="Which of the rig's poses is shown",
-        update=_apply_clip)
+        update=_apply_clip, override=OVERRIDE)
     factor: FloatProperty(
         name="Factor", description="0 is the first pose, 1 the last", min=0.0, max=1.0,
-        default=1.0, subtype="FACTOR", update=_apply_clip)
+        default=1.0, subtype="FACTOR", update=_apply_clip, override=OVERRIDE)
     frame_start: FloatProperty(
         name="Start Frame", description="The scene's frame that shows the first pose", default=1.0,
-        update=_apply_clip)
+        update=_apply_clip, override=OVERRIDE)
     speed: FloatProperty(
         name="Speed", description="Poses a frame", default=1.0, soft_min=-4.0, soft_max=4.0,
-        update=_apply_clip)
+        update=_apply_clip, override=OVERRIDE)
     loop: BoolProperty(
         name="Loop", description="Begin again after the last pose", default=True,
-        update=_apply_clip)
+        update=_apply_clip, override=OVERRIDE)
 
 
 CLASSES = (SinewMixedLayer, SinewReplacedModifier, SinewObjectSettings, SinewClipSettings)
@@ -137,8 +141,10 @@ CLASSES = (SinewMixedLayer, SinewReplacedModifier, SinewObjectSettings, SinewCli
 def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Object.sinew = PointerProperty(type=SinewObjectSettings)
-    bpy.types.Object.sinew_clip = PointerProperty(type=SinewClipSettings)
+    bpy.types.Object.sinew = PointerProperty(
+        type=SinewObjectSettings, override=OVERRIDE)
+    bpy.types.Object.sinew_clip = PointerProperty(
+        type=SinewClipSettings, override=OVERRIDE)
 
 
 def unregister():

@@ -41,7 +41,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO"):
         matrices = sample_frames(context, ob, armature, joints, len(names))
 
     mesh = ob.data
-    positions = (OUTPUTS[ob.sinew.installed_output].rest_positions(ob) if ob.sinew.is_bound
+    positions = (OUTPUTS[ob.sinew.installed_output](ob).rest_positions(ob) if ob.sinew.is_bound
                  else blender_io.read_positions(mesh))
     face_offsets, face_vertices, face_materials = blender_io.read_faces(mesh)
     material_names = [material.name if material else "none" for material in mesh.materials]

@@ -42,7 +42,7 @@ class Character:
 
     name: str
     layers: list = field(default_factory=list)  # of Layer, as long as its settings ask for
-    captured: bool | None = None  # whether rest positions come with each frame; None: look
+    output: object = None  # one of outputs.OUTPUTS, or None: look
     watched: frozenset | None = None  # keys of the data-blocks whose edits count; None: look
     timings: Timings = field(default_factory=Timings)
     error: str = ""
@@ -55,7 +55,7 @@ class Character:
     def forget(self):
         """Everything is to be made anew."""
         self.layers.clear()
-        self.captured = self.watched = None
+        self.output = self.watched = None
 
 
 _lock = threading.RLock()
@@ -205,7 +205,7 @@ def _note_edits(objects, depsgraph, changed):
         mesh_key, keys = blender_io.key_of(ob.data), ob.data.shape_keys
         armatures = {blender_io.key_of(armature.data): armature for armature in _armatures(ob)}
         entry.watched = frozenset((blender_io.key_of(ob), mesh_key, *armatures))
-        entry.captured = None
+        entry.output = None
         # An animated shape key tags its mesh too, but for its geometry alone: the moved shape arrives
         # through the modifier, and weights stay as they are.
         moved_by_keys = keys is not None and blender_io.key_of(keys) in changed
@@ -242,7 +242,6 @@ class _Frame:
 
     ob: bpy.types.Object
     entry: Character
-    output: type  # one of OUTPUTS
     parts: list  # (layer, its settings, what leads from its armature's space to the mesh's)
     positions: np.ndarray | None = None  # (V, 3), where the shape goes
     in_place: bool = False  # they are the mesh's own memory
@@ -292,12 +291,16 @@ def _adapt(objects):
     changed = []
     for ob in objects:
         entry = _characters[blender_io.key_of(ob)]
-        if entry.captured is not None:
-            continue
-        output = OUTPUTS[ob.sinew.installed_output]
-        changed += _each(lambda ob, output: output.adapt(ob) or None, [(ob, output)])
-        entry.captured = bool(_each(lambda ob, output: output.captures(ob) or None, [(ob, output)]))
-    return bool(changed)
+        if entry.output is None:
+            changed += _each(_look_at_output, [(ob, entry)])
+    return any(changed)
+
+
+def _look_at_output(ob, entry):
+    output = OUTPUTS[ob.sinew.installed_output]
+    changed = output.adapt(ob)
+    entry.output = output(ob)
+    return changed
 
 
 def _evaluate_again(depsgraph):
@@ -316,11 +319,13 @@ def _prepare(ob, depsgraph, posed):
     if not evaluated.is_evaluated or ob.data.is_editmode:
         return None
     start = perf_counter()
-    entry, all_settings = _characters[blender_io.key_of(ob)], ob.sinew
-    output = OUTPUTS[all_settings.installed_output]
-    frame = _Frame(ob, entry, output, [])
+    entry = _characters[blender_io.key_of(ob)]
+    output = entry.output
+    if output is None:  # what is wrong with it has been said
+        return None
+    frame = _Frame(ob, entry, [])
     clips_milliseconds = 0.0
-    for number, settings in enumerate(all_settings.layers()):
+    for number, settings in enumerate(ob.sinew.layers()):
         armature = settings.armature
         if armature is None:
             raise RuntimeError("Its armature is gone: choose another one, or unbind")
@@ -332,7 +337,7 @@ def _prepare(ob, depsgraph, posed):
             clips_milliseconds += milliseconds
         change = layer.prepare(
             ob, settings, evaluated, armature.evaluated_get(depsgraph), clip_pose, number > 0,
-            lambda: output.rest_positions(ob, evaluated), entry.captured)
+            lambda: output.rest_positions(ob, evaluated), output.captures)
         frame.parts.append((layer, settings.method, change))
     entry.timings.pose = 1e3 * (perf_counter() - start) + clips_milliseconds
     return frame
@@ -342,7 +347,7 @@ def _take_target(frame):
     """Where the shape goes: into the mesh's own memory if Blender lets us, which saves a copy."""
     start = perf_counter()
     first = frame.entry.layers[0]
-    frame.positions = frame.output.target(frame.ob)
+    frame.positions = frame.entry.output.target(frame.ob)
     frame.in_place = frame.positions is not None
     if not frame.in_place:
         frame.positions = first.positions
@@ -382,8 +387,8 @@ def _finish(frame):
         if layer.share is not None:
             shape += layer.share * (own - shape)
     if frame.in_place:
-        frame.output.written(frame.ob, shape)
+        frame.entry.output.written(frame.ob, shape)
     else:
-        frame.output.write(frame.ob, shape)
+        frame.entry.output.write(frame.ob, shape)
     frame.entry.timings.write += 1e3 * (perf_counter() - start)
     frame.entry.error = ""

@@ -19,7 +19,7 @@ IMPORTERS = {
     ".dae": lambda path: bpy.ops.wm.collada_import(filepath=path),
 }
 # What keeps a mesh from being taken over; anything else that an error says is a failure.
-REASONS = ("has the name of a deforming bone", "users; make it single-user first")
+REASONS = ("has the name of a deforming bone",)
 
 
 def files():

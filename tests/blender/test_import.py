@@ -13,7 +13,7 @@ def test_objects_of_a_rig(name):
     ob, armature = import_rig(name)
     rig = addon_module("native").sinew_native.read_rig(
         str(RIGS[name].parent), skeleton=RIGS[name].name)
-    assert np.array_equal(addon_module("outputs").ModifierOutput.rest_positions(ob), rig.positions)
+    assert np.array_equal(addon_module("outputs").ModifierOutput(ob).rest_positions(ob), rig.positions)
     assert ob.parent == armature and ob.sinew.is_bound
     assert len(armature.data.bones) == rig.skeleton.joint_count
     assert len(ob.vertex_groups) == rig.weights.shape[1]

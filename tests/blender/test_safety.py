@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import (
     addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, own_positions, select,
     twin_of)
@@ -169,19 +169,111 @@ def test_appended_twice_and_into_a_file_with_sinew(fresh_scene, character, tmp_p
     assert len([group for group in bpy.data.node_groups if group.name == "Sinew"]) == 1
 
 
-def test_linked_shows_its_file_and_says_nothing(fresh_scene, character, tmp_path, caplog):
-    """A linked mesh cannot be written: it keeps the shape with which its file was saved."""
-    name = character[0].name
-    saved = evaluated(character[0])
+@pytest.mark.parametrize("copies", (0, 1, 2), ids=("linked", "overridden", "overridden twice"))
+def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_path, copies):
+    """Shots link characters: they follow their armatures there, the library's or an override's, each
+    override by itself though all share the library's mesh."""
+    collection = bpy.data.collections.new("Character")
+    fresh_scene.collection.children.link(collection)
+    for each in character:
+        collection.objects.link(each)
+    names = [each.name for each in character]
     path = tmp_path / "library.blend"
     reload(path)
     with bpy.data.libraries.load(str(path), link=True) as (_, to):
-        to.objects = [name]
-    bpy.context.collection.objects.link(to.objects[0])
-    bpy.context.scene.frame_set(3)
-    bpy.context.scene.frame_set(8)
-    assert np.allclose(evaluated(to.objects[0]), saved, atol=1e-6)
-    assert not caplog.records
+        to.collections = [collection_name := "Character"]
+    scene, linked = bpy.context.scene, to.collections[0]
+    assert linked.name == collection_name
+    if copies:
+        shown = [linked.override_hierarchy_create(scene, bpy.context.view_layer)
+                 for _ in range(copies)]
+    else:
+        scene.collection.children.link(linked)
+        shown = [linked]
+
+    def check():
+        for each in shown:
+            ob, twin, _ = parts(each)
+            assert addon_module("session").character(ob).error == ""
+            assert_same_shape(ob, twin)
+
+    def parts(each):
+        return [next(ob for ob in each.all_objects if ob.name.partition(".")[0] == name.partition(".")[0]
+                     and (name == names[2] or ob.sinew.is_bound == (name == names[0])))
+                for name in names]
+
+    for frame in (2, 8):
+        scene.frame_set(frame)
+        check()
+    if copies:
+        last = parts(shown[-1])[2]
+        last.animation_data_create().action = None
+        last.pose.bones["bone1"].location = (0.3, 0, 0)
+        last.pose.bones["bone1"].rotation_quaternion = (0.7, 0, 0.7, 0)
+        bpy.context.view_layer.update()
+        check()
+        scene.frame_set(4)
+        check()
+        shot = str(tmp_path / "shot.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=shot)
+        bpy.ops.wm.open_mainfile(filepath=shot)
+        scene = bpy.context.scene
+        shown = [each for each in bpy.data.collections if each.override_library]
+        assert len(shown) == copies
+        for frame in (5, 6):
+            scene.frame_set(frame)
+            check()
+
+
+def test_bound_as_an_override(fresh_scene, tmp_path):
+    """The library knows nothing of Sinew; the shot binds the overridden character."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    add_shape_keys(ob)
+    twin = twin_of(ob)
+    names = [ob.name, twin.name]
+    for frame in (1, 4, 7, 10):
+        pose(armature, frame, False)
+    collection = bpy.data.collections.new("Character")
+    fresh_scene.collection.children.link(collection)
+    for each in (armature, ob, twin):
+        collection.objects.link(each)
+    path = tmp_path / "library.blend"
+    reload(path)
+    with bpy.data.libraries.load(str(path), link=True) as (_, to):
+        to.collections = ["Character"]
+    to.collections[0].override_hierarchy_create(bpy.context.scene, bpy.context.view_layer)
+
+    def overridden():
+        return [next(ob for ob in bpy.data.objects if ob.name == name and ob.override_library)
+                for name in names]
+
+    def check(frames):
+        ob, twin = overridden()
+        for frame in frames:
+            bpy.context.scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+
+    ob, twin = overridden()
+    select(ob)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert not ob.modifiers["Armature"].show_viewport
+    check((2, 8))
+    shot = str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    bpy.ops.wm.open_mainfile(filepath=shot)
+    ob, twin = overridden()
+    assert ob.sinew.is_bound and ob.sinew.armature.override_library
+    check((5, 3))
+    select(ob)
+    with pytest.raises(RuntimeError, match="linked from another file, so the output Mesh cannot"):
+        bpy.ops.object.sinew_bind(output="MESH")
+    assert not overridden()[0].sinew.is_bound
+    check((6,))
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    bpy.ops.object.sinew_unbind()
+    assert traces() == []
+    check((7,))
 
 
 # --- objects --------------------------------------------------------------------------------------
@@ -208,6 +300,38 @@ def test_duplicated(fresh_scene, character, output, linked):
         assert traces() == []
         fresh_scene.frame_set(3)
         assert_same_shape(copy, twin)
+
+
+def test_objects_that_share_a_mesh(fresh_scene):
+    """Each by an armature of its own."""
+    armatures = [make_armature(), make_armature()]
+    objects = [make_mesh(armatures[0], False)]
+    objects.append(objects[0].copy())
+    fresh_scene.collection.objects.link(objects[1])
+    objects[1].modifiers["Armature"].object = armatures[1]
+    twins = [twin_of(ob) for ob in objects]
+    for frame in (1, 10):
+        pose(armatures[0], frame, False)
+        pose(armatures[1], 20 + frame, False)
+        armatures[1].pose.bones["bone0"].keyframe_insert("location", frame=11 - frame)
+    select(*objects)
+    bpy.ops.object.sinew_bind()
+    assert objects[0].data == objects[1].data and all(ob.sinew.is_bound for ob in objects)
+    for frame in (3, 8):
+        fresh_scene.frame_set(frame)
+        for ob, twin in zip(objects, twins):
+            assert_same_shape(ob, twin)
+        assert np.abs(evaluated(objects[0]) - evaluated(objects[1])).max() > 0.1
+    select(objects[0])
+    bpy.ops.object.sinew_unbind()
+    fresh_scene.frame_set(5)
+    assert_same_shape(objects[1], twins[1])
+    assert_same_shape(objects[0], twins[0])
+    with pytest.raises(RuntimeError, match="has 2 users, which the output Mesh would all deform"):
+        bpy.ops.object.sinew_bind(output="MESH")
+    select(objects[1])
+    bpy.ops.object.sinew_unbind()
+    assert traces() == []
 
 
 def test_duplicated_with_its_armature(fresh_scene, character):
