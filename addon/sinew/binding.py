@@ -1,6 +1,6 @@
 """Binding a mesh to Sinew and releasing it: what changes in the .blend, and how it is put back."""
 
-from . import blender_io, session
+from . import anchor, blender_io, session
 from .clip_store import has_poses
 from .outputs import OUTPUTS, OutputError, check_numbers_kept
 
@@ -151,6 +151,7 @@ def unbind(ob):
     """Give the mesh back as it was: rest positions, and the Armature modifier switched on again."""
     settings = ob.sinew
     OUTPUTS[settings.installed_output].remove(ob)
+    anchor.remove(ob)
     settings.is_bound = False
     for entry in settings.replaced:
         give_back(entry, ob)

@@ -54,14 +54,19 @@ class Layer:
         return mesh_from_armature
 
     def bones_edited(self, armature):
-        """Whether the bones are no longer those that the deformer was made for. Returns pairs of names,
-        old and new, or None. Posing tags an armature's data as well as an edit does: this tells."""
+        """Drops the deformer if the bones are no longer those that it was made for (posing tags an
+        armature's data as well as an edit does). Returns {old: new name} of bones that were renamed: they
+        are where they were."""
         if self.bones is None or self.deformer is None:
-            return None
+            return {}
         if blender_io.bone_signature(armature) == self._signature:
-            return None
+            return {}
         self.deformer = None
-        return list(zip(self.bones.names, armature.pose.bones.keys()))
+        before, after = self.bones, Bones(**blender_io.read_bones(armature))
+        if not np.array_equal(before.rest, after.rest):
+            return {}
+        return {old: new for old, new in zip(before.names, after.names)
+                if old != new and old not in after.names and new not in before.names}
 
     def _holds(self, mesh_from_armature, rest, captured):
         """Whether the influences are right for this frame's shape and place; gives the deformer the

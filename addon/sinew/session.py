@@ -14,7 +14,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from . import blender_io, posing
+from . import anchor, blender_io, posing
 from .layers import Layer
 from .native import sinew_native
 from .outputs import OUTPUTS
@@ -223,12 +223,7 @@ def _note_edits(objects, depsgraph, changed):
 def _follow_renamed_bones(ob, names):
     """Blender renames vertex groups with their bones only where an Armature modifier on that armature
     is at work, which is not so on a bound mesh."""
-    if names is None:
-        return
-    before, after = zip(*names) if names else ((), ())
-    for old, new in names:
-        if old == new or new in before or old in after:
-            continue
+    for old, new in names.items():
         group = ob.vertex_groups.get(old)
         if group is not None and new not in ob.vertex_groups:
             group.name = new
@@ -299,12 +294,15 @@ def _adapt(objects):
 def _look_at_output(ob, entry):
     output = OUTPUTS[ob.sinew.installed_output]
     changed = output.adapt(ob)
+    if not entry.layers:
+        changed |= anchor.adapt(ob)
     entry.output = output(ob)
     return changed
 
 
 def _evaluate_again(depsgraph):
-    """Rare: somebody has given a bound mesh its first shape key, or put a modifier before Sinew's."""
+    """Rare: a mesh was bound, or somebody has given it its first shape key or put a modifier before
+    Sinew's."""
     global _evaluating
     _evaluating = True
     try:

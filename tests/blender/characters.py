@@ -72,6 +72,11 @@ def add_shape_keys(ob):
             keys[name].keyframe_insert("value", frame=frame)
 
 
+def with_bendy_bones(ob):
+    for bone, segments in zip(ob.modifiers["Armature"].object.data.bones, (4, 8, 1, 3, 5)):
+        bone.bbone_segments = segments
+
+
 def pose(armature, frame, scaled):
     random = np.random.default_rng(frame)
     for bone in armature.pose.bones:

@@ -6,21 +6,19 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from characters import (
+    accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones)
 from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of
 
 METHODS = ("LINEAR", "DUAL_QUATERNION")
+
+
 def with_mask(ob, invert=False):
     group = ob.vertex_groups.new(name="mask")
     for v in range(0, 1200, 3):
         group.add([v], (v % 400) / 400, "REPLACE")
     ob.modifiers["Armature"].vertex_group = "mask"
     ob.modifiers["Armature"].invert_vertex_group = invert
-
-
-def with_bendy_bones(ob):
-    for bone, segments in zip(ob.modifiers["Armature"].object.data.bones, (4, 8, 1, 3, 5)):
-        bone.bbone_segments = segments
 
 
 def with_envelopes(ob):

@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from characters import (
+    accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones)
 from helpers import (
     addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, own_positions, select,
     twin_of)
@@ -457,6 +458,92 @@ def test_mesh_that_is_not_shown(fresh_scene, character):
     fresh_scene.frame_set(7)
     assert_same_shape(ob, twin)
     assert addon_module("session").character(ob).error == ""
+
+
+HIDINGS = {
+    "disabled in viewports": lambda armature: setattr(armature, "hide_viewport", True),
+    "hidden with the eye": lambda armature: armature.hide_set(True),
+    "in an excluded collection": lambda armature: put_away(armature, exclude=True),
+    "in a hidden collection": lambda armature: put_away(armature, exclude=False),
+    "in no scene": lambda armature: [c.objects.unlink(armature) for c in armature.users_collection],
+}
+
+
+def put_away(armature, exclude):
+    collection = bpy.data.collections.new("away")
+    bpy.context.scene.collection.children.link(collection)
+    for other in armature.users_collection:
+        other.objects.unlink(armature)
+    collection.objects.link(armature)
+    if exclude:
+        bpy.context.view_layer.layer_collection.children["away"].exclude = True
+    else:
+        collection.hide_viewport = True
+
+
+@pytest.mark.parametrize("when", ("before", "after"))
+@pytest.mark.parametrize("parented", (False, True), ids=("free", "parented"))
+@pytest.mark.parametrize("hide", HIDINGS.values(), ids=HIDINGS)
+def test_armature_that_is_not_shown(fresh_scene, hide, parented, when):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    with_bendy_bones(ob)
+    if parented:
+        ob.parent = armature
+    twin = twin_of(ob)
+    for frame in (1, 10):
+        pose(armature, frame, False)
+    if when == "before":
+        hide(armature)
+    accelerate(ob)
+    if when == "after":
+        fresh_scene.frame_set(2)
+        hide(armature)
+    shapes = []
+    for frame in (3, 8):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+        shapes.append(evaluated(ob))
+    assert np.abs(shapes[0] - shapes[1]).max() > 0.1
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    assert ob.animation_data is None
+    fresh_scene.frame_set(5)
+    assert_same_shape(ob, twin)
+
+
+def test_a_bone_deleted_and_another_added_is_no_renaming(fresh_scene, character):
+    ob, twin, armature = character
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = armature.data.edit_bones
+    bones.remove(bones["side"])
+    bone = bones.new("more")
+    bone.head, bone.tail, bone.parent = (0.2, 0, 3), (1, 0, 3.5), bones["bone2"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    fresh_scene.frame_set(5)
+    assert "side" in ob.vertex_groups and "more" not in ob.vertex_groups
+    assert_same_shape(ob, twin)
+
+
+def test_bones_added_while_the_armature_is_hidden(fresh_scene, character):
+    ob, twin, armature = character
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = armature.data.edit_bones.new("more")
+    bone.head, bone.tail = (0.2, 0, 3), (1, 0, 3.5)
+    bone.parent = armature.data.edit_bones["bone2"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for each in (ob, twin):
+        each.vertex_groups.new(name="more").add(range(600, 900), 0.7, "REPLACE")
+    for frame, angle in ((1, 0), (10, 1)):
+        armature.pose.bones["more"].rotation_mode = "XYZ"
+        armature.pose.bones["more"].rotation_euler.x = angle
+        armature.pose.bones["more"].keyframe_insert("rotation_euler", frame=frame)
+    armature.hide_viewport = True
+    for frame in (4, 9):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
 
 
 # --- the add-on itself ----------------------------------------------------------------------------
