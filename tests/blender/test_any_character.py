@@ -301,6 +301,80 @@ def test_modifiers_that_renumber_vertices(fresh_scene):
     assert addon_module("session").character(ob).error == ""
 
 
+def under_constraints(armature, _scene):
+    """IK with a target that moves, a damped track, and a copied rotation."""
+    target = bpy.data.objects.new("Target", None)
+    bpy.context.collection.objects.link(target)
+    for frame, place in ((1, (2, 0, 3)), (10, (-2, 1, 2))):
+        target.location = place
+        target.keyframe_insert("location", frame=frame)
+    ik = armature.pose.bones["bone3"].constraints.new("IK")
+    ik.target, ik.chain_count = target, 3
+    track = armature.pose.bones["side"].constraints.new("DAMPED_TRACK")
+    track.target = target
+    copied = armature.pose.bones["bone4"].constraints.new("COPY_ROTATION")
+    copied.target, copied.subtarget = armature, "side"
+
+
+def under_drivers(armature, scene):
+    for name, expression in (("bone1", "frame / 10"), ("bone3", "sin(frame)")):
+        bone = armature.pose.bones[name]
+        bone.rotation_mode = "XYZ"
+        bone.driver_add("rotation_euler", 0).driver.expression = expression
+
+
+def under_nla(armature, _scene):
+    """Two strips that are blended, one of them scaled and repeated."""
+    pose(armature, 1, False)
+    pose(armature, 6, False)
+    data = armature.animation_data
+    first, data.action = data.action, None
+    pose(armature, 3, False)
+    pose(armature, 9, False)
+    second, data.action = data.action, None
+    for action, start in ((first, 1), (second, 3)):
+        strip = data.nla_tracks.new().strips.new(action.name, start, action)
+        if action == second:
+            strip.blend_type, strip.influence, strip.scale, strip.repeat = "ADD", 0.5, 0.7, 2
+
+
+def under_driven_keys(_armature, _scene):
+    """Corrective shapes: a bone's rotation drives a key."""
+
+
+@pytest.mark.parametrize("under", (under_constraints, under_drivers, under_nla, under_driven_keys))
+def test_armatures_moved_in_all_ways(fresh_scene, method, under):
+    armature = make_armature()
+    ob = make_mesh(armature, method == "DUAL_QUATERNION")
+    if under == under_driven_keys:
+        add_shape_keys(ob)
+        for key in ob.data.shape_keys.key_blocks[1:]:
+            key.driver_remove("value")
+            ob.data.shape_keys.animation_data_clear()
+        for key in ob.data.shape_keys.key_blocks[1:]:
+            driver = key.driver_add("value").driver
+            driver.type = "SUM"
+            variable = driver.variables.new()
+            variable.type = "TRANSFORMS"
+            target = variable.targets[0]
+            target.id, target.bone_target = armature, "bone1"
+            target.transform_type, target.transform_space = "LOC_X", "LOCAL_SPACE"
+        pose(armature, 1, False)
+        pose(armature, 10, False)
+    under(armature, fresh_scene)
+    twin = twin_of(ob)
+    if under == under_driven_keys:
+        assert twin.data.shape_keys.animation_data.drivers
+    accelerate(ob)
+    shapes = []
+    for frame in range(1, 11):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+        shapes.append(evaluated(ob))
+    assert np.abs(shapes[0] - shapes[-1]).max() > 0.05
+    assert addon_module("session").character(ob).error == ""
+
+
 @pytest.mark.parametrize("update", (True, False), ids=("live", "with the next frame"))
 def test_weights_painted_under_animated_shape_keys(fresh_scene, update):
     armature = make_armature()

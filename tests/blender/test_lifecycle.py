@@ -125,8 +125,10 @@ def test_save_and_reload(fresh_scene, tmp_path, output):
     assert np.allclose(evaluated(ob), later, atol=1e-6)
 
 
-def test_a_file_opened_without_the_addon_shows_the_last_frame(fresh_scene, tmp_path):
-    ob, _ = import_rig("capsule")
+@pytest.mark.parametrize("parented", (True, False), ids=("parented", "free"))
+def test_a_file_opened_without_the_addon_shows_the_last_frame(fresh_scene, tmp_path, parented):
+    ob, armature = import_rig("capsule")
+    ob.parent = armature if parented else None
     fresh_scene.frame_set(9)
     shape = evaluated(ob)
     path = tmp_path / "saved.blend"

@@ -4,9 +4,12 @@ import bpy
 import numpy as np
 import pytest
 
-from helpers import builtin_copy, import_rig
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from helpers import (
+    addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of)
 
 FRAMES = (1, 6, 11)
+SOAK_ROUNDS, SOAK_FRAMES = 50, 10
 
 
 def render_frames(scene, folder, animation):
@@ -43,21 +46,143 @@ def add_camera(scene):
     scene.camera = camera
 
 
-@pytest.mark.parametrize("animation", (True, False), ids=("animation", "stills"))
-@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
-def test_rendered_frames_equal_the_modifiers(fresh_scene, tmp_path, output, animation):
-    ob, _ = import_rig("capsule", output=output)
-    add_camera(fresh_scene)
-    reference = builtin_copy(ob)
-    pictures = {}
-    for shown, hidden in ((ob, reference), (reference, ob)):
+def pictures_of_both(scene, tmp_path, ob, reference, animation=True):
+    """What is rendered of the bound mesh, and of the reference alone."""
+    pictures = []
+    for number, (shown, hidden) in enumerate(((ob, reference), (reference, ob))):
         shown.hide_render, hidden.hide_render = False, True
-        folder = tmp_path / shown.name
+        folder = tmp_path / str(number)
         folder.mkdir()
-        pictures[shown.name] = render_frames(fresh_scene, folder, animation)
-    ours, theirs = pictures[ob.name], pictures[reference.name]
+        pictures.append(render_frames(scene, folder, animation))
+    return pictures
+
+
+def assert_same_pictures(ours, theirs):
+    """Frames differ from each other, and not between the two."""
     assert np.abs(ours - theirs).mean() < 0.5 / 255
     for a, b in ((0, 1), (1, 2), (0, 2)):
         between_frames = np.abs(ours[a] - ours[b]).mean()
         assert between_frames > 10 * np.abs(ours[a] - theirs[a]).mean()
         assert between_frames > 1 / 255
+
+
+@pytest.mark.parametrize("animation", (True, False), ids=("animation", "stills"))
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_rendered_frames_equal_the_modifiers(fresh_scene, tmp_path, output, animation):
+    ob, _ = import_rig("capsule", output=output)
+    add_camera(fresh_scene)
+    assert_same_pictures(*pictures_of_both(
+        fresh_scene, tmp_path, ob, builtin_copy(ob), animation))
+
+
+def with_motion_blur(scene):
+    scene.render.use_motion_blur = True
+    scene.render.motion_blur_shutter = 1.0
+
+
+def with_view_layers(scene):
+    for name in ("second", "third"):
+        scene.view_layers.new(name)
+
+
+def with_persistent_data(scene):
+    scene.render.use_persistent_data = True
+
+
+def with_all_of_it(scene):
+    with_motion_blur(scene)
+    with_view_layers(scene)
+    with_persistent_data(scene)
+
+
+@pytest.mark.parametrize(
+    "way", (with_motion_blur, with_view_layers, with_persistent_data, with_all_of_it))
+@pytest.mark.parametrize("hidden_rig", (False, True), ids=("rig shown", "rig not rendered"))
+def test_rendered_in_every_way(fresh_scene, tmp_path, way, hidden_rig):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    add_shape_keys(ob)
+    reference = twin_of(ob)
+    for frame in (1, 4, 7, 11):
+        pose(armature, frame, True)
+    accelerate(ob)
+    armature.hide_render = hidden_rig
+    add_camera(fresh_scene)
+    fresh_scene.camera.location = (0, -12, 2.5)
+    way(fresh_scene)
+    ours, theirs = pictures_of_both(fresh_scene, tmp_path, ob, reference)
+    assert_same_pictures(ours, theirs)
+    if fresh_scene.render.use_motion_blur:
+        fresh_scene.render.use_motion_blur = False
+        (tmp_path / "sharp").mkdir()
+        sharp = render_frames(fresh_scene, tmp_path / "sharp", True)
+        assert np.abs(sharp - theirs).mean() > 1 / 255
+
+
+def test_soak(fresh_scene, tmp_path):
+    """Hundreds of frames rendered, with edits, undo and redo in between."""
+    armature = make_armature()
+    objects = [make_mesh(armature, preserve) for preserve in (False, True, False)]
+    add_shape_keys(objects[2])
+    for frame in (1, 4, 7, 10):
+        pose(armature, frame, True)
+    twins = [twin_of(ob) for ob in objects]
+    names = [[each.name for each in group] for group in (objects, twins)]
+    for ob in objects:
+        accelerate(ob)
+    objects[1].sinew.output = "MESH"
+    add_camera(fresh_scene)
+    scene = fresh_scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
+    scene.render.resolution_x = scene.render.resolution_y = 4
+    scene.render.filepath = str(tmp_path / "frame")
+    bpy.ops.ed.undo_push(message="start")
+    random = np.random.default_rng(1)
+
+    def objects_now():
+        return [[bpy.data.objects[name] for name in group] for group in names]
+
+    def paint(ob):
+        group = ob.vertex_groups[int(random.integers(4))]
+        group.add(range(int(random.integers(900)), 1200), 0.5, "REPLACE")
+        ob.data.update()
+
+    def edit(round_number):
+        ob, twin = (group[int(random.integers(3))] for group in objects_now())
+        select(ob)
+        kind = round_number % 5
+        if kind == 0:
+            paint(ob)
+        elif kind == 1:
+            bpy.ops.object.mode_set(mode="EDIT")
+            bpy.ops.mesh.select_all(action="SELECT")
+            bpy.ops.transform.translate(value=(0, 0, 0.01))
+            bpy.ops.object.mode_set(mode="OBJECT")
+        elif kind == 2:
+            bpy.ops.object.sinew_unbind()
+            bpy.ops.object.sinew_bind()
+        elif kind == 3:
+            ob.sinew.method = "LINEAR" if ob.sinew.method != "LINEAR" else "DUAL_QUATERNION"
+        else:
+            armature_now = ob.sinew.armature
+            armature_now.pose.bones["bone1"].scale.x = random.uniform(0.8, 1.2)
+
+    rendered = 0
+    for round_number in range(SOAK_ROUNDS):
+        scene = bpy.context.scene
+        scene.frame_start, scene.frame_end = 1, SOAK_FRAMES
+        bpy.ops.render.render(animation=True)
+        rendered += SOAK_FRAMES
+        edit(round_number)
+        bpy.ops.ed.undo_push(message=f"edit {round_number}")
+        scene.frame_set(1 + round_number % 10)
+        bpy.ops.ed.undo()
+        if round_number % 3 == 0:
+            bpy.ops.ed.redo()
+            bpy.ops.ed.undo()
+        bpy.context.scene.frame_set(2 + round_number % 9)
+        for ob, twin in zip(*objects_now()):
+            assert_same_shape(ob, twin)
+            assert addon_module("session").character(ob).error == ""
+    assert rendered == 500
