@@ -1,0 +1,142 @@
+"""What only a window does: drawing while it plays, and rendering with F12, which calls the handlers from
+another thread while the interface goes on. Run in a Blender with a window, on the installed add-on:
+
+    blender --python tests/blender/in_window.py -- FOLDER
+
+Pictures go to FOLDER. The process ends with 1 if something was wrong.
+"""
+
+import faulthandler
+import os
+import sys
+import traceback
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose  # noqa: E402
+from helpers import addon_module, assert_same_shape, select, twin_of  # noqa: E402
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+FRAMES = range(1, 31)
+SECONDS = 240  # at most, for all of it
+
+
+def steps():
+    """What happens, one step after the other; each `yield` lets Blender draw and go on until the next
+    one is due, after so many seconds."""
+    scene = bpy.context.scene
+    for ob in list(bpy.data.objects):
+        bpy.data.objects.remove(ob)
+    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    add_shape_keys(ob)
+    twin = twin_of(ob)
+    for frame in (1, 10, 20, 30):
+        pose(armature, frame, False)
+    accelerate(ob)
+    yield 0.5
+
+    seen = set()
+
+    def look(scene, _graph):
+        seen.add(scene.frame_current)
+
+    bpy.app.handlers.frame_change_post.append(look)
+    with window():
+        bpy.ops.screen.animation_play()
+    waited = 0
+    while len(seen) < 20 and waited < 60:
+        waited += 1
+        yield 0.5
+    with window():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    bpy.app.handlers.frame_change_post.remove(look)
+    assert len(seen) >= 20, f"only {len(seen)} frames were shown"
+    assert_same_shape(ob, twin)
+    print(f"window: played {len(seen)} different frames")
+
+    for frame in (3, 17, 8):
+        scene.frame_set(frame)
+        yield 0.1
+        assert_same_shape(ob, twin)
+    armature.pose.bones["bone1"].location.x = 0.4
+    yield 0.3
+    assert_same_shape(ob, twin)
+    print("window: scrubbed, and followed a bone moved by hand")
+
+    camera(scene)
+    pictures = []
+    for number, (shown, hidden) in enumerate(((ob, twin), (twin, ob))):
+        shown.hide_render, hidden.hide_render = False, True
+        scene.render.filepath = str(FOLDER / f"{number}-")
+        done = []
+        for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
+            handlers.append(lambda *_: done.append(True))
+        with window():
+            bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
+        tick = 0
+        while not done:
+            tick += 1
+            if not scene.render.use_lock_interface and tick % 2:  # somebody plays with the interface
+                select(twin if tick % 4 == 1 else armature)
+            yield 0.2
+        yield 0.5
+        pictures.append([pixels(FOLDER / f"{number}-{frame:04}.png") for frame in FRAMES])
+    ours, theirs = map(np.array, pictures)
+    assert np.abs(ours - theirs).mean() < 0.5 / 255, "F12 renders another shape than the modifier's"
+    assert np.abs(ours[0] - ours[12]).mean() > 1 / 255
+    assert addon_module("session").character(ob).error == ""
+    print(f"window: F12 rendered {len(FRAMES)} frames as the modifier does")
+
+
+def camera(scene):
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    scene.render.use_lock_interface = True
+    ob = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    ob.location, ob.rotation_euler = (0, -12, 2.5), (np.pi / 2, 0, 0)
+    light = bpy.data.objects.new("light", bpy.data.lights.new("light", "SUN"))
+    light.rotation_euler = (0.7, 0.3, 0)
+    for each in (ob, light):
+        scene.collection.objects.link(each)
+    scene.camera = ob
+
+
+def window():
+    """Operators called from a timer have no window of their own."""
+    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0])
+
+
+def pixels(path):
+    image = bpy.data.images.load(str(path))
+    numbers = np.array(image.pixels[:])
+    bpy.data.images.remove(image)
+    return numbers
+
+
+running = steps()
+
+
+def go_on():
+    try:
+        return next(running)
+    except StopIteration:
+        leave(0)
+    except BaseException:  # noqa: BLE001
+        traceback.print_exc()
+        leave(1)
+
+
+def leave(code):
+    print("window:", "all is well" if code == 0 else "FAILED")
+    sys.stdout.flush()
+    os._exit(code)  # a Blender with unsaved changes would ask
+
+
+faulthandler.dump_traceback_later(SECONDS, exit=True)
+bpy.app.timers.register(go_on, first_interval=2.0)
