@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+VERSION = bpy.app.version
+
 
 def key_of(id_block):
     """A number that tells data-blocks of one session apart, the same for evaluated copies."""

@@ -6,7 +6,6 @@ modifiers.
 
 from dataclasses import dataclass
 
-import bpy
 import numpy as np
 
 from . import blender_io
@@ -14,9 +13,9 @@ from .deform import Deformer, transformed
 from .influences import Bones, Rules, group_weights, influences
 
 # How Blender itself treats scaled bones when it preserves volume, ...
-STRETCH = "frame_each" if bpy.app.version >= (4, 0, 0) else "frame"
+STRETCH = "frame_each" if blender_io.VERSION >= (4, 0, 0) else "frame"
 # ... and whether Multi Modifier's mask shows what comes later in the stack.
-MASK_SHOWS_LATER = bpy.app.version >= (4, 0, 0)
+MASK_SHOWS_LATER = blender_io.VERSION >= (4, 0, 0)
 
 
 @dataclass

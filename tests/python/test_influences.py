@@ -13,7 +13,7 @@ rules = sys.modules["influences"] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(rules)
 
 
-def bones(count=2, segments=None, deform=None, multiply=None):
+def bones(count=2, segments=None, deform=None, multiply=None, curved=False):
     """Bones of length 1 along Y, one above the other, with envelopes of radius 0.25 and reach 0.5."""
     rest = np.tile(np.eye(4), (count, 1, 1))
     rest[:, 1, 3] = np.arange(count)
@@ -24,7 +24,8 @@ def bones(count=2, segments=None, deform=None, multiply=None):
         head_radius=0.25 * ones, tail_radius=0.25 * ones, envelope_distance=0.5 * ones,
         envelope_weight=np.arange(1.0, count + 1),
         multiply=np.zeros(count, bool) if multiply is None else np.array(multiply),
-        segments=np.ones(count, int) if segments is None else np.array(segments))
+        segments=np.ones(count, int) if segments is None else np.array(segments),
+        curved=np.full(count, curved))
 
 
 def dense(result):
@@ -34,14 +35,15 @@ def dense(result):
     return table
 
 
-def of(entries, own_bones, points=None, **settings):
+def of(entries, own_bones, points=None, segment_at=None, **settings):
     """entries: for each vertex [(bone, weight)]."""
     offsets = np.cumsum([0] + [len(e) for e in entries])
     flat = [pair for e in entries for pair in e]
     bone = np.array([b for b, _ in flat], np.int32)
     weight = np.array([w for _, w in flat], np.float32)
     points = np.zeros((len(entries), 3)) if points is None else np.array(points, float)
-    return rules.influences(offsets, bone, weight, own_bones, rules.Rules(**settings), points)
+    return rules.influences(
+        offsets, bone, weight, own_bones, rules.Rules(**settings), points, segment_at)
 
 
 def test_weights_are_normalised_over_bones_that_deform():
@@ -81,6 +83,19 @@ def test_segments_share_a_bone():
     assert result.joint_count == 5
     assert np.allclose(dense(result), [[1, 0, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0, 0],
                                        [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0]])
+
+
+def test_segments_along_a_curve_are_asked_for():
+    asked = []
+
+    def segment_at(bone, point):
+        asked.append((bone, point.tolist()))
+        return 2, 0.25
+
+    result = of([[(1, 1.0)], [(0, 1.0)]], bones(2, segments=[1, 4], curved=True),
+                points=[[0, 1.5, 0], [0, 0, 0]], segment_at=segment_at)
+    assert asked == [(1, [0, 1.5, 0])]
+    assert np.allclose(dense(result), [[0, 0, 0, 0.75, 0.25, 0, 0], [1, 0, 0, 0, 0, 0, 0]])
 
 
 def test_mask_leaves_the_rest_to_the_joint_that_never_moves():
