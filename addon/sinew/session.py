@@ -164,6 +164,7 @@ def refresh(ob):
         depsgraph = context.evaluated_depsgraph_get()
         objects = [other for other in bound_objects() if armature in _armatures(other)]
         _deform(objects, depsgraph, _pose_armatures(objects, context.scene, depsgraph))
+        _evaluate(depsgraph)  # now, for later it would look like somebody's edit
 
 
 def refresh_armature(armature):
@@ -252,7 +253,7 @@ def _pose_armatures(objects, scene, depsgraph):
 def _deform(objects, depsgraph, posed):
     """An error in one mesh is kept with it and logged once; the others go on."""
     if _adapt(objects) and depsgraph.mode == "VIEWPORT":
-        _evaluate_again(depsgraph)
+        _evaluate(depsgraph)
     frames = _each(_prepare, [(ob, depsgraph, posed) for ob in objects])
     frames = _each(_take_target, [(frame,) for frame in frames])
     frames = _skin(frames)
@@ -300,9 +301,8 @@ def _look_at_output(ob, entry):
     return changed
 
 
-def _evaluate_again(depsgraph):
-    """Rare: a mesh was bound, or somebody has given it its first shape key or put a modifier before
-    Sinew's."""
+def _evaluate(depsgraph):
+    """Evaluates what Sinew has changed, without being called for it."""
     global _evaluating
     _evaluating = True
     try:
