@@ -157,7 +157,7 @@ def read_weights(ob):
     was removed has the group -1."""
     bm = bmesh.new()
     try:
-        bm.from_mesh(ob.data, face_normals=False)
+        bm.from_mesh(ob.data, face_normals=False, vertex_normals=False)
         layer = bm.verts.layers.deform.active
         counts = np.zeros(len(bm.verts), np.int64)
         groups, weights = [], []
@@ -181,7 +181,7 @@ def write_weights(mesh, dense):
     heaviest first."""
     bm = bmesh.new()
     try:
-        bm.from_mesh(mesh, face_normals=False)
+        bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
         layer = bm.verts.layers.deform.verify()
         rows, columns = np.nonzero(dense > 0)
         values = dense[rows, columns]

@@ -103,11 +103,21 @@ class ExportRig(bpy.types.Operator, ExportHelper):
 
 
 def selected_meshes(context):
+    """The selected meshes, else the active one, else those that hang on a selected armature."""
     meshes = [ob for ob in context.selected_objects if ob.type == "MESH"]
     active = context.active_object
     if not meshes and active and active.type == "MESH":
         meshes = [active]
+    if not meshes and selected_armature(context):
+        meshes = meshes_of(context, selected_armature(context))
     return meshes
+
+
+def meshes_of(context, armature):
+    """The meshes of the view layer that an armature deforms, through Blender or through Sinew."""
+    return [ob for ob in context.view_layer.objects if ob.type == "MESH" and (
+        ob.sinew.armature == armature if ob.sinew.is_bound
+        else binding.armature_modifier(ob, armature) is not None)]
 
 
 def selected_armature(context):
@@ -118,7 +128,8 @@ def selected_armature(context):
 
 
 class Bind(bpy.types.Operator):
-    """Let Sinew deform the selected meshes, by the selected armature or the one they hang on"""
+    """Let Sinew deform the selected meshes, by the selected armature or the one they hang on; with an
+    armature alone selected, all meshes that hang on it"""
 
     bl_idname = "object.sinew_bind"
     bl_label = "Bind with Sinew"
@@ -143,6 +154,8 @@ class Bind(bpy.types.Operator):
                 problems.append(str(error))
         for problem in problems:
             self.report({"WARNING" if bound else "ERROR"}, problem)
+        if bound > 1:
+            self.report({"INFO"}, f"Sinew deforms {bound} meshes")
         return {"FINISHED"} if bound else {"CANCELLED"}
 
 

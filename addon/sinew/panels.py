@@ -2,8 +2,8 @@
 
 import bpy
 
-from . import clip_store, session
-from .operators import Bind, ClipToKeyframes, Unbind
+from . import binding, clip_store, session
+from .operators import Bind, ClipToKeyframes, Unbind, meshes_of
 
 
 class SinewPanel(bpy.types.Panel):
@@ -19,15 +19,36 @@ class SinewPanel(bpy.types.Panel):
         layout.use_property_decorate = False
         ob = context.active_object
         if ob is not None and ob.type == "ARMATURE":
-            draw_clip(layout, ob)
-            layout.operator(Bind.bl_idname, icon="LINKED")
+            draw_armature(layout, context, ob)
         elif ob is None or ob.type != "MESH":
             layout.label(text="Select a mesh or its armature", icon="INFO")
         elif ob.sinew.is_bound:
             draw_bound(layout, ob)
         else:
-            layout.label(text="Not bound", icon="UNLINKED")
-            layout.operator(Bind.bl_idname, icon="LINKED")
+            draw_free(layout, ob)
+
+
+def draw_free(layout, ob):
+    modifier = binding.armature_modifier(ob)
+    if modifier is None:
+        layout.label(text="Not bound", icon="UNLINKED")
+        layout.operator(Bind.bl_idname, icon="LINKED")
+    else:
+        layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
+        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+
+
+def draw_armature(layout, context, armature):
+    meshes = meshes_of(context, armature)
+    bound = sum(ob.sinew.is_bound for ob in meshes)
+    if any(ob.sinew.source == "CLIP" for ob in meshes):
+        draw_clip(layout, armature)
+    if meshes:
+        layout.label(text=f"Sinew deforms {bound} of its {len(meshes)} meshes", icon="MESH_DATA")
+    if bound < len(meshes):
+        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+    if bound:
+        layout.operator(Unbind.bl_idname, icon="UNLINKED")
 
 
 def draw_bound(layout, ob):
@@ -47,6 +68,14 @@ def draw_bound(layout, ob):
         row.prop_search(settings, "mask_group", ob, "vertex_groups")
         row.prop(settings, "mask_invert", text="", icon="ARROW_LEFTRIGHT")
     column.prop(settings, "use_envelopes")
+    for layer in settings.mixed:
+        box = layout.box().column()
+        box.label(text="Mixed with", icon="MOD_ARMATURE")
+        box.prop(layer, "armature")
+        box.prop(layer, "method")
+        row = box.row(align=True)
+        row.prop_search(layer, "mask_group", ob, "vertex_groups")
+        row.prop(layer, "mask_invert", text="", icon="ARROW_LEFTRIGHT")
     armature = settings.armature
     if armature is not None and settings.source == "CLIP":
         draw_clip(layout, armature)

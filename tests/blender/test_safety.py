@@ -335,6 +335,32 @@ def test_objects_that_share_a_mesh(fresh_scene):
     assert traces() == []
 
 
+def test_all_meshes_of_an_armature_at_once(fresh_scene):
+    """One that cannot be taken over is named and left to Blender."""
+    armature = make_armature()
+    objects = [make_mesh(armature, preserve) for preserve in (False, True, False)]
+    twins = [twin_of(ob) for ob in objects]
+    for twin in twins:
+        twin.modifiers["Armature"].name = "Judge"
+        fresh_scene.collection.objects.unlink(twin)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    objects[2].vertex_groups.clear()
+    select(armature)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert [ob.sinew.is_bound for ob in objects] == [True, True, False]
+    assert [ob.sinew.method for ob in objects[:2]] == ["LINEAR", "DUAL_QUATERNION"]
+    for twin in twins:
+        fresh_scene.collection.objects.link(twin)
+    fresh_scene.frame_set(6)
+    for ob, twin in zip(objects[:2], twins):
+        assert_same_shape(ob, twin)
+        bpy.data.objects.remove(twin)
+    select(armature)
+    assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    assert traces() == [] and not any(ob.sinew.is_bound for ob in objects)
+
+
 def test_duplicated_with_its_armature(fresh_scene, character):
     """The copies follow the copied armature, as with the modifier."""
     ob, twin, armature = character
