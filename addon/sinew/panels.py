@@ -109,7 +109,7 @@ def draw_statistics(layout, entry):
     mean = skin.influence_count / max(skin.vertex_count, 1)
     column = layout.box().column(align=True)
     draw_value(column, "Vertices", f"{skin.vertex_count:,}")
-    draw_value(column, "Bones", str(len(entry.bones.names)))
+    draw_value(column, "Bones", str(len(entry.layers[0].bones.names)))
     draw_value(column, "Influences", f"{mean:.2f} (max {skin.most_influences})")
     if skin.unweighted_count:
         draw_value(column, "Unweighted", f"{skin.unweighted_count:,}")
