@@ -132,7 +132,7 @@ def on_frame(scene, depsgraph):
     with _lock:
         objects = [] if _evaluating else bound_objects()
         if objects:
-            _note_edits(objects, depsgraph, _changed(depsgraph))
+            _note_edits(objects, depsgraph)
             _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
 
 
@@ -143,8 +143,8 @@ def on_update(depsgraph):
         objects = [] if _evaluating else bound_objects()
         if not objects:
             return
+        _note_edits(objects, depsgraph)
         changed = _changed(depsgraph)
-        _note_edits(objects, depsgraph, changed)
         affected = [ob for ob in objects if changed and not changed.isdisjoint(
             map(blender_io.key_of, (ob, ob.data, *_armatures(ob),
                                     *(armature.data for armature in _armatures(ob)))))]
@@ -189,16 +189,24 @@ def _armatures(ob):
     return [settings.armature for settings in ob.sinew.layers() if settings.armature is not None]
 
 
-def _changed(depsgraph):
+def _changed(depsgraph, geometry_alone=False):
     """The keys of what somebody has edited, or animation moved, since the last evaluation. What Sinew's
-    own handlers write is never among it."""
-    kinds = (bpy.types.Object, bpy.types.Mesh, bpy.types.Armature, bpy.types.Key)
-    return {blender_io.key_of(update.id) for update in depsgraph.updates
-            if isinstance(update.id, kinds)}
+    own handlers write is never among it. geometry_alone: leave out objects of which something else was
+    evaluated, their place or a driver."""
+    blocks = (bpy.types.Mesh, bpy.types.Armature, bpy.types.Key)
+    keys = set()
+    for update in depsgraph.updates:
+        block = update.id
+        if isinstance(block, blocks) or (
+                isinstance(block, bpy.types.Object)
+                and (not geometry_alone or update.is_updated_geometry)):
+            keys.add(blender_io.key_of(block))
+    return keys
 
 
-def _note_edits(objects, depsgraph, changed):
-    """Drops what is cached of meshes and bones that are among `changed`, if they were edited."""
+def _note_edits(objects, depsgraph):
+    """Drops what is cached of meshes and bones that were edited."""
+    changed = _changed(depsgraph, geometry_alone=True)
     for ob in objects:
         entry = _characters[blender_io.key_of(ob)]
         if entry.watched is not None and changed.isdisjoint(entry.watched):
