@@ -44,6 +44,7 @@ class Character:
     layers: list = field(default_factory=list)  # of Layer, as long as its settings ask for
     output: object = None  # one of outputs.OUTPUTS, or None: look
     watched: frozenset | None = None  # keys of the data-blocks whose edits count; None: look
+    parent: tuple | None = None  # the object's, when its anchor was looked at
     timings: Timings = field(default_factory=Timings)
     error: str = ""
 
@@ -189,24 +190,24 @@ def _armatures(ob):
     return [settings.armature for settings in ob.sinew.layers() if settings.armature is not None]
 
 
-def _changed(depsgraph, geometry_alone=False):
+def _changed(depsgraph, edits_alone=False):
     """The keys of what somebody has edited, or animation moved, since the last evaluation. What Sinew's
-    own handlers write is never among it. geometry_alone: leave out objects of which something else was
-    evaluated, their place or a driver."""
+    own handlers write is never among it. edits_alone: leave out objects of which but a driver or a setting
+    was evaluated."""
     blocks = (bpy.types.Mesh, bpy.types.Armature, bpy.types.Key)
     keys = set()
     for update in depsgraph.updates:
         block = update.id
         if isinstance(block, blocks) or (
                 isinstance(block, bpy.types.Object)
-                and (not geometry_alone or update.is_updated_geometry)):
+                and (not edits_alone or update.is_updated_geometry or update.is_updated_transform)):
             keys.add(blender_io.key_of(block))
     return keys
 
 
 def _note_edits(objects, depsgraph):
     """Drops what is cached of meshes and bones that were edited."""
-    changed = _changed(depsgraph, geometry_alone=True)
+    changed = _changed(depsgraph, edits_alone=True)
     for ob in objects:
         entry = _characters[blender_io.key_of(ob)]
         if entry.watched is not None and changed.isdisjoint(entry.watched):
@@ -246,7 +247,7 @@ class _Frame:
 
     ob: bpy.types.Object
     entry: Character
-    parts: list  # (layer, its settings, what leads from its armature's space to the mesh's)
+    parts: list  # (layer, its method, what leads from its armature's space to the mesh's)
     positions: np.ndarray | None = None  # (V, 3), where the shape goes
     in_place: bool = False  # they are the mesh's own memory
     jobs: list = field(default_factory=list)
@@ -303,8 +304,10 @@ def _adapt(objects):
 def _look_at_output(ob, entry):
     output = OUTPUTS[ob.sinew.installed_output]
     changed = output.adapt(ob)
-    if not entry.layers:
+    parent = ob.parent and ob.parent.name, ob.parent_type
+    if not entry.layers or parent != entry.parent:
         changed |= anchor.adapt(ob)
+        entry.parent = parent
     entry.output = output(ob)
     return changed
 

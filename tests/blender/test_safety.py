@@ -538,6 +538,23 @@ def test_armature_that_is_not_shown(fresh_scene, hide, parented, when):
     assert_same_shape(ob, twin)
 
 
+def test_parented_and_set_free_while_the_armature_is_hidden(fresh_scene):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    ob.parent = armature
+    twin = twin_of(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    accelerate(ob)
+    armature.hide_viewport = True
+    for parent in (armature, None, armature):
+        ob.parent = twin.parent = parent
+        for frame in (3, 8):
+            fresh_scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+    assert ob.animation_data is None
+
+
 def test_a_bone_deleted_and_another_added_is_no_renaming(fresh_scene, character):
     ob, twin, armature = character
     select(armature)
