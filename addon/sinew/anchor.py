@@ -3,10 +3,12 @@ render, in no scene at all.
 
 The Armature modifier says by itself that the mesh needs the pose; on a bound mesh it is off. A driver on
 the mesh object says it instead, of each bone that no other bone hangs on, and costs next to nothing. It
-drives a number that nobody reads.
+drives a number that nobody reads: a custom property, since a driver of one of Sinew's own would be
+complained about where a file is opened without the add-on.
 """
 
-PATH = "sinew.anchor"
+PROPERTY = "sinew_anchor"
+PATH = f'["{PROPERTY}"]'
 
 
 def adapt(ob):
@@ -16,10 +18,13 @@ def adapt(ob):
     driver = _driver(ob)
     present = [(target.id, target.bone_target) for variable in driver.driver.variables
                for target in variable.targets] if driver else []
-    if present == wanted or ob.library is not None:
+    if (present == wanted and bool(wanted) == (PROPERTY in ob)) or ob.library is not None:
         return False
     remove(ob)
     if wanted:
+        ob[PROPERTY] = 0.0
+        ob.id_properties_ui(PROPERTY).update(
+            description="Keeps the armature evaluated while Sinew deforms this object")
         driver = ob.driver_add(PATH).driver
         driver.type = "SUM"
         for armature, bone in wanted:
@@ -30,9 +35,10 @@ def adapt(ob):
 
 
 def remove(ob):
-    if _driver(ob) is None:
-        return
-    ob.driver_remove(PATH)
+    if _driver(ob) is not None:
+        ob.driver_remove(PATH)
+    if PROPERTY in ob:
+        del ob[PROPERTY]
     data = ob.animation_data
     if data and not (data.action or data.drivers or data.nla_tracks):
         ob.animation_data_clear()

@@ -2,7 +2,7 @@
 
 from . import anchor, blender_io, session
 from .clip_store import has_poses
-from .outputs import OUTPUTS, OutputError, check_numbers_kept
+from .outputs import OUTPUTS, OutputError, check_numbers_kept, sinew_modifier
 
 
 class BindingError(Exception):
@@ -113,6 +113,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
         remember(modifier, settings.replaced.add())
     if method:
         settings.method = method
+    show_as_replaced(ob)
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
     session.forget_object(ob)
@@ -136,6 +137,14 @@ def remember(modifier, entry):
     entry.show_viewport, entry.show_render = modifier.show_viewport, modifier.show_render
     modifier.show_viewport = modifier.show_render = False
     modifier.object = None
+
+
+def show_as_replaced(ob):
+    """Sinew's modifier is shown where the replaced one was."""
+    settings = ob.sinew
+    if settings.replaced and settings.installed_output == "MODIFIER":
+        modifier, replaced = sinew_modifier(ob), settings.replaced[0]
+        modifier.show_viewport, modifier.show_render = replaced.show_viewport, replaced.show_render
 
 
 def give_back(entry, ob):
@@ -173,6 +182,7 @@ def switch_output(ob):
     try:
         OUTPUTS[new].install(ob, index)
         settings.installed_output = new
+        show_as_replaced(ob)
     except OutputError:
         OUTPUTS[old].install(ob, index)
         settings.output = old

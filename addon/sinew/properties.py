@@ -108,7 +108,6 @@ class SinewObjectSettings(LayerSettings, bpy.types.PropertyGroup):
     # Kept by binding.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
-    anchor: FloatProperty(options={"HIDDEN", "ANIMATABLE"}, override=OVERRIDE)  # see anchor.py
     replaced: CollectionProperty(type=SinewReplacedModifier, options={"HIDDEN"}, override=OVERRIDE_LIST)
 
     def layers(self):

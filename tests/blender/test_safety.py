@@ -31,6 +31,7 @@ def traces():
     """What Sinew has left in the file."""
     names = [group.name for group in bpy.data.node_groups if "Sinew" in group.name]
     for ob in bpy.data.objects:
+        names += [name for name in ob.keys() if name == "sinew_anchor"]
         names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
         if ob.type == "MESH":
             names += [name for name in ob.data.attributes.keys()
@@ -474,6 +475,25 @@ def test_two_scenes(fresh_scene, character):
         bpy.context.window.scene = fresh_scene
         fresh_scene.frame_set(frame + 1)
         assert_same_shape(ob, twin)
+
+
+def test_modifier_that_was_switched_off_for_the_viewport_stays_off(fresh_scene):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    ob.modifiers["Armature"].show_viewport = False
+    twin = twin_of(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    accelerate(ob)
+    fresh_scene.frame_set(6)
+    assert_same_shape(ob, twin)
+    ob.modifiers["Sinew"].show_viewport = True
+    twin.modifiers["Armature"].show_viewport = True
+    fresh_scene.frame_set(7)
+    assert_same_shape(ob, twin)
+    ob.sinew.output = "MESH"
+    ob.sinew.output = "MODIFIER"
+    assert not ob.modifiers["Sinew"].show_viewport and ob.modifiers["Sinew"].show_render
 
 
 def test_mesh_that_is_not_shown(fresh_scene, character):
