@@ -191,7 +191,8 @@ def build_stage(mesh_object, points):
         add_light(name, middle + Vector(direction) * size, middle, power * size ** 2, width * size)
     world = bpy.data.worlds.new("studio")
     scene.world = world
-    world.use_nodes = True
+    if world.node_tree is None:
+        world.use_nodes = True
     world.node_tree.nodes["Background"].inputs[0].default_value = (0.10, 0.115, 0.14, 1)
 
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
@@ -209,7 +210,8 @@ def build_stage(mesh_object, points):
 def plain_material(name, color):
     material = bpy.data.materials.new(name)
     material.diffuse_color = (*color, 1)
-    material.use_nodes = True
+    if material.node_tree is None:  # before 5.0
+        material.use_nodes = True
     shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = (*color, 1)
     shader.inputs["Roughness"].default_value = 0.7

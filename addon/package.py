@@ -1,15 +1,18 @@
 """Makes the add-on's zip: one top folder `sinew/`, which Blender 3.4 as well as the extensions of 4.2
 and later install.
 
-    package.py MODULE... ZIP
+    package.py MODULE... LICENSES FOLDER
 
-MODULE are compiled `sinew_native` files, one a Python version. The same input gives the same zip.
+MODULE are compiled `sinew_native` files, one a Python version; LICENSES is a folder with a file for each
+library that is compiled into them. Prints the zip's path in FOLDER. The same input gives the same zip.
 """
 
 import re
 import sys
 import zipfile
 from pathlib import Path
+
+import manual
 
 SOURCE = Path(__file__).parent / "sinew"
 ROOT = SOURCE.parent.parent
@@ -21,32 +24,34 @@ def version():
     return re.search(r'^version = "(.+)"$', manifest, re.MULTILINE)[1]
 
 
-def contents(modules):
-    """{name in the zip: bytes}"""
-    files = {}
-    for path in sorted(SOURCE.rglob("*")):
-        if path.suffix in {".py", ".toml"}:
-            files[f"sinew/{path.relative_to(SOURCE).as_posix()}"] = path.read_bytes()
-    init = files["sinew/__init__.py"].decode()
-    numbers = ", ".join(version().split("."))
-    stamped = init.replace('"version": (0, 0, 0),', f'"version": ({numbers}),')
-    if stamped == init:
+def stamped(init):
+    """__init__.py with the version of the manifest, for Blender 3.4."""
+    result = init.replace('"version": (0, 0, 0),', f'"version": ({", ".join(version().split("."))}),')
+    if result == init:
         sys.exit("package.py: __init__.py has no place for the version")
-    files["sinew/__init__.py"] = stamped.encode()
-    files["sinew/LICENSE"] = (ROOT / "LICENSE").read_bytes()
-    for module in modules:
-        files[f"sinew/{module.name}"] = module.read_bytes()
+    return result
+
+
+def contents(modules, licenses):
+    """{name in the zip: bytes}"""
+    files = {path.relative_to(SOURCE).as_posix(): path.read_bytes()
+             for path in SOURCE.rglob("*") if path.suffix in {".py", ".toml"}}
+    files["__init__.py"] = stamped(files["__init__.py"].decode()).encode()
+    files["LICENSE"] = (ROOT / "LICENSE").read_bytes()
+    files |= {f"licenses/{path.name}": path.read_bytes() for path in licenses.iterdir()}
+    files |= {f"manual/{name}": data for name, data in manual.pages(ROOT / "docs").items()}
+    files |= {module.name: module.read_bytes() for module in modules}
     return files
 
 
 def main(arguments):
-    *modules, target = map(Path, arguments)
-    if not modules:
+    if len(arguments) < 3:
         sys.exit(__doc__)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    *modules, licenses, folder = map(Path, arguments)
+    target = folder / f"sinew-{version()}.zip"
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in sorted(contents(modules).items()):
-            entry = zipfile.ZipInfo(name, EPOCH)
+        for name, data in sorted(contents(modules, licenses).items()):
+            entry = zipfile.ZipInfo(f"sinew/{name}", EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, data)

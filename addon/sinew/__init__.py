@@ -1,5 +1,7 @@
 """Sinew: skeletal deformation with a native core. This file is the list of its modules."""
 
+import sys
+
 bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
     "name": "Sinew",
     "author": "The Sinew authors",
@@ -10,24 +12,30 @@ bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
     "category": "Animation",
 }
 
+# What is left of an older version that this one was installed over. The compiled module cannot be loaded twice.
+for _name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
+    if not _name.endswith(".sinew_native"):
+        del sys.modules[_name]
+        globals().pop(_name.rpartition(".")[2], None)
+
 from . import native  # noqa: E402
 
 if native.sinew_native is None:
-    # Nothing can work without it: say so in one sentence instead of failing feature by feature.
-    def register():
-        raise RuntimeError(native.problem)
+    from . import without_native
 
-    def unregister():
-        pass
+    MODULES = (without_native,)
 else:
-    from . import handlers, operators, panels, properties
+    from . import (
+        command_line, cures, display, handlers, menus, operators, panels, preferences, properties)
 
-    MODULES = (properties, operators, panels, handlers)
+    MODULES = (properties, preferences, operators, cures, display, menus, panels, handlers, command_line)
 
-    def register():
-        for module in MODULES:
-            module.register()
 
-    def unregister():
-        for module in reversed(MODULES):
-            module.unregister()
+def register():
+    for module in MODULES:
+        module.register()
+
+
+def unregister():
+    for module in reversed(MODULES):
+        module.unregister()

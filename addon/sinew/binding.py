@@ -105,7 +105,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     settings.output = settings.installed_output = output
     settings.mixed.clear()
     settings.replaced.clear()
-    for name in ("method", "use_vertex_groups", "use_envelopes", "mask_group", "mask_invert"):
+    for name in ("show_shape", "method", "use_vertex_groups", "use_envelopes", "mask_group", "mask_invert"):
         settings.property_unset(name)
     settings.armature = armature
     for modifier in mixed_modifiers(ob, replaced) if replaced else ():
@@ -167,6 +167,19 @@ def unbind(ob):
     settings.replaced.clear()
     settings.mixed.clear()
     session.forget_object(ob)
+
+
+def show_rest(ob):
+    """Of the output Mesh: the rest shape in place of the deformed one."""
+    output = OUTPUTS[ob.sinew.installed_output](ob)
+    output.write(ob, output.rest_positions(ob))
+
+
+def make_single_user(ob):
+    """Give the object a copy of the mesh that it shares with others; bound or not, it looks the same."""
+    ob.data = ob.data.copy()
+    session.forget_object(ob)
+    session.refresh(ob)
 
 
 def switch_output(ob):

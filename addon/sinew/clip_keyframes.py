@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import clip_store, posing, session
+from . import clip_store, posing, progress, session
 
 
 def clip_armature(ob):
@@ -15,7 +15,7 @@ def clip_armature(ob):
     return armature if has_poses else None
 
 
-def insert(scene, armature, first, last):
+def insert(scene, armature, first, last, shown=progress.SILENT):
     """Key location and rotation of every bone on the frames first..last, one action for all, and let
     the bound meshes follow the armature from now on. Returns the number of frames."""
     frames = np.arange(first, last + 1)
@@ -31,6 +31,7 @@ def insert(scene, armature, first, last):
     action = bpy.data.actions.new(f"{armature.name}_clip")
     armature.animation_data_create().action = action
     for i, bone in enumerate(armature.pose.bones):
+        shown.step(i / len(armature.pose.bones), f"keyframes of {bone.name}")
         bone.rotation_mode = "QUATERNION"
         for path, start, count in (("location", 0, 3), ("rotation_quaternion", 3, 4)):
             data_path = bone.path_from_id(path)

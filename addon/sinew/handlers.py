@@ -3,7 +3,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from . import session
+from . import notice, session
 
 
 @persistent
@@ -18,6 +18,7 @@ def on_depsgraph_update(_scene, depsgraph):
 
 @persistent
 def on_load(*_):
+    notice.forget()
     session.forget()
     session.refresh_all()
 

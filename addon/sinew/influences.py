@@ -11,6 +11,8 @@ import numpy as np
 
 # Blender's modifier leaves a vertex alone whose weights sum to no more than this.
 SMALLEST_WEIGHT_SUM = 1e-4
+# Weights painted by hand are kept as float32 and shown with three digits.
+NORMALIZED_WITHIN = 1e-3
 
 
 @dataclass
@@ -55,6 +57,8 @@ class Influences:
     weights: np.ndarray  # (N,)
     joint_count: int
     hang_on_shape: bool = False  # other rest positions may mean other influences
+    unweighted_count: int = 0  # vertices that no bone moves
+    unnormalized_count: int = 0  # vertices whose weights, as they stand in the mesh, do not sum to 1
 
 
 def influences(offsets, bones_of_entries, weights, bones, rules, points, segment_at=None):
@@ -68,6 +72,7 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
     keep = bone >= 0 if rules.use_vertex_groups else np.zeros(len(bone), bool)
     keep &= bones.deform[bone]
     vertex, bone, weight = vertex[keep], bone[keep], weight[keep]
+    given = np.bincount(vertex, weight, minlength=vertex_count)
 
     multiplied = bones.multiply[bone]
     if multiplied.any():
@@ -98,7 +103,10 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
     counts = np.bincount(vertex, minlength=vertex_count)
     return Influences(
         np.concatenate(([0], np.cumsum(counts))), joint.astype(np.int32), weight.astype(np.float32),
-        bones.joint_count, bool(multiplied.any() or rules.use_envelopes or bent.any()))
+        bones.joint_count, bool(multiplied.any() or rules.use_envelopes or bent.any()),
+        unweighted_count=int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM)),
+        unnormalized_count=int(np.count_nonzero(
+            (given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN))))
 
 
 def group_weights(offsets, groups, weights, group):

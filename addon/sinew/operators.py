@@ -3,14 +3,14 @@
 import os
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from . import binding, clip_keyframes, properties, rig_export, rig_import
+from . import binding, clip_keyframes, progress, properties, rig_export, rig_import
 
 
 class ImportRig(bpy.types.Operator, ImportHelper):
-    """Import a rig folder: mesh, skeleton, weights and poses"""
+    """Import rig folders: mesh, skeleton, weights and poses"""
 
     bl_idname = "import_scene.sinew_rig"
     bl_label = "Import Sinew Rig"
@@ -18,6 +18,8 @@ class ImportRig(bpy.types.Operator, ImportHelper):
 
     filename_ext = ".bf"
     filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     mesh: StringProperty(
         name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj")
     weights: StringProperty(
@@ -45,26 +47,62 @@ class ImportRig(bpy.types.Operator, ImportHelper):
     output: EnumProperty(
         name="Output", items=properties.OUTPUT_ITEMS,
         description="Where the deformed positions go")
+    frame_rate: FloatProperty(
+        name="Frame Rate", min=0.0, soft_max=240.0,
+        description="Poses a second in the file, played at the scene's rate; 0: a pose a frame")
     set_frame_range: BoolProperty(
         name="Set Frame Range", default=True,
         description="End the scene with the last pose, if there are more than two")
 
-    def execute(self, context):
-        if context.mode != "OBJECT":
-            bpy.ops.object.mode_set(mode="OBJECT")
+    def invoke(self, context, event):
+        if self.files and self.directory:  # dropped: the files are known, ask for the options alone
+            if bpy.app.background:
+                return self.execute(context)
+            return context.window_manager.invoke_props_dialog(self, width=360)
+        return ImportHelper.invoke(self, context, event)
+
+    def draw(self, _context):
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        for label, names in (
+                ("Files", ("mesh", "weights", "pose")),
+                ("Conversion", ("convention", "quaternion_order", "up_axis", "scale")),
+                ("Animation", ("source", "frame_rate", "set_frame_range")),
+                ("Deformation", ("method", "output"))):
+            box = self.layout.box().column()
+            box.label(text=label)
+            for name in names:
+                box.prop(self, name)
+
+    def import_options(self):
         convention = None if self.convention == "AUTO" else self.convention.lower()
-        options = rig_import.ImportOptions(
+        return rig_import.ImportOptions(
             mesh=self.mesh, weights=self.weights, pose=self.pose, convention=convention,
             quaternion_order=self.quaternion_order.lower(), up_axis=self.up_axis,
             scale=self.scale, method=self.method, source=self.source, output=self.output,
-            set_frame_range=self.set_frame_range)
-        try:
-            mesh_object, _ = rig_import.import_rig(context, self.filepath, options)
-        except (ValueError, binding.BindingError) as error:
-            self.report({"ERROR"}, str(error))
+            frame_rate=self.frame_rate, set_frame_range=self.set_frame_range)
+
+    def paths(self):
+        """Those that were chosen: several from the file browser or dropped, or one by script."""
+        chosen = [os.path.join(self.directory, file.name) for file in self.files if file.name]
+        return chosen if chosen and self.directory else [self.filepath]
+
+    def execute(self, context):
+        if context.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        imported, problems = [], []
+        with progress.shown(context) as shown:
+            for path in self.paths():
+                try:
+                    imported.append(rig_import.import_rig(context, path, self.import_options(), shown)[0])
+                except (ValueError, OSError, binding.BindingError) as error:
+                    problems.append(str(error))
+        for problem in problems:
+            self.report({"WARNING" if imported else "ERROR"}, problem)
+        if not imported:
             return {"CANCELLED"}
-        vertices = len(mesh_object.data.vertices)
-        self.report({"INFO"}, f"Imported {mesh_object.name}: {vertices:,} vertices")
+        vertices = sum(len(ob.data.vertices) for ob in imported)
+        self.report({"INFO"}, f"Imported {', '.join(ob.name for ob in imported)}: {vertices:,} vertices")
         return {"FINISHED"}
 
 
@@ -94,7 +132,8 @@ class ExportRig(bpy.types.Operator, ExportHelper):
         if os.path.isdir(path):
             path = os.path.join(path, "skeleton.bf")
         try:
-            rig_export.export_rig(context, context.active_object, path, self.animation)
+            with progress.shown(context) as shown:
+                rig_export.export_rig(context, context.active_object, path, self.animation, shown)
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -145,13 +184,16 @@ class Bind(bpy.types.Operator):
 
     def execute(self, context):
         bound, problems = 0, []
-        for ob in selected_meshes(context):
-            armature = selected_armature(context) or binding.find_armature(ob)
-            try:
-                binding.bind(ob, armature, self.output)
-                bound += 1
-            except binding.BindingError as error:
-                problems.append(str(error))
+        meshes = selected_meshes(context)
+        with progress.shown(context) as shown:
+            for number, ob in enumerate(meshes):
+                shown.step(number / len(meshes), f"binding {ob.name}")
+                armature = selected_armature(context) or binding.find_armature(ob)
+                try:
+                    binding.bind(ob, armature, self.output)
+                    bound += 1
+                except binding.BindingError as error:
+                    problems.append(str(error))
         for problem in problems:
             self.report({"WARNING" if bound else "ERROR"}, problem)
         if bound > 1:
@@ -192,7 +234,8 @@ class ClipToKeyframes(bpy.types.Operator):
     def execute(self, context):
         armature = clip_keyframes.clip_armature(context.active_object)
         scene = context.scene
-        count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end)
+        with progress.shown(context) as shown:
+            count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end, shown)
         self.report({"INFO"}, f"{count} frames keyed on {armature.name}")
         return {"FINISHED"}
 
@@ -200,23 +243,11 @@ class ClipToKeyframes(bpy.types.Operator):
 CLASSES = (ImportRig, ExportRig, Bind, Unbind, ClipToKeyframes)
 
 
-def draw_import(menu, _context):
-    menu.layout.operator(ImportRig.bl_idname, text="Sinew rig (.bf/.tgf)")
-
-
-def draw_export(menu, _context):
-    menu.layout.operator(ExportRig.bl_idname, text="Sinew rig (.bf/.tgf)")
-
-
 def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.TOPBAR_MT_file_import.append(draw_import)
-    bpy.types.TOPBAR_MT_file_export.append(draw_export)
 
 
 def unregister():
-    bpy.types.TOPBAR_MT_file_export.remove(draw_export)
-    bpy.types.TOPBAR_MT_file_import.remove(draw_import)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -1,31 +1,50 @@
-"""The sidebar panel. It draws and nothing else."""
+"""The panels: in the 3D view's sidebar, and in the Properties editor beside the modifiers. They draw and
+nothing else."""
 
 import bpy
 
-from . import binding, clip_store, session
-from .operators import Bind, ClipToKeyframes, Unbind, meshes_of
+from . import binding, clip_store, cures, display, session
+from .native import sinew_native
+from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
+from .outputs import is_sinew
 
 
-class SinewPanel(bpy.types.Panel):
-    bl_idname = "VIEW3D_PT_sinew"
-    bl_label = "Sinew"
+class InSidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Sinew"
 
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        ob = context.active_object
-        if ob is not None and ob.type == "ARMATURE":
-            draw_armature(layout, context, ob)
-        elif ob is None or ob.type != "MESH":
-            layout.label(text="Select a mesh or its armature", icon="INFO")
-        elif ob.sinew.is_bound:
-            draw_bound(layout, ob)
-        else:
-            draw_free(layout, ob)
+
+class InModifiers:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "modifier"
+
+
+def layout_of(panel):
+    panel.layout.use_property_split = True
+    panel.layout.use_property_decorate = False
+    return panel.layout
+
+
+def bound_mesh(context):
+    ob = context.object
+    return ob if ob is not None and ob.type == "MESH" and ob.sinew.is_bound else None
+
+
+# --- the main panel -------------------------------------------------------------------------------
+
+def draw_main(layout, context):
+    ob = context.object
+    if ob is not None and ob.type == "ARMATURE":
+        draw_armature(layout, context, ob)
+    elif ob is None or ob.type != "MESH":
+        layout.label(text="Select a mesh or its armature", icon="INFO")
+        layout.operator(ImportRig.bl_idname, icon="IMPORT")
+    elif ob.sinew.is_bound:
+        draw_bound(layout, ob)
+    else:
+        draw_free(layout, ob)
 
 
 def draw_free(layout, ob):
@@ -36,53 +55,70 @@ def draw_free(layout, ob):
     else:
         layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+    draw_display(layout, ob)
 
 
 def draw_armature(layout, context, armature):
     meshes = meshes_of(context, armature)
     bound = sum(ob.sinew.is_bound for ob in meshes)
     if any(ob.sinew.source == "CLIP" for ob in meshes):
-        draw_clip(layout, armature)
+        draw_clip(layout.box(), armature)
     if meshes:
         layout.label(text=f"Sinew deforms {bound} of its {len(meshes)} meshes", icon="MESH_DATA")
+    else:
+        layout.label(text="No mesh hangs on this armature", icon="INFO")
     if bound < len(meshes):
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
     if bound:
         layout.operator(Unbind.bl_idname, icon="UNLINKED")
+    draw_display(layout, armature)
 
 
 def draw_bound(layout, ob):
-    settings = ob.sinew
-    entry = session.character(ob)
+    settings, entry = ob.sinew, session.character(ob)
     if entry is not None and entry.error:
         box = layout.box()
         box.alert = True
         box.label(text=entry.error, icon="ERROR")
-    layout.prop(settings, "armature")
     column = layout.column()
-    column.prop(settings, "method")
+    row = column.row(align=True)
+    row.prop(settings, "armature")
+    draw_switches(row, ob)
     column.prop(settings, "source")
+    column.prop(settings, "method")
     column.prop(settings, "output")
-    if ob.vertex_groups:
-        row = column.row(align=True)
-        row.prop_search(settings, "mask_group", ob, "vertex_groups")
-        row.prop(settings, "mask_invert", text="", icon="ARROW_LEFTRIGHT")
-    column.prop(settings, "use_envelopes")
-    for layer in settings.mixed:
-        box = layout.box().column()
-        box.label(text="Mixed with", icon="MOD_ARMATURE")
-        box.prop(layer, "armature")
-        box.prop(layer, "method")
+    for warning in cures.warnings(ob):
+        box = layout.box().column(align=True)
+        box.label(text=warning.text, icon="ERROR" if warning.is_error else "INFO")
         row = box.row(align=True)
-        row.prop_search(layer, "mask_group", ob, "vertex_groups")
-        row.prop(layer, "mask_invert", text="", icon="ARROW_LEFTRIGHT")
-    armature = settings.armature
-    if armature is not None and settings.source == "CLIP":
-        draw_clip(layout, armature)
-    if entry is not None and entry.deformer is not None:
-        draw_statistics(layout, entry)
+        for operator, text in warning.cures:
+            row.operator(operator, text=text)
+    draw_display(layout, ob)
     layout.operator(Unbind.bl_idname, icon="UNLINKED")
 
+
+def draw_switches(row, ob):
+    """Whether the shape is shown, in the viewport and in renders."""
+    if ob.sinew.installed_output == "MESH":
+        row.prop(ob.sinew, "show_shape", text="", icon="RESTRICT_VIEW_OFF")
+    for modifier in ob.modifiers:
+        if is_sinew(modifier):
+            row.prop(modifier, "show_viewport", text="")
+            row.prop(modifier, "show_render", text="")
+
+
+def draw_display(layout, ob):
+    row = layout.row(align=True)
+    if ob.type == "MESH":
+        row.operator(display.ToggleWeights.bl_idname, icon="GROUP_VCOL",
+                     depress=display.are_weights_shown(ob))
+    armature = display.armature_of(ob)
+    if armature is not None:
+        row.operator(display.ToggleSkeleton.bl_idname, icon="ARMATURE_DATA",
+                     depress=display.is_skeleton_shown(armature))
+
+
+# --- its parts, of a bound mesh -------------------------------------------------------------------
 
 def draw_clip(layout, armature):
     count = clip_store.pose_count(armature.data)
@@ -90,43 +126,153 @@ def draw_clip(layout, armature):
         layout.label(text=f"{armature.name} has no imported poses", icon="INFO")
         return
     settings = armature.sinew_clip
-    box = layout.box()
-    box.label(text=f"Poses of {armature.name} ({count})", icon="ARMATURE_DATA")
-    box.prop(settings, "mode")
+    layout.label(text=f"Poses of {armature.name} ({count})", icon="ARMATURE_DATA")
+    layout.prop(settings, "mode")
     if settings.mode == "FACTOR":
-        box.prop(settings, "factor")
+        layout.prop(settings, "factor")
     if settings.mode in {"PLAYBACK", "SWING"}:
-        box.prop(settings, "frame_start")
+        layout.prop(settings, "frame_start")
     if settings.mode == "PLAYBACK":
-        box.prop(settings, "speed")
-        box.prop(settings, "loop")
-    box.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
+        layout.prop(settings, "speed")
+        layout.prop(settings, "loop")
+    layout.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
+
+
+def draw_influence(layout, ob):
+    for number, layer in enumerate(ob.sinew.layers()):
+        if number > 0:
+            layout = layout.box().column()
+            layout.label(text="Mixed with", icon="MOD_ARMATURE")
+            layout.prop(layer, "armature")
+            layout.prop(layer, "method")
+        row = layout.row(align=True)
+        row.prop_search(layer, "mask_group", ob, "vertex_groups")
+        row.prop(layer, "mask_invert", text="", icon="ARROW_LEFTRIGHT")
+        layout.prop(layer, "use_vertex_groups")
+        layout.prop(layer, "use_envelopes")
 
 
 def draw_statistics(layout, entry):
-    skin = entry.deformer.skin
-    timings = entry.timings
-    mean = skin.influence_count / max(skin.vertex_count, 1)
-    column = layout.box().column(align=True)
+    skin, influences, timings = entry.deformer.skin, entry.deformer.influences, entry.timings
+    column = layout.column(align=True)
     draw_value(column, "Vertices", f"{skin.vertex_count:,}")
     draw_value(column, "Bones", str(len(entry.layers[0].bones.names)))
-    draw_value(column, "Influences", f"{mean:.2f} (max {skin.most_influences})")
-    if skin.unweighted_count:
-        draw_value(column, "Unweighted", f"{skin.unweighted_count:,}")
+    mean = skin.influence_count / max(skin.vertex_count, 1)
+    draw_value(column, "Influences", f"{mean:.2f} a vertex, {skin.most_influences} at most")
+    draw_value(column, "Unweighted", f"{influences.unweighted_count:,}")
     column.separator()
     draw_value(column, "Last Frame", f"{timings.total:.2f} ms")
     for name, value in (("Pose", timings.pose), ("Skin", timings.skin), ("Write", timings.write)):
         draw_value(column, name, f"{value:.2f} ms")
+    column.separator()
+    draw_value(column, "Instructions", sinew_native.instruction_set())
+    draw_value(column, "Threads", str(sinew_native.thread_count()))
 
 
 def draw_value(column, name, value):
     row = column.split(factor=0.4)
-    row.alignment = "RIGHT"
-    row.label(text=name)
+    left = row.row()
+    left.alignment = "RIGHT"
+    left.label(text=name)
     row.label(text=value)
 
 
-CLASSES = (SinewPanel,)
+class Main:
+    bl_label = "Sinew"
+
+    def draw(self, context):
+        draw_main(layout_of(self), context)
+
+
+class Poses:
+    bl_label = "Poses"
+
+    @classmethod
+    def poll(cls, context):
+        ob = bound_mesh(context)
+        return ob is not None and ob.sinew.source == "CLIP" and ob.sinew.armature is not None
+
+    def draw(self, context):
+        draw_clip(layout_of(self), bound_mesh(context).sinew.armature)
+
+
+class Influence:
+    bl_label = "Influence"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return bound_mesh(context) is not None
+
+    def draw(self, context):
+        draw_influence(layout_of(self), bound_mesh(context))
+
+
+class Statistics:
+    bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = bound_mesh(context)
+        entry = ob and session.character(ob)
+        return bool(entry and entry.deformer)
+
+    def draw(self, context):
+        draw_statistics(layout_of(self), session.character(bound_mesh(context)))
+
+
+class SidebarMain(Main, InSidebar, bpy.types.Panel):
+    bl_idname = "VIEW3D_PT_sinew"
+
+
+class SidebarPoses(Poses, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_poses", "VIEW3D_PT_sinew"
+
+
+class SidebarInfluence(Influence, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_influence", "VIEW3D_PT_sinew"
+
+
+class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_statistics", "VIEW3D_PT_sinew"
+
+
+class ModifiersMain(Main, InModifiers, bpy.types.Panel):
+    bl_idname = "DATA_PT_sinew"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "MESH"
+
+
+class ModifiersPoses(Poses, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_poses", "DATA_PT_sinew"
+
+
+class ModifiersInfluence(Influence, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_influence", "DATA_PT_sinew"
+
+
+class ModifiersStatistics(Statistics, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_statistics", "DATA_PT_sinew"
+
+
+class ArmatureMain(Main, bpy.types.Panel):
+    """Among an armature's data."""
+
+    bl_idname = "DATA_PT_sinew_armature"
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "data"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "ARMATURE"
+
+
+CLASSES = (SidebarMain, SidebarPoses, SidebarInfluence, SidebarStatistics, ModifiersMain, ModifiersPoses,
+           ModifiersInfluence, ModifiersStatistics, ArmatureMain)
 
 
 def register():

@@ -49,6 +49,14 @@ def _apply_output(settings, _context):
             session.report(settings.id_data, str(error))
 
 
+def _apply_show_shape(settings, _context):
+    if settings.is_bound and settings.installed_output == "MESH":
+        if settings.show_shape:
+            session.refresh(settings.id_data)
+        else:
+            binding.show_rest(settings.id_data)
+
+
 def _apply_armature(settings, _context):
     if settings.id_data.sinew.is_bound:
         session.forget_object(settings.id_data)
@@ -103,12 +111,19 @@ class SinewObjectSettings(LayerSettings, bpy.types.PropertyGroup):
     output: EnumProperty(
         items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
         update=_apply_output, override=OVERRIDE)
+    show_shape: BoolProperty(
+        name="Deform", default=True, update=_apply_show_shape, override=OVERRIDE,
+        description="Write the deformed shape into the mesh; off: the rest shape (output Mesh)")
     mixed: CollectionProperty(type=SinewMixedLayer, override=OVERRIDE_LIST)
 
     # Kept by binding.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
     replaced: CollectionProperty(type=SinewReplacedModifier, options={"HIDDEN"}, override=OVERRIDE_LIST)
+
+    def shows_shape(self):
+        """Whether the shape is wanted at all. The output Modifier has its modifier's own switches."""
+        return self.show_shape or self.installed_output != "MESH"
 
     def layers(self):
         """The settings of each layer, in the order in which they are mixed."""

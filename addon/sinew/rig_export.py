@@ -4,12 +4,12 @@ import os
 
 import numpy as np
 
-from . import binding, blender_io, clip_store
+from . import binding, blender_io, clip_store, progress
 from .native import sinew_native
 from .outputs import OUTPUTS
 
 
-def export_rig(context, ob, skeleton_path, animation="AUTO"):
+def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILENT):
     """Write mesh.obj, the skeleton, weights.dmat and, if there is one, pose.dmat or anim.dmat.
 
     animation: AUTO writes the clip that was imported, else the frames of the scene if the armature
@@ -38,7 +38,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO"):
     if animation == "FRAMES" or (
             animation == "AUTO" and poses is None and matrices is None
             and armature.animation_data is not None):
-        matrices = sample_frames(context, ob, armature, joints, len(names))
+        matrices = sample_frames(context, ob, armature, joints, len(names), shown)
 
     mesh = ob.data
     positions = (OUTPUTS[ob.sinew.installed_output](ob).rest_positions(ob) if ob.sinew.is_bound
@@ -84,13 +84,15 @@ def dense_weights(ob, names, columns):
     return dense
 
 
-def sample_frames(context, ob, armature, joints, joint_count):
+def sample_frames(context, ob, armature, joints, joint_count, shown):
     """(F, J, 4, 4): skinning matrices over the scene's frames, space of the mesh."""
     scene = context.scene
     current = scene.frame_current
     frames = []
     try:
         for frame in range(scene.frame_start, scene.frame_end + 1):
+            shown.step((frame - scene.frame_start) / (scene.frame_end + 1 - scene.frame_start),
+                       f"frame {frame}")
             scene.frame_set(frame)
             depsgraph = context.evaluated_depsgraph_get()
             evaluated = armature.evaluated_get(depsgraph)

@@ -1,12 +1,13 @@
 """From a rig folder to objects of the scene: mesh, vertex groups, armature, clip."""
 
+import math
 import os
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
-from . import binding, blender_io, clip_store
+from . import binding, blender_io, clip_store, progress
 from .native import sinew_native
 
 # A bone of no length would vanish; this share of the rig's size is short but can be seen.
@@ -28,12 +29,14 @@ class ImportOptions:
     method: str = "LINEAR"
     source: str = "CLIP"
     output: str = "MODIFIER"
+    frame_rate: float = 0.0  # poses a second; 0: a pose a frame
     set_frame_range: bool = True
 
 
-def import_rig(context, skeleton_path, options):
+def import_rig(context, skeleton_path, options, shown=progress.SILENT):
     """Read everything, then build: what the files get wrong raises ValueError before the scene is
     touched. Returns the mesh object and the armature object, bound and selected."""
+    shown.step(0.0, f"reading {skeleton_path}")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
     rig = sinew_native.read_rig(
         folder, skeleton=skeleton_name, mesh=options.mesh or None,
@@ -44,8 +47,10 @@ def import_rig(context, skeleton_path, options):
     name = os.path.basename(folder) or "rig"
     created = []
     try:
+        shown.step(0.3, f"building the armature of {name}")
         armature = build_armature(context, name, rig, created)
         clip_store.store(armature.data, rig, os.path.splitext(skeleton_name)[1].lower())
+        shown.step(0.4, f"building the mesh of {name}")
         mesh_object = build_mesh(context, name, rig, armature, colors, created)
     except Exception:
         for data in reversed(created):
@@ -57,6 +62,7 @@ def import_rig(context, skeleton_path, options):
     armature.matrix_world = orientation.T  # Blender fills it column by column
     set_playback(context.scene, armature, options)
     context.view_layer.update()
+    shown.step(0.8, f"binding {name}")
     binding.bind(mesh_object, armature, options.output, options.method,
                  options.source if clip_store.has_poses(armature.data) else "ARMATURE")
     for ob in context.selected_objects:
@@ -73,8 +79,10 @@ def set_playback(scene, armature, options):
     settings = armature.sinew_clip
     settings.mode = "PLAYBACK" if count > 2 else "SWING"
     settings.frame_start = scene.frame_start
+    if options.frame_rate > 0:
+        settings.speed = options.frame_rate * scene.render.fps_base / scene.render.fps
     if count > 2 and options.source == "CLIP" and options.set_frame_range:
-        scene.frame_end = scene.frame_start + count - 1
+        scene.frame_end = scene.frame_start + max(math.ceil((count - 1) / settings.speed), 1)
 
 
 def build_armature(context, name, rig, created):
@@ -152,7 +160,8 @@ def assign_materials(mesh, rig, colors, created):
         created.append(material)
         color = (*colors.get(material_name, (0.8, 0.8, 0.8)), 1.0)
         material.diffuse_color = color
-        material.use_nodes = True
+        if material.node_tree is None:  # before 5.0
+            material.use_nodes = True
         shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
         if shader:
             shader.inputs["Base Color"].default_value = color

@@ -14,7 +14,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from . import anchor, blender_io, posing
+from . import anchor, blender_io, notice, posing
 from .layers import Layer
 from .native import sinew_native
 from .outputs import OUTPUTS
@@ -65,6 +65,14 @@ _evaluating = False  # Blender is evaluating at our request: handlers are not fo
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 
 
+def configure(thread_count, instruction_set):
+    """How skinning runs from now on. thread_count 0: all; instruction_set "auto" or a name of
+    sinew_native.instruction_sets()."""
+    with _lock:
+        sinew_native.set_thread_count(thread_count)
+        sinew_native.set_instruction_set(instruction_set)
+
+
 def forget():
     """Drop everything that is cached, as after load and undo."""
     global _object_count
@@ -96,6 +104,7 @@ def report(ob, message):
         if entry:
             entry.error = message
     log.error("%s: %s", ob.name, message)
+    notice.show(f"{ob.name}: {message}")
 
 
 def bound_objects():
@@ -287,6 +296,7 @@ def _keep_error(ob, error):
     entry = _characters[blender_io.key_of(ob)]
     if str(error) != entry.error:
         log.error("%s is not deformed", ob.name, exc_info=error)
+        notice.show(f"{ob.name} is not deformed: {error}")
     entry.error = str(error)
     entry.forget()
 
@@ -325,7 +335,7 @@ def _evaluate(depsgraph):
 def _prepare(ob, depsgraph, posed):
     """The mesh's layers as of this frame; nothing if it is not on show here."""
     evaluated = ob.evaluated_get(depsgraph)
-    if not evaluated.is_evaluated or ob.data.is_editmode:
+    if not evaluated.is_evaluated or ob.data.is_editmode or not ob.sinew.shows_shape():
         return None
     start = perf_counter()
     entry = _characters[blender_io.key_of(ob)]

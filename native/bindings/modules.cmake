@@ -13,6 +13,8 @@ function(add_python_module target soabi)  # ARGN: folders with the headers of Py
     bindings/module.cpp)
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN})
   target_link_libraries(${target} PRIVATE sinew)
+  # Nothing of a static TBB or Highway is to be seen from outside, or to be taken from another add-on's.
+  target_link_options(${target} PRIVATE -Wl,--exclude-libs,ALL $<$<CONFIG:Release>:-s>)
   target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
   set_target_properties(${target} PROPERTIES
     PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}.so

@@ -88,6 +88,6 @@ def pose(armature, frame, scaled):
             bone.keyframe_insert(path, frame=frame)
 
 
-def accelerate(ob):
+def accelerate(ob, output="MODIFIER"):
     select(ob)
-    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert bpy.ops.object.sinew_bind(output=output) == {"FINISHED"}

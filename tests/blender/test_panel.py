@@ -1,8 +1,9 @@
-"""What the panel says in each situation, drawn into a layout that only takes notes."""
+"""What the panels say in each situation, drawn into a layout that only takes notes."""
 
 from types import SimpleNamespace
 
 import bpy
+import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
 from helpers import addon_module, import_rig, select
@@ -21,7 +22,8 @@ class Notes:
                 assert hasattr(owner, attribute), f"{owner} has no {attribute}"
                 self.said.append(owner.bl_rna.properties[attribute].name if text is None else text)
             elif name == "operator":
-                assert arguments[0].partition(".")[2]
+                category, _, operator = arguments[0].partition(".")
+                getattr(getattr(bpy.ops, category), operator).get_rna_type()  # KeyError: there is none
                 self.said.append(arguments[0] if text is None else text)
             elif text is not None:
                 self.said.append(text)
@@ -29,32 +31,41 @@ class Notes:
         return call
 
 
-def panel():
-    notes = Notes()
-    addon_module("panels").SinewPanel.draw(SimpleNamespace(layout=notes), bpy.context)
-    return notes.said
+def draw(place="Sidebar"):
+    """What all panels of the Sidebar, or of the Modifiers or the Armature's data, say."""
+    said = []
+    for cls in addon_module("panels").CLASSES:
+        if cls.__name__.startswith(place) and (not hasattr(cls, "poll") or cls.poll(bpy.context)):
+            notes = Notes()
+            cls.draw(SimpleNamespace(layout=notes), bpy.context)
+            said += notes.said
+    return said
 
 
 def test_nothing_selected():
-    assert panel() == ["Select a mesh or its armature"]
+    assert draw() == ["Select a mesh or its armature", "import_scene.sinew_rig"]
+    assert draw("Modifiers") == draw("Armature") == []
 
 
-def test_mesh_and_armature_before_and_after(fresh_scene):
+@pytest.mark.parametrize("mesh_panel, armature_panel", (("Sidebar", "Sidebar"), ("Modifiers", "Armature")))
+def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_panel):
     armature = make_armature()
     ob = make_mesh(armature, False)
     pose(armature, 1, False)
+    display = ["object.sinew_show_weights", "object.sinew_show_skeleton"]
     select(ob)
-    assert panel() == ["Armature deforms it", "Accelerate"]
+    assert draw(mesh_panel) == ["Armature deforms it", "Accelerate", *display]
     select(armature)
-    assert panel() == ["Sinew deforms 0 of its 1 meshes", "Accelerate"]
+    assert draw(armature_panel) == ["Sinew deforms 0 of its 1 meshes", "Accelerate", display[1]]
     accelerate(ob)
     fresh_scene.frame_set(2)
-    said = panel()
-    assert said[-1] == "object.sinew_unbind"
-    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Last Frame"):
+    said = draw(mesh_panel)
+    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Last Frame", "Threads",
+                 "Instructions", addon_module("native").sinew_native.instruction_set(), "object.sinew_unbind",
+                 "Mask", "Bone Envelopes", *display):
         assert text in said
     select(armature)
-    assert panel() == ["Sinew deforms 1 of its 1 meshes", "object.sinew_unbind"]
+    assert draw(armature_panel) == ["Sinew deforms 1 of its 1 meshes", "object.sinew_unbind", display[1]]
 
 
 def test_mixed_modifiers_are_shown(fresh_scene):
@@ -63,7 +74,7 @@ def test_mixed_modifiers_are_shown(fresh_scene):
     second = ob.modifiers.new("Second", "ARMATURE")
     second.object, second.use_multi_modifier = armature, True
     accelerate(ob)
-    assert panel().count("Armature") == 2 and "Mixed with" in panel()
+    assert draw().count("Armature") == 2 and "Mixed with" in draw()
 
 
 def test_an_error_stands_on_top(fresh_scene):
@@ -71,9 +82,31 @@ def test_an_error_stands_on_top(fresh_scene):
     accelerate(ob)
     ob.modifiers.remove(ob.modifiers["Sinew"])
     fresh_scene.frame_set(2)
-    assert "lost its Sinew modifier" in panel()[0]
+    assert "lost its Sinew modifier" in draw()[0]
 
 
 def test_poses_of_an_imported_rig():
     import_rig("capsule")
-    assert {"Mode", "Start Frame", "Speed", "object.sinew_clip_to_keyframes"} <= set(panel())
+    assert {"Mode", "Start Frame", "Speed", "object.sinew_clip_to_keyframes"} <= set(draw())
+
+
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_switches_of_what_is_shown(output):
+    ob = make_mesh(make_armature(), False)
+    accelerate(ob, output)
+    shown = bpy.types.Modifier.bl_rna.properties["show_viewport"]
+    assert hasattr(ob.sinew, "show_shape") and shown
+    notes = Notes()
+    addon_module("panels").draw_switches(notes, ob)
+    assert len(notes.said) == {"MODIFIER": 2, "MESH": 1}[output]
+
+
+def test_preferences_without_a_module():
+    """The sentence that stands in the preferences where no module fits."""
+    problem = addon_module("native").problem_of_import
+    files = ["sinew_native.cpython-36-x86_64-linux-gnu.so"]
+    assert "no native library for Python" in problem(ImportError("nothing"), files)
+    assert "has those for Python 3.6 on Linux" in problem(ImportError("nothing"), files)
+    import sys
+    here = f"sinew_native.cpython-{sys.version_info.major}{sys.version_info.minor}-x86_64-linux-gnu.so"
+    assert problem(ImportError("GLIBC_9 not found"), [here]).endswith("does not load: GLIBC_9 not found")

@@ -1,0 +1,124 @@
+"""What can be written after `sinew` in a shell. Knows neither Blender nor what the commands do."""
+
+import argparse
+import os
+
+METHODS = ("linear", "dual-quaternion")
+
+
+def make_parser():
+    """Its `command` is the name of the command; what is not given of a rig's options is not there."""
+    parser = argparse.ArgumentParser(
+        prog="sinew", description="Skeletal deformation with a native core.",
+        epilog="Exit codes: 0 done, 1 not to be done (stderr says why), 2 wrong usage.")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    add_info(commands)
+    add_import(commands)
+    add_export(commands)
+    add_bench(commands)
+    return parser
+
+
+def add_command(commands, name, summary):
+    command = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
+    command.add_argument("--json", action="store_true", help="end stdout with one line of JSON")
+    return command
+
+
+def add_info(commands):
+    command = add_command(
+        commands, "info", "what is in a rig folder, or which meshes of a .blend an armature deforms")
+    command.add_argument("path", metavar="PATH", type=os.path.abspath,
+                         help="a rig folder, its skeleton file, or a .blend")
+    add_file_options(command)
+
+
+def add_import(commands):
+    command = add_command(commands, "import", "make a .blend from a rig folder")
+    command.add_argument("path", metavar="FOLDER", type=os.path.abspath,
+                         help="the rig folder, or its skeleton file")
+    command.add_argument("-o", "--output", dest="blend", metavar="FILE.blend", type=blend_path,
+                         required=True, help="where to save it")
+    add_file_options(command)
+    group = command.add_argument_group("the scene", argument_default=argparse.SUPPRESS)
+    group.add_argument("--up-axis", type=identifier, choices=("Y", "Z"),
+                       help="the axis of the files that points up (Y)")
+    group.add_argument("--scale", metavar="S", type=positive_number, help="size of the imported rig (1)")
+    group.add_argument("--method", choices=METHODS, help="how the joints' motions are blended (linear)")
+    group.add_argument("--source", choices=("clip", "armature"),
+                       help="where the pose comes from: the rig's own poses, or the armature (clip)")
+    group.add_argument("--keep-frame-range", dest="set_frame_range", action="store_false",
+                       help="do not end the scene with the last pose")
+    add_output_kind(group)
+
+
+def add_export(commands):
+    command = add_command(commands, "export", "write a character of a .blend as a rig folder")
+    command.add_argument("path", metavar="FILE.blend", type=blend_path)
+    command.add_argument("folder", metavar="FOLDER", type=os.path.abspath,
+                         help="made if it is missing")
+    command.add_argument("--object", metavar="NAME", help="which mesh, if several are deformed")
+    command.add_argument("--animation", choices=("auto", "frames", "none"), default="auto",
+                         help="auto (the default): the poses that were imported, else the scene's frames "
+                         "if the armature is animated; frames: always those")
+
+
+def add_bench(commands):
+    command = add_command(
+        commands, "bench", "how long a frame takes by Sinew and by Blender's Armature modifier")
+    command.add_argument("path", metavar="PATH", type=os.path.abspath,
+                         help="a rig folder, its skeleton file, or a .blend, whose deformed meshes on show "
+                         "are measured together; nothing is saved")
+    command.add_argument("--frames", metavar="N", type=positive_integer, default=40,
+                         help="how many frames, from the scene's first on (40)")
+    command.add_argument("--method", dest="methods", choices=(*METHODS, "both"), default="both")
+    add_output_kind(command, default="modifier")
+    add_file_options(command)
+
+
+def add_file_options(command):
+    group = command.add_argument_group(
+        "how to read a rig folder", argument_default=argparse.SUPPRESS)
+    group.add_argument("--mesh", metavar="FILE", help="its file beside the skeleton (mesh.obj)")
+    group.add_argument("--weights", metavar="FILE", help="their file (weights.dmat)")
+    group.add_argument("--pose", metavar="FILE", help="file of the poses (pose.dmat or anim.dmat)")
+    group.add_argument("--convention", choices=("auto", "bone", "joint"),
+                       help="what a row of a .bf file stands for (auto: as the file says)")
+    group.add_argument("--quaternion-order", choices=("wxyz", "xyzw"), help="in the poses (wxyz)")
+
+
+def add_output_kind(command, **default):
+    command.add_argument("--output-kind", dest="output", choices=("modifier", "mesh"), **default,
+                         help="where the shape goes: through a modifier (the default), or into the mesh")
+
+
+def blend_path(word):
+    if not word.endswith(".blend"):
+        raise argparse.ArgumentTypeError(f"{word} does not end in .blend")
+    return os.path.abspath(word)
+
+
+def positive_integer(word):
+    if not word.isdecimal() or int(word) == 0:
+        raise argparse.ArgumentTypeError(f"{word} is not a whole number above 0")
+    return int(word)
+
+
+def positive_number(word):
+    try:
+        number = float(word)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{word} is not a number above 0")
+    return number
+
+
+def identifier(word):
+    """dual-quaternion -> DUAL_QUATERNION, as the add-on's properties have it."""
+    return word.upper().replace("-", "_")
+
+
+def word(name):
+    """The way back."""
+    return name.lower().replace("_", "-")

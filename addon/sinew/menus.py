@@ -1,0 +1,77 @@
+"""Where Sinew's operators stand in Blender's menus, which F3 searches too, and what may be dropped on a view."""
+
+import bpy
+
+from .cures import FillWeights, NormalizeWeights, SelectUnweighted
+from .display import ToggleSkeleton, ToggleWeights
+from .operators import Bind, ClipToKeyframes, ExportRig, ImportRig, Unbind
+from .preferences import OpenManual
+
+RIG_FILES = "Sinew Rig (.bf/.tgf)"
+
+
+class SinewMenu(bpy.types.Menu):
+    """Of the Object and the Pose menu"""
+
+    bl_idname = "VIEW3D_MT_sinew"
+    bl_label = "Sinew"
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.operator(Bind.bl_idname, icon="LINKED")
+        layout.operator(Unbind.bl_idname, icon="UNLINKED")
+        layout.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
+        layout.separator()
+        layout.operator(ToggleWeights.bl_idname, icon="GROUP_VCOL")
+        layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
+        layout.separator()
+        for operator in (NormalizeWeights, FillWeights, SelectUnweighted):
+            layout.operator(operator.bl_idname)
+        layout.separator()
+        layout.operator(OpenManual.bl_idname, icon="HELP")
+
+
+def draw_import(menu, _context):
+    menu.layout.operator(ImportRig.bl_idname, text=RIG_FILES)
+
+
+def draw_export(menu, _context):
+    menu.layout.operator(ExportRig.bl_idname, text=RIG_FILES)
+
+
+def draw_submenu(menu, _context):
+    menu.layout.separator()
+    menu.layout.menu(SinewMenu.bl_idname)
+
+
+PLACES = (("TOPBAR_MT_file_import", draw_import), ("TOPBAR_MT_file_export", draw_export),
+          ("VIEW3D_MT_object", draw_submenu), ("VIEW3D_MT_pose", draw_submenu))
+CLASSES = [SinewMenu]
+
+if hasattr(bpy.types, "FileHandler"):  # 4.1 and later
+    class DropRig(bpy.types.FileHandler):
+        bl_idname = "IO_FH_sinew_rig"
+        bl_label = "Sinew Rig"
+        bl_import_operator = ImportRig.bl_idname
+        bl_export_operator = ExportRig.bl_idname
+        bl_file_extensions = ".bf;.tgf"
+
+        @classmethod
+        def poll_drop(cls, context):
+            return context.area is None or context.area.type in {"VIEW_3D", "OUTLINER"}
+
+    CLASSES.append(DropRig)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    for name, draw in PLACES:
+        getattr(bpy.types, name).append(draw)
+
+
+def unregister():
+    for name, draw in reversed(PLACES):
+        getattr(bpy.types, name).remove(draw)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
