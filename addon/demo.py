@@ -3,22 +3,20 @@
     blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER
 
 Frames are timed in turn with Sinew and with Blender's own Armature modifier on a copy of the same
-mesh, whose armature has the same motion as keyframes.
+scene, where the armature has the same motion as keyframes.
 """
 
 import importlib
 import math
 import os
-import statistics
 import sys
 from pathlib import Path
-from time import perf_counter
 
 import bpy
 import numpy as np
 from mathutils import Vector
 
-FRAMES = range(1, 121)
+FRAMES = 120
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 TILE = (480, 540)  # pixels of one picture of the contact sheet
 SAMPLES = 24
@@ -43,26 +41,6 @@ def import_rig(folder):
     return bpy.context.active_object
 
 
-def reference_scene(mesh_object):
-    """A scene of its own with a copy of the character that Blender's own modifier deforms. The two
-    scenes are evaluated apart, so each can be timed alone."""
-    scene = bpy.data.scenes.new("reference")
-    scene.render.fps = bpy.context.scene.render.fps
-    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
-    armature = mesh_object.sinew.armature.copy()
-    armature.data = armature.data.copy()
-    copy = mesh_object.copy()
-    copy.data = copy.data.copy()
-    addon_module("binding").unbind(copy)
-    copy.parent = armature
-    copy.modifiers["Armature"].object = armature
-    scene.collection.objects.link(armature)
-    scene.collection.objects.link(copy)
-    if addon_module("clip_store").has_poses(armature.data):
-        addon_module("clip_keyframes").insert(scene, armature, FRAMES[0], FRAMES[-1])
-    return scene, copy
-
-
 def shape(ob, scene):
     """(V, 3): positions as evaluated in that scene, space of the object."""
     mesh = ob.evaluated_get(scene.view_layers[0].depsgraph).data
@@ -71,55 +49,31 @@ def shape(ob, scene):
     return positions.reshape(-1, 3)
 
 
-def milliseconds(action):
-    start = perf_counter()
-    action()
-    return 1e3 * (perf_counter() - start)
-
-
-def measure(mesh_object, method):
-    """Medians over the frames: {row: milliseconds}, and the largest distance of the two results."""
-    scene = bpy.context.scene
-    mesh_object.sinew.method = method
-    reference, reference_object = reference_scene(mesh_object)
-    reference_object.modifiers["Armature"].use_deform_preserve_volume = method != "LINEAR"
-    character = addon_module("session").character(mesh_object)
-    rows = {name: [] for name in ROWS}
-    largest = 0.0
-    for frame in (FRAMES[-1], *FRAMES):  # the first only warms up
-        whole = milliseconds(lambda: scene.frame_set(frame))
-        timings = character.timings
-        stages = timings.pose, timings.skin, timings.write
-        builtin = milliseconds(lambda: reference.frame_set(frame))
-        for name, value in zip(ROWS, (*stages, whole, builtin)):
-            rows[name].append(value)
-        distance = shape(mesh_object, scene) - shape(reference_object, reference)
-        largest = max(largest, float(np.linalg.norm(distance, axis=1).max()))
-    armature = reference_object.parent
-    bpy.data.batch_remove([
-        reference, reference_object.data, reference_object, armature.data, armature])
-    return {name: statistics.median(values[1:]) for name, values in rows.items()}, largest
-
-
-ROWS = ("pose + forward kinematics", "skinning", "writing back", "scene.frame_set, Sinew",
-        "scene.frame_set, Armature modifier")
+ROWS = {"pose + forward kinematics": "pose", "skinning": "skin", "writing back": "write",
+        "scene.frame_set, Sinew": "sinew", "scene.frame_set, Armature modifier": "modifier"}
 
 
 def print_table(mesh_object):
-    mesh = mesh_object.data
-    bones = len(mesh_object.sinew.armature.pose.bones)
+    bench = addon_module("bench")
+    contest = bench.set_up(mesh_object.sinew.output, FRAMES)
+    times, distances = {}, {}
+    for method in METHODS:
+        bench.set_method(contest, method)
+        distances[method] = bench.compare(contest)[0]
+        times[method] = bench.measure(contest)
+    bench.set_method(contest, "LINEAR")
+    copies = list(contest.scenes[1].objects)
+    bpy.data.batch_remove([contest.scenes[1], *copies, *(ob.data for ob in copies if ob.data)])
+
+    mesh, bones = mesh_object.data, len(mesh_object.sinew.armature.pose.bones)
     diagonal = float(np.linalg.norm(np.ptp(shape(mesh_object, bpy.context.scene), axis=0)))
-    results = {method: measure(mesh_object, method) for method in METHODS}
-    mesh_object.sinew.method = "LINEAR"
     print(f"\n{mesh_object.name}: {len(mesh.vertices):,} vertices, {bones} bones; "
-          f"Blender {bpy.app.version_string}, {os.cpu_count()} cores; "
-          f"medians over frames {FRAMES[0]} to {FRAMES[-1]}\n")
+          f"Blender {bpy.app.version_string}, {os.cpu_count()} cores; medians of {FRAMES} frames\n")
     print(f"{'milliseconds a frame':36}{'linear':>12}{'dual quaternion':>18}")
-    for name in ROWS:
-        print(f"{name:36}{results['LINEAR'][0][name]:12.3f}"
-              f"{results['DUAL_QUATERNION'][0][name]:18.3f}")
+    for name, key in ROWS.items():
+        print(f"{name:36}{times['LINEAR'][key]:12.3f}{times['DUAL_QUATERNION'][key]:18.3f}")
     print(f"{'largest distance of the two results':36}"
-          + "".join(f"{results[method][1]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
+          + "".join(f"{distances[method]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
           + f"   (the mesh measures {diagonal:.3g})\n")
 
 
@@ -139,9 +93,9 @@ def sheet_frames(mesh_object):
     count = addon_module("clip_store").pose_count(armature.data)
     scene = bpy.context.scene
     if armature.sinew_clip.mode == "PLAYBACK":
-        return [FRAMES[0] + round(i * count / 6) for i in range(6)]
+        return [1 + round(i * count / 6) for i in range(6)]
     half_swing = math.pi / 2 * scene.render.fps
-    return [FRAMES[0] + round(i * half_swing / 5) for i in range(6)]
+    return [1 + round(i * half_swing / 5) for i in range(6)]
 
 
 # The camera looks along this, from the front left.
@@ -256,7 +210,7 @@ def main():
 
     frames = sheet_frames(mesh_object)
     build_stage(mesh_object, world_points(mesh_object, frames))
-    bpy.context.scene.frame_set(FRAMES[0])
+    bpy.context.scene.frame_set(1)
     blend, picture = output / f"{folder.name}.blend", output / f"{folder.name}.png"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     render_sheet(frames, picture)

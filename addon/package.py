@@ -50,6 +50,11 @@ def main(arguments):
     *modules, licenses, folder = map(Path, arguments)
     target = folder / f"sinew-{version()}.zip"
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        # Without an entry for the folder itself, 3.4 writes over an older version's files in place, of which
+        # the compiled module is mapped into the running Blender.
+        folder = zipfile.ZipInfo("sinew/", EPOCH)
+        folder.external_attr = 0o40755 << 16 | 0x10
+        archive.writestr(folder, b"")
         for name, data in sorted(contents(modules, licenses).items()):
             entry = zipfile.ZipInfo(f"sinew/{name}", EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED

@@ -66,6 +66,8 @@ def import_(options):
     folder = os.path.dirname(options.blend)
     if not os.path.isdir(folder):
         raise ValueError(f"there is no folder {folder}")
+    if os.path.isdir(options.blend):  # which Blender would move out of the way
+        raise ValueError(f"{options.blend} is a folder")
     mesh_object = import_into_empty_file(options)
     try:
         bpy.ops.wm.save_as_mainfile(filepath=options.blend)  # writes beside it, then renames
@@ -98,7 +100,7 @@ def run_bench(options):
         bench.set_method(contest, identifier(method))
         distance, motion = bench.compare(contest)  # first, for it warms everything up
         if motion == 0:
-            raise ValueError(f"nothing moves on the {len(contest.frames)} frames: there is nothing to measure")
+            raise ValueError(f"nothing moves on these {options.frames} frames, so nothing can be measured")
         times = bench.measure(contest)
         results.append({"method": method, **{f"{name}_ms": value for name, value in times.items()},
                         "largest_distance": distance, "largest_motion": motion})
@@ -163,7 +165,7 @@ def import_into_empty_file(options):
 def chosen_mesh(name):
     """The mesh object of that name; without a name the only deformed one. Raises ValueError."""
     meshes = bench.deformed_meshes(bpy.data.objects)
-    names = ", ".join(ob.name for ob in meshes) or "none"
+    names = ", ".join(ob.name_full for ob in meshes) or "none"
     if name is None and len(meshes) == 1:
         return meshes[0]
     if name is None:
@@ -213,7 +215,7 @@ def report_meshes(path, objects):
 def describe_mesh(ob):
     """What deforms it, and `problem`: why Sinew does not or could not, or None."""
     settings, armature = ob.sinew, binding.find_armature(ob)
-    mesh = {"name": ob.name, "vertices": len(ob.data.vertices),
+    mesh = {"name": ob.name_full, "vertices": len(ob.data.vertices),
             "armature": armature and armature.name, "bones": len(armature.data.bones) if armature else 0}
     if settings.is_bound:
         mesh |= {"deformed_by": "Sinew", "method": word(settings.method),

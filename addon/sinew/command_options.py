@@ -47,6 +47,8 @@ def add_import(commands):
     group.add_argument("--method", choices=METHODS, help="how the joints' motions are blended (linear)")
     group.add_argument("--source", choices=("clip", "armature"),
                        help="where the pose comes from: the rig's own poses, or the armature (clip)")
+    group.add_argument("--frame-rate", metavar="N", type=positive_number,
+                       help="poses a second in the file, played at the scene's rate (a pose a frame)")
     group.add_argument("--keep-frame-range", dest="set_frame_range", action="store_false",
                        help="do not end the scene with the last pose")
     add_output_kind(group)

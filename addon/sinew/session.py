@@ -40,7 +40,7 @@ class Timings:
 class Character:
     """One bound mesh."""
 
-    name: str
+    name: tuple  # of its object, and the path of its library or None
     layers: list = field(default_factory=list)  # of Layer, as long as its settings ask for
     output: object = None  # one of outputs.OUTPUTS, or None: look
     watched: frozenset | None = None  # keys of the data-blocks whose edits count; None: look
@@ -123,6 +123,10 @@ def bound_objects():
     return found
 
 
+def _name(ob):
+    return ob.name, ob.library.filepath if ob.library else None
+
+
 def _gather():
     global _object_count
     old = dict(_characters)
@@ -130,8 +134,8 @@ def _gather():
     for ob in bpy.data.objects:
         if ob.type == "MESH" and ob.sinew.is_bound:
             key = blender_io.key_of(ob)
-            _characters[key] = old.get(key) or Character(ob.name)
-            _characters[key].name = ob.name
+            _characters[key] = old.get(key) or Character(_name(ob))
+            _characters[key].name = _name(ob)
     _object_count = len(bpy.data.objects)
 
 

@@ -90,25 +90,35 @@ void bind_rig_skeleton(py::module_& module) {
            }),
            py::arg("parents"), py::arg("heads"), py::arg("tails"), py::arg("weight_columns"),
            py::arg("names") = std::vector<std::string>(), py::arg("convention") = "joint",
-           "parents (J,); heads and tails (J, 3), world; weight_columns (J,), -1 for none.")
+           "parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after "
+           "its child.\n"
+           "heads: (J, 3), world: where each joint turns, the translation of A(j).\n"
+           "tails: (J, 3), world: where its bone is drawn to.\n"
+           "weight_columns: (J,) integers, the joint's column of weights, or -1; no column may "
+           "belong to two joints.\n"
+           "names: J unique names; if empty, they are made from the joints' numbers.\n"
+           "convention: \"joint\", a row of the file stands for a joint and turns about it; or "
+           "\"bone\", for the bone that ends there and turns about the parent's place.\n"
+           "Raises ValueError for parts that do not fit each other, a cycle, a number that is not "
+           "finite.")
       .def_property_readonly(
           "heads",
           [](py::object self) {
             return view_matrix(self.cast<const RigSkeleton&>().heads(), self);
           },
-          "(J, 3) float64, world: where each joint turns.")
+          "(J, 3) float64, read-only, world: where each joint turns.")
       .def_property_readonly(
           "tails",
           [](py::object self) {
             return view_matrix(self.cast<const RigSkeleton&>().tails(), self);
           },
-          "(J, 3) float64, world: where its bone is drawn to.")
+          "(J, 3) float64, read-only, world: where its bone is drawn to.")
       .def_property_readonly(
           "weight_columns",
           [](py::object self) {
             return view_list(self.cast<const RigSkeleton&>().weight_columns(), self);
           },
-          "(J,) int32: the joint's column of weights, or -1.")
+          "(J,) int32, read-only: the joint's column of weights, or -1.")
       .def_property_readonly("names", &RigSkeleton::names, "J unique names.")
       .def_property_readonly(
           "convention", [](const RigSkeleton& self) { return convention_name(self.convention()); },
@@ -122,8 +132,16 @@ void bind_rig(py::module_& module) {
            py::arg("poses") = py::none(), py::arg("animation") = py::none(),
            py::arg("face_materials") = py::none(),
            py::arg("material_names") = std::vector<std::string>(), py::arg("material_library") = "",
-           "positions (V, 3); face_offsets (faces + 1,); face_vertices; weights (V, columns); "
-           "animation (F, J, 4, 4): skinning matrices; face_materials (faces,): -1 for none.\n"
+           "positions: (V, 3), rest positions.\n"
+           "face_offsets: (faces + 1,) integers, where each face's vertices begin.\n"
+           "face_vertices: vertex numbers, face after face.\n"
+           "skeleton: J joints.\n"
+           "weights: (V, columns), a column for each joint that has a weight column.\n"
+           "poses: of J joints, or None.\n"
+           "animation: (F, J, 4, 4), skinning matrices, or None.\n"
+           "face_materials: (faces,) integers into material_names, -1 for none; or None.\n"
+           "material_names: in order of first use.\n"
+           "material_library: the file that describes the materials, or an empty string.\n"
            "Raises ValueError if the parts do not fit each other.")
       .def_property_readonly(
           "positions",
@@ -131,25 +149,25 @@ void bind_rig(py::module_& module) {
             const auto& mesh = self.cast<const Rig&>().mesh;
             return view(mesh.positions.data(), {mesh.vertex_count(), 3}, {3, 1}, self);
           },
-          "(V, 3) float32: rest positions.")
+          "(V, 3) float32, read-only: rest positions.")
       .def_property_readonly(
           "face_offsets",
           [](py::object self) {
             return view_list(self.cast<const Rig&>().mesh.face_offsets, self);
           },
-          "(faces + 1,) int32: where each face's vertices begin.")
+          "(faces + 1,) int32, read-only: where each face's vertices begin.")
       .def_property_readonly(
           "face_vertices",
           [](py::object self) {
             return view_list(self.cast<const Rig&>().mesh.face_vertices, self);
           },
-          "int32: vertex numbers, face after face.")
+          "int32, read-only: vertex numbers, face after face.")
       .def_property_readonly(
           "face_materials",
           [](py::object self) {
             return view_list(self.cast<const Rig&>().mesh.face_materials, self);
           },
-          "(faces,) int32: index into material_names, or -1.")
+          "(faces,) int32, read-only: index into material_names, or -1. Empty if nothing was said.")
       .def_property_readonly(
           "material_names", [](const Rig& self) { return self.mesh.material_names; },
           "In order of first use.")
@@ -162,7 +180,8 @@ void bind_rig(py::module_& module) {
       .def_property_readonly(
           "weights",
           [](py::object self) { return view_matrix(self.cast<const Rig&>().weights, self); },
-          "(V, columns) float64.")
+          "(V, columns) float64, read-only: column c belongs to the joint whose weight column is "
+          "c.")
       .def_property_readonly(
           "poses", [](const Rig& self) { return self.poses; }, "PoseClip, or None.")
       .def_property_readonly(
@@ -174,7 +193,7 @@ void bind_rig(py::module_& module) {
             const py::ssize_t joints = self.cast<const Rig&>().skeleton.joint_count();
             return flat.attr("reshape")(animation->frames, joints, 4, 4);
           },
-          "(F, J, 4, 4) float64 skinning matrices, or None.");
+          "(F, J, 4, 4) float64, read-only: skinning matrices, or None.");
 }
 
 Rig py_read_rig(const Path& folder, const std::optional<Path>& skeleton,
@@ -200,14 +219,18 @@ void py_write_rig(const Path& folder, const Rig& rig, const Path& skeleton) {
 void bind_files(py::module_& module) {
   module.def(
       "read_dmat", [](const Path& path) { return moved(read_dmat(path)); }, py::arg("path"),
-      "A .dmat file, text or binary, as float64 (rows, columns). Raises ValueError.");
+      "A .dmat file, text or binary, as float64 (rows, columns). Raises ValueError, naming the "
+      "file, if it cannot be read.");
   module.def(
       "write_dmat",
       [](const Path& path, const py::array& array, bool binary) {
         write_dmat(path, copied_table("array", array), binary);
       },
       py::arg("path"), py::arg("array"), py::arg("binary") = false,
-      "Write what read_dmat reads back bit for bit. array: (rows, columns).");
+      "Write what read_dmat reads back bit for bit.\n\n"
+      "array: (rows, columns), real numbers, written as float64.\n"
+      "binary: as little-endian float64 instead of text.\n"
+      "Raises ValueError if the file cannot be written.");
   bind_rig_skeleton(module);
   bind_rig(module);
   module.def(
@@ -216,19 +239,31 @@ void bind_files(py::module_& module) {
         return read_skeleton(path, convention_of(convention));
       },
       py::arg("path"), py::arg("convention") = py::none(),
-      "A .bf or .tgf file as RigSkeleton. convention: \"bone\" or \"joint\" overrides what a .bf "
-      "file says of itself. Raises ValueError.");
+      "A .bf or .tgf file as RigSkeleton.\n\n"
+      "convention: \"bone\" or \"joint\" overrides what a .bf file says of itself (\"bone\" if the "
+      "weight index of a root is -1); a .tgf file is always \"bone\".\n"
+      "Raises ValueError, naming file and line, for what cannot be read.");
   module.def("write_skeleton", &write_skeleton, py::arg("path"), py::arg("skeleton"),
-             "Write .bf or .tgf, by the path's ending.");
-  module.def("read_rig", &py_read_rig, py::arg("folder"), py::kw_only(),
-             py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(),
-             py::arg("weights") = py::none(), py::arg("pose") = py::none(),
-             py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
-             "A rig folder. Files are found by their usual names, or named relative to it.\n"
-             "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file. Raises ValueError.");
+             "Write .bf or .tgf, by the path's ending. Raises ValueError if the format cannot hold "
+             "the skeleton or the file cannot be written.");
+  module.def(
+      "read_rig", &py_read_rig, py::arg("folder"), py::kw_only(), py::arg("skeleton") = py::none(),
+      py::arg("mesh") = py::none(), py::arg("weights") = py::none(), py::arg("pose") = py::none(),
+      py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
+      "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
+      "exist, pose.dmat and anim.dmat.\n\n"
+      "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
+      "convention: as of read_skeleton.\n"
+      "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "
+      "degrees.\n"
+      "Raises ValueError, naming the file, for what cannot be read or does not fit the other "
+      "files.");
   module.def("write_rig", &py_write_rig, py::arg("folder"), py::arg("rig"), py::kw_only(),
              py::arg("skeleton") = "skeleton.bf",
-             "Write a rig into an existing folder; skeleton: name, ending in .bf or .tgf.");
+             "Write a rig into an existing folder, under the names that read_rig looks for.\n\n"
+             "skeleton: the name of its file, ending in .bf or .tgf.\n"
+             "Raises ValueError if the format cannot hold the skeleton or a file cannot be "
+             "written.");
 }
 
 }  // namespace sinew::bindings

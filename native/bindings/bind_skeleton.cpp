@@ -104,33 +104,35 @@ void bind_skeleton(py::module_& module) {
                              copied_matrices("rest", rest, 3));
            }),
            py::arg("parents"), py::arg("rest"),
-           "parents (J,): each joint's parent, -1 for a root, in any order.\n"
-           "rest (J, 4, 4): R(j), each joint's rest transform relative to its parent.\n"
+           "parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after "
+           "its child.\n"
+           "rest: (J, 4, 4), R(j), each joint's rest transform relative to its parent, a root's to "
+           "the world.\n"
            "Raises ValueError for a parent that does not exist, a cycle, a number that is not "
-           "finite.")
+           "finite, a rest transform that cannot be inverted.")
       .def_property_readonly("joint_count", &Skeleton::joint_count, "J.")
       .def_property_readonly(
           "parents",
           [](py::object self) { return view_list(self.cast<const Skeleton&>().parents(), self); },
-          "(J,) int32: each joint's parent, -1 for a root.")
+          "(J,) int32, read-only: each joint's parent, -1 for a root.")
       .def_property_readonly(
           "rest",
           [](py::object self) {
             return view_matrices(self.cast<const Skeleton&>().rest<double>(), self);
           },
-          "(J, 4, 4) float64: R(j), relative to the parent.")
+          "(J, 4, 4) float64, read-only: R(j), relative to the parent.")
       .def_property_readonly(
           "rest_world",
           [](py::object self) {
             return view_matrices(self.cast<const Skeleton&>().rest_world(), self);
           },
-          "(J, 4, 4) float64: A(j), relative to the world.")
+          "(J, 4, 4) float64, read-only: A(j), relative to the world.")
       .def_property_readonly(
           "inverse_rest",
           [](py::object self) {
             return view_matrices(self.cast<const Skeleton&>().inverse_rest(), self);
           },
-          "(J, 4, 4) float64: A(j)^-1.")
+          "(J, 4, 4) float64, read-only: A(j)^-1.")
       .def("__repr__", [](const Skeleton& self) {
         return "<Skeleton of " + std::to_string(self.joint_count()) + " joints>";
       });
@@ -139,13 +141,15 @@ void bind_skeleton(py::module_& module) {
              py::arg("out") = py::none(),
              "F(j) = F(parent) R(j) T(j) for each joint of each frame.\n\n"
              "local: T(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
-             "out: where to write F(j), shape and dtype of local (it may be local); made if None.\n"
+             "out: where to write F(j), shape and dtype of local, any strides; it may be local "
+             "itself, but must not overlap it in any other way; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
   module.def("skinning_matrices", &py_skinning_matrices, py::arg("skeleton"), py::arg("world"),
              py::arg("out") = py::none(),
              "F(j) A(j)^-1 for each joint of each frame, as the skinning functions take them.\n\n"
              "world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
-             "out: where to write, float32, shape of world; made if None. Returns out.");
+             "out: where to write, float32, shape of world, any strides; made if None.\n"
+             "Returns out. Raises ValueError if a shape or dtype does not fit.");
 
   py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")
       .def(py::init([](const py::array& rotations) {
@@ -153,7 +157,10 @@ void bind_skeleton(py::module_& module) {
              return PoseClip(rotations.shape(1), std::move(quaternions));
            }),
            py::arg("rotations"),
-           "rotations (P, J, 4): quaternions w x y z, each on top of its joint's rest transform.")
+           "rotations: (P, J, 4), quaternions w x y z, each on top of its joint's rest transform; "
+           "brought to unit length.\n"
+           "Raises ValueError for no pose, no joint, a quaternion of length 0 or one that is not "
+           "finite.")
       .def_property_readonly("joint_count", &PoseClip::joint_count, "J.")
       .def_property_readonly("pose_count", &PoseClip::pose_count, "P.")
       .def_property_readonly(
@@ -161,16 +168,20 @@ void bind_skeleton(py::module_& module) {
           [](const PoseClip& self) {
             return rotation_array(self.rotations(), {self.pose_count(), self.joint_count(), 4});
           },
-          "(P, J, 4) float64, w x y z, unit.")
+          "(P, J, 4) float64, w x y z, unit length. A copy.")
       .def("sample", &clip_sample, py::arg("time"), py::arg("loop") = false,
            "The rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical "
            "interpolation.\n\n"
-           "loop: the first pose follows the last; otherwise time stops at either end.");
+           "time: 0 is the first pose, P - 1 the last.\n"
+           "loop: the first pose follows the last, and time wraps at P; otherwise time stops at "
+           "either end.\n"
+           "Raises ValueError for a time that is not finite.");
   module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"),
              py::arg("out") = py::none(),
              "T(j) of joints that only turn.\n\n"
-             "rotations: (J, 4) unit quaternions w x y z.\n"
-             "out: (J, 4, 4) float64, any strides; made if None. Returns out.");
+             "rotations: (J, 4), unit quaternions w x y z.\n"
+             "out: where to write, (J, 4, 4) float64, any strides; made if None.\n"
+             "Returns out. Raises ValueError if a shape or dtype does not fit.");
 }
 
 }  // namespace sinew::bindings

@@ -115,8 +115,11 @@ Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) 
 
 constexpr const char* kSkinArguments =
     "matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any "
-    "strides, a transposed view is read in place.\n"
-    "out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous; made if None.\n"
+    "strides, a transposed view is read in place; the last row is taken to be 0 0 0 1.\n"
+    "out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if "
+    "None.\n";
+
+constexpr const char* kSkinReturns =
     "Returns out. Raises ValueError if a shape or dtype does not fit.";
 
 }  // namespace
@@ -125,23 +128,32 @@ void bind_skinning(py::module_& module) {
   py::class_<Skin>(module, "Skin",
                    "The mesh at rest and what moves each vertex. Immutable but for "
                    "set_rest_positions.")
-      .def(py::init([](const py::array& rest_positions, const py::array& offsets,
-                       const py::array& joints, const py::array& weights,
-                       std::ptrdiff_t joint_count) {
-             return Skin(points_of<float>("rest_positions", rest_positions),
-                         list_of<std::int64_t>("offsets", offsets),
-                         list_of<std::int32_t>("joints", joints),
-                         list_of<float>("weights", weights), joint_count);
-           }),
-           py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"),
-           py::arg("joint_count"),
-           "rest_positions (V, 3); offsets (V + 1,): vertex v has the influences offsets[v] to "
-           "offsets[v + 1]; joints (N,); weights (N,), which for each vertex should sum to 1.\n"
-           "Every influence is kept, in its order; a vertex without any stays at rest.\n"
-           "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
-           "that is not finite.")
+      .def(
+          py::init([](const py::array& rest_positions, const py::array& offsets,
+                      const py::array& joints, const py::array& weights,
+                      std::ptrdiff_t joint_count) {
+            return Skin(points_of<float>("rest_positions", rest_positions),
+                        list_of<std::int64_t>("offsets", offsets),
+                        list_of<std::int32_t>("joints", joints), list_of<float>("weights", weights),
+                        joint_count);
+          }),
+          py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"),
+          py::arg("joint_count"),
+          "rest_positions: (V, 3), space of the mesh.\n"
+          "offsets: (V + 1,) integers; vertex v has the influences offsets[v] up to "
+          "offsets[v + 1].\n"
+          "joints: (N,) integers, each in 0 to J - 1.\n"
+          "weights: (N,), used as they are; those of a vertex should sum to 1.\n"
+          "joint_count: J, how many matrices a frame has.\n"
+          "Every influence is kept, in its order; a vertex without any, or with zeros alone, stays "
+          "at rest.\n"
+          "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
+          "that is not finite.")
       .def_static("from_dense", &skin_from_dense, py::arg("rest_positions"), py::arg("weights"),
-                  "rest_positions (V, 3); weights (V, J), of which the zeros are left out.")
+                  "A skin from a dense table of weights.\n\n"
+                  "rest_positions: (V, 3), space of the mesh.\n"
+                  "weights: (V, J), column j for joint j; exact zeros are left out.\n"
+                  "Raises ValueError as the constructor does.")
       .def_property_readonly("vertex_count", &Skin::vertex_count, "V.")
       .def_property_readonly("joint_count", &Skin::joint_count, "J.")
       .def_property_readonly("influence_count", &Skin::influence_count, "N.")
@@ -157,55 +169,61 @@ void bind_skinning(py::module_& module) {
             const auto& skin = self.cast<const Skin&>();
             return view(skin.rest_positions().data(), {skin.vertex_count(), 3}, {3, 1}, self);
           },
-          "(V, 3) float32.")
+          "(V, 3) float32, read-only, space of the mesh.")
       .def_property_readonly(
           "offsets",
           [](py::object self) { return view_list(self.cast<const Skin&>().offsets(), self); },
-          "(V + 1,) int64.")
+          "(V + 1,) int64, read-only: where each vertex's influences begin.")
       .def_property_readonly(
           "joints",
           [](py::object self) { return view_list(self.cast<const Skin&>().joints(), self); },
-          "(N,) int32.")
+          "(N,) int32, read-only.")
       .def_property_readonly(
           "weights",
           [](py::object self) { return view_list(self.cast<const Skin&>().weights(), self); },
-          "(N,) float32.")
+          "(N,) float32, read-only.")
       .def(
           "set_rest_positions",
           [](Skin& self, const py::array& positions) {
             self.set_rest_positions(points_of<float>("positions", positions));
           },
           py::arg("positions"),
-          "The same influences on another shape, (V, 3), as shape keys change it. Not while "
-          "another "
-          "thread skins with it.")
+          "The same influences on another shape, as shape keys change it. Not while another "
+          "thread skins with it.\n\n"
+          "positions: (V, 3), space of the mesh; copied.\n"
+          "Raises ValueError, and changes nothing, for another number of vertices or a number that "
+          "is not finite.")
       .def("__repr__", [](const Skin& self) {
         return "<Skin of " + std::to_string(self.vertex_count()) + " vertices, " +
                std::to_string(self.joint_count()) + " joints, " +
                std::to_string(self.influence_count()) + " influences>";
       });
 
-  module.def(
-      "skin_linear", &linear, py::arg("skin"), py::arg("matrices"), py::arg("out") = py::none(),
-      (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments).c_str());
+  module.def("skin_linear", &linear, py::arg("skin"), py::arg("matrices"),
+             py::arg("out") = py::none(),
+             (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments +
+              kSkinReturns)
+                 .c_str());
   module.def(
       "skin_dual_quaternion", &dual_quaternion, py::arg("skin"), py::arg("matrices"),
       py::arg("out") = py::none(), py::arg("stretch") = "polar",
       py::arg("rest_frames") = py::none(),
       (std::string("Dual quaternion skinning (Kavan et al. 2008).\n\n") + kSkinArguments +
-       "\nstretch: what becomes of scale and shear: \"polar\", decomposed and blended "
+       "stretch: what becomes of scale and shear: \"polar\", decomposed and blended "
        "linearly; \"frame\", along the axes of the joint's rest frame, as Blender 3.4 does; "
        "\"frame_each\", each joint for itself, as Blender 4.3 and 5.2 do.\n"
        "rest_frames: with the latter two, (J, 4, 4), each joint's rest transform relative to "
-       "the space of the mesh, without scale.")
+       "the space of the mesh, without scale; None with \"polar\".\n" +
+       kSkinReturns)
           .c_str());
   module.def(
       "skin_all", &skin_jobs, py::arg("jobs"),
       "Several skins at once, with all threads at work on all of them.\n\n"
       "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
       "quaternions behind them: matrices and out as of skin_linear, out not None; method "
-      "\"linear\" or \"dual_quaternion\". The same bits as one call a job.\n"
-      "Raises ValueError if a shape or dtype does not fit or two results overlap.");
+      "\"linear\" or \"dual_quaternion\".\n"
+      "The same bits as one call a job. Raises ValueError, and writes nothing, if a shape or dtype "
+      "does not fit or two results overlap.");
 }
 
 }  // namespace sinew::bindings

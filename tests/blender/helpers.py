@@ -10,6 +10,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "rigs"
+# For tests that start another Blender.
+needs_program = pytest.mark.skipif(not bpy.app.binary_path, reason="this Blender is but a Python module")
 RIGS = {
     "capsule": ROOT / "data/capsule/skeleton.bf",
     "ogre": ROOT / "data/ogre/skeleton.bf",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import RIGS, addon_module, copied_rig, evaluated, own_positions
+from helpers import RIGS, addon_module, copied_rig, evaluated, needs_program, own_positions
 
 CAPSULE = str(RIGS["capsule"].parent)
 
@@ -123,7 +123,7 @@ def test_import_takes_the_importers_options(document, tmp_path):
     found = document(
         "import", CAPSULE, "-o", path, "--pose", "walk.dmat", "--up-axis", "z", "--scale", "2",
         "--method", "dual-quaternion", "--source", "armature", "--output-kind", "mesh",
-        "--convention", "joint", "--quaternion-order", "wxyz", "--keep-frame-range")
+        "--convention", "joint", "--quaternion-order", "wxyz", "--frame-rate", "12", "--keep-frame-range")
     assert found["path"] == str(path)
     bpy.ops.wm.open_mainfile(filepath=str(path))
     assert [ob.name for ob in bpy.data.objects if ob.type == "MESH"] == ["capsule"]
@@ -131,6 +131,7 @@ def test_import_takes_the_importers_options(document, tmp_path):
     assert (ob.sinew.method, ob.sinew.source, ob.sinew.installed_output) == (
         "DUAL_QUATERNION", "ARMATURE", "MESH")
     assert np.allclose(ob.matrix_world, np.diag((2, 2, 2, 1)))
+    assert ob.sinew.armature.sinew_clip.speed == 0.5  # at 24 frames a second
     assert bpy.context.scene.frame_end == 250
     assert document("info", path)["meshes"] == found["meshes"]
 
@@ -243,7 +244,8 @@ def test_bench_for_people(sinew):
 def one_sentence(result):
     """Of a command that could not be done: the sentence."""
     code, out, err = result
-    assert (code, out) == (1, "")
+    assert code == 1
+    assert all(line.startswith(("Error: ", "Info: ")) for line in out.splitlines())  # Blender's own noise
     assert err.startswith("sinew: ") and err.count("\n") == 1
     return err[len("sinew: "):].strip()
 
@@ -276,7 +278,10 @@ def test_places_that_cannot_be_written_to(sinew, capsule_blend, tmp_path):
     assert "there is no folder" in one_sentence(
         sinew("import", CAPSULE, "-o", tmp_path / "nowhere" / "a.blend"))
     (tmp_path / "folder.blend").mkdir()
-    one_sentence(sinew("import", CAPSULE, "-o", tmp_path / "folder.blend"))
+    assert "folder.blend is a folder" in one_sentence(
+        sinew("import", CAPSULE, "-o", tmp_path / "folder.blend"))
+    assert "Cannot open file" in one_sentence(
+        sinew("import", CAPSULE, "-o", tmp_path / f"{300 * 'a'}.blend"))  # too long a name
     (tmp_path / "file").write_text("")
     assert one_sentence(sinew("export", capsule_blend, tmp_path / "file")).endswith("file: File exists")
 
@@ -305,7 +310,7 @@ def test_bench_of_what_does_not_move(sinew, tmp_path):
     assert "no mesh on show" in one_sentence(sinew("bench", save(tmp_path)))
     folder = copied_rig(tmp_path)
     (folder / "pose.dmat").unlink()
-    assert "nothing moves on the 3 frames" in one_sentence(sinew("bench", folder, "--frames", 3))
+    assert "nothing moves on these 3 frames" in one_sentence(sinew("bench", folder, "--frames", 3))
 
 
 @pytest.mark.parametrize("words, said", (
@@ -346,6 +351,7 @@ def blender(*words):
         [bpy.app.binary_path, "-b", *before, *map(str, words)], capture_output=True, text=True, timeout=120)
 
 
+@needs_program
 def test_in_a_blender_of_its_own(tmp_path):
     path = tmp_path / "a.blend"
     done = blender("import", CAPSULE, "-o", path, "--json")

@@ -9,7 +9,7 @@ import pytest
 
 from helpers import (
     addon_module, assert_same_shape, builtin_copy, data_counts, evaluated, import_rig,
-    own_positions, select)
+    needs_program, own_positions, select)
 
 
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
@@ -125,6 +125,7 @@ def test_save_and_reload(fresh_scene, tmp_path, output):
     assert np.allclose(evaluated(ob), later, atol=1e-6)
 
 
+@needs_program
 @pytest.mark.parametrize("parented", (True, False), ids=("parented", "free"))
 def test_a_file_opened_without_the_addon_shows_the_last_frame(fresh_scene, tmp_path, parented):
     ob, armature = import_rig("capsule")

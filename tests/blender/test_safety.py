@@ -225,6 +225,16 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
         for frame in (5, 6):
             scene.frame_set(frame)
             check()
+        # The override goes back to Blender; the library's own, of the same name, stays bound.
+        ob, twin, _ = parts(shown[0])
+        select(ob)
+        assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+        session = addon_module("session")
+        session.on_frame(scene, bpy.context.evaluated_depsgraph_get())
+        bound = session.bound_objects()
+        assert ob not in bound and len(set(bound)) == len(bound)
+        scene.frame_set(3)
+        assert_same_shape(ob, twin)
 
 
 def test_bound_as_an_override(fresh_scene, tmp_path):

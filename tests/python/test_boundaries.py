@@ -13,8 +13,9 @@ MODULES = sorted(ADDON.rglob("*.py"))
 
 BLENDER = {"addon_utils", "bgl", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 # What talks to Blender; all else in the add-on works on arrays and on what these give it.
-MAY_IMPORT_BLENDER = {"blender_io", "clip_keyframes", "handlers", "operators", "outputs", "panels",
-                      "properties", "rig_import", "session"}
+MAY_IMPORT_BLENDER = {"bench", "blender_io", "clip_keyframes", "command_line", "cures", "display", "handlers",
+                      "menus", "notice", "operators", "outputs", "panels", "preferences", "progress",
+                      "properties", "rig_import", "session", "without_native"}
 
 
 def imported(path):
@@ -65,7 +66,7 @@ def test_only_native_imports_the_compiled_module(path):
 
 
 @pytest.mark.parametrize("name, may_know", [("deform", {"native"}), ("blender_io", set()),
-                                            ("native", {"sinew_native"})])
+                                            ("native", {"sinew_native", "bl_info"})])
 def test_the_bottom_of_the_addon_knows_nothing_above(name, may_know):
     _, own = imported(ADDON / f"{name}.py")
     assert own <= may_know

@@ -1,0 +1,89 @@
+"""The manual: its reference is what the module says, its example runs, its links lead somewhere."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sinew_native as sinew
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+API = DOCS / "python-api.md"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+CODE = re.compile(r"^ *```.*?^ *```$|`[^`\n]+`", re.MULTILINE | re.DOTALL)
+
+
+def generator():
+    spec = importlib.util.spec_from_file_location("make_python_api", DOCS / "make_python_api.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_reference_is_up_to_date():
+    assert generator().check(sinew) is None
+
+
+def test_an_old_reference_is_noticed(tmp_path):
+    maker = generator()
+    maker.PAGE = tmp_path / "page.md"
+    maker.PAGE.write_text(API.read_text(encoding="utf-8") + "more", encoding="utf-8")
+    assert "run docs/make_python_api.py" in maker.check(sinew)
+    maker.PAGE.write_text(API.read_text(encoding="utf-8").replace(maker.MARK, ""), encoding="utf-8")
+    with pytest.raises(ValueError, match="has lost its line"):
+        maker.check(sinew)
+
+
+def test_the_example_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    page = API.read_text(encoding="utf-8")
+    code, = [block for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+             if "read_rig(" in block and "import numpy" in block]
+    names = {}
+    exec(compile(code, str(API), "exec"), names)  # noqa: S102
+    skin, matrices, shapes = names["skin"], names["matrices"], names["shapes"]
+    assert names["positions"].shape == (skin.vertex_count, 3)
+    assert np.array_equal(shapes[7], sinew.skin_linear(skin, matrices[7]))
+    assert np.abs(shapes[7] - skin.rest_positions).max() > 0.01
+
+
+def anchors(page):
+    """Of the headings, as the usual renderers make them."""
+    found = set()
+    text = re.sub(r"^ *```.*?^ *```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for heading in re.findall(r"^#+ +(.+?) *$", text, re.MULTILINE):
+        name = re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+        number, unique = 0, name
+        while unique in found:
+            number += 1
+            unique = f"{name}-{number}"
+        found.add(unique)
+    return found
+
+
+def links(page):
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    return re.findall(r"\]\(([^)\s]+)", text) + re.findall(r"""(?:src|href)=["']([^"']+)""", text)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    broken = []
+    for link in links(page):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        is_there = target.exists() and target.is_relative_to(ROOT)
+        if not is_there or (anchor and target.suffix == ".md" and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+def test_links_are_found():
+    assert {"how-it-works.md", "#settings"} <= set(links(API))
+    assert "frame.svg" in links(DOCS / "how-it-works.md")
+    assert {"the-two-outputs", "a-frame"} <= anchors(DOCS / "how-it-works.md")
