@@ -62,6 +62,7 @@ def print_table(mesh_object):
         distances[method] = bench.compare(contest)[0]
         times[method] = bench.measure(contest)
     bench.set_method(contest, "LINEAR")
+    bpy.context.window.scene = contest.scenes[0]
     copies = list(contest.scenes[1].objects)
     bpy.data.batch_remove([contest.scenes[1], *copies, *(ob.data for ob in copies if ob.data)])
 

@@ -2,6 +2,7 @@
 those of the very version that is installed."""
 
 import re
+import sys
 
 import markdown
 
@@ -37,5 +38,7 @@ def pages(docs):
         title = re.search(r"^# (.+)$", text, re.MULTILINE)[1]
         files[f"{path.stem}.html"] = PAGE.format(title=title, body=body).encode()
         for picture in re.findall(r'<img [^>]*src="([\w.-]+)"', body):
+            if not (docs / picture).is_file():
+                sys.exit(f"manual.py: {path.name} shows {picture}, which is not there")
             files[picture] = (docs / picture).read_bytes()
     return files

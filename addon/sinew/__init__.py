@@ -7,7 +7,7 @@ bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
     "author": "The Sinew authors",
     "version": (0, 0, 0),  # set from the manifest when the zip is made
     "blender": (3, 4, 0),
-    "location": "View3D > Sidebar > Sinew; File > Import > Sinew rig",
+    "location": "View3D > Sidebar > Sinew; File > Import > Sinew Rig",
     "description": "Fast skeletal deformation with a native core",
     "category": "Animation",
 }

@@ -94,8 +94,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
             f"{ob.name} has a modifier before its armature's ({before[0].name}), which the output Mesh "
             "cannot follow; use the output Modifier")
     try:
-        if before or ob.data.shape_keys:
-            check_numbers_kept(ob, index)
+        check_numbers_kept(ob, index)
         OUTPUTS[output].install(ob, index)
     except OutputError as error:
         raise BindingError(str(error)) from error

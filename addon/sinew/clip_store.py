@@ -88,6 +88,19 @@ def own_joints(armature):
         [bone.bone.get(JOINT_PROPERTY, -1) for bone in armature.pose.bones], np.int32)
 
 
+def bones_are_where_they_were(armature):
+    """Whether each joint's bone still begins where the imported skeleton has the joint."""
+    own = own_joints(armature)
+    clip = armature.data.get(CLIP_PROPERTY)
+    if clip is None:
+        return True
+    heads = blender_io.from_property(clip["heads"], float, (-1, 3))
+    now = np.array([bone.bone.head_local for bone in armature.pose.bones], float).reshape(-1, 3)
+    size = np.ptp(heads, axis=0).max(initial=0) if len(heads) else 0
+    moved = np.abs(now[own >= 0] - heads[own[own >= 0]]).max(initial=0)
+    return bool(moved <= 1e-4 * max(size, 1e-30))
+
+
 def carrying_joints(armature):
     """(B,) the joint that moves each pose bone: its own, or for a bone that somebody added that of
     its nearest ancestor that has one, else -1."""

@@ -83,7 +83,7 @@ def add_file_options(command):
         "how to read a rig folder", argument_default=argparse.SUPPRESS)
     group.add_argument("--mesh", metavar="FILE", help="its file beside the skeleton (mesh.obj)")
     group.add_argument("--weights", metavar="FILE", help="their file (weights.dmat)")
-    group.add_argument("--pose", metavar="FILE", help="file of the poses (pose.dmat or anim.dmat)")
+    group.add_argument("--pose", metavar="FILE", help="file of the poses (default: pose.dmat, else anim.dmat)")
     group.add_argument("--convention", choices=("auto", "bone", "joint"),
                        help="what a row of a .bf file stands for (auto: as the file says)")
     group.add_argument("--quaternion-order", choices=("wxyz", "xyzw"), help="in the poses (wxyz)")

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from . import binding, blender_io, display, session
+from . import binding, blender_io, clip_store, display, session
 from .outputs import OUTPUTS
 
 
@@ -31,6 +31,9 @@ def warnings(ob):
             found.append(Warning(
                 f"Weights of {influences.unnormalized_count:,} vertices do not sum to 1",
                 ((NormalizeWeights.bl_idname, "Normalize"),)))
+    if (armature is not None and ob.sinew.source == "CLIP"
+            and not clip_store.bones_are_where_they_were(armature)):
+        found.append(Warning("Bones were moved since the import: the rig's poses do not fit", (), True))
     if armature is not None and not armature.visible_get():
         found.append(Warning(f"{armature.name} is hidden", ((display.ToggleSkeleton.bl_idname, "Show"),)))
     sharers = ob.data.users - ob.data.use_fake_user

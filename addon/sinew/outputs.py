@@ -18,14 +18,14 @@ CAPTURE_PROPERTY = "sinew_captures"
 SLOT_PROPERTY = "sinew_slot"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
 INPUT_ATTRIBUTE = ".sinew_input"
-# Modifiers that leave each vertex its number: the first move vertices or change other things, the
-# last add new ones behind those there were.
-KEEPS_NUMBERS = {
+# Modifiers that move vertices or change other things, and those that add new ones behind those there were.
+KEEPS_VERTICES = {
     "ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM",
     "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "CORRECTIVE_SMOOTH", "LAPLACIANSMOOTH", "SURFACE_DEFORM",
     "WARP", "WAVE", "CLOTH", "SOFT_BODY", "COLLISION", "WEIGHTED_NORMAL", "NORMAL_EDIT", "UV_PROJECT",
     "UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "DATA_TRANSFER",
-    "PARTICLE_SYSTEM", "SUBSURF", "SOLIDIFY", "MIRROR", "ARRAY", "MULTIRES"}
+    "PARTICLE_SYSTEM"}
+ADDS_VERTICES = {"SUBSURF", "SOLIDIFY", "MIRROR", "ARRAY", "MULTIRES"}
 REST_ATTRIBUTE = "rest_position"
 
 
@@ -61,6 +61,7 @@ class ModifierOutput:
         keys, or other modifiers before it) and that its slot is its own. Returns whether something had
         to be changed; the input is then there after the next evaluation."""
         modifier = sinew_modifier(ob)
+        check_numbers_kept(ob, ob.modifiers.find(modifier.name))
         group = modifier.node_group
         slot = group.get(SLOT_PROPERTY, 0)
         if ob.data.users > 1 and slot in slots_of_others(ob):
@@ -144,7 +145,8 @@ class MeshOutput:
 
     @staticmethod
     def remove(ob):
-        blender_io.write_positions(ob.data, MeshOutput(ob).rest_positions(ob))
+        if blender_io.point_attribute(ob.data, REST_ATTRIBUTE):  # else somebody removed it: the shape stays
+            blender_io.write_positions(ob.data, MeshOutput(ob).rest_positions(ob))
         blender_io.remove_attribute(ob.data, REST_ATTRIBUTE)
 
     def rest_positions(self, ob, _evaluated=None):
@@ -152,7 +154,7 @@ class MeshOutput:
         if attribute is None:
             raise OutputError(
                 f'{ob.data.name} has lost its attribute "{REST_ATTRIBUTE}" with the rest '
-                "positions; unbind it")
+                "positions; unbind it, which leaves the shape as it is")
         return blender_io.read_attribute(attribute)
 
     def target(self, ob):
@@ -170,12 +172,20 @@ OUTPUTS = {"MODIFIER": ModifierOutput, "MESH": MeshOutput}
 
 
 def check_numbers_kept(ob, index):
-    """Raises OutputError if a modifier after place `index` of the stack gives vertices other numbers
-    (Sinew's own group, and others that are switched off, aside)."""
-    for modifier in list(ob.modifiers)[index + 1:]:
-        if not (modifier.show_viewport or modifier.show_render) or is_sinew(modifier):
-            continue
-        if modifier.type not in KEEPS_NUMBERS:
+    """Raises OutputError if, for a Sinew modifier in place `index` of the stack that has to follow what comes
+    in, a modifier before it has other vertices than the mesh, or one after it gives them other numbers (Sinew's
+    own group, and those that are switched off, aside)."""
+    shown = [modifier.show_viewport or modifier.show_render for modifier in ob.modifiers]
+    before = [modifier for modifier, on in zip(list(ob.modifiers)[:index], shown) if on]
+    for modifier in before:
+        if modifier.type not in KEEPS_VERTICES:
+            raise OutputError(
+                f"{ob.name} has {modifier.name} before its armature's modifier, which Sinew cannot follow: it "
+                "changes the number of vertices; move it after the armature's, or apply it")
+    if not before and ob.data.shape_keys is None:
+        return
+    for modifier, on in zip(list(ob.modifiers)[index + 1:], shown[index + 1:]):
+        if on and not is_sinew(modifier) and modifier.type not in KEEPS_VERTICES | ADDS_VERTICES:
             raise OutputError(
                 f"{ob.name} has shape keys or modifiers before Sinew, which can then not be followed "
                 f"through {modifier.name}: it gives vertices other numbers")

@@ -210,7 +210,6 @@ class Influence:
 
 class Statistics:
     bl_label = "Statistics"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):

@@ -40,6 +40,11 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILE
             and armature.animation_data is not None):
         matrices = sample_frames(context, ob, armature, joints, len(names), shown)
 
+    left = [name for name, written in (("pose.dmat", poses), ("anim.dmat", matrices))
+            if written is None and os.path.exists(os.path.join(folder, name))]
+    if left:
+        raise ValueError(f"{folder} has {left[0]} of another rig, which would be read with this one; remove it, "
+                         "or choose another folder")
     mesh = ob.data
     positions = (OUTPUTS[ob.sinew.installed_output](ob).rest_positions(ob) if ob.sinew.is_bound
                  else blender_io.read_positions(mesh))

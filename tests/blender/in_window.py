@@ -6,10 +6,7 @@ another thread while the interface goes on. Run in a Blender with a window, on t
 Pictures go to FOLDER. The process ends with 1 if something was wrong.
 """
 
-import faulthandler
-import os
 import sys
-import traceback
 from pathlib import Path
 
 import bpy
@@ -18,15 +15,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose  # noqa: E402
 from helpers import addon_module, assert_same_shape, select, twin_of  # noqa: E402
+from windowed import FOLDER, playing, run, window  # noqa: E402
 
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 FRAMES = range(1, 31)
-SECONDS = 240  # at most, for all of it
 
 
 def steps():
-    """What happens, one step after the other; each `yield` lets Blender draw and go on until the next
-    one is due, after so many seconds."""
+    """What happens, one step after the other."""
     scene = bpy.context.scene
     for ob in list(bpy.data.objects):
         bpy.data.objects.remove(ob)
@@ -40,21 +35,10 @@ def steps():
     accelerate(ob)
     yield 0.5
 
-    seen = set()
-
-    def look(scene, _graph):
-        seen.add(scene.frame_current)
-
-    bpy.app.handlers.frame_change_post.append(look)
-    with window():
-        bpy.ops.screen.animation_play()
-    waited = 0
-    while len(seen) < 20 and waited < 60:
+    seen, waited = set(), 0
+    while len(seen) < 20 and waited < 30:
         waited += 1
-        yield 0.5
-    with window():
-        bpy.ops.screen.animation_cancel(restore_frame=False)
-    bpy.app.handlers.frame_change_post.remove(look)
+        seen.update((yield from playing(2.0))[1])
     assert len(seen) >= 20, f"only {len(seen)} frames were shown"
     assert_same_shape(ob, twin)
     print(f"window: played {len(seen)} different frames")
@@ -107,11 +91,6 @@ def camera(scene):
     scene.camera = ob
 
 
-def window():
-    """Operators called from a timer have no window of their own."""
-    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0])
-
-
 def pixels(path):
     image = bpy.data.images.load(str(path))
     numbers = np.array(image.pixels[:])
@@ -119,24 +98,4 @@ def pixels(path):
     return numbers
 
 
-running = steps()
-
-
-def go_on():
-    try:
-        return next(running)
-    except StopIteration:
-        leave(0)
-    except BaseException:  # noqa: BLE001
-        traceback.print_exc()
-        leave(1)
-
-
-def leave(code):
-    print("window:", "all is well" if code == 0 else "FAILED")
-    sys.stdout.flush()
-    os._exit(code)  # a Blender with unsaved changes would ask
-
-
-faulthandler.dump_traceback_later(SECONDS, exit=True)
-bpy.app.timers.register(go_on, first_interval=2.0)
+run(steps())

@@ -3,9 +3,11 @@
 import struct
 
 import bpy
+import numpy as np
 import pytest
 
-from helpers import copied_rig, data_counts, import_rig, select
+from characters import accelerate, make_armature, make_mesh
+from helpers import addon_module, copied_rig, data_counts, import_rig, own_positions, select
 
 
 def write(name, text):
@@ -88,6 +90,43 @@ def test_what_cannot_be_bound_is_said():
     with pytest.raises(RuntimeError, match="No vertex group of Cube"):
         bpy.ops.object.sinew_bind()
     assert not cube.sinew.is_bound and not cube.modifiers
+
+
+@pytest.mark.parametrize("kind", ("MIRROR", "ARRAY", "SUBSURF", "SOLIDIFY", "DECIMATE"))
+def test_modifiers_with_other_vertices_before_the_armature(fresh_scene, kind):
+    ob = make_mesh(make_armature(), False)
+    ob.modifiers.new("Early", kind)
+    select(ob)
+    to_front(ob, "Early")
+    with pytest.raises(RuntimeError, match="Tube has Early before its armature's modifier, which Sinew cannot"):
+        bpy.ops.object.sinew_bind()
+    assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Early", "Armature"]
+    ob.modifiers.remove(ob.modifiers["Early"])
+    accelerate(ob)
+    ob.modifiers.new("Early", kind)
+    to_front(ob, "Early")
+    fresh_scene.frame_set(2)
+    assert "changes the number of vertices" in addon_module("session").character(ob).error
+    ob.modifiers.remove(ob.modifiers["Early"])
+    fresh_scene.frame_set(3)
+    assert addon_module("session").character(ob).error == ""
+
+
+def to_front(ob, name):
+    while ob.modifiers[0].name != name:
+        bpy.ops.object.modifier_move_up(modifier=name)
+
+
+def test_a_mesh_that_has_lost_its_rest_positions(fresh_scene):
+    ob = make_mesh(make_armature(), False)
+    accelerate(ob, "MESH")
+    ob.data.attributes.remove(ob.data.attributes["rest_position"])
+    fresh_scene.frame_set(2)
+    assert "which leaves the shape as it is" in addon_module("session").character(ob).error
+    shape = own_positions(ob)
+    assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    assert not ob.sinew.is_bound and np.array_equal(own_positions(ob), shape)
+    assert ob.modifiers["Armature"].object is not None
 
 
 def test_what_cannot_be_followed_is_refused_and_left_alone():

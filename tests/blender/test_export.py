@@ -103,6 +103,18 @@ def test_a_character_made_in_blender(fresh_scene, tmp_path):
         assert np.allclose(evaluated(again), shape, atol=1e-5)
 
 
+@pytest.mark.parametrize("left", ("pose.dmat", "anim.dmat"))
+def test_poses_of_another_rig_in_the_folder(fresh_scene, tmp_path, left):
+    import_rig("capsule")
+    (tmp_path / left).write_text("0 0")
+    with pytest.raises(RuntimeError, match=f"has {left} of another rig, which would be read with this one"):
+        bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"), animation="NONE")
+    assert [path.name for path in tmp_path.iterdir()] == [left]
+    (tmp_path / left).unlink()
+    assert bpy.ops.export_scene.sinew_rig(
+        filepath=str(tmp_path / "skeleton.bf"), animation="NONE") == {"FINISHED"}
+
+
 def test_errors_are_sentences(tmp_path):
     bpy.ops.mesh.primitive_cube_add()
     with pytest.raises(RuntimeError, match="Cube is bound to no armature"):

@@ -83,6 +83,17 @@ def test_a_mesh_that_others_share(tube, fresh_scene):
     assert_same_shape(tube, twin)
 
 
+def test_bones_that_no_longer_fit_the_poses(fresh_scene):
+    ob, armature = import_rig("capsule")
+    assert not any("Bones were moved" in text for text in warnings(ob))
+    select(armature)
+    armature.scale = (2, 2, 2)
+    bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
+    assert "Bones were moved since the import: the rig's poses do not fit" in warnings(ob)
+    ob.sinew.source = "ARMATURE"
+    assert not any("Bones were moved" in text for text in warnings(ob))
+
+
 def hide_eye(armature):
     armature.hide_set(True)
 
@@ -243,7 +254,7 @@ def test_everything_can_be_searched():
         draw(items, bpy.context)
     assert menus.SinewMenu.bl_idname in items.found
     menus.SinewMenu.draw(items, bpy.context)
-    for name in ("operators", "display", "preferences"):
+    for name in ("operators", "display", "preferences", "cures"):
         for cls in addon_module(name).CLASSES:
             if issubclass(cls, bpy.types.Operator):
                 assert cls.bl_idname in items.found

@@ -1,0 +1,88 @@
+"""The manual's page of options names all that the interface has, with the names that scripts use."""
+
+import re
+
+import bpy
+import pytest
+
+from helpers import ROOT, addon_module
+
+PAGE = ROOT / "docs" / "options.md"
+ROWS = re.findall(r"^\| *([^|]+?) *\| *`([\w.]+)` *\|(.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def visible(properties, base):
+    """Those of a class's own that people see."""
+    return [found for found in properties if not found.is_hidden and found.identifier not in base]
+
+
+def properties_of(group):
+    """Of a class that Blender knows: an operator, a property group or the preferences."""
+    if issubclass(group, bpy.types.Operator):
+        category, _, name = group.bl_idname.partition(".")
+        return visible(getattr(getattr(bpy.ops, category), name).get_rna_type().properties, {"rna_type"})
+    base = bpy.types.AddonPreferences if issubclass(group, bpy.types.AddonPreferences) else bpy.types.PropertyGroup
+    return visible(group.bl_rna.properties, set(base.bl_rna.properties.keys()))
+
+
+def classes():
+    operators, properties = addon_module("operators"), addon_module("properties")
+    return (operators.ImportRig, operators.ExportRig, operators.Bind, properties.SinewObjectSettings,
+            properties.SinewMixedLayer, properties.SinewClipSettings,
+            addon_module("preferences").SinewPreferences)
+
+
+def all_operators():
+    return [cls for name in ("operators", "cures", "display", "preferences")
+            for cls in addon_module(name).CLASSES if issubclass(cls, bpy.types.Operator)]
+
+
+def rows(name, identifier):
+    return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_each_property_stands_there(number):
+    group = classes()[number]
+    found = properties_of(group)
+    assert found
+    missing = [(each.name, each.identifier) for each in found
+               if each.type != "COLLECTION" and not rows(each.name, each.identifier)]
+    assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_each_choice_stands_there(number):
+    """Not those of the preferences: which instruction sets there are is up to the processor."""
+    for each in properties_of(classes()[number]):
+        for choice in each.enum_items if each.type == "ENUM" else ():
+            assert any(choice.name in rest and f"`{choice.identifier}`" in rest
+                       for rest in rows(each.name, each.identifier)), f"{each.name}: {choice.name}"
+
+
+def test_each_operator_stands_there():
+    operators = all_operators()
+    missing = [(cls.bl_label, cls.bl_idname) for cls in operators if not rows(cls.bl_label, cls.bl_idname)]
+    assert len(operators) >= 12 and not missing
+
+
+def test_nothing_else_stands_there():
+    """A row of something that is gone."""
+    known = {(each.name, each.identifier) for group in classes() for each in properties_of(group)}
+    known |= {(cls.bl_label, cls.bl_idname) for cls in all_operators()}
+    assert {(name, identifier) for name, identifier, _ in ROWS} - known == set()
+
+
+def test_each_command_and_its_options_stand_there():
+    """With their help, however wide the terminal is in which it was printed."""
+    def words(text):
+        return " ".join(text.split())
+
+    page = words(PAGE.read_text(encoding="utf-8"))
+    parser = addon_module("command_options").make_parser()
+    commands = next(action.choices for action in parser._actions if action.dest == "command")
+    for name, command in commands.items():
+        assert f"### sinew {name} " in page and words(command.description) in page
+        for action in command._actions:
+            for text in (*action.option_strings, words(action.help or "")):
+                assert text in page, f"{name}: {text}"

@@ -1,0 +1,111 @@
+"""What the tests in a real window share: steps that let Blender draw in between, and a hand outside of
+Blender that moves the mouse, types and takes pictures of the screen (hand.sh)."""
+
+import faulthandler
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+SECONDS = 400  # at most, for a whole file of steps
+
+
+def run(steps):
+    """Runs the generator: each `yield` lets Blender draw and go on until the next step is due, after so
+    many seconds. The process ends with 0, or with 1 if something was wrong."""
+    def go_on():
+        try:
+            return next(steps)
+        except StopIteration:
+            leave(0)
+        except BaseException:  # noqa: BLE001
+            traceback.print_exc()
+            leave(1)
+
+    faulthandler.dump_traceback_later(SECONDS, exit=True)
+    bpy.context.preferences.view.show_splash = False
+    bpy.app.timers.register(go_on, first_interval=2.0)
+
+
+def leave(code):
+    print("window:", "all is well" if code == 0 else "FAILED")
+    sys.stdout.flush()
+    os._exit(code)  # a Blender with unsaved changes would ask
+
+
+def window():
+    """Operators called from a timer have no window of their own."""
+    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0])
+
+
+def area(kind):
+    return next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind)
+
+
+def region(area, kind="WINDOW"):
+    return next(region for region in area.regions if region.type == kind)
+
+
+def in_area(kind):
+    """As if the mouse were over it."""
+    found = area(kind)
+    return bpy.context.temp_override(
+        window=bpy.context.window_manager.windows[0], area=found, region=region(found))
+
+
+# --- the hand -------------------------------------------------------------------------------------
+
+def outside(command):
+    """Let the hand run a shell command. A generator: `yield from outside("xdotool key r")`."""
+    (FOLDER / "todo.new").write_text(command + "\n")
+    os.replace(FOLDER / "todo.new", FOLDER / "todo")
+    for _ in range(100):
+        yield 0.1
+        if not (FOLDER / "todo").exists():
+            return
+    raise RuntimeError(f"nobody did: {command}")
+
+
+def screen(x, y):
+    """Window coordinates as the mouse has them: from the top."""
+    return f"{int(x)} {bpy.context.window_manager.windows[0].height - int(y)}"
+
+
+def middle_of(region):
+    return region.x + region.width / 2, region.y + region.height / 2
+
+
+def picture(name):
+    """The whole screen, into the folder."""
+    for window in bpy.context.window_manager.windows:
+        for each in window.screen.areas:
+            each.tag_redraw()
+    yield 1.0
+    yield from outside(f"import -window root {FOLDER / name}.png")
+
+
+def playing(seconds, frames=None):
+    """Plays the animation for so long, or until so many frames were shown, if that is sooner. Yields until
+    done; returns (frames shown a second, numbers of the frames)."""
+    shown = []
+
+    def look(scene, _graph):
+        shown.append((time.perf_counter(), scene.frame_current))
+
+    bpy.app.handlers.frame_change_post.append(look)
+    with window():
+        bpy.ops.screen.animation_play()
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end and (frames is None or len(shown) < frames):
+        yield 0.25
+    with window():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    bpy.app.handlers.frame_change_post.remove(look)
+    times = np.array([moment for moment, _ in shown])
+    assert len(times) > 3, "nothing was played"
+    return float(1 / np.median(np.diff(times))), [frame for _, frame in shown]
