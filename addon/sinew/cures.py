@@ -148,13 +148,4 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
 
 
 CLASSES = (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

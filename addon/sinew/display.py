@@ -158,13 +158,4 @@ def armature_of(ob):
 
 
 CLASSES = (ToggleWeights, ToggleSkeleton)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -272,13 +272,4 @@ class ArmatureMain(Main, bpy.types.Panel):
 
 CLASSES = (SidebarMain, SidebarPoses, SidebarInfluence, SidebarStatistics, ModifiersMain, ModifiersPoses,
            ModifiersInfluence, ModifiersStatistics, ArmatureMain)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -41,6 +41,7 @@ def steps():
     yield from scrub(ob)
     yield from render()
     yield from pictures_of_properties_and_preferences()
+    yield from an_error()
 
 
 def import_by_file_browser():
@@ -52,6 +53,7 @@ def import_by_file_browser():
     browser = next(window for window in bpy.context.window_manager.windows
                    for each in window.screen.areas if each.type == "FILE_BROWSER")
     yield from picture("import")
+    addon_module("progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
     with bpy.context.temp_override(window=browser, area=browser.screen.areas[0]):
         space = browser.screen.areas[0].spaces.active
         assert space.params.filename == "skeleton.bf"
@@ -284,6 +286,24 @@ def pictures_of_properties_and_preferences():
     yield 1.0
     yield from outside("xdotool search --name Preferences windowmove 220 60")
     yield from picture("preferences")
+
+
+def an_error():
+    """A sentence pops up, once."""
+    ob, notice = bpy.data.objects["ogre"], addon_module("notice")
+    for extra in bpy.context.window_manager.windows[1:]:
+        with bpy.context.temp_override(window=extra):
+            bpy.ops.wm.window_close()
+    yield 0.5
+    shown, show = [], notice._show_now
+    notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)
+    ob.modifiers.remove(ob.modifiers["Sinew"])
+    for frame in (3, 4, 5):
+        bpy.context.scene.frame_set(frame)
+        yield 0.3
+    assert len(shown) == 1 and "ogre has lost its Sinew modifier" in shown[0], shown
+    yield from picture("error")
+    print("window: told what is wrong")
 
 
 run(steps())
