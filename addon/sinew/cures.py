@@ -7,29 +7,33 @@ import numpy as np
 from mathutils.kdtree import KDTree
 
 from . import binding, blender_io, clip_store, display, session
-from .outputs import OUTPUTS
+from .operators import Bind
+from .outputs import OUTPUTS, is_sinew
 
 
 @dataclass
 class Warning:
     text: str
     cures: tuple  # of (operator's name, text of its button)
-    is_error: bool = False  # else it works all the same
+    is_error: bool = False  # else the mesh is deformed all the same
 
 
 def warnings(ob):
     """What a person should know of a bound mesh, worst first."""
     entry, armature = session.character(ob), ob.sinew.armature
     found = []
+    if entry is not None and entry.error:
+        is_lost = ob.sinew.installed_output == "MODIFIER" and not any(map(is_sinew, ob.modifiers))
+        found.append(Warning(entry.error, ((Bind.bl_idname, "Bind Again"),) if is_lost else (), True))
     if entry is not None and entry.deformer is not None:
         influences = entry.deformer.influences
         if influences.unweighted_count:
             found.append(Warning(
-                f"{_vertices(influences.unweighted_count)} no bone and stay behind",
+                f"{_vertices(influences.unweighted_count)} without a bone, left behind in the rest pose",
                 ((FillWeights.bl_idname, "Fill from Neighbors"), (SelectUnweighted.bl_idname, "Select")), True))
         if influences.unnormalized_count:
             found.append(Warning(
-                f"Weights of {influences.unnormalized_count:,} vertices do not sum to 1",
+                f"Weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
                 ((NormalizeWeights.bl_idname, "Normalize"),)))
     if (armature is not None and ob.sinew.source == "CLIP"
             and not clip_store.bones_are_where_they_were(armature)):
@@ -44,7 +48,7 @@ def warnings(ob):
 
 
 def _vertices(count):
-    return "1 vertex follows" if count == 1 else f"{count:,} vertices follow"
+    return "1 vertex" if count == 1 else f"{count:,} vertices"
 
 
 def bone_weights(ob):

@@ -94,15 +94,18 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         with progress.shown(context) as shown:
             for path in self.paths():
                 try:
-                    imported.append(rig_import.import_rig(context, path, self.import_options(), shown)[0])
+                    imported.append(rig_import.import_rig(context, path, self.import_options(), shown))
                 except (ValueError, OSError, binding.BindingError) as error:
                     problems.append(str(error))
         for problem in problems:
             self.report({"WARNING" if imported else "ERROR"}, problem)
         if not imported:
             return {"CANCELLED"}
-        vertices = sum(len(ob.data.vertices) for ob in imported)
-        self.report({"INFO"}, f"Imported {', '.join(ob.name for ob in imported)}: {vertices:,} vertices")
+        for ob in [ob for rig in imported for ob in rig]:
+            ob.select_set(True)
+        meshes = [ob for ob, _armature in imported]
+        vertices = sum(len(ob.data.vertices) for ob in meshes)
+        self.report({"INFO"}, f"Imported {', '.join(ob.name for ob in meshes)}: {vertices:,} vertices")
         return {"FINISHED"}
 
 

@@ -195,7 +195,7 @@ def sinew_modifier(ob):
     for modifier in ob.modifiers:
         if is_sinew(modifier):
             return modifier
-    raise OutputError(f"{ob.name} has lost its Sinew modifier; unbind it, and bind it again")
+    raise OutputError(f"{ob.name} has lost its Sinew modifier: bind it again, or unbind it")
 
 
 def attribute_name(slot):

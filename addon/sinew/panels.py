@@ -1,12 +1,17 @@
 """The panels: in the 3D view's sidebar, and in the Properties editor beside the modifiers. They draw and
 nothing else."""
 
+import textwrap
+
 import bpy
 
 from . import binding, clip_store, cures, display, session
 from .native import sinew_native
 from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
 from .outputs import is_sinew
+
+LETTER = 6.0  # pixels of a panel's width for each letter of a sentence, at 100 % interface scale
+MARGIN = 70  # pixels that are not for the sentence: icon, frames
 
 
 class InSidebar:
@@ -42,7 +47,7 @@ def draw_main(layout, context):
         layout.label(text="Select a mesh or its armature", icon="INFO")
         layout.operator(ImportRig.bl_idname, icon="IMPORT")
     elif ob.sinew.is_bound:
-        draw_bound(layout, ob)
+        draw_bound(layout, context, ob)
     else:
         draw_free(layout, ob)
 
@@ -74,12 +79,11 @@ def draw_armature(layout, context, armature):
     draw_display(layout, armature)
 
 
-def draw_bound(layout, ob):
-    settings, entry = ob.sinew, session.character(ob)
-    if entry is not None and entry.error:
-        box = layout.box()
-        box.alert = True
-        box.label(text=entry.error, icon="ERROR")
+def draw_bound(layout, context, ob):
+    settings, warnings = ob.sinew, cures.warnings(ob)
+    for warning in warnings:
+        if warning.is_error:
+            draw_warning(layout, context, warning)
     column = layout.column()
     row = column.row(align=True)
     row.prop(settings, "armature")
@@ -87,14 +91,27 @@ def draw_bound(layout, ob):
     column.prop(settings, "source")
     column.prop(settings, "method")
     column.prop(settings, "output")
-    for warning in cures.warnings(ob):
-        box = layout.box().column(align=True)
-        box.label(text=warning.text, icon="ERROR" if warning.is_error else "INFO")
-        row = box.row(align=True)
-        for operator, text in warning.cures:
-            row.operator(operator, text=text)
+    for warning in warnings:
+        if not warning.is_error:
+            draw_warning(layout, context, warning)
     draw_display(layout, ob)
     layout.operator(Unbind.bl_idname, icon="UNLINKED")
+
+
+def draw_warning(layout, context, warning):
+    """A sentence, in as many lines as it needs, above its buttons."""
+    box = layout.box().column(align=True)
+    sentence = box.column(align=True)
+    sentence.alert = warning.is_error
+    scale = context.preferences.system.ui_scale
+    letters = (context.region.width / scale - MARGIN) / LETTER if context.region else 100
+    icon = "ERROR" if warning.is_error else "INFO"
+    for line in textwrap.wrap(warning.text, max(int(letters), 15)):
+        sentence.label(text=line, icon=icon)
+        icon = "BLANK1"
+    row = box.row(align=True)
+    for operator, text in warning.cures:
+        row.operator(operator, text=text)
 
 
 def draw_switches(row, ob):
@@ -126,7 +143,7 @@ def draw_clip(layout, armature):
         layout.label(text=f"{armature.name} has no imported poses", icon="INFO")
         return
     settings = armature.sinew_clip
-    layout.label(text=f"Poses of {armature.name} ({count})", icon="ARMATURE_DATA")
+    layout.label(text="1 pose" if count == 1 else f"{count} poses", icon="ARMATURE_DATA")
     layout.prop(settings, "mode")
     if settings.mode == "FACTOR":
         layout.prop(settings, "factor")

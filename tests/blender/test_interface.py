@@ -50,7 +50,7 @@ def test_vertices_without_a_bone(tube, fresh_scene):
     for group in tube.vertex_groups:
         group.remove(range(40, 60))
     accelerate(tube)
-    assert warnings(tube)[0] == "20 vertices follow no bone and stay behind"
+    assert warnings(tube)[0] == "20 vertices without a bone, left behind in the rest pose"
     assert bpy.ops.object.sinew_select_unweighted() == {"FINISHED"}
     assert tube.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -194,6 +194,7 @@ def files_of(folder, *names):
 def test_several_files_at_once(two_rigs):
     assert bpy.ops.import_scene.sinew_rig(**files_of(two_rigs, "skeleton.bf", "again.bf")) == {"FINISHED"}
     assert sum(ob.sinew.is_bound for ob in bpy.data.objects) == 2
+    assert len(bpy.context.selected_objects) == 4
 
 
 def test_one_of_several_files_is_bad(two_rigs):

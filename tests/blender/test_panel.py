@@ -82,7 +82,21 @@ def test_an_error_stands_on_top(fresh_scene):
     accelerate(ob)
     ob.modifiers.remove(ob.modifiers["Sinew"])
     fresh_scene.frame_set(2)
-    assert "lost its Sinew modifier" in draw()[0]
+    assert "lost its Sinew modifier" in draw()[0] and draw()[1] == "Bind Again"
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert "Bind Again" not in draw() and ob.modifiers["Sinew"].show_viewport
+    assert not ob.modifiers["Armature"].show_viewport and ob.sinew.replaced[0].object == ob.sinew.armature
+
+
+def test_a_long_sentence_in_a_narrow_sidebar():
+    panels, cures = addon_module("panels"), addon_module("cures")
+    sentence = "A sentence that nobody could read if its middle were left out"
+    context = SimpleNamespace(
+        region=SimpleNamespace(width=440),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=2.0)))
+    notes = Notes()
+    panels.draw_warning(notes, context, cures.Warning(sentence, ()))
+    assert " ".join(notes.said) == sentence and 2 < len(notes.said) < 7
 
 
 def test_poses_of_an_imported_rig():
