@@ -18,7 +18,6 @@ import numpy as np
 
 from . import bench, binding, command_options, outputs, rig_export, rig_import, session
 from .command_options import identifier, word
-from .native import sinew_native
 
 BENCH_ROWS = (
     ("pose_ms", "pose + forward kinematics"), ("skin_ms", "skinning"), ("write_ms", "writing back"),
@@ -180,10 +179,7 @@ def chosen_mesh(name):
 
 def report_rig(path, options):
     folder, skeleton = os.path.split(path)
-    rig = sinew_native.read_rig(
-        folder, skeleton=skeleton, mesh=options.mesh or None, weights=options.weights or None,
-        pose=options.pose or None, convention=options.convention,
-        quaternion_order=options.quaternion_order)
+    rig = rig_import.read_rig(folder, skeleton, options)
     influences = np.count_nonzero(rig.weights > 0, axis=1)
     numbers = {
         "vertices": len(rig.positions),

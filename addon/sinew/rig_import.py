@@ -38,10 +38,7 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
     touched. Returns the mesh object and the armature object, bound and selected."""
     shown.step(0.0, f"reading {skeleton_path}")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
-    rig = sinew_native.read_rig(
-        folder, skeleton=skeleton_name, mesh=options.mesh or None,
-        weights=options.weights or None, pose=options.pose or None,
-        convention=options.convention, quaternion_order=options.quaternion_order)
+    rig = read_rig(folder, skeleton_name, options)
     colors = read_colors(os.path.join(folder, rig.material_library))
 
     name = os.path.basename(folder) or "rig"
@@ -71,6 +68,13 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
     mesh_object.select_set(True)
     context.view_layer.objects.active = mesh_object
     return mesh_object, armature
+
+
+def read_rig(folder, skeleton_name, options):
+    """The files as the options name and understand them. Raises ValueError or OSError."""
+    return sinew_native.read_rig(
+        folder, skeleton=skeleton_name, mesh=options.mesh or None, weights=options.weights or None,
+        pose=options.pose or None, convention=options.convention, quaternion_order=options.quaternion_order)
 
 
 def set_playback(scene, armature, options):

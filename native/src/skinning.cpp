@@ -49,7 +49,8 @@ void check(std::span<const SkinningJob> jobs) {
   };
   for (std::size_t i = 0; i < jobs.size(); ++i) check_shapes(jobs[i], where(i));
 
-  std::vector<std::size_t> by_address;
+  thread_local std::vector<std::size_t> by_address;  // keeps its memory
+  by_address.clear();
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     if (!jobs[i].positions.empty()) by_address.push_back(i);
   }
