@@ -1,10 +1,27 @@
-"""Tells the person at the screen, once, what a handler cannot report: a sentence in a small window."""
+"""Sentences for the person at the screen: in a panel, or, for what a handler cannot report, once in a small
+window."""
 
+import textwrap
 from functools import partial
 
 import bpy
 
+LETTER = 6.0  # pixels of a panel's width for each letter, at 100 % interface scale
+MARGIN = 80  # pixels that are not for letters: icon, frames
 _said = set()  # sentences of this file
+
+
+def draw_sentence(layout, context, sentence, is_error):
+    """In as many lines as the region's width asks for."""
+    column = layout.column(align=True)
+    column.alert = is_error
+    width = 1000  # there is no region without a window
+    if context.region:
+        width = context.region.width / context.preferences.system.ui_scale
+    icon = "ERROR" if is_error else "INFO"
+    for line in textwrap.wrap(sentence, max(int((width - MARGIN) / LETTER), 15)):
+        column.label(text=line, icon=icon)
+        icon = "BLANK1"
 
 
 def show(sentence):

@@ -92,9 +92,11 @@ class ImportRig(bpy.types.Operator, ImportHelper):
             bpy.ops.object.mode_set(mode="OBJECT")
         imported, problems = [], []
         with progress.shown(context) as shown:
-            for path in self.paths():
+            paths = self.paths()
+            for number, path in enumerate(paths):
+                part = progress.Part(shown, number, len(paths))
                 try:
-                    imported.append(rig_import.import_rig(context, path, self.import_options(), shown))
+                    imported.append(rig_import.import_rig(context, path, self.import_options(), part))
                 except (ValueError, OSError, binding.BindingError) as error:
                     problems.append(str(error))
         for problem in problems:

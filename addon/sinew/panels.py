@@ -1,17 +1,12 @@
 """The panels: in the 3D view's sidebar, and in the Properties editor beside the modifiers. They draw and
 nothing else."""
 
-import textwrap
-
 import bpy
 
-from . import binding, clip_store, cures, display, session
+from . import binding, clip_store, cures, display, notice, session
 from .native import sinew_native
 from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
 from .outputs import is_sinew
-
-LETTER = 6.0  # pixels of a panel's width for each letter of a sentence, at 100 % interface scale
-MARGIN = 70  # pixels that are not for the sentence: icon, frames
 
 
 class InSidebar:
@@ -99,16 +94,8 @@ def draw_bound(layout, context, ob):
 
 
 def draw_warning(layout, context, warning):
-    """A sentence, in as many lines as it needs, above its buttons."""
     box = layout.box().column(align=True)
-    sentence = box.column(align=True)
-    sentence.alert = warning.is_error
-    scale = context.preferences.system.ui_scale
-    letters = (context.region.width / scale - MARGIN) / LETTER if context.region else 100
-    icon = "ERROR" if warning.is_error else "INFO"
-    for line in textwrap.wrap(warning.text, max(int(letters), 15)):
-        sentence.label(text=line, icon=icon)
-        icon = "BLANK1"
+    notice.draw_sentence(box, context, warning.text, warning.is_error)
     row = box.row(align=True)
     for operator, text in warning.cures:
         row.operator(operator, text=text)

@@ -16,6 +16,16 @@ class _Silent:
 SILENT = _Silent()
 
 
+class Part:
+    """One of several equal parts of the work, with shares of its own."""
+
+    def __init__(self, whole, number, count):
+        self._whole, self._number, self._count = whole, number, count
+
+    def step(self, share, text):
+        self._whole.step((self._number + share) / self._count, text)
+
+
 class _Shown:
     def __init__(self, context):
         self._context, self._start, self._said = context, perf_counter(), False

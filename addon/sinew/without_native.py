@@ -2,16 +2,15 @@
 
 import bpy
 
+from . import notice
 from .native import problem
 
 
 class SinewPreferences(bpy.types.AddonPreferences):
     bl_idname = __package__
 
-    def draw(self, _context):
-        row = self.layout.row()
-        row.alert = True
-        row.label(text=problem, icon="ERROR")
+    def draw(self, context):
+        notice.draw_sentence(self.layout, context, problem, True)
 
 
 def register():

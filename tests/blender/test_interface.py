@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -195,6 +196,16 @@ def test_several_files_at_once(two_rigs):
     assert bpy.ops.import_scene.sinew_rig(**files_of(two_rigs, "skeleton.bf", "again.bf")) == {"FINISHED"}
     assert sum(ob.sinew.is_bound for ob in bpy.data.objects) == 2
     assert len(bpy.context.selected_objects) == 4
+
+
+def test_progress_of_several_files():
+    said = []
+    whole = SimpleNamespace(step=lambda share, _text: said.append(share))
+    for number in range(2):
+        part = addon_module("progress").Part(whole, number, 2)
+        part.step(0.0, "reading")
+        part.step(0.5, "building")
+    assert said == [0.0, 0.25, 0.5, 0.75]
 
 
 def test_one_of_several_files_is_bad(two_rigs):

@@ -89,13 +89,12 @@ def test_an_error_stands_on_top(fresh_scene):
 
 
 def test_a_long_sentence_in_a_narrow_sidebar():
-    panels, cures = addon_module("panels"), addon_module("cures")
     sentence = "A sentence that nobody could read if its middle were left out"
     context = SimpleNamespace(
         region=SimpleNamespace(width=440),
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=2.0)))
     notes = Notes()
-    panels.draw_warning(notes, context, cures.Warning(sentence, ()))
+    addon_module("notice").draw_sentence(notes, context, sentence, True)
     assert " ".join(notes.said) == sentence and 2 < len(notes.said) < 7
 
 
