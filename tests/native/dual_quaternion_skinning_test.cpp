@@ -2,14 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include "failures.h"
-#include "rigs.h"
 #include "sinew/linear_skinning.h"
+#include "skinned.h"
 
 namespace sinew {
 namespace {
 
-using rigs::Layout;
 using rigs::Matrices;
 using rigs::Stack;
 using Floats = std::vector<float>;
@@ -18,12 +16,8 @@ using Joints = std::vector<std::int32_t>;
 
 constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that random_skin fills
 
-Floats skinned(const Skin& skin, const Matrices& matrices, std::ptrdiff_t frames = 1,
-               Layout layout = Layout::column_major) {
-  Stack<float> stack(matrices, frames, layout);
-  Floats positions(3 * frames * skin.vertex_count(), -77.0f);
-  skin_dual_quaternion(skin, stack.read(), positions);
-  return positions;
+Floats skinned(const Skin& skin, const Matrices& matrices) {
+  return rigs::skinned(skin_dual_quaternion, skin, matrices);
 }
 
 void expect_reference(const Skin& skin, const Matrices& matrices, double tolerance) {
@@ -50,24 +44,10 @@ TEST(DualQuaternionSkinning, HalfWayBetweenTwoTurnsIsTheTurnBetween) {
                (rigs::turn(45, z, {0, 0, 2}) * Eigen::Vector4d(1, 2, 3, 1)).head<3>());
 }
 
-TEST(DualQuaternionSkinning, RestPoseIsTheRestMesh) {
+TEST(DualQuaternionSkinning, AtRestNotABitChanges) {
   rigs::Random random(1);
   const Skin skin = rigs::random_skin(random, 2000, 20);
   EXPECT_TRUE(std::ranges::equal(skinned(skin, rigs::identities(20)), skin.rest_positions()));
-}
-
-TEST(DualQuaternionSkinning, OneRigidTransformMovesEverythingRigidly) {
-  rigs::Random random(2);
-  const Skin skin = rigs::random_skin(random, 2000, 20);
-  const Matrix4<double> motion = rigs::random_rigid(random);
-  const Floats positions = skinned(skin, Matrices(20, motion));
-  Eigen::MatrixX3d expected(2000, 3);
-  for (int v = 0; v < 2000; ++v) {
-    const Eigen::Vector3d rest = reference::rest_position(skin, v);
-    const bool stays = !reference::is_moved(skin, v);
-    expected.row(v) = stays ? rest : Eigen::Vector3d((motion * rest.homogeneous()).head<3>());
-  }
-  EXPECT_LT(rigs::distance(positions, expected), 2e-6);
 }
 
 TEST(DualQuaternionSkinning, AgreesWithKavanInDouble) {
@@ -186,59 +166,6 @@ TEST(DualQuaternionSkinning, WhereNoDirectionIsRightTheVertexStays) {
       EXPECT_TRUE(std::isfinite(number)) << weight;
     }
   }
-}
-
-TEST(DualQuaternionSkinning, WhatNothingMovesStays) {
-  const Floats rest{1, 2, 3, 4, 5, 6};
-  EXPECT_EQ(skinned(Skin(rest, Offsets{0, 0, 0}, {}, {}, 0), {}), rest);
-}
-
-TEST(DualQuaternionSkinning, FramesAtOnceAreFrameByFrame) {
-  rigs::Random random(6);
-  for (const auto& [frames, joints] : {std::pair{5, 30}, {100, 900}}) {
-    const Skin skin = rigs::random_skin(random, 150, joints);
-    const Matrices matrices = rigs::random_pose(random, frames * joints);
-    const Floats at_once = skinned(skin, matrices, frames);
-    for (int frame = 0; frame < frames; ++frame) {
-      const auto begin = matrices.begin() + frame * joints;
-      const Floats single = skinned(skin, Matrices(begin, begin + joints));
-      EXPECT_TRUE(std::equal(single.begin(), single.end(), at_once.begin() + frame * 450)) << frame;
-    }
-  }
-}
-
-TEST(DualQuaternionSkinning, EveryLayoutGivesTheSameBits) {
-  rigs::Random random(7);
-  const Skin skin = rigs::random_skin(random, 500, 10);
-  const Matrices matrices = rigs::random_pose(random, 3 * 10);
-  const Floats expected = skinned(skin, matrices, 3);
-  for (const Layout layout : rigs::kLayouts)
-    EXPECT_EQ(skinned(skin, matrices, 3, layout), expected);
-}
-
-TEST(DualQuaternionSkinning, AnyNumberOfThreadsGivesTheSameBits) {
-  const ThreadsOfATest threads_of_a_test;
-  constexpr std::ptrdiff_t kFrames = 10;  // enough work that it is shared out
-  rigs::Random random(8);
-  const Skin skin = rigs::coherent_skin(random, 30001, 40, 3);
-  const Matrices matrices = rigs::random_pose(random, kFrames * 40);
-  set_thread_count(1);
-  const Floats one = skinned(skin, matrices, kFrames);
-  for (const int threads : {2, 3, 8}) {
-    set_thread_count(threads);
-    EXPECT_EQ(skinned(skin, matrices, kFrames), one) << threads << " threads";
-  }
-}
-
-TEST(DualQuaternionSkinning, RefusesShapesThatDoNotFit) {
-  rigs::Random random(9);
-  const Skin skin = rigs::random_skin(random, 10, 4);
-  Stack<float> three(1, 3), four(1, 4);
-  Floats positions(30), too_many(31);
-  EXPECT_EQ(complaint([&] { skin_dual_quaternion(skin, three.read(), positions); }),
-            "there are 3 matrices a frame; the skin has 4 joints");
-  EXPECT_EQ(complaint([&] { skin_dual_quaternion(skin, four.read(), too_many); }),
-            "the result holds 31 numbers; expected 30 (1 x 10 x 3)");
 }
 
 }  // namespace

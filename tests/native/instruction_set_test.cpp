@@ -3,12 +3,14 @@
 #include <gtest/gtest.h>
 
 #include "failures.h"
-#include "rigs.h"
 #include "sinew/dual_quaternion_skinning.h"
 #include "sinew/linear_skinning.h"
+#include "skinned.h"
 
 namespace sinew {
 namespace {
+
+using rigs::skinned;
 
 constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
 
@@ -23,20 +25,6 @@ std::string test_name(const testing::TestParamInfo<std::string>& set) { return s
 
 INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, testing::ValuesIn(instruction_sets()),
                          test_name);
-
-using Method = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
-
-std::vector<float> skinned(Method method, const Skin& skin, const rigs::Matrices& matrices) {
-  rigs::Stack<float> stack(matrices, 1);
-  std::vector<float> positions(3 * skin.vertex_count() + 8, -77.0f);
-  method(skin, stack.read(), std::span(positions).first(3 * skin.vertex_count()));
-  // Nothing is written beyond the end, whatever is left of the last block.
-  for (std::size_t i = 3 * skin.vertex_count(); i < positions.size(); ++i) {
-    EXPECT_EQ(positions[i], -77.0f);
-  }
-  positions.resize(3 * skin.vertex_count());
-  return positions;
-}
 
 rigs::Matrices gentle_pose(rigs::Random& random, std::int32_t joints) {
   rigs::Matrices pose;

@@ -1,0 +1,29 @@
+/// A skin in its poses, by any of the library's methods.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <span>
+#include <vector>
+
+#include "rigs.h"
+
+namespace sinew::rigs {
+
+using SkinFunction = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
+
+/// F x V x 3; and nothing is written beyond the end, whatever is left of the last block.
+inline std::vector<float> skinned(SkinFunction skin_by, const Skin& skin, const Matrices& matrices,
+                                  std::ptrdiff_t frames = 1, Layout layout = Layout::column_major) {
+  constexpr float kUntouched = -77;
+  Stack<float> stack(matrices, frames, layout);
+  const std::ptrdiff_t size = 3 * frames * skin.vertex_count();
+  std::vector<float> positions(size + 8, kUntouched);
+  skin_by(skin, stack.read(), std::span(positions).first(size));
+  EXPECT_TRUE(std::all_of(positions.begin() + size, positions.end(),
+                          [](float number) { return number == kUntouched; }));
+  positions.resize(size);
+  return positions;
+}
+
+}  // namespace sinew::rigs
