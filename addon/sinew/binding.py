@@ -80,7 +80,8 @@ def check_bindable(ob, armature):
 
 def bind(ob, armature, output="MODIFIER", method=None, source=None):
     """Let Sinew deform the mesh. An Armature modifier on that armature is switched off and its place
-    in the stack taken; what it says of the method is kept unless `method` is given.
+    in the stack taken; what it says of the method is kept unless `method` is given. Without `source` a mesh that
+    was bound to that armature before has its own again, and another one a clip if there is one.
     Raises BindingError."""
     check_bindable(ob, armature)
     if ob.sinew.is_bound:
@@ -98,9 +99,9 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
         OUTPUTS[output].install(ob, index)
     except OutputError as error:
         raise BindingError(str(error)) from error
-    if source is None:
+    if source is None and settings.armature != armature:
         source = "CLIP" if has_poses(armature.data) else "ARMATURE"
-    settings.source = source
+    settings.source = source or settings.source
     settings.output = settings.installed_output = output
     settings.mixed.clear()
     settings.replaced.clear()
@@ -158,14 +159,14 @@ def give_back(entry, ob):
 def unbind(ob):
     """Give the mesh back as it was: rest positions, and the Armature modifier switched on again."""
     settings = ob.sinew
+    settings.is_bound = False
+    session.forget_object(ob)  # first: what follows evaluates the scene, and handlers run
     OUTPUTS[settings.installed_output].remove(ob)
     anchor.remove(ob)
-    settings.is_bound = False
     for entry in settings.replaced:
         give_back(entry, ob)
     settings.replaced.clear()
     settings.mixed.clear()
-    session.forget_object(ob)
 
 
 def show_rest(ob):
@@ -189,7 +190,8 @@ def switch_output(ob):
     if old == new:
         return
     index = max(ob.modifiers.find(settings.replaced[0].name), 0) if settings.replaced else 0
-    settings.is_bound = False  # moving a modifier evaluates the scene, and handlers run
+    settings.is_bound = False
+    session.forget_object(ob)  # what follows evaluates the scene, and handlers run
     OUTPUTS[old].remove(ob)
     try:
         OUTPUTS[new].install(ob, index)
@@ -201,5 +203,5 @@ def switch_output(ob):
         raise
     finally:
         settings.is_bound = True
-        session.forget_object(ob)
+        session.forget_object(ob)  # or else nobody would know that it is bound
         session.refresh(ob)

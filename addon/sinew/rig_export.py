@@ -12,8 +12,8 @@ from .outputs import OUTPUTS
 def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILENT):
     """Write mesh.obj, the skeleton, weights.dmat and, if there is one, pose.dmat or anim.dmat.
 
-    animation: AUTO writes the clip that was imported, else the frames of the scene if the armature
-    is animated; FRAMES always writes those; NONE neither. Raises ValueError with the reason.
+    animation: AUTO writes the frames of the scene if the armature is animated and not posed by the clip that
+    was imported, else that clip; FRAMES always writes those; NONE neither. Raises ValueError with the reason.
     """
     armature = ob.sinew.armature if ob.sinew.is_bound else binding.find_armature(ob)
     if armature is None:
@@ -33,11 +33,12 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILE
         joints = np.arange(len(names))
 
     poses = matrices = None
-    if animation == "AUTO" and from_file:
+    plays_clip = clip_store.has_poses(armature.data) and ob.sinew.source == "CLIP"
+    drive = armature.animation_data
+    is_animated = bool(drive and (drive.action or drive.nla_tracks or drive.drivers)) and not plays_clip
+    if animation == "AUTO" and from_file and not is_animated:
         poses, matrices = clip_store.load_poses(armature.data)
-    if animation == "FRAMES" or (
-            animation == "AUTO" and poses is None and matrices is None
-            and armature.animation_data is not None):
+    if animation == "FRAMES" or animation == "AUTO" and is_animated:
         matrices = sample_frames(context, ob, armature, joints, len(names), shown)
 
     left = [name for name, written in (("pose.dmat", poses), ("anim.dmat", matrices))

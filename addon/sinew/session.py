@@ -107,11 +107,11 @@ def report(ob, message):
     notice.show(f"{ob.name}: {message}")
 
 
-def bound_objects():
-    """All bound mesh objects of the file, whether a scene shows them or not."""
-    global _object_count
+def bound_objects(depsgraph=None):
+    """All bound mesh objects of the file, whether a scene shows them or not. depsgraph: what was just
+    evaluated, which may have brought some."""
     objects = bpy.data.objects
-    if len(objects) != _object_count:
+    if len(objects) != _object_count or depsgraph and _brings_strangers(depsgraph):
         _gather()
     found = []
     for key, entry in _characters.items():
@@ -121,6 +121,13 @@ def bound_objects():
             return [objects[entry.name] for entry in _characters.values()]
         found.append(ob)
     return found
+
+
+def _brings_strangers(depsgraph):
+    """Whether a bound mesh came while as many objects went."""
+    return any(update.id.type == "MESH" and blender_io.key_of(update.id) not in _characters
+               and update.id.sinew.is_bound
+               for update in depsgraph.updates if isinstance(update.id, bpy.types.Object))
 
 
 def _name(ob):
@@ -144,7 +151,7 @@ def _gather():
 def on_frame(scene, depsgraph):
     """A new frame: clips pose their armatures, then every bound mesh takes its shape."""
     with _lock:
-        objects = [] if _evaluating else bound_objects()
+        objects = [] if _evaluating else bound_objects(depsgraph)
         if objects:
             _note_edits(objects, depsgraph)
             _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
@@ -154,7 +161,7 @@ def on_update(depsgraph):
     """Somebody changed something: meshes follow the bones as they stand. A clip does not step in,
     so a bone posed by hand keeps its pose until the next frame, as with keyframes."""
     with _lock:
-        objects = [] if _evaluating else bound_objects()
+        objects = [] if _evaluating else bound_objects(depsgraph)
         if not objects:
             return
         _note_edits(objects, depsgraph)

@@ -273,6 +273,7 @@ def test_bound_again_with_another_output(fresh_scene):
     assert ob.modifiers["Armature"].object == armature
 
 
+@pytest.mark.says_errors
 def test_modifiers_that_renumber_vertices(fresh_scene):
     """Fine on an ordinary mesh; with shape keys refused, or said so if one comes later."""
     armature = make_armature()

@@ -92,6 +92,7 @@ def test_what_cannot_be_bound_is_said():
     assert not cube.sinew.is_bound and not cube.modifiers
 
 
+@pytest.mark.says_errors
 @pytest.mark.parametrize("kind", ("MIRROR", "ARRAY", "SUBSURF", "SOLIDIFY", "DECIMATE"))
 def test_modifiers_with_other_vertices_before_the_armature(fresh_scene, kind):
     ob = make_mesh(make_armature(), False)
@@ -117,6 +118,7 @@ def to_front(ob, name):
         bpy.ops.object.modifier_move_up(modifier=name)
 
 
+@pytest.mark.says_errors
 def test_a_mesh_that_has_lost_its_rest_positions(fresh_scene):
     ob = make_mesh(make_armature(), False)
     accelerate(ob, "MESH")

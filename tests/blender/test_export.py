@@ -52,6 +52,15 @@ def test_mesh_output_exports_the_rest(fresh_scene, tmp_path):
     assert np.array_equal(read(tmp_path, "skeleton.bf").positions, rest)
 
 
+def test_edited_keyframes_are_exported_not_the_poses_of_old(fresh_scene, tmp_path):
+    ob, armature = import_rig("capsule")
+    bpy.ops.object.sinew_clip_to_keyframes()
+    fresh_scene.frame_start, fresh_scene.frame_end = 4, 6
+    assert bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf")) == {"FINISHED"}
+    rig = read(tmp_path, "skeleton.bf")
+    assert rig.poses is None and rig.animation.shape[:2] == (3, len(armature.data.bones))
+
+
 def blender_rig():
     """A bent tube with an armature made in Blender, moved and keyed, never seen by the importer."""
     bpy.ops.mesh.primitive_cylinder_add(vertices=16, depth=4, location=(0, 0, 2))

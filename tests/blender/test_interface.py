@@ -314,6 +314,7 @@ def test_what_goes_wrong_is_logged_once(preferences, tube, fresh_scene, tmp_path
     assert not logging.getLogger("sinew").handlers
 
 
+@pytest.mark.says_errors
 def test_a_log_that_cannot_be_written(preferences, tmp_path):
     preferences.log_file = str(tmp_path / "no folder" / "sinew.log")
     assert not logging.getLogger("sinew").handlers

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+from characters import accelerate, make_armature, make_mesh, pose
 from helpers import (
     addon_module, assert_same_shape, builtin_copy, data_counts, evaluated, import_rig,
     needs_program, own_positions, select)
@@ -51,6 +52,33 @@ def test_switching_the_output(fresh_scene):
     assert attributes(ob) >= {".sinew_position"} and "rest_position" not in attributes(ob)
 
 
+def test_switching_the_output_of_an_accelerated_mesh(fresh_scene):
+    """Its modifier has to be moved in the stack, which evaluates the scene in the middle of the switch."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = builtin_copy(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    for output in ("MESH", "MODIFIER", "MESH", "MODIFIER"):
+        fresh_scene.frame_set(fresh_scene.frame_current + 1)
+        ob.sinew.output = output
+        assert_same_shape(ob, twin)
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    assert_same_shape(ob, twin)
+
+
+def test_bound_again_to_the_same_armature(fresh_scene):
+    """Poses that have become keyframes, and keyframes that were edited, are not played over."""
+    ob, armature = import_rig("capsule")
+    assert ob.sinew.source == "CLIP"
+    for source in ("ARMATURE", "CLIP"):
+        ob.sinew.source = source
+        bpy.ops.object.sinew_unbind()
+        assert bpy.ops.object.sinew_bind() == {"FINISHED"} and ob.sinew.source == source
+
+
+@pytest.mark.says_errors
 def test_an_attribute_of_the_users_own_is_not_overwritten():
     ob, _ = import_rig("capsule")
     ob.data.attributes.new("rest_position", "FLOAT_VECTOR", "POINT")
@@ -223,6 +251,7 @@ def test_armature_in_rest_position(fresh_scene):
     assert np.allclose(evaluated(ob), own_positions(ob), atol=1e-6)
 
 
+@pytest.mark.says_errors
 def test_a_deleted_armature_is_said_and_others_play(fresh_scene):
     ob, armature = import_rig("capsule")
     other, _ = import_rig("capsule")

@@ -77,6 +77,7 @@ def test_mixed_modifiers_are_shown(fresh_scene):
     assert draw().count("Armature") == 2 and "Mixed with" in draw()
 
 
+@pytest.mark.says_errors
 def test_an_error_stands_on_top(fresh_scene):
     ob = make_mesh(make_armature(), False)
     accelerate(ob)

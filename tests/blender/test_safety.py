@@ -401,6 +401,7 @@ def test_deleted_by_the_operator(fresh_scene, character):
     assert traces() == []
 
 
+@pytest.mark.says_errors
 def test_armature_deleted_and_chosen_anew(fresh_scene, character):
     ob, twin, armature = character
     spare = armature.copy()
@@ -641,6 +642,7 @@ def test_disabled_and_enabled_with_bound_meshes(fresh_scene, character):
     assert_same_shape(ob, twin)
 
 
+@pytest.mark.says_errors
 def test_an_error_in_one_mesh_leaves_the_others_alone(fresh_scene, character, caplog):
     ob, twin, armature = character
     broken = make_mesh(armature, False)
@@ -658,3 +660,22 @@ def test_an_error_in_one_mesh_leaves_the_others_alone(fresh_scene, character, ca
     bpy.ops.object.sinew_unbind()
     fresh_scene.frame_set(8)
     assert_same_shape(broken, twin)
+
+
+def test_as_many_objects_come_as_go(fresh_scene, character, tmp_path):
+    """A bound mesh is found though the file has as many objects as before."""
+    names = [ob.name for ob in character]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    for name in "abc":
+        bpy.context.collection.objects.link(bpy.data.objects.new(name, None))
+    bpy.context.scene.frame_set(1)
+    for name in "abc":
+        bpy.data.objects.remove(bpy.data.objects[name])
+    with bpy.data.libraries.load(str(tmp_path / "saved.blend")) as (_, into):
+        into.objects = names
+    for ob in into.objects:
+        bpy.context.collection.objects.link(ob)
+    for frame in (3, 6, 9):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(*into.objects[:2])
