@@ -1,6 +1,6 @@
 """Binding a mesh to Sinew and releasing it: what changes in the .blend, and how it is put back."""
 
-from . import anchor, blender_io, session
+from . import anchor, blender_io, notice, session
 from .clip_store import has_poses
 from .outputs import OUTPUTS, OutputError, check_numbers_kept, sinew_modifier
 
@@ -70,6 +70,12 @@ def check_bindable(ob, armature):
         raise BindingError(
             f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
             f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
+    for modifier in mixed_modifiers(ob, replaced) if replaced else ():
+        animated = blender_io.animated_properties(ob, modifier)
+        if animated:
+            raise BindingError(
+                f"{modifier.name} of {ob.name} is animated itself ({', '.join(animated)}), which Sinew cannot "
+                "follow: remove these drivers or keyframes first")
     if replaced and replaced.use_bone_envelopes:
         return
     bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
@@ -78,6 +84,7 @@ def check_bindable(ob, armature):
             f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
 
 
+@session.asleep()
 def bind(ob, armature, output="MODIFIER", method=None, source=None):
     """Let Sinew deform the mesh. An Armature modifier on that armature is switched off and its place
     in the stack taken; what it says of the method is kept unless `method` is given. Without `source` a mesh that
@@ -86,6 +93,8 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     check_bindable(ob, armature)
     if ob.sinew.is_bound:
         unbind(ob)
+    else:
+        OUTPUTS["MODIFIER"].remove(ob)  # what came with a copy of another mesh's modifiers
     settings = ob.sinew
     replaced = armature_modifier(ob, armature)
     index = ob.modifiers.find(replaced.name) if replaced else 0
@@ -145,6 +154,9 @@ def show_as_replaced(ob):
     if settings.replaced and settings.installed_output == "MODIFIER":
         modifier, replaced = sinew_modifier(ob), settings.replaced[0]
         modifier.show_viewport, modifier.show_render = replaced.show_viewport, replaced.show_render
+        if replaced.name in ob.modifiers:
+            own = ob.modifiers[replaced.name]
+            modifier.show_in_editmode, modifier.show_on_cage = own.show_in_editmode, own.show_on_cage
 
 
 def give_back(entry, ob):
@@ -156,17 +168,35 @@ def give_back(entry, ob):
     modifier.show_viewport, modifier.show_render = entry.show_viewport, entry.show_render
 
 
+@session.asleep()
 def unbind(ob):
     """Give the mesh back as it was: rest positions, and the Armature modifier switched on again."""
     settings = ob.sinew
     settings.is_bound = False
-    session.forget_object(ob)  # first: what follows evaluates the scene, and handlers run
+    session.forget_object(ob)
     OUTPUTS[settings.installed_output].remove(ob)
     anchor.remove(ob)
     for entry in settings.replaced:
         give_back(entry, ob)
     settings.replaced.clear()
     settings.mixed.clear()
+    if is_deleted(settings.armature):
+        settings.armature = None  # else it would stay in the file for this mesh's sake
+
+
+def is_deleted(armature):
+    """Whether it was deleted from all scenes and is only in the file for the sake of bound meshes. (A linked
+    one may well be in no collection.)"""
+    return armature is not None and armature.library is None and not armature.users_collection
+
+
+def release_applied(ob):
+    """The mesh has taken its shape for good; Armature modifiers that it still has stay switched off, for
+    they would deform it again."""
+    for entry in ob.sinew.replaced:
+        entry.show_viewport = entry.show_render = False
+    unbind(ob)
+    notice.show(f"{ob.name} has taken its shape for good and is no longer bound to Sinew")
 
 
 def show_rest(ob):
@@ -182,6 +212,7 @@ def make_single_user(ob):
     session.refresh(ob)
 
 
+@session.asleep()
 def switch_output(ob):
     """Move a bound mesh to the output that its settings ask for. Raises OutputError, and then stays
     with the old one."""
@@ -191,7 +222,6 @@ def switch_output(ob):
         return
     index = max(ob.modifiers.find(settings.replaced[0].name), 0) if settings.replaced else 0
     settings.is_bound = False
-    session.forget_object(ob)  # what follows evaluates the scene, and handlers run
     OUTPUTS[old].remove(ob)
     try:
         OUTPUTS[new].install(ob, index)
@@ -203,5 +233,5 @@ def switch_output(ob):
         raise
     finally:
         settings.is_bound = True
-        session.forget_object(ob)  # or else nobody would know that it is bound
+        session.forget_object(ob)
         session.refresh(ob)

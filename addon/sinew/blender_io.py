@@ -95,6 +95,24 @@ def modifiers_before(ob, modifier):
             if m.show_viewport or m.show_render]
 
 
+def animated_properties(ob, modifier):
+    """Names of the modifier's properties that drivers or keyframes of the object set."""
+    data = ob.animation_data
+    if data is None:
+        return []
+    actions = {data.action, *(strip.action for track in data.nla_tracks for strip in track.strips)} - {None}
+    curves = [*data.drivers, *(curve for action in actions for curve in action_curves(action))]
+    start = f'modifiers["{bpy.utils.escape_identifier(modifier.name)}"].'
+    return sorted({curve.data_path.removeprefix(start) for curve in curves if curve.data_path.startswith(start)})
+
+
+def action_curves(action):
+    if hasattr(action, "fcurves"):  # before 5.0
+        return list(action.fcurves)
+    return [curve for layer in action.layers for strip in layer.strips
+            for bag in strip.channelbags for curve in bag.fcurves]
+
+
 def write_attribute(mesh, name, vectors):
     """vectors (V, 3) float32 -> a vector attribute on points, made if it is not there."""
     attribute = point_attribute(mesh, name)

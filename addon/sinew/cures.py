@@ -7,7 +7,7 @@ import numpy as np
 from mathutils.kdtree import KDTree
 
 from . import binding, blender_io, clip_store, display, session
-from .operators import Bind
+from .operators import Bind, Unbind
 from .outputs import OUTPUTS, is_sinew
 
 
@@ -25,6 +25,9 @@ def warnings(ob):
     if entry is not None and entry.error:
         is_lost = ob.sinew.installed_output == "MODIFIER" and not any(map(is_sinew, ob.modifiers))
         found.append(Warning(entry.error, ((Bind.bl_idname, "Bind Again"),) if is_lost else (), True))
+    for modifier in doubles(ob):
+        found.append(Warning(f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
+                             ((RemoveDoubles.bl_idname, "Remove It"),), True))
     if entry is not None and entry.deformer is not None:
         influences = entry.deformer.influences
         if influences.unweighted_count:
@@ -38,13 +41,28 @@ def warnings(ob):
     if (armature is not None and ob.sinew.source == "CLIP"
             and not clip_store.bones_are_where_they_were(armature)):
         found.append(Warning("Bones were moved since the import: the rig's poses do not fit", (), True))
-    if armature is not None and not armature.visible_get():
+    if binding.is_deleted(armature):
+        found.append(Warning(
+            f"{armature.name} was deleted from all collections, and still moves the mesh until you unbind it",
+            ((display.ToggleSkeleton.bl_idname, "Bring Back"), (Unbind.bl_idname, "Unbind")), True))
+    elif armature is not None and not armature.visible_get():
         found.append(Warning(f"{armature.name} is hidden", ((display.ToggleSkeleton.bl_idname, "Show"),)))
+    if ob.mode == "SCULPT" and ob.sinew.installed_output == "MODIFIER":
+        found.append(Warning("Brushes touch the rest shape, not the one that you see: sculpt in the rest pose, or "
+                             "unbind first", ()))
     sharers = ob.data.users - ob.data.use_fake_user
     if sharers > 1:
         found.append(Warning(f"{sharers} objects share this mesh",
                              ((MakeSingleUser.bl_idname, "Make Single User"),)))
     return found
+
+
+def doubles(ob):
+    """Armature modifiers that are at work beside Sinew on an armature of its own, as parenting a bound mesh
+    anew makes them."""
+    armatures = [layer.armature for layer in ob.sinew.layers()]
+    return [modifier for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object is not None
+            and modifier.object in armatures and (modifier.show_viewport or modifier.show_render)]
 
 
 def _vertices(count):
@@ -73,9 +91,22 @@ class _Cure:
                 and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
 
 
+class RemoveDoubles(_Cure, bpy.types.Operator):
+    """Remove the Armature modifiers that deform the mesh a second time, by the armature by which Sinew does"""
+
+    bl_idname = "object.sinew_remove_doubles"
+    bl_label = "Remove Second Deformation"
+
+    def execute(self, context):
+        ob = context.active_object
+        for modifier in doubles(ob):
+            ob.modifiers.remove(modifier)
+        return {"FINISHED"}
+
+
 class NormalizeWeights(_Cure, bpy.types.Operator):
-    """Scale the weights of the deforming bones so that those of each vertex sum to 1. Sinew and the
-    Armature modifier deform as if they did; other programs may not"""
+    """Scale the weights of the deforming bones so that those of each vertex sum to 1; locked groups stay. Sinew
+    and the Armature modifier deform as if they did; other programs may not"""
 
     bl_idname = "object.sinew_normalize_weights"
     bl_label = "Normalize Bone Weights"
@@ -83,12 +114,14 @@ class NormalizeWeights(_Cure, bpy.types.Operator):
     def execute(self, context):
         ob = context.active_object
         changed = 0
+        is_locked = [group.lock_weight for group in ob.vertex_groups]
         for vertex, entries in enumerate(bone_weights(ob)):
-            total = sum(entries.values())
-            if total > 0 and abs(total - 1) > 1e-6:
+            free = {group: weight for group, weight in entries.items() if not is_locked[group]}
+            total, wanted = sum(free.values()), 1 - sum(entries.values()) + sum(free.values())
+            if total > 0 and wanted >= 0 and abs(total - wanted) > 1e-6:
                 changed += 1
-                for group, weight in entries.items():
-                    ob.vertex_groups[group].add((vertex,), weight / total, "REPLACE")
+                for group, weight in free.items():
+                    ob.vertex_groups[group].add((vertex,), weight * wanted / total, "REPLACE")
         ob.data.update()
         self.report({"INFO"}, f"Normalized the weights of {changed:,} vertices")
         return {"FINISHED"}
@@ -151,5 +184,5 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
+CLASSES = (RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

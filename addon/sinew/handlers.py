@@ -1,9 +1,9 @@
-"""Blender's callbacks, one line each."""
+"""Blender's callbacks."""
 
 import bpy
 from bpy.app.handlers import persistent
 
-from . import notice, session
+from . import binding, notice, session
 
 
 @persistent
@@ -14,6 +14,8 @@ def on_frame_change(scene, depsgraph):
 @persistent
 def on_depsgraph_update(_scene, depsgraph):
     session.on_update(depsgraph)
+    for ob in session.take_applied():
+        binding.release_applied(ob)
 
 
 @persistent

@@ -9,6 +9,19 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from . import binding, clip_keyframes, progress, properties, rig_export, rig_import
 
 
+def files_beside(*suffixes):
+    """A search of a StringProperty of ImportRig: names of files in the folder that is chosen."""
+    def search(operator, context, edit_text):
+        folder = operator.directory or os.path.dirname(operator.filepath)
+        params = getattr(context.space_data, "params", None)  # of the file browser
+        if params is not None:
+            folder = os.fsdecode(params.directory)
+        names = os.listdir(folder) if os.path.isdir(folder) else []
+        return sorted(name for name in names if name.endswith(suffixes) and edit_text.lower() in name.lower())
+
+    return {"search": search, "search_options": {"SUGGESTION"}}
+
+
 class ImportRig(bpy.types.Operator, ImportHelper):
     """Import rig folders: mesh, skeleton, weights and poses"""
 
@@ -21,11 +34,14 @@ class ImportRig(bpy.types.Operator, ImportHelper):
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     mesh: StringProperty(
-        name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj")
+        name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj",
+        **files_beside(".obj"))
     weights: StringProperty(
-        name="Weights", description="File of the weights; empty: weights.dmat")
+        name="Weights", description="File of the weights; empty: weights.dmat",
+        **files_beside(".dmat"))
     pose: StringProperty(
-        name="Poses", description="File of the poses; empty: pose.dmat, if there is one")
+        name="Poses", description="File of the poses; empty: pose.dmat, if there is one",
+        **files_beside(".dmat"))
     convention: EnumProperty(
         name="Convention", description="What a row of a .bf file stands for",
         items=(("AUTO", "Automatic", "Bone, if a root has the weight index -1; else joint"),
@@ -124,7 +140,7 @@ class ExportRig(bpy.types.Operator, ExportHelper):
     animation: EnumProperty(
         name="Animation", description="What to write beside the rest pose",
         items=(("AUTO", "Automatic",
-                "The poses that were imported, else the scene's frames if the armature is animated"),
+                "The imported poses if they are what one sees, else the scene's frames if the armature is animated"),
                ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
                ("NONE", "None", "The rest pose alone")))
 

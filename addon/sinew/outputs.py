@@ -7,6 +7,7 @@ an instance of it knows one bound object as it stands, until somebody edits it. 
 """
 
 import bpy
+import numpy as np
 
 from . import blender_io
 
@@ -87,6 +88,18 @@ class ModifierOutput:
                 blender_io.remove_attribute(ob.data, name)
         forget_unused_node_groups()
 
+    @staticmethod
+    def was_applied(ob):
+        """Whether the modifier is gone and has left its shape behind: it was applied, perhaps with all others
+        when the object was converted."""
+        if any(map(is_sinew, ob.modifiers)):
+            return False
+        if ob.sinew.replaced and not any(entry.name in ob.modifiers for entry in ob.sinew.replaced):
+            return True
+        own = blender_io.read_positions(ob.data)
+        return any(np.array_equal(own, blender_io.read_attribute(attribute)) for attribute in ob.data.attributes
+                   if attribute.name.startswith(POSITION_ATTRIBUTE) and attribute.domain == "POINT")
+
     def rest_positions(self, ob, evaluated=None):
         """The modifier's input as Blender has evaluated it, (V, 3)."""
         if evaluated is None or not self.captures:
@@ -118,6 +131,10 @@ class MeshOutput:
 
     def __init__(self, _ob):
         pass
+
+    @staticmethod
+    def was_applied(_ob):
+        return False
 
     @staticmethod
     def install(ob, index=0):

@@ -9,6 +9,9 @@ from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
 from .outputs import is_sinew
 
 
+MOST_MESHES = 10  # of an armature, that are listed
+
+
 class InSidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -64,12 +67,15 @@ def draw_armature(layout, context, armature):
     if any(ob.sinew.source == "CLIP" for ob in meshes):
         draw_clip(layout.box(), armature)
     if meshes:
-        layout.label(text=f"Sinew deforms {bound} of its {len(meshes)} meshes", icon="MESH_DATA")
+        layout.label(text=f"{bound} of {len(meshes)} meshes bound", icon="MESH_DATA")
     else:
         layout.label(text="No mesh hangs on this armature", icon="INFO")
     if bound < len(meshes):
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
     if bound:
+        column = layout.column()
+        for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:
+            column.prop(ob.sinew, "method", text=ob.name)
         layout.operator(Unbind.bl_idname, icon="UNLINKED")
     draw_display(layout, armature)
 
@@ -80,17 +86,16 @@ def draw_bound(layout, context, ob):
         if warning.is_error:
             draw_warning(layout, context, warning)
     column = layout.column()
-    row = column.row(align=True)
-    row.prop(settings, "armature")
-    draw_switches(row, ob)
+    column.prop(settings, "armature")
     column.prop(settings, "source")
     column.prop(settings, "method")
     column.prop(settings, "output")
+    draw_switches(column.row(align=True, heading="Show"), ob)
+    draw_display(layout, ob)
+    layout.operator(Unbind.bl_idname, icon="UNLINKED")
     for warning in warnings:
         if not warning.is_error:
             draw_warning(layout, context, warning)
-    draw_display(layout, ob)
-    layout.operator(Unbind.bl_idname, icon="UNLINKED")
 
 
 def draw_warning(layout, context, warning):
@@ -162,7 +167,7 @@ def draw_statistics(layout, entry):
     draw_value(column, "Vertices", f"{skin.vertex_count:,}")
     draw_value(column, "Bones", str(len(entry.layers[0].bones.names)))
     mean = skin.influence_count / max(skin.vertex_count, 1)
-    draw_value(column, "Influences", f"{mean:.2f} a vertex, {skin.most_influences} at most")
+    draw_value(column, "Influences", f"{mean:.2f}, at most {skin.most_influences}")
     draw_value(column, "Unweighted", f"{influences.unweighted_count:,}")
     column.separator()
     draw_value(column, "Last Frame", f"{timings.total:.2f} ms")

@@ -8,6 +8,7 @@ by key and name, not by reference: a reference dies when Blender replaces the bl
 
 import logging
 import threading
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -17,15 +18,15 @@ import numpy as np
 from . import anchor, blender_io, notice, posing
 from .layers import Layer
 from .native import sinew_native
-from .outputs import OUTPUTS
+from .outputs import OUTPUTS, is_sinew
 
 log = logging.getLogger("sinew")
 
 
 @dataclass
 class Timings:
-    """Milliseconds of the last frame, by stage. Meshes are skinned together: `skin` is this one's part
-    by its number of vertices."""
+    """Milliseconds of the last frame, by stage, without what has to be made once after an edit. Meshes are
+    skinned together: `skin` is this one's part by its number of vertices."""
 
     pose: float = 0.0
     skin: float = 0.0
@@ -61,7 +62,8 @@ class Character:
 
 _lock = threading.RLock()
 _characters = {}  # key of the mesh object -> Character
-_evaluating = False  # Blender is evaluating at our request: handlers are not for us
+_asleep = 0  # how many wish it, see asleep()
+_applied = []  # bound objects whose modifier somebody has applied
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 
 
@@ -71,6 +73,17 @@ def configure(thread_count, instruction_set):
     with _lock:
         sinew_native.set_thread_count(thread_count)
         sinew_native.set_instruction_set(instruction_set)
+
+
+@contextmanager
+def asleep():
+    """Handlers do nothing meanwhile: what Blender evaluates is half done, or Sinew itself has asked for it."""
+    global _asleep
+    _asleep += 1
+    try:
+        yield
+    finally:
+        _asleep -= 1
 
 
 def forget():
@@ -111,7 +124,7 @@ def bound_objects(depsgraph=None):
     """All bound mesh objects of the file, whether a scene shows them or not. depsgraph: what was just
     evaluated, which may have brought some."""
     objects = bpy.data.objects
-    if len(objects) != _object_count or depsgraph and _brings_strangers(depsgraph):
+    if len(objects) != _object_count or depsgraph and _receive_strangers(depsgraph):
         _gather()
     found = []
     for key, entry in _characters.items():
@@ -123,11 +136,21 @@ def bound_objects(depsgraph=None):
     return found
 
 
-def _brings_strangers(depsgraph):
-    """Whether a bound mesh came while as many objects went."""
-    return any(update.id.type == "MESH" and blender_io.key_of(update.id) not in _characters
-               and update.id.sinew.is_bound
-               for update in depsgraph.updates if isinstance(update.id, bpy.types.Object))
+def _receive_strangers(depsgraph):
+    """Whether a bound mesh came while as many objects went. A mesh that was given a copy of another one's
+    modifier is not bound, and has that taken away, for it would move all vertices to the origin (3.4) or do
+    nothing."""
+    brings = False
+    for update in depsgraph.updates:
+        if (isinstance(update.id, bpy.types.Object) and update.id.type == "MESH"
+                and blender_io.key_of(update.id) not in _characters):
+            ob = update.id.original
+            if ob.sinew.is_bound:
+                brings = True
+            elif ob.library is None and any(map(is_sinew, ob.modifiers)):
+                OUTPUTS["MODIFIER"].remove(ob)
+                notice.show(f"{ob.name} has no Sinew modifier: each mesh needs one of its own, so bind it instead")
+    return brings
 
 
 def _name(ob):
@@ -151,7 +174,7 @@ def _gather():
 def on_frame(scene, depsgraph):
     """A new frame: clips pose their armatures, then every bound mesh takes its shape."""
     with _lock:
-        objects = [] if _evaluating else bound_objects(depsgraph)
+        objects = [] if _asleep else bound_objects(depsgraph)
         if objects:
             _note_edits(objects, depsgraph)
             _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
@@ -161,7 +184,7 @@ def on_update(depsgraph):
     """Somebody changed something: meshes follow the bones as they stand. A clip does not step in,
     so a bone posed by hand keeps its pose until the next frame, as with keyframes."""
     with _lock:
-        objects = [] if _evaluating else bound_objects(depsgraph)
+        objects = [] if _asleep else bound_objects(depsgraph)
         if not objects:
             return
         _note_edits(objects, depsgraph)
@@ -322,8 +345,18 @@ def _adapt(objects):
     return any(changed)
 
 
+def take_applied():
+    """The bound objects whose modifier was found to be applied, once."""
+    taken = _applied[:]
+    _applied.clear()
+    return taken
+
+
 def _look_at_output(ob, entry):
     output = OUTPUTS[ob.sinew.installed_output]
+    if output.was_applied(ob):
+        _applied.append(ob)
+        return False
     changed = output.adapt(ob)
     parent = ob.parent and ob.parent.name, ob.parent_type
     if not entry.layers or parent != entry.parent:
@@ -335,12 +368,8 @@ def _look_at_output(ob, entry):
 
 def _evaluate(depsgraph):
     """Evaluates what Sinew has changed, without being called for it."""
-    global _evaluating
-    _evaluating = True
-    try:
+    with asleep():
         depsgraph.update()
-    finally:
-        _evaluating = False
 
 
 def _prepare(ob, depsgraph, posed):
@@ -354,7 +383,7 @@ def _prepare(ob, depsgraph, posed):
     if output is None:  # what is wrong with it has been said
         return None
     frame = _Frame(ob, entry, [])
-    clips_milliseconds = 0.0
+    clips_milliseconds = making_milliseconds = 0.0
     for number, settings in enumerate(ob.sinew.layers()):
         armature = settings.armature
         if armature is None:
@@ -368,8 +397,9 @@ def _prepare(ob, depsgraph, posed):
         change = layer.prepare(
             ob, settings, evaluated, armature.evaluated_get(depsgraph), clip_pose, number > 0,
             lambda: output.rest_positions(ob, evaluated), output.captures)
+        making_milliseconds += layer.take_making_milliseconds()
         frame.parts.append((layer, settings.method, change))
-    entry.timings.pose = 1e3 * (perf_counter() - start) + clips_milliseconds
+    entry.timings.pose = 1e3 * (perf_counter() - start) + clips_milliseconds - making_milliseconds
     return frame
 
 

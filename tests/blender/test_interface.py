@@ -112,12 +112,7 @@ def exclude_collection(armature):
     bpy.context.view_layer.layer_collection.children["Rigs"].exclude = True
 
 
-def leave_scene(armature):
-    for other in armature.users_collection:
-        other.objects.unlink(armature)
-
-
-@pytest.mark.parametrize("hide", (hide_eye, hide_in_viewports, exclude_collection, leave_scene))
+@pytest.mark.parametrize("hide", (hide_eye, hide_in_viewports, exclude_collection))
 def test_a_hidden_armature_is_shown(tube, hide):
     armature = tube.modifiers["Armature"].object
     accelerate(tube)

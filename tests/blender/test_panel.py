@@ -56,7 +56,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     select(ob)
     assert draw(mesh_panel) == ["Armature deforms it", "Accelerate", *display]
     select(armature)
-    assert draw(armature_panel) == ["Sinew deforms 0 of its 1 meshes", "Accelerate", display[1]]
+    assert draw(armature_panel) == ["0 of 1 meshes bound", "Accelerate", display[1]]
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw(mesh_panel)
@@ -65,7 +65,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
                  "Mask", "Bone Envelopes", *display):
         assert text in said
     select(armature)
-    assert draw(armature_panel) == ["Sinew deforms 1 of its 1 meshes", "object.sinew_unbind", display[1]]
+    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", display[1]]
 
 
 def test_mixed_modifiers_are_shown(fresh_scene):

@@ -1,0 +1,172 @@
+"""What people do to a bound character without thinking of Sinew: copy its modifiers, apply them, convert it,
+parent it anew, delete its armature."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import accelerate, make_armature, make_mesh, pose
+from helpers import RIGS, addon_module, assert_same_shape, evaluated, own_positions, select, twin_of
+from test_safety import traces
+
+
+@pytest.fixture
+def character(fresh_scene):
+    """A bound mesh, the same with Blender's own modifier, and their armature, on a frame that is posed."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = twin_of(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    return ob, twin, armature
+
+
+def errors(ob):
+    return [warning for warning in addon_module("cures").warnings(ob) if warning.is_error]
+
+
+def test_modifiers_copied_to_another_mesh(character):
+    ob, _, armature = character
+    other = twin_of(ob)
+    addon_module("binding").unbind(other)
+    other.modifiers.clear()
+    before = own_positions(other)
+    select(ob, other)
+    bpy.ops.object.make_links_data(type="MODIFIERS")
+    bpy.context.view_layer.update()
+    assert np.array_equal(evaluated(other), before)
+    assert not any("Sinew" in modifier.name for modifier in other.modifiers)
+    select(other, armature)
+    bpy.context.view_layer.objects.active = other
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert_same_shape(other, ob)
+
+
+def test_the_modifier_is_applied(fresh_scene, character):
+    ob, _, _ = character
+    shape = evaluated(ob)
+    select(ob)
+    bpy.ops.object.modifier_apply(modifier="Sinew")
+    for frame in (2, 5):
+        fresh_scene.frame_set(frame)
+        assert np.array_equal(evaluated(ob), shape)
+    assert not ob.sinew.is_bound and not traces()
+    assert ob.modifiers["Armature"].object and not ob.modifiers["Armature"].show_viewport
+
+
+def test_converted_to_a_mesh(fresh_scene, character):
+    ob, _, _ = character
+    ob.modifiers.new("Finer", "SUBSURF")
+    bpy.context.view_layer.update()
+    shape = evaluated(ob)
+    select(ob)
+    bpy.ops.object.convert(target="MESH")
+    for frame in (2, 5):
+        fresh_scene.frame_set(frame)
+        assert np.array_equal(evaluated(ob), shape)
+    assert not ob.sinew.is_bound and not ob.modifiers and not traces()
+
+
+def test_parented_anew(fresh_scene, character):
+    """Which gives it a second Armature modifier."""
+    ob, twin, armature = character
+    select(ob, armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.parent_set(type="ARMATURE")
+    select(ob)
+    (warning,) = errors(ob)
+    assert "once more" in warning.text
+    assert bpy.ops.object.sinew_remove_doubles() == {"FINISHED"}
+    assert errors(ob) == []
+    fresh_scene.frame_set(5)
+    assert_same_shape(ob, twin)
+
+
+def test_the_armature_is_deleted(fresh_scene, character):
+    ob, twin, armature = character
+    name = armature.name
+    select(armature)
+    bpy.ops.object.delete()
+    fresh_scene.frame_set(5)
+    select(ob)
+    (warning,) = errors(ob)
+    assert warning.text.startswith(f"{name} was deleted")
+    twin.modifiers["Armature"].object = None
+    bpy.ops.object.sinew_unbind()
+    assert armature.users == 0  # so it will not be saved
+
+
+def test_the_armature_is_brought_back(fresh_scene, character):
+    ob, twin, armature = character
+    select(armature)
+    bpy.ops.object.delete()
+    select(ob)
+    assert bpy.ops.object.sinew_show_skeleton() == {"FINISHED"}
+    assert errors(ob) == [] and armature.visible_get()
+    fresh_scene.frame_set(7)
+    twin.modifiers["Armature"].object = armature
+    assert_same_shape(ob, twin)
+
+
+@pytest.mark.parametrize("path", ("show_viewport", "use_deform_preserve_volume"))
+@pytest.mark.parametrize("means", ("driver", "keyframe"))
+def test_a_modifier_that_is_animated_is_refused(character, path, means):
+    _, twin, _ = character
+    modifier = twin.modifiers["Armature"]
+    if means == "driver":
+        modifier.driver_add(path).driver.expression = "frame < 10"
+    else:
+        modifier.keyframe_insert(path)
+    select(twin)
+    with pytest.raises(RuntimeError, match=f"Armature of Tube.001 is animated itself .{path}."):
+        bpy.ops.object.sinew_bind()
+    assert not twin.sinew.is_bound and modifier.object
+
+
+@pytest.mark.parametrize("cage, edit", ((False, False), (True, True), (False, True)))
+def test_switches_of_edit_mode_are_taken_over(character, cage, edit):
+    _, twin, _ = character
+    modifier = twin.modifiers["Armature"]
+    modifier.show_on_cage, modifier.show_in_editmode = cage, edit
+    accelerate(twin)
+    assert (twin.modifiers["Sinew"].show_on_cage, twin.modifiers["Sinew"].show_in_editmode) == (cage, edit)
+
+
+def test_sculpting_is_warned_about(character):
+    ob, _, _ = character
+    count = len(addon_module("cures").warnings(ob))
+    select(ob)
+    bpy.ops.object.mode_set(mode="SCULPT")
+    texts = [warning.text for warning in addon_module("cures").warnings(ob)]
+    assert len(texts) == count + 1 and "rest shape" in texts[-1]
+
+
+def test_locked_groups_are_not_normalized(character):
+    ob, _, _ = character
+    group = ob.vertex_groups["bone2"]
+    group.lock_weight = True
+
+    def weights():
+        return {vertex.index: entry.weight for vertex in ob.data.vertices for entry in vertex.groups
+                if entry.group == group.index}
+
+    before = weights()
+    select(ob)
+    bpy.ops.object.sinew_normalize_weights()
+    assert weights() == before
+    sums = [sum(entry.weight for entry in vertex.groups) for vertex in ob.data.vertices]
+    free = [vertex for vertex, total in enumerate(sums) if before.get(vertex, 0) < 0.5]
+    assert len(free) > 100 and np.allclose(np.array(sums)[free], 1, atol=1e-5)
+
+
+def test_files_of_the_importer_can_be_chosen_from_a_list():
+    search = addon_module("operators").files_beside(".dmat")["search"]
+    chosen = SimpleNamespace(directory="", filepath=str(RIGS["ogre"]))
+    assert search(chosen, SimpleNamespace(space_data=None), "") == ["pose.dmat", "walk.dmat", "weights.dmat"]
+    browser = SimpleNamespace(params=SimpleNamespace(directory=str(RIGS["capsule"].parent).encode()))
+    assert search(chosen, SimpleNamespace(space_data=browser), "WA") == ["walk.dmat"]
+    nowhere = SimpleNamespace(directory="/nowhere/", filepath="")
+    assert search(nowhere, SimpleNamespace(space_data=None), "") == []
