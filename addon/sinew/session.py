@@ -15,7 +15,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from . import anchor, blender_io, notice, posing
+from . import anchor, blender_io, mesh_edits, notice, posing
 from .layers import Layer
 from .native import sinew_native
 from .outputs import OUTPUTS, is_sinew
@@ -46,6 +46,7 @@ class Character:
     output: object = None  # one of outputs.OUTPUTS, or None: look
     watched: frozenset | None = None  # keys of the data-blocks whose edits count; None: look
     parent: tuple | None = None  # the object's, when its anchor was looked at
+    parts: list = field(default_factory=list)  # of the last frame, see _Frame
     timings: Timings = field(default_factory=Timings)
     error: str = ""
 
@@ -54,9 +55,13 @@ class Character:
         """Of the mesh's first layer; None until it is first needed and after an edit."""
         return self.layers[0].deformer if self.layers else None
 
+    def forget_layers(self):
+        self.layers.clear()
+        self.parts = []
+
     def forget(self):
         """Everything is to be made anew."""
-        self.layers.clear()
+        self.forget_layers()
         self.output = self.watched = None
 
 
@@ -265,12 +270,21 @@ def _note_edits(objects, depsgraph):
         if mesh_key in changed and (not moved_by_keys or any(
                 update.is_updated_shading for update in depsgraph.updates
                 if blender_io.key_of(update.id) == mesh_key)):
-            entry.layers.clear()
+            _note_edited_mesh(ob, entry)
         for key in changed.intersection(armatures):
             posing.forget_if_edited(armatures[key])
             for layer, settings in zip(entry.layers, ob.sinew.layers()):
                 if settings.armature == armatures[key]:
                     _follow_renamed_bones(ob, layer.bones_edited(settings.armature))
+
+
+def _note_edited_mesh(ob, entry):
+    """In Edit Mode nothing has happened yet: what is done there arrives in the mesh when it is left."""
+    if entry.parts and ob.sinew.installed_output == "MESH":
+        if ob.data.is_editmode:
+            return
+        mesh_edits.carry_back(ob, entry.parts)
+    entry.forget_layers()
 
 
 def _follow_renamed_bones(ob, names):
@@ -441,11 +455,8 @@ def _skin(frames):
 def _finish(frame):
     start = perf_counter()
     shape = frame.positions
-    for layer, method, change in frame.parts:
-        own = shape if layer is frame.entry.layers[0] else layer.positions
-        layer.deformer.finish(own, change)
-        if layer.share is not None:
-            shape += layer.share * (own - shape)
+    mesh_edits.blended(frame.parts, shape)
+    frame.entry.parts = frame.parts
     if frame.in_place:
         frame.entry.output.written(frame.ob, shape)
     else:
