@@ -1,8 +1,8 @@
 """Plays a rig in Blender and shows what Sinew does: a table of times, a .blend and a contact sheet.
 
-    blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER
+    blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER POSE_FILE
 
-Frames are timed in turn with Sinew and with Blender's own Armature modifier on a copy of the same
+The poses are those of the file if the folder has it, else those of pose.dmat. Frames are timed in turn with Sinew and with Blender's own Armature modifier on a copy of the same
 scene, where the armature has the same motion as keyframes.
 """
 
@@ -20,6 +20,7 @@ FRAMES = 120
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 TILE = (480, 540)  # pixels of one picture of the contact sheet
 SAMPLES = 24
+SMALL = 6_000  # vertices
 
 
 def addon_module(name):
@@ -28,14 +29,14 @@ def addon_module(name):
     return importlib.import_module(f"{package}.{name}")
 
 
-def import_rig(folder):
-    """The mesh object, imported through the add-on's operator; a walk if the folder has one."""
+def import_rig(folder, pose):
+    """The mesh object, imported through the add-on's operator."""
     skeletons = sorted(folder.glob("skeleton.bf")) + sorted(folder.glob("*.tgf"))
     if not skeletons:
         sys.exit(f"there is neither skeleton.bf nor a .tgf file in {folder}")
-    pose = "walk.dmat" if (folder / "walk.dmat").exists() else ""
     try:
-        bpy.ops.import_scene.sinew_rig(filepath=str(skeletons[0]), pose=pose)
+        bpy.ops.import_scene.sinew_rig(
+            filepath=str(skeletons[0]), pose=pose if (folder / pose).exists() else "")
     except RuntimeError as error:
         sys.exit(str(error).strip())
     return bpy.context.active_object
@@ -76,6 +77,11 @@ def print_table(mesh_object):
     print(f"{'largest distance of the two results':36}"
           + "".join(f"{distances[method]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
           + f"   (the mesh measures {diagonal:.3g})\n")
+    if bpy.app.version < (4, 0, 0):
+        print("Blender 3.4 spends most of a frame on normals, which no deformer can save it: nothing is gained here. "
+              "Try a later one:\n\n    BLENDER=$(./dev blender 5.2) ./dev demo\n")
+    elif len(mesh.vertices) < SMALL:
+        print("Small meshes gain nothing: what Blender itself does in a frame takes longest.\n")
 
 
 def world_points(mesh_object, frames):
@@ -88,15 +94,15 @@ def world_points(mesh_object, frames):
     return np.concatenate(points)
 
 
-def sheet_frames(mesh_object):
-    """Six frames over one turn of the clip, or over the first swing."""
+def sheet_pictures(mesh_object):
+    """(frame, method) of each of the six pictures: one turn of the clip, or rest, half and whole swing by one
+    method above and the other below."""
     armature = mesh_object.sinew.armature
     count = addon_module("clip_store").pose_count(armature.data)
-    scene = bpy.context.scene
     if armature.sinew_clip.mode == "PLAYBACK":
-        return [1 + round(i * count / 6) for i in range(6)]
-    half_swing = math.pi / 2 * scene.render.fps
-    return [1 + round(i * half_swing / 5) for i in range(6)]
+        return [(1 + round(i * count / 6), METHODS[0]) for i in range(6)]
+    half_swing = math.pi / 2 * bpy.context.scene.render.fps
+    return [(1 + round(share * half_swing), method) for method in METHODS for share in (0, 1 / 3, 1)]
 
 
 # The camera looks along this, from the front left.
@@ -173,7 +179,7 @@ def plain_material(name, color):
     return material
 
 
-def render_sheet(frames, path):
+def render_sheet(mesh_object, pictures, path):
     """Three pictures by two."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -182,7 +188,7 @@ def render_sheet(frames, path):
     width, height = TILE
     sheet = np.zeros((2 * height, 3 * width, 4), np.float32)
     tile_path = path.with_name("tile.png")
-    for i, frame in enumerate(frames):
+    for i, (frame, mesh_object.sinew.method) in enumerate(pictures):
         scene.frame_set(frame)
         scene.render.filepath = str(tile_path)
         bpy.ops.render.render(write_still=True)
@@ -202,19 +208,20 @@ def render_sheet(frames, path):
 
 
 def main():
-    folder, output = map(Path, sys.argv[sys.argv.index("--") + 1:])
+    folder, output, pose = sys.argv[sys.argv.index("--") + 1:]
+    folder, output = Path(folder), Path(output)
     output.mkdir(parents=True, exist_ok=True)
     for ob in list(bpy.data.objects):
         bpy.data.objects.remove(ob)
-    mesh_object = import_rig(folder)
+    mesh_object = import_rig(folder, pose)
     print_table(mesh_object)
 
-    frames = sheet_frames(mesh_object)
-    build_stage(mesh_object, world_points(mesh_object, frames))
+    pictures = sheet_pictures(mesh_object)
+    build_stage(mesh_object, world_points(mesh_object, [frame for frame, _ in pictures]))
     bpy.context.scene.frame_set(1)
     blend, picture = output / f"{folder.name}.blend", output / f"{folder.name}.png"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    render_sheet(frames, picture)
+    render_sheet(mesh_object, pictures, picture)
     print(f"{blend}\n{picture}")
 
 

@@ -104,6 +104,9 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         return chosen if chosen and self.directory else [self.filepath]
 
     def execute(self, context):
+        if not all(os.path.basename(path) for path in self.paths()):
+            self.report({"ERROR"}, "Choose a skeleton file (.bf or .tgf)")
+            return {"CANCELLED"}
         if context.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
         imported, problems = [], []

@@ -5,6 +5,8 @@ find_package(Python3 REQUIRED COMPONENTS Interpreter Development.Module)
 set(PYTHON_EXECUTABLE ${Python3_EXECUTABLE})
 find_package(pybind11 2.10 REQUIRED)
 
+add_custom_target(modules)  # all of them
+
 function(add_python_module target soabi)  # ARGN: folders with the headers of Python and pybind11
   add_library(${target} MODULE
     bindings/bind_files.cpp
@@ -19,6 +21,7 @@ function(add_python_module target soabi)  # ARGN: folders with the headers of Py
   set_target_properties(${target} PROPERTIES
     PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}.so
     LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
+  add_dependencies(modules ${target})
 endfunction()
 
 add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS} ${pybind11_INCLUDE_DIRS})

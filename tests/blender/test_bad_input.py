@@ -80,6 +80,11 @@ def test_missing_skeleton_and_named_files(tmp_path):
     assert not bpy.data.objects
 
 
+def test_no_file_chosen(tmp_path):
+    with pytest.raises(RuntimeError, match="Choose a skeleton file"):
+        bpy.ops.import_scene.sinew_rig(filepath=f"{tmp_path}/")
+
+
 def test_what_cannot_be_bound_is_said():
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.active_object

@@ -38,7 +38,7 @@ def sums(ob):
 def test_weights_that_do_not_sum_to_1(tube, fresh_scene):
     accelerate(tube)
     before = evaluated(tube)
-    count = int((np.abs(sums(tube) - 1) > 1e-3).sum())
+    count = int((np.abs(sums(tube) - 1) > 0.05).sum())
     assert warnings(tube) == [f"Weights of {count:,} vertices do not sum to 1"]
     assert bpy.ops.object.sinew_normalize_weights() == {"FINISHED"}
     fresh_scene.frame_set(2)
