@@ -83,7 +83,7 @@ def export(options):
         raise ValueError(f"{ob.name} is bound to no armature")
     os.makedirs(options.folder, exist_ok=True)
     path = os.path.join(options.folder, "skeleton.bf")
-    rig_export.export_rig(bpy.context, ob, path, identifier(options.animation))
+    rig_export.export_rig(bpy.context, ob, path, identifier(options.animation), options.up_axis)
     return report_rig(path, rig_import.ImportOptions())
 
 

@@ -61,8 +61,10 @@ def add_export(commands):
                          help="made if it is missing")
     command.add_argument("--object", metavar="NAME", help="which mesh, if several are deformed")
     command.add_argument("--animation", choices=("auto", "frames", "none"), default="auto",
-                         help="auto (the default): the poses that were imported, else the scene's frames "
-                         "if the armature is animated; frames: always those")
+                         help="auto (the default): the imported poses if they are what one sees, else the scene's "
+                         "frames if the armature is animated; frames: always those")
+    command.add_argument("--up-axis", type=identifier, choices=("Y", "Z"), default="Y",
+                         help="the axis of the files that is the mesh's Z axis, if it was not imported (Y)")
 
 
 def add_bench(commands):

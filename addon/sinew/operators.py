@@ -146,6 +146,10 @@ class ExportRig(bpy.types.Operator, ExportHelper):
                 "The imported poses if they are what one sees, else the scene's frames if the armature is animated"),
                ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
                ("NONE", "None", "The rest pose alone")))
+    up_axis: EnumProperty(
+        name="Up", description="The axis of the files that is the mesh's Z axis. A rig that was imported goes back "
+        "into the axes of its files",
+        items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")))
 
     @classmethod
     def poll(cls, context):
@@ -157,7 +161,8 @@ class ExportRig(bpy.types.Operator, ExportHelper):
             path = os.path.join(path, "skeleton.bf")
         try:
             with progress.shown(context) as shown:
-                rig_export.export_rig(context, context.active_object, path, self.animation, shown)
+                rig_export.export_rig(
+                    context, context.active_object, path, self.animation, self.up_axis, shown)
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -4,16 +4,19 @@ import os
 
 import numpy as np
 
-from . import binding, blender_io, clip_store, progress
+from . import binding, blender_io, clip_store, progress, rig_import
+from .deform import transformed
 from .native import sinew_native
 from .outputs import OUTPUTS
 
 
-def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILENT):
+def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=progress.SILENT):
     """Write mesh.obj, the skeleton, weights.dmat and, if there is one, pose.dmat or anim.dmat.
 
     animation: AUTO writes the frames of the scene if the armature is animated and not posed by the clip that
-    was imported, else that clip; FRAMES always writes those; NONE neither. Raises ValueError with the reason.
+    was imported, else that clip; FRAMES always writes those; NONE neither. up_axis: which axis of the files is the
+    mesh's Z axis, "Y" or "Z"; a rig that was imported goes back into the axes of its files. Raises ValueError with
+    the reason.
     """
     armature = ob.sinew.armature if ob.sinew.is_bound else binding.find_armature(ob)
     if armature is None:
@@ -23,13 +26,13 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILE
         raise ValueError(f"There is no folder {folder}")
 
     from_file = clip_store.has_skeleton(armature.data)
-    mesh_from_armature = blender_io.relative_matrix(ob, armature)
+    files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(up_axis))
     if from_file:
         skeleton = clip_store.load_skeleton(armature.data)
         joints = clip_store.own_joints(armature)
         names = skeleton.names
     else:
-        skeleton, names = skeleton_from_bones(armature, mesh_from_armature)
+        skeleton, names = skeleton_from_bones(armature, files_from_mesh @ blender_io.relative_matrix(ob, armature))
         joints = np.arange(len(names))
 
     poses = matrices = None
@@ -40,6 +43,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILE
         poses, matrices = clip_store.load_poses(armature.data)
     if animation == "FRAMES" or animation == "AUTO" and is_animated:
         matrices = sample_frames(context, ob, armature, joints, len(names), shown)
+        matrices = files_from_mesh @ matrices @ np.linalg.inv(files_from_mesh)
 
     left = [name for name, written in (("pose.dmat", poses), ("anim.dmat", matrices))
             if written is None and os.path.exists(os.path.join(folder, name))]
@@ -53,7 +57,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILE
     material_names = [material.name if material else "none" for material in mesh.materials]
     library = "mesh.mtl" if material_names else ""
     rig = sinew_native.Rig(
-        positions, face_offsets, face_vertices, skeleton,
+        transformed(files_from_mesh, positions), face_offsets, face_vertices, skeleton,
         dense_weights(ob, names, skeleton.weight_columns), poses, matrices,
         np.minimum(face_materials, len(material_names) - 1) if material_names else None, material_names, library)
     sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
@@ -61,13 +65,13 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", shown=progress.SILE
         write_colors(os.path.join(folder, library), mesh.materials)
 
 
-def skeleton_from_bones(armature, mesh_from_armature):
-    """A skeleton in the joint convention, space of the mesh, and the bones' names. Every joint has a
+def skeleton_from_bones(armature, files_from_armature):
+    """A skeleton in the joint convention, space of the files, and the bones' names. Every joint has a
     column of weights, if only of zeros: a root without one would read as the bone convention."""
     bones = [pose_bone.bone for pose_bone in armature.pose.bones]
     index = {bone.name: i for i, bone in enumerate(bones)}
     parents = np.array([index[bone.parent.name] if bone.parent else -1 for bone in bones], np.int32)
-    linear, offset = mesh_from_armature[:3, :3], mesh_from_armature[:3, 3]
+    linear, offset = files_from_armature[:3, :3], files_from_armature[:3, 3]
     heads = np.array([bone.head_local for bone in bones], float) @ linear.T + offset
     tails = np.array([bone.tail_local for bone in bones], float) @ linear.T + offset
     names = [bone.name for bone in bones]

@@ -54,9 +54,9 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
             bpy.data.batch_remove([data])
         raise
 
-    orientation = np.array(Y_UP_TO_Z_UP if options.up_axis == "Y" else np.eye(4), float)
-    orientation[:3] *= options.scale
-    armature.matrix_world = orientation.T  # Blender fills it column by column
+    to_world = orientation(options.up_axis)
+    to_world[:3] *= options.scale
+    armature.matrix_world = to_world.T  # Blender fills it column by column
     set_playback(context.scene, armature, options)
     context.view_layer.update()
     shown.step(0.8, f"binding {name}")
@@ -68,6 +68,11 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
     mesh_object.select_set(True)
     context.view_layer.objects.active = mesh_object
     return mesh_object, armature
+
+
+def orientation(up_axis):
+    """(4, 4): from files in which that axis, "Y" or "Z", points up to Blender's axes."""
+    return np.array(Y_UP_TO_Z_UP if up_axis == "Y" else np.eye(4), float)
 
 
 def read_rig(folder, skeleton_name, options):

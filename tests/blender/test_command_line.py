@@ -160,13 +160,17 @@ def test_export_of_a_chosen_mesh(document, tmp_path, animation, frames):
     armature = make_armature()
     make_mesh(armature, False)
     second = make_mesh(armature, False)
-    second.data.vertices[0].co = (9, 9, 9)
+    name = second.name
+    second.data.vertices[0].co = (9, 8, 7)
     pose(armature, 1, False)
     bpy.context.scene.frame_end = 3
-    found = document("export", save(tmp_path), tmp_path / "rig", "--object", second.name,
+    found = document("export", save(tmp_path), tmp_path / "rig", "--object", name,
                      "--animation", animation)
     assert (found["animation_frames"], found["poses"]) == (frames, 0)
-    assert read_rig(tmp_path / "rig").positions[0].tolist() == [9, 9, 9]
+    assert read_rig(tmp_path / "rig").positions[0].tolist() == [9, 7, -8]
+    document("export", tmp_path / "saved.blend", tmp_path / "rig", "--object", name,
+             "--animation", animation, "--up-axis", "Z")
+    assert read_rig(tmp_path / "rig").positions[0].tolist() == [9, 8, 7]
 
 
 # --- bench ----------------------------------------------------------------------------------------
