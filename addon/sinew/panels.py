@@ -90,7 +90,7 @@ def draw_bound(layout, context, ob):
     column.prop(settings, "source")
     column.prop(settings, "method")
     column.prop(settings, "output")
-    draw_switches(column.row(align=True, heading="Show"), ob)
+    draw_switches(column, ob)
     draw_display(layout, ob)
     layout.operator(Unbind.bl_idname, icon="UNLINKED")
     for warning in warnings:
@@ -106,10 +106,12 @@ def draw_warning(layout, context, warning):
         row.operator(operator, text=text)
 
 
-def draw_switches(row, ob):
+def draw_switches(column, ob):
     """Whether the shape is shown, in the viewport and in renders."""
+    row = named_row(column, "Show").row(align=True)
+    row.use_property_split = False
     if ob.sinew.installed_output == "MESH":
-        row.prop(ob.sinew, "show_shape", text="", icon="RESTRICT_VIEW_OFF")
+        row.prop(ob.sinew, "show_shape", toggle=True)
     for modifier in ob.modifiers:
         if is_sinew(modifier):
             row.prop(modifier, "show_viewport", text="")
@@ -179,11 +181,15 @@ def draw_statistics(layout, entry):
 
 
 def draw_value(column, name, value):
+    named_row(column, name).label(text=value)
+
+
+def named_row(column, name):
     row = column.split(factor=0.4)
     left = row.row()
     left.alignment = "RIGHT"
     left.label(text=name)
-    row.label(text=value)
+    return row
 
 
 class Main:

@@ -258,6 +258,7 @@ def render():
 
 def pictures_of_properties_and_preferences():
     ob = bpy.data.objects["ogre"]
+    bpy.context.scene.frame_set(9)
     view = area("VIEW_3D").spaces.active.region_3d
     if view.view_perspective == "CAMERA":
         view.view_perspective = "PERSP"

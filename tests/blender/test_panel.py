@@ -112,7 +112,7 @@ def test_switches_of_what_is_shown(output):
     assert hasattr(ob.sinew, "show_shape") and shown
     notes = Notes()
     addon_module("panels").draw_switches(notes, ob)
-    assert len(notes.said) == {"MODIFIER": 2, "MESH": 1}[output]
+    assert notes.said == {"MODIFIER": ["Show", "", ""], "MESH": ["Show", "Deform"]}[output]
 
 
 def test_preferences_without_a_module():
