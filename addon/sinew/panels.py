@@ -9,6 +9,7 @@ from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
 from .outputs import is_sinew
 
 
+NO_GAIN = "This version of Blender gains no time by it; 4.3 and 5.2 do"
 MOST_MESHES = 10  # of an armature, that are listed
 
 
@@ -47,10 +48,10 @@ def draw_main(layout, context):
     elif ob.sinew.is_bound:
         draw_bound(layout, context, ob)
     else:
-        draw_free(layout, ob)
+        draw_free(layout, context, ob)
 
 
-def draw_free(layout, ob):
+def draw_free(layout, context, ob):
     modifier = binding.armature_modifier(ob)
     if modifier is None:
         layout.label(text="Not bound", icon="UNLINKED")
@@ -58,6 +59,8 @@ def draw_free(layout, ob):
     else:
         layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+        if bpy.app.version < (3, 5, 0):
+            notice.draw_sentence(layout, context, NO_GAIN, False)
     draw_display(layout, ob)
 
 

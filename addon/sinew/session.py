@@ -154,7 +154,9 @@ def _receive_strangers(depsgraph):
                 brings = True
             elif ob.library is None and any(map(is_sinew, ob.modifiers)):
                 OUTPUTS["MODIFIER"].remove(ob)
-                notice.show(f"{ob.name} has no Sinew modifier: each mesh needs one of its own, so bind it instead")
+                if ob.override_library is None:  # else the library's comes back whenever the file is opened
+                    notice.show(
+                        f"{ob.name} has no Sinew modifier: each mesh needs one of its own, so bind it instead")
     return brings
 
 
