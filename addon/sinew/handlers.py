@@ -27,7 +27,7 @@ def on_load(*_):
 
 @persistent
 def on_undo_redo(*_):
-    session.forget()
+    session.forget_after_undo()
 
 
 HANDLERS = (

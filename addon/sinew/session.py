@@ -91,8 +91,25 @@ def asleep():
         _asleep -= 1
 
 
+def forget_after_undo():
+    """Also after redo. In Edit Mode only the edited mesh went back: how its shape came about before it was
+    entered stays known."""
+    with _lock:
+        edited = {key: entry.parts for key, entry in _characters.items() if _is_edited(key, entry)}
+        forget()
+        if edited:
+            _gather()
+        for key in edited.keys() & _characters.keys():
+            _characters[key].parts = edited[key]
+
+
+def _is_edited(key, entry):
+    ob = bpy.data.objects.get(entry.name)
+    return ob is not None and ob.type == "MESH" and ob.data.is_editmode and blender_io.key_of(ob) == key
+
+
 def forget():
-    """Drop everything that is cached, as after load and undo."""
+    """Drop everything that is cached, as after load."""
     global _object_count
     with _lock:
         _characters.clear()
