@@ -2,8 +2,9 @@
 
     blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER POSE_FILE
 
-The poses are those of the file if the folder has it, else those of pose.dmat. Frames are timed in turn with Sinew and with Blender's own Armature modifier on a copy of the same
-scene, where the armature has the same motion as keyframes.
+The poses are those of the file if the folder has it, else those of pose.dmat. Frames are timed in turn with
+Sinew and with Blender's own Armature modifier on a copy of the same scene, where the armature has the same motion
+as keyframes.
 """
 
 import importlib
@@ -77,7 +78,7 @@ def print_table(mesh_object):
     print(f"{'largest distance of the two results':36}"
           + "".join(f"{distances[method]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
           + f"   (the mesh measures {diagonal:.3g})\n")
-    if bpy.app.version < (4, 0, 0):
+    if addon_module("panels").GAINS_NOTHING:
         print("Blender 3.4 spends most of a frame on normals, which no deformer can save it: nothing is gained here. "
               "Try a later one:\n\n    BLENDER=$(./dev blender 5.2) ./dev demo\n")
     elif len(mesh.vertices) < SMALL:

@@ -90,10 +90,10 @@ def own_joints(armature):
 
 def bones_are_where_they_were(armature):
     """Whether each joint's bone still begins where the imported skeleton has the joint."""
-    own = own_joints(armature)
     clip = armature.data.get(CLIP_PROPERTY)
     if clip is None:
         return True
+    own = own_joints(armature)
     heads = blender_io.from_property(clip["heads"], float, (-1, 3))
     now = np.array([bone.bone.head_local for bone in armature.pose.bones], float).reshape(-1, 3)
     size = np.ptp(heads, axis=0).max(initial=0) if len(heads) else 0

@@ -8,7 +8,7 @@ from mathutils.kdtree import KDTree
 
 from . import binding, blender_io, clip_store, display, session
 from .operators import Bind, Unbind
-from .outputs import OUTPUTS, is_sinew
+from .outputs import OUTPUTS, find_sinew_modifier
 
 
 @dataclass
@@ -23,7 +23,7 @@ def warnings(ob):
     entry, armature = session.character(ob), ob.sinew.armature
     found = []
     if entry is not None and entry.error:
-        is_lost = ob.sinew.installed_output == "MODIFIER" and not any(map(is_sinew, ob.modifiers))
+        is_lost = ob.sinew.installed_output == "MODIFIER" and not find_sinew_modifier(ob)
         found.append(Warning(entry.error, ((Bind.bl_idname, "Bind Again"),) if is_lost else (), True))
     for modifier in doubles(ob):
         found.append(Warning(f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
@@ -117,7 +117,8 @@ class NormalizeWeights(_Cure, bpy.types.Operator):
         is_locked = [group.lock_weight for group in ob.vertex_groups]
         for vertex, entries in enumerate(bone_weights(ob)):
             free = {group: weight for group, weight in entries.items() if not is_locked[group]}
-            total, wanted = sum(free.values()), 1 - sum(entries.values()) + sum(free.values())
+            total = sum(free.values())
+            wanted = 1 - (sum(entries.values()) - total)
             if total > 0 and wanted >= 0 and abs(total - wanted) > 1e-6:
                 changed += 1
                 for group, weight in free.items():

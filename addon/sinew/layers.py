@@ -32,7 +32,7 @@ class Layer:
     _made_of: tuple = ()  # settings that can change without an edit being seen
     _signature: tuple = ()  # of the bones
     _space: bytes | None = None  # from armature to mesh, when the deformer was made
-    _making_milliseconds: float = 0.0
+    making_milliseconds: float = 0.0  # what making the deformer took in the last `prepare`
 
     def prepare(self, ob, settings, evaluated, evaluated_armature, clip_pose, mixed, rest, captured):
         """Brings deformer and matrices to this frame. clip_pose: (B, 4, 4) instead of the armature's
@@ -44,22 +44,18 @@ class Layer:
         made_of = (settings.method, settings.use_vertex_groups, settings.use_envelopes,
                    settings.mask_group, settings.mask_invert, len(ob.data.vertices),
                    blender_io.key_of(armature.data))
+        self.making_milliseconds = 0.0
         if self.deformer is None or made_of != self._made_of or not self._holds(
                 mesh_from_armature, rest, captured):
             start = perf_counter()
             self._make(ob, settings, evaluated_armature, mesh_from_armature, mixed, rest())
             self._made_of = made_of
-            self._making_milliseconds += 1e3 * (perf_counter() - start)
+            self.making_milliseconds = 1e3 * (perf_counter() - start)
         if armature.data.pose_position == "REST" or armature.mode == "EDIT":
             self.matrices[:] = np.eye(4)
         else:
             self._read_joints(evaluated_armature, clip_pose)
         return mesh_from_armature
-
-    def take_making_milliseconds(self):
-        """What making the deformer has taken since this was last asked."""
-        taken, self._making_milliseconds = self._making_milliseconds, 0.0
-        return taken
 
     def bones_edited(self, armature):
         """Drops the deformer if the bones are no longer those that it was made for (posing tags an
@@ -139,6 +135,29 @@ class Layer:
                      @ blender_io.read_segments(armature, bone))
             self.matrices[first:first + count] = posed @ np.linalg.inv(
                 self.deformer.rest_frames[first:first + count])
+
+
+# A mesh's `parts`: (layer, its method, what leads from its armature's space to the mesh's), in the order in which
+# they are mixed.
+
+def jobs_of(parts, shape):
+    """What `sinew_native.skin_all` is to do for a mesh; `finish` comes after it. shape (V, 3) float32: where the
+    first layer's result goes."""
+    return [layer.deformer.job(method, layer.matrices, change, _own(layer, number, shape))
+            for number, (layer, method, change) in enumerate(parts)]
+
+
+def finish(parts, shape):
+    """Mixes the layers' results, in place."""
+    for number, (layer, _method, change) in enumerate(parts):
+        own = _own(layer, number, shape)
+        layer.deformer.finish(own, change)
+        if layer.share is not None:
+            shape += layer.share * (own - shape)
+
+
+def _own(layer, number, shape):
+    return layer.positions if number else shape
 
 
 def _share(mask, vertex_count):

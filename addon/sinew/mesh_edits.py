@@ -7,39 +7,26 @@ joints' motions are blended. Four shapes of the same pose give A and t of every 
 
 import numpy as np
 
-from . import blender_io
+from . import blender_io, layers
 from .native import sinew_native
 from .outputs import REST_ATTRIBUTE
 
 SMALLEST = 1e-6  # edit, as a share of the mesh's size: what rounding may do
 
 
-def blended(parts, shape):
-    """The layers' results mixed as a frame does it; shape (V, 3), in place, holds the first one's."""
-    for number, (layer, _method, change) in enumerate(parts):
-        own = shape if number == 0 else layer.positions
-        layer.deformer.finish(own, change)
-        if layer.share is not None:
-            shape += layer.share * (own - shape)
-
-
 def shape_of(parts, rest):
-    """(V, 3) float32: that rest shape in the pose of the last frame. parts: (layer, method, what leads from
-    its armature's space to the mesh's)."""
+    """(V, 3) float32: that rest shape in the pose of the last frame; parts as `layers` has them."""
     shape = np.empty_like(rest)
-    jobs = []
-    for number, (layer, method, change) in enumerate(parts):
+    for layer, _method, _change in parts:
         layer.deformer.set_rest(rest)
-        out = shape if number == 0 else layer.positions
-        jobs.append(layer.deformer.job(method, layer.matrices, change, out))
-    sinew_native.skin_all(jobs)
-    blended(parts, shape)
+    sinew_native.skin_all(layers.jobs_of(parts, shape))
+    layers.finish(parts, shape)
     return shape
 
 
 def carry_back(ob, parts):
     """Moves the rest positions so that the vertices that somebody has moved stay where they are in this pose.
-    parts: of the last frame, as `shape_of` takes them. Vertices that came or went are Blender's to
+    parts: of the last frame. Vertices that came or went are Blender's to
     interpolate. Leaves the layers' deformers with the new rest shape."""
     attribute = blender_io.point_attribute(ob.data, REST_ATTRIBUTE)
     own = blender_io.read_positions(ob.data)

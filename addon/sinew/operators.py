@@ -104,14 +104,14 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         return chosen if chosen and self.directory else [self.filepath]
 
     def execute(self, context):
-        if not all(os.path.basename(path) for path in self.paths()):
+        paths = self.paths()
+        if not all(map(os.path.basename, paths)):
             self.report({"ERROR"}, "Choose a skeleton file (.bf or .tgf)")
             return {"CANCELLED"}
         if context.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
         imported, problems = [], []
         with progress.shown(context) as shown:
-            paths = self.paths()
             for number, path in enumerate(paths):
                 part = progress.Part(shown, number, len(paths))
                 try:

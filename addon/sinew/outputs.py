@@ -92,7 +92,7 @@ class ModifierOutput:
     def was_applied(ob):
         """Whether the modifier is gone and has left its shape behind: it was applied, perhaps with all others
         when the object was converted."""
-        if any(map(is_sinew, ob.modifiers)):
+        if find_sinew_modifier(ob):
             return False
         if ob.sinew.replaced and not any(entry.name in ob.modifiers for entry in ob.sinew.replaced):
             return True
@@ -208,10 +208,15 @@ def check_numbers_kept(ob, index):
                 f"through {modifier.name}: it gives vertices other numbers")
 
 
+def find_sinew_modifier(ob):
+    """Or None."""
+    return next(filter(is_sinew, ob.modifiers), None)
+
+
 def sinew_modifier(ob):
-    for modifier in ob.modifiers:
-        if is_sinew(modifier):
-            return modifier
+    modifier = find_sinew_modifier(ob)
+    if modifier is not None:
+        return modifier
     raise OutputError(f"{ob.name} has lost its Sinew modifier: bind it again, or unbind it")
 
 

@@ -8,7 +8,7 @@ from .native import sinew_native
 from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
 from .outputs import is_sinew
 
-
+GAINS_NOTHING = bpy.app.version < (3, 5, 0)
 NO_GAIN = "This version of Blender gains no time by it; 4.3 and 5.2 do"
 MOST_MESHES = 10  # of an armature, that are listed
 
@@ -59,7 +59,7 @@ def draw_free(layout, context, ob):
     else:
         layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
-        if bpy.app.version < (3, 5, 0):
+        if GAINS_NOTHING:
             notice.draw_sentence(layout, context, NO_GAIN, False)
     draw_display(layout, ob)
 

@@ -71,9 +71,8 @@ def skeleton_from_bones(armature, files_from_armature):
     bones = [pose_bone.bone for pose_bone in armature.pose.bones]
     index = {bone.name: i for i, bone in enumerate(bones)}
     parents = np.array([index[bone.parent.name] if bone.parent else -1 for bone in bones], np.int32)
-    linear, offset = files_from_armature[:3, :3], files_from_armature[:3, 3]
-    heads = np.array([bone.head_local for bone in bones], float) @ linear.T + offset
-    tails = np.array([bone.tail_local for bone in bones], float) @ linear.T + offset
+    heads = transformed(files_from_armature, np.array([bone.head_local for bone in bones], float))
+    tails = transformed(files_from_armature, np.array([bone.tail_local for bone in bones], float))
     names = [bone.name for bone in bones]
     skeleton = sinew_native.RigSkeleton(
         parents, heads, tails, np.arange(len(bones)), names, "joint")

@@ -15,10 +15,9 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from . import anchor, blender_io, mesh_edits, notice, posing
-from .layers import Layer
+from . import anchor, blender_io, layers, mesh_edits, notice, posing
 from .native import sinew_native
-from .outputs import OUTPUTS, is_sinew
+from .outputs import OUTPUTS, find_sinew_modifier
 
 log = logging.getLogger("sinew")
 
@@ -42,11 +41,11 @@ class Character:
     """One bound mesh."""
 
     name: tuple  # of its object, and the path of its library or None
-    layers: list = field(default_factory=list)  # of Layer, as long as its settings ask for
+    layers: list = field(default_factory=list)  # of layers.Layer, as long as its settings ask for
     output: object = None  # one of outputs.OUTPUTS, or None: look
     watched: frozenset | None = None  # keys of the data-blocks whose edits count; None: look
     parent: tuple | None = None  # the object's, when its anchor was looked at
-    parts: list = field(default_factory=list)  # of the last frame, see _Frame
+    parts: list = field(default_factory=list)  # of the last frame, as layers.py has them
     timings: Timings = field(default_factory=Timings)
     error: str = ""
 
@@ -68,7 +67,7 @@ class Character:
 _lock = threading.RLock()
 _characters = {}  # key of the mesh object -> Character
 _asleep = 0  # how many wish it, see asleep()
-_applied = []  # bound objects whose modifier somebody has applied
+_applied = set()  # keys of bound objects whose modifier somebody has applied
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 
 
@@ -95,17 +94,12 @@ def forget_after_undo():
     """Also after redo. In Edit Mode only the edited mesh went back: how its shape came about before it was
     entered stays known."""
     with _lock:
-        edited = {key: entry.parts for key, entry in _characters.items() if _is_edited(key, entry)}
+        edited = {blender_io.key_of(ob): character(ob).parts for ob in bound_objects() if ob.data.is_editmode}
         forget()
         if edited:
-            _gather()
+            bound_objects()
         for key in edited.keys() & _characters.keys():
             _characters[key].parts = edited[key]
-
-
-def _is_edited(key, entry):
-    ob = bpy.data.objects.get(entry.name)
-    return ob is not None and ob.type == "MESH" and ob.data.is_editmode and blender_io.key_of(ob) == key
 
 
 def forget():
@@ -113,6 +107,7 @@ def forget():
     global _object_count
     with _lock:
         _characters.clear()
+        _applied.clear()
         posing.forget()
         _object_count = -1
 
@@ -142,11 +137,10 @@ def report(ob, message):
     notice.show(f"{ob.name}: {message}")
 
 
-def bound_objects(depsgraph=None):
-    """All bound mesh objects of the file, whether a scene shows them or not. depsgraph: what was just
-    evaluated, which may have brought some."""
+def bound_objects():
+    """All bound mesh objects of the file, whether a scene shows them or not."""
     objects = bpy.data.objects
-    if len(objects) != _object_count or depsgraph and _receive_strangers(depsgraph):
+    if len(objects) != _object_count:
         _gather()
     found = []
     for key, entry in _characters.items():
@@ -159,22 +153,21 @@ def bound_objects(depsgraph=None):
 
 
 def _receive_strangers(depsgraph):
-    """Whether a bound mesh came while as many objects went. A mesh that was given a copy of another one's
-    modifier is not bound, and has that taken away, for it would move all vertices to the origin (3.4) or do
+    """A bound mesh that came while as many objects went is noticed here. A mesh that was given a copy of another
+    one's modifier is not bound, and has that taken away, for it would move all vertices to the origin (3.4) or do
     nothing."""
-    brings = False
+    global _object_count
     for update in depsgraph.updates:
         if (isinstance(update.id, bpy.types.Object) and update.id.type == "MESH"
                 and blender_io.key_of(update.id) not in _characters):
             ob = update.id.original
             if ob.sinew.is_bound:
-                brings = True
-            elif ob.library is None and any(map(is_sinew, ob.modifiers)):
+                _object_count = -1
+            elif ob.library is None and find_sinew_modifier(ob):
                 OUTPUTS["MODIFIER"].remove(ob)
                 if ob.override_library is None:  # else the library's comes back whenever the file is opened
                     notice.show(
                         f"{ob.name} has no Sinew modifier: each mesh needs one of its own, so bind it instead")
-    return brings
 
 
 def _name(ob):
@@ -198,7 +191,7 @@ def _gather():
 def on_frame(scene, depsgraph):
     """A new frame: clips pose their armatures, then every bound mesh takes its shape."""
     with _lock:
-        objects = [] if _asleep else bound_objects(depsgraph)
+        objects = _called_for(depsgraph)
         if objects:
             _note_edits(objects, depsgraph)
             _deform(objects, depsgraph, _pose_armatures(objects, scene, depsgraph))
@@ -208,7 +201,7 @@ def on_update(depsgraph):
     """Somebody changed something: meshes follow the bones as they stand. A clip does not step in,
     so a bone posed by hand keeps its pose until the next frame, as with keyframes."""
     with _lock:
-        objects = [] if _asleep else bound_objects(depsgraph)
+        objects = _called_for(depsgraph)
         if not objects:
             return
         _note_edits(objects, depsgraph)
@@ -218,6 +211,14 @@ def on_update(depsgraph):
                                     *(armature.data for armature in _armatures(ob)))))]
         if affected:
             _deform(affected, depsgraph, {})
+
+
+def _called_for(depsgraph):
+    """The bound objects, of which a handler has to see to something."""
+    if _asleep:
+        return []
+    _receive_strangers(depsgraph)
+    return bound_objects()
 
 
 def refresh(ob):
@@ -323,7 +324,7 @@ class _Frame:
 
     ob: bpy.types.Object
     entry: Character
-    parts: list  # (layer, its method, what leads from its armature's space to the mesh's)
+    parts: list  # as layers.py has them
     positions: np.ndarray | None = None  # (V, 3), where the shape goes
     in_place: bool = False  # they are the mesh's own memory
     jobs: list = field(default_factory=list)
@@ -380,7 +381,9 @@ def _adapt(objects):
 
 def take_applied():
     """The bound objects whose modifier was found to be applied, once."""
-    taken = _applied[:]
+    if not _applied:
+        return []
+    taken = [ob for ob in bound_objects() if blender_io.key_of(ob) in _applied]
     _applied.clear()
     return taken
 
@@ -388,7 +391,7 @@ def take_applied():
 def _look_at_output(ob, entry):
     output = OUTPUTS[ob.sinew.installed_output]
     if output.was_applied(ob):
-        _applied.append(ob)
+        _applied.add(blender_io.key_of(ob))
         return False
     changed = output.adapt(ob)
     parent = ob.parent and ob.parent.name, ob.parent_type
@@ -422,7 +425,7 @@ def _prepare(ob, depsgraph, posed):
         if armature is None:
             raise RuntimeError("Its armature is gone: choose another one, or unbind")
         if number == len(entry.layers):
-            entry.layers.append(Layer())
+            entry.layers.append(layers.Layer())
         layer, clip_pose = entry.layers[number], None
         if posed:
             clip_pose, milliseconds = posed.get(blender_io.key_of(armature), (None, 0.0))
@@ -430,7 +433,7 @@ def _prepare(ob, depsgraph, posed):
         change = layer.prepare(
             ob, settings, evaluated, armature.evaluated_get(depsgraph), clip_pose, number > 0,
             lambda: output.rest_positions(ob, evaluated), output.captures)
-        making_milliseconds += layer.take_making_milliseconds()
+        making_milliseconds += layer.making_milliseconds
         frame.parts.append((layer, settings.method, change))
     entry.timings.pose = 1e3 * (perf_counter() - start) + clips_milliseconds - making_milliseconds
     return frame
@@ -439,14 +442,11 @@ def _prepare(ob, depsgraph, posed):
 def _take_target(frame):
     """Where the shape goes: into the mesh's own memory if Blender lets us, which saves a copy."""
     start = perf_counter()
-    first = frame.entry.layers[0]
     frame.positions = frame.entry.output.target(frame.ob)
     frame.in_place = frame.positions is not None
     if not frame.in_place:
-        frame.positions = first.positions
-    for layer, method, change in frame.parts:
-        out = frame.positions if layer is first else layer.positions
-        frame.jobs.append(layer.deformer.job(method, layer.matrices, change, out))
+        frame.positions = frame.entry.layers[0].positions
+    frame.jobs = layers.jobs_of(frame.parts, frame.positions)
     frame.entry.timings.write = 1e3 * (perf_counter() - start)
     return frame
 
@@ -474,7 +474,7 @@ def _skin(frames):
 def _finish(frame):
     start = perf_counter()
     shape = frame.positions
-    mesh_edits.blended(frame.parts, shape)
+    layers.finish(frame.parts, shape)
     frame.entry.parts = frame.parts
     if frame.in_place:
         frame.entry.output.written(frame.ob, shape)

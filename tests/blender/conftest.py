@@ -1,6 +1,9 @@
 import bpy
 import pytest
 
+from characters import accelerate, make_armature, make_mesh, pose
+from helpers import assert_same_shape, twin_of
+
 
 @pytest.fixture(autouse=True)
 def fresh_scene():
@@ -9,6 +12,20 @@ def fresh_scene():
     scene = bpy.context.scene
     scene.frame_set(1)
     return scene
+
+
+@pytest.fixture
+def character(fresh_scene):
+    """(bound mesh, a twin that the modifier deforms, armature), animated over frames 1 to 10."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = twin_of(ob)
+    for frame in (1, 4, 7, 10):
+        pose(armature, frame, False)
+    accelerate(ob)
+    fresh_scene.frame_set(3)
+    assert_same_shape(ob, twin)
+    return ob, twin, armature
 
 
 def pytest_configure(config):

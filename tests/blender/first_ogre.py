@@ -14,7 +14,8 @@ from mathutils import Euler
 sys.path.insert(0, str(Path(__file__).parent))
 from helpers import RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, select  # noqa: E402
 from windowed import (  # noqa: E402
-    FOLDER, area, in_area, middle_of, outside, picture, playing, region, run, screen, window)
+    FOLDER, area, areas, close_other_windows, in_area, middle_of, outside, picture, playing, region, run, screen,
+    window, windows)
 
 FRAMES = 100  # that are played
 SECONDS = 8.0  # of playing to compare
@@ -28,7 +29,7 @@ def steps():
     bpy.context.preferences.view.filebrowser_display_type = "SCREEN"  # no window manager places windows here
     yield 0.5
     yield from import_by_file_browser()
-    ob = bpy.context.window_manager.windows[0].view_layer.objects.active
+    ob = windows()[0].view_layer.objects.active
     assert ob.sinew.is_bound and ob.name == "ogre", ob
     print("window: imported the ogre")
     yield from open_sidebar()
@@ -38,7 +39,7 @@ def steps():
     yield from play(ob)
     yield from show_weights(ob)
     yield from pose_a_bone(ob)
-    yield from scrub(ob)
+    yield from scrub()
     yield from render()
     yield from pictures_of_properties_and_preferences()
     yield from an_error()
@@ -50,7 +51,7 @@ def import_by_file_browser():
         bpy.ops.import_scene.sinew_rig(
             "INVOKE_DEFAULT", filepath=str(RIGS["ogre"]), pose="walk.dmat")
     yield 1.5
-    browser = next(window for window in bpy.context.window_manager.windows
+    browser = next(window for window in windows()
                    for each in window.screen.areas if each.type == "FILE_BROWSER")
     yield from picture("import")
     addon_module("progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
@@ -67,8 +68,6 @@ def import_by_file_browser():
 def open_sidebar():
     """N, and a click on the tab."""
     view = area("VIEW_3D")
-    for kind in ("OUTLINER", "PROPERTIES"):
-        assert area(kind)
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(view)))}")
     yield from outside("xdotool key n")
     yield 0.8
@@ -196,12 +195,10 @@ def pose_a_bone(ob):
     yield 0.3
 
 
-def scrub(_ob):
+def scrub():
     """Drags the mouse along the timeline."""
     ob, scene = bpy.data.objects["ogre"], bpy.context.scene
-    kind = next(kind for kind in ("DOPESHEET_EDITOR", "TIMELINE") if any(
-        each.type == kind for each in bpy.context.window_manager.windows[0].screen.areas))
-    timeline = region(area(kind))
+    timeline = region(next(each for each in areas() if each.type in {"DOPESHEET_EDITOR", "TIMELINE"}))
     y = timeline.y + timeline.height - 10
     places = [timeline.x + timeline.width * share for share in (0.3, 0.35, 0.42, 0.5, 0.55)]
     seen = [(scene.frame_current, evaluated(ob))]
@@ -250,9 +247,7 @@ def render():
     assert pixels.std() > 0.02, "the picture is empty"
     yield from picture("rendered")
     print("window: rendered with F12")
-    for extra in bpy.context.window_manager.windows[1:]:
-        with bpy.context.temp_override(window=extra):
-            bpy.ops.wm.window_close()
+    close_other_windows()
     yield 0.5
 
 
@@ -292,9 +287,7 @@ def pictures_of_properties_and_preferences():
 def an_error():
     """A sentence pops up, once."""
     ob, notice = bpy.data.objects["ogre"], addon_module("notice")
-    for extra in bpy.context.window_manager.windows[1:]:
-        with bpy.context.temp_override(window=extra):
-            bpy.ops.wm.window_close()
+    close_other_windows()
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)

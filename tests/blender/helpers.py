@@ -100,6 +100,18 @@ def select(*objects):
     bpy.context.view_layer.objects.active = objects[0] if objects else None
 
 
+def traces():
+    """What Sinew has left in the file."""
+    names = [group.name for group in bpy.data.node_groups if "Sinew" in group.name]
+    for ob in bpy.data.objects:
+        names += [name for name in ob.keys() if name == "sinew_anchor"]
+        names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
+        if ob.type == "MESH":
+            names += [name for name in ob.data.attributes.keys()
+                      if "sinew" in name or name == "rest_position"]
+    return names
+
+
 def data_counts():
     return {name: len(getattr(bpy.data, name)) for name in (
         "objects", "meshes", "armatures", "materials", "node_groups", "actions", "images")}

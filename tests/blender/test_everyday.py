@@ -7,22 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
+from characters import accelerate
 from helpers import (
-    RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, own_positions, select, twin_of)
-from test_safety import traces
-
-
-@pytest.fixture
-def character(fresh_scene):
-    """A bound mesh, the same with Blender's own modifier, and their armature, on a frame that is posed."""
-    armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
-    pose(armature, 1, False)
-    accelerate(ob)
-    fresh_scene.frame_set(2)
-    return ob, twin, armature
+    RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, own_positions, select, traces, twin_of)
 
 
 def errors(ob):
@@ -46,15 +33,20 @@ def test_modifiers_copied_to_another_mesh(character):
     assert_same_shape(other, ob)
 
 
+def assert_released(scene, ob, shape):
+    """It keeps that shape for good."""
+    for frame in (2, 5):
+        scene.frame_set(frame)
+        assert np.array_equal(evaluated(ob), shape)
+    assert not ob.sinew.is_bound and not traces()
+
+
 def test_the_modifier_is_applied(fresh_scene, character):
     ob, _, _ = character
     shape = evaluated(ob)
     select(ob)
     bpy.ops.object.modifier_apply(modifier="Sinew")
-    for frame in (2, 5):
-        fresh_scene.frame_set(frame)
-        assert np.array_equal(evaluated(ob), shape)
-    assert not ob.sinew.is_bound and not traces()
+    assert_released(fresh_scene, ob, shape)
     assert ob.modifiers["Armature"].object and not ob.modifiers["Armature"].show_viewport
 
 
@@ -65,10 +57,8 @@ def test_converted_to_a_mesh(fresh_scene, character):
     shape = evaluated(ob)
     select(ob)
     bpy.ops.object.convert(target="MESH")
-    for frame in (2, 5):
-        fresh_scene.frame_set(frame)
-        assert np.array_equal(evaluated(ob), shape)
-    assert not ob.sinew.is_bound and not ob.modifiers and not traces()
+    assert_released(fresh_scene, ob, shape)
+    assert not ob.modifiers
 
 
 def test_parented_anew(fresh_scene, character):
@@ -217,8 +207,7 @@ def move_by_bmesh(ob):
     move_in_edit_mode, move_in_edit_mode_and_undo, move_by_script, move_by_bmesh))
 def test_edits_of_a_mesh_that_shows_its_shape(fresh_scene, character, edit, method):
     """They are kept, as edits of the rest shape that show where they were made."""
-    ob, _, armature = character
-    pose(armature, 10, False)
+    ob, _, _ = character
     ob.sinew.output, ob.sinew.method = "MESH", method
     fresh_scene.frame_set(3)
     shape, rest = evaluated(ob), data_of_rest(ob)

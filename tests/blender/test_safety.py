@@ -7,36 +7,10 @@ import pytest
 from characters import (
     accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones)
 from helpers import (
-    addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, own_positions, select,
+    addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, own_positions, select, traces,
     twin_of)
 
 OUTPUTS = ("MODIFIER", "MESH")
-
-
-@pytest.fixture
-def character(fresh_scene):
-    """(bound mesh, a twin that the modifier deforms, armature), animated over frames 1 to 10."""
-    armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
-    for frame in (1, 4, 7, 10):
-        pose(armature, frame, False)
-    accelerate(ob)
-    fresh_scene.frame_set(3)
-    assert_same_shape(ob, twin)
-    return ob, twin, armature
-
-
-def traces():
-    """What Sinew has left in the file."""
-    names = [group.name for group in bpy.data.node_groups if "Sinew" in group.name]
-    for ob in bpy.data.objects:
-        names += [name for name in ob.keys() if name == "sinew_anchor"]
-        names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
-        if ob.type == "MESH":
-            names += [name for name in ob.data.attributes.keys()
-                      if "sinew" in name or name == "rest_position"]
-    return names
 
 
 def reload(path):

@@ -38,13 +38,28 @@ def leave(code):
     os._exit(code)  # a Blender with unsaved changes would ask
 
 
+def windows():
+    """The main one first."""
+    return bpy.context.window_manager.windows
+
+
 def window():
     """Operators called from a timer have no window of their own."""
-    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0])
+    return bpy.context.temp_override(window=windows()[0])
+
+
+def close_other_windows():
+    for extra in windows()[1:]:
+        with bpy.context.temp_override(window=extra):
+            bpy.ops.wm.window_close()
+
+
+def areas():
+    return windows()[0].screen.areas
 
 
 def area(kind):
-    return next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind)
+    return next(area for area in areas() if area.type == kind)
 
 
 def region(area, kind="WINDOW"):
@@ -55,7 +70,7 @@ def in_area(kind):
     """As if the mouse were over it."""
     found = area(kind)
     return bpy.context.temp_override(
-        window=bpy.context.window_manager.windows[0], area=found, region=region(found))
+        window=windows()[0], area=found, region=region(found))
 
 
 # --- the hand -------------------------------------------------------------------------------------
@@ -73,7 +88,7 @@ def outside(command):
 
 def screen(x, y):
     """Window coordinates as the mouse has them: from the top."""
-    return f"{int(x)} {bpy.context.window_manager.windows[0].height - int(y)}"
+    return f"{int(x)} {windows()[0].height - int(y)}"
 
 
 def middle_of(region):
@@ -82,7 +97,7 @@ def middle_of(region):
 
 def picture(name):
     """The whole screen, into the folder."""
-    for window in bpy.context.window_manager.windows:
+    for window in windows():
         for each in window.screen.areas:
             each.tag_redraw()
     yield 1.0
