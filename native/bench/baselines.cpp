@@ -23,13 +23,13 @@ void deal(int threads, std::ptrdiff_t count, const Body& body) {
   });
 }
 
-/// Reads one block's numbers, 16 sums of them, and writes them three times.
-void move_block(const float* in, std::size_t rows, bool stream, float* out) {
+/// Reads one block's points and weights, 16 sums of them, and writes them three times.
+void move_block(const float* points, const float* weights, std::size_t joints, bool stream,
+                float* out) {
   __m128 sum[4] = {};
-  for (std::size_t row = 0; row < rows; ++row) {
-    for (int i = 0; i < 4; ++i) {
-      sum[i] = _mm_add_ps(sum[i], _mm_load_ps(in + kBlock * row + 4 * i));
-    }
+  for (std::size_t row = 0; row < 3 + joints; ++row) {
+    const float* in = row < 3 ? points + kBlock * row : weights + kBlock * (row - 3);
+    for (int i = 0; i < 4; ++i) sum[i] = _mm_add_ps(sum[i], _mm_load_ps(in + 4 * i));
   }
   for (int i = 0; i < 12; ++i) {
     stream ? _mm_stream_ps(out + 4 * i, sum[i % 4]) : _mm_storeu_ps(out + 4 * i, sum[i % 4]);
@@ -55,14 +55,16 @@ void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::Matrix
 }
 
 void move_bytes(const BlockedSkin& skin, bool stream, int threads, float* positions) {
-  const std::size_t vertices = skin.offsets.size() - 1;
+  const auto vertices = static_cast<std::ptrdiff_t>(skin.vertex_count());
   deal(threads, static_cast<std::ptrdiff_t>(skin.blocks.size()),
        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
          for (std::ptrdiff_t b = begin; b < end; ++b) {
            const Block& block = skin.blocks[b];
-           if (std::size_t{block.first_vertex} + kBlock > vertices) continue;
-           move_block(skin.data.get() + block.data, 3 + skin.sets[block.joint_set].count, stream,
-                      positions + 3 * std::size_t{block.first_vertex});
+           const JointSet set = skin.sets[block.joint_set];
+           if ((b + 1) * kBlock > vertices) continue;
+           move_block(skin.points.get() + b * kBlockFloats,
+                      skin.packed_weights.get() + block.weights, set.is_rigid ? 0 : set.count,
+                      stream, positions + b * kBlockFloats);
          }
        });
   if (stream) _mm_sfence();

@@ -11,9 +11,8 @@
 
 #include "baselines.h"
 #include "peak.h"
-#include "sinew/dual_quaternion_skinning.h"
 #include "sinew/instruction_set.h"
-#include "sinew/linear_skinning.h"
+#include "sinew/skinning.h"
 #include "sinew/threads.h"
 
 namespace sinew::bench {

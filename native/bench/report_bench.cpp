@@ -12,7 +12,7 @@
 
 #include "baselines.h"
 #include "sinew/forward_kinematics.h"
-#include "sinew/linear_skinning.h"
+#include "sinew/skinning.h"
 #include "sinew/threads.h"
 
 namespace sinew::bench {

@@ -5,6 +5,7 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <algorithm>
 #include <span>
 #include <sstream>
 #include <string>
@@ -159,6 +160,34 @@ template <class T>
 Numbers<T> points_of(const char* name, const py::array& array) {
   if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(V, 3)");
   return {name, array};
+}
+
+/// `out` as the flat numbers that a skinning function writes.
+inline std::span<float> positions_span(const py::array& out,
+                                       const std::vector<py::ssize_t>& shape) {
+  require_dtype<float>("out", out);
+  const bool fits = static_cast<std::size_t>(out.ndim()) == shape.size() &&
+                    std::equal(shape.begin(), shape.end(), out.shape());
+  if (!fits) wrong_shape("out", out, shape_text(py::array(py::dtype::of<bool>(), shape)));
+  if (!(out.flags() & py::array::c_style)) throw InputError("out is not C-contiguous");
+  require_aligned("out", out);
+  if (!out.writeable()) throw InputError("out is read-only");
+  return {static_cast<float*>(const_cast<py::array&>(out).mutable_data()),
+          static_cast<std::size_t>(out.size())};
+}
+
+/// What a frame function reads in place: float32, C-contiguous. `expected`: its shape, in words.
+inline std::span<const float> numbers_span(const char* name, const py::array& array,
+                                           py::ssize_t axes, const char* expected) {
+  if (array.ndim() != axes || (axes == 2 && array.shape(1) != 3)) {
+    wrong_shape(name, array, expected);
+  }
+  require_dtype<float>(name, array);
+  if (!(array.flags() & py::array::c_style)) {
+    throw InputError(std::string(name) + " is not C-contiguous");
+  }
+  require_aligned(name, array);
+  return {static_cast<const float*>(array.data()), static_cast<std::size_t>(array.size())};
 }
 
 /// (J, 4, 4) or (F, J, 4, 4) matrices.

@@ -1,27 +1,14 @@
 #include <pybind11/stl.h>
 
+#include <memory>
 #include <optional>
 
 #include "arrays.h"
-#include "sinew/dual_quaternion_skinning.h"
-#include "sinew/linear_skinning.h"
+#include "methods.h"
 #include "sinew/skinning.h"
 
 namespace sinew::bindings {
 namespace {
-
-/// `out` as the flat numbers that a skinning function writes.
-std::span<float> positions_span(const py::array& out, const std::vector<py::ssize_t>& shape) {
-  require_dtype<float>("out", out);
-  const bool fits = static_cast<std::size_t>(out.ndim()) == shape.size() &&
-                    std::equal(shape.begin(), shape.end(), out.shape());
-  if (!fits) wrong_shape("out", out, shape_text(py::array(py::dtype::of<bool>(), shape)));
-  if (!(out.flags() & py::array::c_style)) throw InputError("out is not C-contiguous");
-  require_aligned("out", out);
-  if (!out.writeable()) throw InputError("out is read-only");
-  return {static_cast<float*>(const_cast<py::array&>(out).mutable_data()),
-          static_cast<std::size_t>(out.size())};
-}
 
 /// (V, 3), or (F, V, 3) if the matrices have an axis of frames.
 std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matrices) {
@@ -51,13 +38,6 @@ py::array linear(const Skin& skin, const py::array& matrices, const py::object& 
                  [&](auto stack, auto positions) { skin_linear(skin, stack, positions); });
 }
 
-Stretch stretch_named(const std::string& name) {
-  if (name == "polar") return Stretch::polar;
-  if (name == "frame") return Stretch::frame;
-  if (name == "frame_each") return Stretch::frame_each;
-  throw InputError("there is no stretch \"" + name + "\"; expected polar, frame or frame_each");
-}
-
 py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py::object& out,
                           const std::string& stretch, const std::optional<py::array>& rest_frames) {
   std::vector<Matrix4<double>> frames;
@@ -66,12 +46,6 @@ py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py:
   return skinned(skin, matrices, out, [&](auto stack, auto positions) {
     skin_dual_quaternion(skin, stack, positions, rule);
   });
-}
-
-SkinningMethod method_named(const std::string& name) {
-  if (name == "linear") return SkinningMethod::linear;
-  if (name == "dual_quaternion") return SkinningMethod::dual_quaternion;
-  throw InputError("there is no method \"" + name + "\"; expected linear or dual_quaternion");
 }
 
 void skin_jobs(const std::vector<py::tuple>& tuples) {
@@ -125,9 +99,10 @@ constexpr const char* kSkinReturns =
 }  // namespace
 
 void bind_skinning(py::module_& module) {
-  py::class_<Skin>(module, "Skin",
-                   "The mesh at rest and what moves each vertex. Immutable but for "
-                   "set_rest_positions.")
+  py::class_<Skin, std::shared_ptr<Skin>>(
+      module, "Skin",
+      "The mesh at rest and what moves each vertex. Immutable but for "
+      "set_rest_positions.")
       .def(
           py::init([](const py::array& rest_positions, const py::array& offsets,
                       const py::array& joints, const py::array& weights,

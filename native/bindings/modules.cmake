@@ -9,6 +9,7 @@ add_custom_target(modules)  # all of them
 
 function(add_python_module target soabi)  # ARGN: folders with the headers of Python and pybind11
   add_library(${target} MODULE
+    bindings/bind_deformer.cpp
     bindings/bind_files.cpp
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp

@@ -193,6 +193,70 @@ class Skin:
     def set_rest_positions(self, positions: _Reals) -> None:
         """The same influences on another shape, (V, 3). Not while another thread skins with it."""
 
+class Layer:
+    """One armature's say in a mesh. Immutable, but for what is done to its skin."""
+
+    def __init__(
+        self,
+        skin: Skin,
+        method: _Method,
+        stretch: _Stretch = "polar",
+        rest_frames: _Reals | None = None,
+        mask: _Reals | None = None,
+        share: _Reals | None = None,
+    ) -> None:
+        """rest_frames (J, 4, 4), relative to the armature; mask and share (V,). The first layer of a
+        deformer has no share, every other one has one."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def joint_count(self) -> int:
+        """J."""
+
+class ShapeKeys:
+    """Relative shape keys, as Blender adds them, to the bit. Immutable."""
+
+    def __init__(
+        self,
+        positions: Sequence[_Reals],
+        relative_to: _Integers,
+        weights: Sequence[_Reals | None] | None = None,
+    ) -> None:
+        """positions: K arrays (V, 3), the first of which is the base; relative_to (K,); weights: K
+        entries, each None or (V,)."""
+    @property
+    def count(self) -> int:
+        """K."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def delta_count(self) -> int:
+        """How many vertices of all keys differ."""
+    @property
+    def base(self) -> _Float32:
+        """(V, 3), read-only: the first key."""
+
+class Deformer:
+    """All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their mix.
+    Immutable; several threads may use one at once."""
+
+    def __init__(self, layers: Sequence[Layer], keys: ShapeKeys | None = None) -> None:
+        """layers: mixed in this order; none at all if there are keys."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    def deform(
+        self,
+        poses: Sequence[tuple[_Float32, _Float64 | None]],
+        out: _Float32,
+        key_values: _Float32 | None = None,
+        rest_positions: _Float32 | None = None,
+    ) -> None:
+        """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) a layer; out (V, 3); key_values
+        (K,); rest_positions (V, 3) in place of the skin's own and of the keys."""
+
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
 ) -> npt.NDArray[_Float]:

@@ -4,6 +4,7 @@
 #include <set>
 #include <unordered_set>
 
+#include "kernels.h"
 #include "parallel.h"
 
 namespace sinew {
@@ -14,13 +15,8 @@ namespace {
 constexpr std::size_t kAlwaysBlocked = 12;
 constexpr std::size_t kJointsAnInfluence = 4;
 
-// On AVX-512 two blocks with the same joints run as a pair, half the loads a block; blocks are
-// brought together by sorting within windows that the cache holds whole.
-constexpr std::size_t kBlocksPerWindow = 4096 / kBlock;
-constexpr int kLanesThatPair = 16;
-
 constexpr std::size_t kBlocksPerTask = 512;
-constexpr double kFill = 0.2, kFillPositions = 0.05;  // microseconds a block
+constexpr double kFill = 0.2, kFillPositions = 0.01;  // microseconds a block
 
 /// The joint sets of a skin, each of which is stored once.
 class SetTable {
@@ -110,56 +106,44 @@ bool is_rigid(const BlockedSkin& skin, std::size_t first, std::size_t last) {
   return true;
 }
 
-std::size_t numbers_of(const BlockedSkin& skin, const Block& block) {
+/// How many numbers a block's packed weights are.
+std::size_t weights_of(const BlockedSkin& skin, const Block& block) {
   const JointSet set = skin.sets[block.joint_set];
-  if (set.count == 0) return 0;
-  return kBlock * (3 + (set.is_rigid ? 0 : set.count));
-}
-
-/// Calls use(vertex, lane) for the vertices of a block.
-template <class Use>
-void for_vertices(const BlockedSkin& skin, const Block& block, const Use& use) {
-  const std::size_t first = block.first_vertex;
-  const std::size_t count = std::min<std::size_t>(kBlock, skin.offsets.size() - 1 - first);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t lane_in_group = i % skin.lanes;
-    use(first + i, i - lane_in_group + 3 * lane_in_group % skin.lanes);
-  }
-}
-
-void fill_positions(BlockedSkin& skin, const Block& block) {
-  float* const data = skin.data.get() + block.data;
-  for_vertices(skin, block, [&](std::size_t v, std::size_t lane) {
-    for (int axis = 0; axis < 3; ++axis) data[kBlock * axis + lane] = skin.rest[3 * v + axis];
-  });
+  return set.is_rigid ? 0 : kBlock * set.count;
 }
 
 /// place: J + 1, scratch.
-void fill_weights(BlockedSkin& skin, const Block& block, std::vector<std::uint32_t>& place) {
-  if (skin.sets[block.joint_set].is_rigid) return;
-  std::uint32_t next = 3;
-  for (const std::uint32_t joint : skin.joints_of(block.joint_set)) place[joint] = kBlock * next++;
-  float* const data = skin.data.get() + block.data;
-  for_vertices(skin, block, [&](std::size_t v, std::size_t lane) {
-    if (skin.offsets[v] == skin.offsets[v + 1]) data[place[skin.identity_joint] + lane] = 1;
+void fill_weights(BlockedSkin& skin, std::size_t b, std::vector<std::uint32_t>& place) {
+  const std::size_t numbers = weights_of(skin, skin.blocks[b]);
+  if (numbers == 0) return;
+  float* const weights = skin.packed_weights.get() + skin.blocks[b].weights;
+  std::fill_n(weights, numbers, 0.0f);
+  std::uint32_t next = 0;
+  for (const std::uint32_t joint : skin.joints_of(skin.blocks[b].joint_set)) {
+    place[joint] = kBlock * next++;
+  }
+  for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
+    const std::size_t i = v % kBlock, in_group = i % skin.lanes;
+    float* const lane = weights + i - in_group + 3 * in_group % skin.lanes;
+    if (skin.offsets[v] == skin.offsets[v + 1]) lane[place[skin.identity_joint]] = 1;
     for (auto k = skin.offsets[v]; k < skin.offsets[v + 1]; ++k) {
-      data[place[skin.influence_joints[k]] + lane] += skin.weights[k];
+      lane[place[skin.influence_joints[k]]] += skin.weights[k];
     }
-  });
+  }
 }
 
-/// Calls use(block, scratch of the thread) for the blocks that have a packed form. `microseconds`:
-/// what a block takes, about.
+/// Calls use(begin, end) for ranges of blocks. `microseconds`: what a block takes, about.
 template <class Use>
-void for_packed_blocks(BlockedSkin& skin, double microseconds, const Use& use) {
+void for_blocks(const BlockedSkin& skin, double microseconds, const Use& use) {
   const std::size_t count = skin.blocks.size();
   const bool parallel = threads_pay(microseconds * static_cast<double>(count));
-  parallel_for(count, parallel ? kBlocksPerTask : count, [&](std::size_t begin, std::size_t end) {
-    std::vector<std::uint32_t> scratch(skin.identity_joint + 1);
-    for (std::size_t b = begin; b < end; ++b) {
-      if (skin.sets[skin.blocks[b].joint_set].count > 0) use(skin.blocks[b], scratch);
-    }
-  });
+  parallel_for(count, parallel ? kBlocksPerTask : count, use);
+}
+
+hwy::AlignedFreeUniquePtr<float[]> allocated(std::size_t numbers) {
+  auto memory = hwy::AllocateAligned<float>(std::max<std::size_t>(1, numbers));
+  if (!memory) throw std::bad_alloc();
+  return memory;
 }
 
 std::vector<JointPair> neighbours_in(const BlockedSkin& skin) {
@@ -204,9 +188,8 @@ std::vector<JointPair> spanning_forest(const std::vector<JointPair>& neighbours,
 BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
                          std::span<const std::int64_t> skin_offsets,
                          std::span<const std::int32_t> skin_joints,
-                         std::span<const float> skin_weights, std::ptrdiff_t joint_count,
-                         int lane_count)
-    : lanes(lane_count),
+                         std::span<const float> skin_weights, std::ptrdiff_t joint_count)
+    : lanes(kernel_lanes()),
       identity_joint(static_cast<std::uint32_t>(joint_count)),
       rest(rest_positions),
       offsets(skin_offsets),
@@ -214,33 +197,22 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
       weights(skin_weights) {
   has_negative_weights = std::ranges::any_of(weights, [](float weight) { return weight < 0; });
 
-  const std::size_t vertices = offsets.size() - 1;
   SetTable table(*this);
   JointGatherer gatherer(*this);
-  for (std::size_t first = 0; first < vertices; first += kBlock) {
-    const std::size_t last = std::min(vertices, first + kBlock);
+  std::uint64_t numbers = 0;
+  for (std::size_t first = 0; first < vertex_count(); first += kBlock) {
+    const std::size_t last = std::min(vertex_count(), first + kBlock);
     const auto& own = gatherer.joints_of(first, last);
     const bool rigid = own.size() == 1 && is_rigid(*this, first, last);
-    blocks.push_back({0, static_cast<std::uint32_t>(first), table.index_of(own, rigid)});
+    blocks.push_back({numbers, table.index_of(own, rigid)});
+    numbers += weights_of(*this, blocks.back());
   }
-  if (lanes == kLanesThatPair) {
-    for (std::size_t begin = 0; begin < blocks.size(); begin += kBlocksPerWindow) {
-      const auto end = std::min(blocks.size(), begin + kBlocksPerWindow);
-      std::stable_sort(blocks.begin() + begin, blocks.begin() + end,
-                       [](const Block& a, const Block& b) { return a.joint_set < b.joint_set; });
-    }
-  }
-  std::uint64_t numbers = 0;
-  for (Block& block : blocks) {
-    block.data = numbers;
-    numbers += numbers_of(*this, block);
-  }
-  data = hwy::AllocateAligned<float>(std::max<std::uint64_t>(1, numbers));
-  if (!data) throw std::bad_alloc();
-  for_packed_blocks(*this, kFill, [this](const Block& block, std::vector<std::uint32_t>& scratch) {
-    std::fill_n(data.get() + block.data, numbers_of(*this, block), 0.0f);
-    fill_positions(*this, block);
-    fill_weights(*this, block, scratch);
+  points = allocated(blocks.size() * kBlockFloats);
+  packed_weights = allocated(numbers);
+  take_rest_positions();
+  for_blocks(*this, kFill, [this](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t> place(identity_joint + 1);
+    for (std::size_t b = begin; b < end; ++b) fill_weights(*this, b, place);
   });
 
   neighbours = neighbours_in(*this);
@@ -248,8 +220,10 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
 }
 
 void BlockedSkin::take_rest_positions() {
-  for_packed_blocks(*this, kFillPositions, [this](const Block& block, std::vector<std::uint32_t>&) {
-    fill_positions(*this, block);
+  for_blocks(*this, kFillPositions, [this](std::size_t begin, std::size_t end) {
+    const std::size_t first = begin * kBlock;
+    pack_points(rest.data() + 3 * first, vertex_after(end) - first,
+                points.get() + begin * kBlockFloats);
   });
 }
 

@@ -3,24 +3,23 @@
 
 #include <hwy/aligned_allocator.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "tile.h"
+
 namespace sinew {
 
-/// Vertices that are computed together. Sixteen fill one AVX-512 register, two of AVX2, four of
-/// SSE.
-constexpr int kBlock = 16;
-
 /// Sixteen *consecutive* vertices, so that results are written in full lines, in the caller's
-/// order. Its joints are the union of its vertices' joints, with weight zero where a vertex lacks
-/// one: few more than one vertex has, since neighbours share theirs.
+/// order; the last block of a mesh may hold fewer. Its joints are the union of its vertices'
+/// joints, with weight zero where a vertex lacks one: few more than one vertex has, since
+/// neighbours share theirs.
 struct Block {
-  std::uint64_t data;          ///< in BlockedSkin::data: 16 x, 16 y, 16 z; 16 weights a joint
-  std::uint32_t first_vertex;  ///< the last block of a mesh may hold fewer than 16
-  std::uint32_t joint_set;     ///< in BlockedSkin::sets
+  std::uint64_t weights;    ///< in BlockedSkin::packed_weights: 16 a joint
+  std::uint32_t joint_set;  ///< in BlockedSkin::sets
 };
 
 /// The joints of one or more blocks: joints[begin] up to joints[begin + count]. A count of zero
@@ -34,25 +33,33 @@ struct JointSet {
 
 using JointPair = std::pair<std::uint32_t, std::uint32_t>;
 
-/// Blocks in the order in which they are processed. Immutable once built, but for the positions.
+/// Block b holds vertices 16 b up to 16 b + 15. Immutable once built, but for the positions.
+///
+/// Points and weights lie apart, so that the same weights may move other points: those of
+/// `pack_points`. Within each group of `lanes` vertices, vertex i lies in lane 3 i mod lanes, from
+/// where three registers x, y, z become x y z x y z ... by two rotations and six blends.
 struct BlockedSkin {
-  /// rest (V, 3), offsets (V + 1), joints and weights (N) as in Skin; joint_count J.
-  /// lanes: of the kernel's registers. Within each group of so many vertices, vertex i lies in lane
-  /// 3 i mod lanes, from where three registers x, y, z become x y z x y z ... by two rotations and
-  /// six blends.
+  /// rest (V, 3), offsets (V + 1), joints and weights (N) as in Skin; joint_count J. Packed for the
+  /// instruction set in use.
   BlockedSkin(std::span<const float> rest, std::span<const std::int64_t> offsets,
               std::span<const std::int32_t> joints, std::span<const float> weights,
-              std::ptrdiff_t joint_count, int lanes);
+              std::ptrdiff_t joint_count);
+
+  std::size_t vertex_count() const { return offsets.size() - 1; }
 
   /// The joints of sets[set].
   std::span<const std::uint32_t> joints_of(std::uint32_t set) const {
     return {joints.data() + sets[set].begin, sets[set].count};
   }
 
-  /// Copies `rest`, whose numbers were changed, into the blocks.
+  /// The vertices of blocks begin..end end before this one.
+  std::size_t vertex_after(std::size_t end) const { return std::min(vertex_count(), end * kBlock); }
+
+  /// Packs `rest`, whose numbers were changed, once more. Only under the instruction set that the
+  /// skin was packed for, or one with as many lanes.
   void take_rest_positions();
 
-  int lanes;
+  int lanes;  ///< of the kernel's registers
   /// A vertex that nothing moves hangs on this joint, one past the skin's: its matrix is the
   /// identity.
   std::uint32_t identity_joint;
@@ -65,7 +72,8 @@ struct BlockedSkin {
   /// that came before.
   std::vector<JointPair> spanning;
   bool has_negative_weights = false;
-  hwy::AlignedFreeUniquePtr<float[]> data;
+  hwy::AlignedFreeUniquePtr<float[]> points;  ///< kBlockFloats a block
+  hwy::AlignedFreeUniquePtr<float[]> packed_weights;
   // The skin's own influences, for blocks that are blended vertex by vertex.
   std::span<const float> rest;
   std::span<const std::int64_t> offsets;

@@ -1,9 +1,7 @@
-#include "sinew/dual_quaternion_skinning.h"
+#include "dual_quaternion_skinning.h"
 
 #include <Eigen/SVD>
 #include <limits>
-
-#include "palette.h"
 
 namespace sinew {
 namespace {
@@ -38,6 +36,25 @@ RigidAndStretch split_polar(const Matrix4<double>& matrix) {
   return motion(rotation, matrix.topRightCorner<3, 1>(), stretch, is_rigid);
 }
 
+/// A rotation near axes of which some have no length, as joints scaled to zero have them: by way of
+/// a quaternion, as in Blender, which then takes no rotation at all where nothing is left. Day,
+/// "Converting a rotation matrix to a quaternion", Insomniac Games: of the four sums under the root
+/// one that cannot be small.
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
+  const double xx = m(0, 0), yy = m(1, 1), zz = m(2, 2);
+  const double yz = m(2, 1) - m(1, 2), zx = m(0, 2) - m(2, 0), xy = m(1, 0) - m(0, 1);
+  const double xy2 = m(1, 0) + m(0, 1), yz2 = m(2, 1) + m(1, 2), zx2 = m(0, 2) + m(2, 0);
+  Eigen::Quaterniond q;  // w x y z, of any length
+  if (zz < 0) {
+    q = xx > yy ? Eigen::Quaterniond(yz, 1 + xx - yy - zz, xy2, zx2)
+                : Eigen::Quaterniond(zx, xy2, 1 - xx + yy - zz, yz2);
+  } else {
+    q = xx < -yy ? Eigen::Quaterniond(xy, zx2, yz2, 1 - xx - yy + zz)
+                 : Eigen::Quaterniond(1 + xx + yy + zz, yz, zx, xy);
+  }
+  return q.normalized().toRotationMatrix();
+}
+
 /// Orthonormal axes of which Y has the direction of the given one. The two comparisons look at
 /// numbers that are not normalised; they are Blender's, and so is the choice that follows.
 Eigen::Matrix3d axes_along_y(const Eigen::Matrix3d& linear) {
@@ -54,7 +71,8 @@ Eigen::Matrix3d axes_along_y(const Eigen::Matrix3d& linear) {
   }
   Eigen::Matrix3d axes;
   axes << x, y, z;
-  return axes;
+  const bool orthonormal = !x.isZero() && !y.isZero() && !z.isZero();
+  return orthonormal ? axes : nearest_rotation(axes);
 }
 
 /// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
@@ -83,9 +101,9 @@ Eigen::Vector4f times_vector(const Eigen::Quaternionf& real, const Eigen::Vector
   return (real * Eigen::Quaternionf(0, by.x(), by.y(), by.z())).coeffs();
 }
 
-/// One vertex, exactly as the header says: each sign against the sum so far, in stored order.
-Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const Palette& palette, std::size_t v) {
-  const Eigen::Vector3f rest = Eigen::Map<const Eigen::Vector3f>(skin.rest.data() + 3 * v);
+/// Vertex v, at `rest`: each sign against the sum so far, in stored order.
+Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const Palette& palette, std::size_t v,
+                             const Eigen::Vector3f& rest) {
   Eigen::Vector4f real = Eigen::Vector4f::Zero();
   Eigen::Vector4f dual = Eigen::Vector4f::Zero();
   Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
@@ -160,46 +178,34 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
 
 }  // namespace
 
-void prepare_dual_quaternion(const BlockedSkin& skin, const SkinningJob& job, std::ptrdiff_t frame,
+void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule,
+                             MatrixStack<const float> matrices, std::ptrdiff_t frame,
                              Palette& palette) {
-  const bool polar = job.rule.stretch == Stretch::polar;
-  palette.stretch_each = job.rule.stretch == Stretch::frame_each;
+  const bool polar = rule.stretch == Stretch::polar;
+  palette.stretch_each = rule.stretch == Stretch::frame_each;
   palette.motions.clear();
   palette.dual_quaternions.clear();
-  for (std::ptrdiff_t j = 0; j < job.matrices.joints; ++j) {
-    const Matrix4<double> matrix = job.matrices.at(frame, j).cast<double>();
+  for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
+    const Matrix4<double> matrix = matrices.at(frame, j).cast<double>();
     palette.motions.push_back(polar ? split_polar(matrix)
-                                    : split_in_frame(matrix, job.rule.rest_frames[j]));
+                                    : split_in_frame(matrix, rule.rest_frames[j]));
     palette.dual_quaternions.push_back(with_sign(palette.motions.back(), 1));
   }
   palette.dual_quaternions.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});
   choose_signs(skin, palette);
 }
 
-void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, std::size_t begin,
-                         std::size_t end, float* positions) {
-  dual_quaternion_blocks(skin, begin, end, palette.dual_quaternions.data(), palette.skip.data(),
-                         positions);
-  const std::size_t vertices = skin.offsets.size() - 1;
-  for (std::size_t b = begin; b < end; ++b) {
-    const Block& block = skin.blocks[b];
-    if (skin.sets[block.joint_set].count > 0 && !palette.skip[block.joint_set]) continue;
-    const std::size_t last = std::min(vertices, std::size_t{block.first_vertex} + kBlock);
-    for (std::size_t v = block.first_vertex; v < last; ++v) {
-      Eigen::Map<Eigen::Vector3f>(positions + 3 * v) = blend_vertex(skin, palette, v);
+void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile) {
+  dual_quaternion_blocks(skin, tile, palette.dual_quaternions.data(), palette.skip.data());
+  for (std::size_t b = tile.begin; b < tile.end; ++b) {
+    const std::uint32_t joint_set = skin.blocks[b].joint_set;
+    if (skin.sets[joint_set].count > 0 && !palette.skip[joint_set]) continue;
+    for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
+      const std::size_t at = 3 * (v - tile.begin * kBlock);
+      const Eigen::Vector3f rest = Eigen::Map<const Eigen::Vector3f>(tile.rest + at);
+      Eigen::Map<Eigen::Vector3f>(tile.positions + at) = blend_vertex(skin, palette, v, rest);
     }
   }
-}
-
-void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions, const StretchRule& rule) {
-  const SkinningJob job{&skin, matrices, positions, SkinningMethod::dual_quaternion, rule};
-  skin_all({&job, 1});
-}
-
-void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions) {
-  skin_dual_quaternion(skin, matrices, positions, {});
 }
 
 }  // namespace sinew

@@ -37,22 +37,27 @@ HWY_INLINE void fetch_ahead(const float* in, int n) {
   if (n * kLanes % kBlock == 0) hwy::Prefetch(in + kPrefetchFloats);
 }
 
-/// One group of kLanes vertices: where its x begin in BlockedSkin::data (y,
-/// z and weights follow kBlock apart) and where its positions go.
+/// One group of kLanes vertices: where its x begin (y and z follow kBlock apart), where the weights
+/// of its first joint do (those of the others follow kBlock apart), and where its positions go.
 struct Group {
-  const float* in;
+  const float* points;
+  const float* weights;
   float* out;
 };
 
-/// Turns three registers with vertex i in lane 3 i mod kLanes into x y z x y z ...
+/// Turns three registers with vertex i in lane 3 i mod kLanes into x y z x y z ... and back.
 class Interleaver {
  public:
   Interleaver() {
     HWY_ALIGN int32_t by_one[kLanes];
     HWY_ALIGN int32_t by_two[kLanes];
+    HWY_ALIGN int32_t back_by_one[kLanes];
+    HWY_ALIGN int32_t back_by_two[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
       by_one[lane] = (lane + kLanes - 1) % kLanes;
       by_two[lane] = (lane + kLanes - 2) % kLanes;
+      back_by_one[lane] = (lane + 1) % kLanes;
+      back_by_two[lane] = (lane + 2) % kLanes;
     }
     HWY_ALIGN float every_third[3][kLanes];
     for (int rest = 0; rest < 3; ++rest) {
@@ -60,6 +65,8 @@ class Interleaver {
     }
     by_one_ = hn::SetTableIndices(kTag, by_one);
     by_two_ = hn::SetTableIndices(kTag, by_two);
+    back_by_one_ = hn::SetTableIndices(kTag, back_by_one);
+    back_by_two_ = hn::SetTableIndices(kTag, back_by_two);
     for (int rest = 0; rest < 3; ++rest) {
       third_[rest] = hn::Gt(hn::Load(kTag, every_third[rest]), hn::Zero(kTag));
     }
@@ -74,7 +81,24 @@ class Interleaver {
     store_third<2>(x, y, z, out);
   }
 
+  /// x, y and z of a group to points, kBlock apart.
+  HWY_INLINE void take_apart(const float* in, float* points) const {
+    Floats parts[3];
+    for (int part = 0; part < 3; ++part) parts[part] = hn::LoadU(kTag, in + part * kLanes);
+    hn::Store(coordinate<0>(parts), kTag, points);
+    hn::Store(hn::TableLookupLanes(coordinate<1>(parts), back_by_one_), kTag, points + kBlock);
+    hn::Store(hn::TableLookupLanes(coordinate<2>(parts), back_by_two_), kTag, points + 2 * kBlock);
+  }
+
  private:
+  /// Lane l of register p is coordinate (p kLanes + l) mod 3 of its vertex.
+  template <int axis>
+  HWY_INLINE Floats coordinate(const Floats* parts) const {
+    constexpr int kRest = kLanes % 3;
+    const Floats later = take_third<(axis + 3 - kRest) % 3>(parts[1], parts[2]);
+    return take_third<axis>(parts[0], later);
+  }
+
   template <int part>
   HWY_INLINE void store_third(Floats x, Floats y, Floats z, float* out) const {
     constexpr int phase = part * kLanes % 3;
@@ -96,6 +120,8 @@ class Interleaver {
   using Indices = decltype(hn::SetTableIndices(kTag, static_cast<const int32_t*>(nullptr)));
   Indices by_one_;
   Indices by_two_;
+  Indices back_by_one_;
+  Indices back_by_two_;
   hn::Mask<Tag> third_[3];
 };
 
@@ -104,10 +130,10 @@ template <int N>
 struct Points {
   HWY_INLINE explicit Points(const Group* groups) {
     for (int n = 0; n < N; ++n) {
-      x[n] = hn::Load(kTag, groups[n].in);
-      y[n] = hn::Load(kTag, groups[n].in + kBlock);
-      z[n] = hn::Load(kTag, groups[n].in + 2 * kBlock);
-      for (int axis = 0; axis < 3; ++axis) fetch_ahead(groups[n].in + axis * kBlock, n);
+      x[n] = hn::Load(kTag, groups[n].points);
+      y[n] = hn::Load(kTag, groups[n].points + kBlock);
+      z[n] = hn::Load(kTag, groups[n].points + 2 * kBlock);
+      for (int axis = 0; axis < 3; ++axis) fetch_ahead(groups[n].points + axis * kBlock, n);
     }
   }
   Floats x[N], y[N], z[N];
@@ -144,7 +170,7 @@ HWY_INLINE void linear_groups(const Group* groups, const std::uint32_t* joints, 
   const float* weight[N];
   for (int n = 0; n < N; ++n) {
     sum_x[n] = sum_y[n] = sum_z[n] = hn::Zero(kTag);
-    weight[n] = groups[n].in + 3 * kBlock;
+    weight[n] = groups[n].weights;
   }
   for (std::uint32_t k = 0; k < count; ++k) {
     const MatrixRows& matrix = palette[joints[k]];
@@ -173,11 +199,11 @@ HWY_INLINE void rigid_groups(const Group* groups, const MatrixRows& matrix,
   for (int n = 0; n < N; ++n) interleaver.store(x[n], y[n], z[n], groups[n].out);
 }
 
-/// One vertex that has little in common with its neighbours.
-HWY_INLINE void linear_vertex(const BlockedSkin& skin, std::size_t v, const MatrixRows* palette,
-                              float* out) {
+/// Vertex v, at p, that has little in common with its neighbours.
+HWY_INLINE void linear_vertex(const BlockedSkin& skin, std::size_t v, const float* p,
+                              const MatrixRows* palette, float* out) {
   if (skin.offsets[v] == skin.offsets[v + 1]) {
-    std::memcpy(out, skin.rest.data() + 3 * v, 3 * sizeof(float));
+    std::memcpy(out, p, 3 * sizeof(float));
     return;
   }
   float blended[12] = {};
@@ -185,53 +211,49 @@ HWY_INLINE void linear_vertex(const BlockedSkin& skin, std::size_t v, const Matr
     const float* matrix = &palette[skin.influence_joints[i]].row[0][0];
     for (int e = 0; e < 12; ++e) blended[e] += skin.weights[i] * matrix[e];
   }
-  const float* p = skin.rest.data() + 3 * v;
   for (int axis = 0; axis < 3; ++axis) {
     const float* row = blended + 4 * axis;
     out[axis] = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
   }
 }
 
-/// Calls run<groups_at_once>(groups) for one block or two with the same joints.
-/// They write straight into `positions`, but for the last block of a mesh if it is not full.
+/// Calls run<groups_at_once>(groups) for one block, b, or for two with the same joints. They write
+/// straight into the tile's positions, but for the last block of a mesh if it is not full.
 template <int groups_at_once, class Run>
-HWY_INLINE void run_block(const BlockedSkin& skin, const Block* block, int blocks, float* positions,
+HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t b, int blocks,
                           const Run& run) {
   constexpr int kGroups = kBlock / kLanes;
   Group groups[2 * kGroups];
-  HWY_ALIGN float buffer[3 * kBlock];
-  const std::size_t vertices = skin.offsets.size() - 1;
-  std::size_t partial = vertices;  // first vertex of a block that is not full
-  for (int b = 0; b < blocks; ++b) {
-    float* out = positions + 3 * static_cast<std::size_t>(block[b].first_vertex);
-    if (block[b].first_vertex + kBlock > vertices) {
-      partial = block[b].first_vertex;
+  HWY_ALIGN float buffer[kBlockFloats];
+  float* partial = nullptr;  // where the block goes that is not full
+  for (int i = 0; i < blocks; ++i) {
+    const std::size_t at = (b + i - tile.begin) * kBlockFloats;
+    float* out = tile.positions + at;
+    if ((b + i + 1) * kBlock > skin.vertex_count()) {
+      partial = out;
       out = buffer;
     }
+    const float* weights = skin.packed_weights.get() + skin.blocks[b + i].weights;
     for (int g = 0; g < kGroups; ++g) {
-      groups[b * kGroups + g] = {skin.data.get() + block[b].data + g * kLanes,
+      groups[i * kGroups + g] = {tile.points + at + g * kLanes, weights + g * kLanes,
                                  out + 3 * g * kLanes};
     }
   }
   for (int g = 0; g < blocks * kGroups; g += groups_at_once) {
     run.template operator()<groups_at_once>(groups + g);
   }
-  if (partial < vertices) {
-    std::memcpy(positions + 3 * partial, buffer, (vertices - partial) * 3 * sizeof(float));
-  }
+  if (partial) std::memcpy(partial, buffer, skin.vertex_count() % kBlock * 3 * sizeof(float));
 }
 
-void linear_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
-                   const MatrixRows* palette, float* positions) {
+void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* palette) {
   const Interleaver interleaver;
-  const std::size_t vertices = skin.offsets.size() - 1;
-  for (std::size_t b = begin; b < end;) {
+  for (std::size_t b = tile.begin; b < tile.end;) {
     const Block* block = &skin.blocks[b];
     const JointSet set = skin.sets[block->joint_set];
     if (set.count == 0) {
-      const std::size_t last = std::min(vertices, std::size_t{block->first_vertex} + kBlock);
-      for (std::size_t v = block->first_vertex; v < last; ++v) {
-        linear_vertex(skin, v, palette, positions + 3 * v);
+      for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
+        const std::size_t at = 3 * (v - tile.begin * kBlock);
+        linear_vertex(skin, v, tile.rest + at, palette, tile.positions + at);
       }
       ++b;
       continue;
@@ -244,13 +266,13 @@ void linear_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
         linear_groups<N>(groups, joints, set.count, palette, interleaver);
       }
     };
-    const bool pair = b + 1 < end && block[1].joint_set == block->joint_set;
+    const bool pair = b + 1 < tile.end && block[1].joint_set == block->joint_set;
     if (kLanes == kBlock && !pair) {
-      run_block<1>(skin, block, 1, positions, run);
+      run_block<1>(skin, tile, b, 1, run);
       ++b;
     } else {
       const int blocks = kLanes == kBlock ? 2 : 1;
-      run_block<2>(skin, block, blocks, positions, run);
+      run_block<2>(skin, tile, b, blocks, run);
       b += blocks;
     }
   }
@@ -266,7 +288,7 @@ HWY_INLINE void dual_quaternion_group(const Group& group, const std::uint32_t* j
     sum[part] = set.is_rigid ? hn::Set(kTag, palette[joints[0]].real[part]) : hn::Zero(kTag);
     sum[4 + part] = set.is_rigid ? hn::Set(kTag, palette[joints[0]].dual[part]) : hn::Zero(kTag);
   }
-  const float* weights = group.in + 3 * kBlock;
+  const float* weights = group.weights;
   for (std::uint32_t k = 0; k < set.count && !set.is_rigid; ++k, weights += kBlock) {
     const DualQuaternion& joint = palette[joints[k]];
     const Floats weight = hn::Load(kTag, weights);
@@ -300,17 +322,34 @@ HWY_INLINE void dual_quaternion_group(const Group& group, const std::uint32_t* j
                     moved(pz, cross(rx, tx, ry, ty), dz, rz), group.out);
 }
 
-void dual_quaternion_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
-                            const DualQuaternion* palette, const std::uint8_t* skip,
-                            float* positions) {
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,
+                            const DualQuaternion* palette, const std::uint8_t* skip) {
   const Interleaver interleaver;
-  for (std::size_t b = begin; b < end; ++b) {
-    const Block& block = skin.blocks[b];
-    const JointSet set = skin.sets[block.joint_set];
-    if (set.count == 0 || skip[block.joint_set]) continue;
-    run_block<1>(skin, &block, 1, positions, [&]<int>(const Group* group) HWY_ATTR {
+  for (std::size_t b = tile.begin; b < tile.end; ++b) {
+    const std::uint32_t joint_set = skin.blocks[b].joint_set;
+    const JointSet set = skin.sets[joint_set];
+    if (set.count == 0 || skip[joint_set]) continue;
+    run_block<1>(skin, tile, b, 1, [&]<int>(const Group* group) HWY_ATTR {
       dual_quaternion_group(*group, skin.joints.data() + set.begin, set, palette, interleaver);
     });
+  }
+}
+
+void pack_points(const float* positions, std::size_t vertices, float* points) {
+  const Interleaver interleaver;
+  const auto pack = [&](const float* in, float* out) HWY_ATTR {
+    for (int lane = 0; lane < kBlock; lane += kLanes) {
+      interleaver.take_apart(in + 3 * lane, out + lane);
+    }
+  };
+  const std::size_t full = vertices / kBlock, left = vertices % kBlock;
+  for (std::size_t b = 0; b < full; ++b) {
+    pack(positions + b * kBlockFloats, points + b * kBlockFloats);
+  }
+  if (left > 0) {
+    float buffer[kBlockFloats] = {};
+    std::memcpy(buffer, positions + full * kBlockFloats, 3 * left * sizeof(float));
+    pack(buffer, points + full * kBlockFloats);
   }
 }
 
@@ -340,6 +379,7 @@ std::vector<std::int64_t> all_targets() {
 
 HWY_EXPORT(kernel_lanes);
 HWY_EXPORT(kernel_target);
+HWY_EXPORT(pack_points);
 HWY_EXPORT(linear_blocks);
 HWY_EXPORT(dual_quaternion_blocks);
 
@@ -368,15 +408,17 @@ void set_instruction_set(const std::string& name) {
 
 int kernel_lanes() { return HWY_DYNAMIC_DISPATCH(kernel_lanes)(); }
 
-void linear_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
-                   const MatrixRows* palette, float* positions) {
-  HWY_DYNAMIC_DISPATCH(linear_blocks)(skin, begin, end, palette, positions);
+void pack_points(const float* positions, std::size_t vertices, float* points) {
+  HWY_DYNAMIC_DISPATCH(pack_points)(positions, vertices, points);
 }
 
-void dual_quaternion_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
-                            const DualQuaternion* palette, const std::uint8_t* skip,
-                            float* positions) {
-  HWY_DYNAMIC_DISPATCH(dual_quaternion_blocks)(skin, begin, end, palette, skip, positions);
+void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* palette) {
+  HWY_DYNAMIC_DISPATCH(linear_blocks)(skin, tile, palette);
+}
+
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,
+                            const DualQuaternion* palette, const std::uint8_t* skip) {
+  HWY_DYNAMIC_DISPATCH(dual_quaternion_blocks)(skin, tile, palette, skip);
 }
 
 }  // namespace sinew

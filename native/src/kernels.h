@@ -23,17 +23,19 @@ struct DualQuaternion {
 /// Lanes of a register in the instruction set that is in use: which BlockedSkin the kernels take.
 int kernel_lanes();
 
-/// Linear blend skinning of blocks begin..end of one frame.
+/// Puts positions into the order of BlockedSkin::points.
+/// positions  vertices x 3.
+/// points     out, kBlockFloats a block, of which the last may hold fewer vertices than 16.
+void pack_points(const float* positions, std::size_t vertices, float* points);
+
+/// Linear blend skinning of one tile.
 /// palette    J + 1, the last the identity.
-/// positions  V x 3, out: the whole frame's.
-void linear_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
-                   const MatrixRows* palette, float* positions);
+void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* palette);
 
 /// Dual quaternion skinning, signs already chosen: within a block every two joints lie on one side.
 /// Blocks of sets with skip[set] != 0 are left for the caller, as are those without a set.
 /// palette    J + 1, the last the identity.
-void dual_quaternion_blocks(const BlockedSkin& skin, std::size_t begin, std::size_t end,
-                            const DualQuaternion* palette, const std::uint8_t* skip,
-                            float* positions);
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,
+                            const DualQuaternion* palette, const std::uint8_t* skip);
 
 }  // namespace sinew

@@ -1,12 +1,8 @@
-#include "sinew/linear_skinning.h"
-
-#include "palette.h"
+#include "linear_skinning.h"
 
 namespace sinew {
 
-void prepare_linear(const BlockedSkin&, const SkinningJob& job, std::ptrdiff_t frame,
-                    Palette& palette) {
-  const MatrixStack<const float>& matrices = job.matrices;
+void prepare_linear(MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette) {
   using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
   palette.matrices.resize(matrices.joints + 1);
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
@@ -15,14 +11,8 @@ void prepare_linear(const BlockedSkin&, const SkinningJob& job, std::ptrdiff_t f
   Eigen::Map<Rows>(&palette.matrices.back().row[0][0]).setIdentity();
 }
 
-void run_linear(const BlockedSkin& skin, const Palette& palette, std::size_t begin, std::size_t end,
-                float* positions) {
-  linear_blocks(skin, begin, end, palette.matrices.data(), positions);
-}
-
-void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
-  const SkinningJob job{&skin, matrices, positions, SkinningMethod::linear, {}};
-  skin_all({&job, 1});
+void run_linear(const BlockedSkin& skin, const Palette& palette, const Tile& tile) {
+  linear_blocks(skin, tile, palette.matrices.data());
 }
 
 }  // namespace sinew

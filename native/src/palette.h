@@ -1,13 +1,10 @@
-/// The two skinning methods as the frame loop sees them: what is prepared once a frame, and what
-/// runs over blocks.
+/// One frame's joints as the kernels read them.
 #pragma once
 
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "blocked_skin.h"
 #include "kernels.h"
-#include "sinew/skinning.h"
 
 namespace sinew {
 
@@ -19,8 +16,7 @@ struct RigidAndStretch {
   bool is_rigid;
 };
 
-/// One frame's joints as the kernels read them. The loop keeps it from call to call, so that its
-/// memory is not asked for on each frame.
+/// The frame loop keeps it from call to call, so that its memory is not asked for on each frame.
 struct Palette {
   // Linear:
   std::vector<MatrixRows> matrices;  ///< J + 1, the last the identity
@@ -30,16 +26,5 @@ struct Palette {
   std::vector<std::uint8_t> skip;                ///< a joint set: 1 if its vertices go one by one
   bool stretch_each = false;                     ///< Stretch::frame_each
 };
-
-void prepare_linear(const BlockedSkin& skin, const SkinningJob& job, std::ptrdiff_t frame,
-                    Palette& palette);
-void prepare_dual_quaternion(const BlockedSkin& skin, const SkinningJob& job, std::ptrdiff_t frame,
-                             Palette& palette);
-
-/// Every vertex of blocks begin..end. positions: V x 3, out, the whole frame's.
-void run_linear(const BlockedSkin& skin, const Palette& palette, std::size_t begin, std::size_t end,
-                float* positions);
-void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, std::size_t begin,
-                         std::size_t end, float* positions);
 
 }  // namespace sinew

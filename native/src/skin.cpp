@@ -50,8 +50,8 @@ const BlockedSkin& Skin::blocked() const {
   const std::lock_guard lock(packed_->mutex);
   auto& blocked = packed_->by_lanes[lanes];
   if (!blocked) {
-    blocked = std::make_unique<BlockedSkin>(rest_positions_, offsets_, joints_, weights_,
-                                            joint_count_, lanes);
+    blocked =
+        std::make_unique<BlockedSkin>(rest_positions_, offsets_, joints_, weights_, joint_count_);
   }
   return *blocked;
 }
@@ -64,7 +64,9 @@ void Skin::set_rest_positions(std::span<const float> positions) {
   check_positions(positions);
   std::ranges::copy(positions, rest_positions_.begin());
   const std::lock_guard lock(packed_->mutex);
-  for (auto& [lanes, blocked] : packed_->by_lanes) blocked->take_rest_positions();
+  const int lanes = kernel_lanes();
+  std::erase_if(packed_->by_lanes, [&](const auto& other) { return other.first != lanes; });
+  for (auto& [own, blocked] : packed_->by_lanes) blocked->take_rest_positions();
 }
 
 void Skin::check() const {

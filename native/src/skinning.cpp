@@ -6,18 +6,11 @@
 #include <vector>
 
 #include "check.h"
-#include "palette.h"
+#include "method.h"
 #include "parallel.h"
 
 namespace sinew {
 namespace {
-
-// A range of blocks for one thread: its vertices and their weights fit the second-level cache, so
-// that the frames of a clip that follow each other there read them from it.
-constexpr std::ptrdiff_t kBlocksPerTask = 4096 / kBlock;
-
-// What a vertex costs one thread, about: AVX2, four influences at most.
-constexpr double kMicrosecondsLinear = 1.5e-3, kMicrosecondsDualQuaternion = 2.5e-3;
 
 // More are skinned in parts, so that their prepared matrices stay within some megabytes.
 constexpr std::ptrdiff_t kMatricesAtOnce = 1 << 16;
@@ -27,20 +20,13 @@ constexpr std::ptrdiff_t kPalettesPerTask = 32;
 
 void check_shapes(const SkinningJob& job, const std::string& where) {
   const Skin& skin = *job.skin;
-  if (job.matrices.joints != skin.joint_count()) {
-    fail(where, "there are ", plural(job.matrices.joints, "matrix"), " a frame; the skin has ",
-         plural(skin.joint_count(), "joint"));
-  }
+  check_matrices(skin, job.matrices, where);
   const auto expected = static_cast<std::size_t>(job.matrices.frames * skin.vertex_count() * 3);
   if (job.positions.size() != expected) {
     fail(where, "the result holds ", grouped(job.positions.size()), " numbers; expected ",
          grouped(expected), " (", job.matrices.frames, " x ", skin.vertex_count(), " x 3)");
   }
-  const auto frames = std::ssize(job.rule.rest_frames);
-  const auto wanted = job.rule.stretch == Stretch::polar ? 0 : skin.joint_count();
-  if (frames != wanted) {
-    fail(where, "there are ", plural(frames, "rest frame"), "; expected ", grouped(wanted));
-  }
+  check_rest_frames(job.rule, skin.joint_count(), where);
 }
 
 void check(std::span<const SkinningJob> jobs) {
@@ -72,9 +58,9 @@ struct Part {
   std::ptrdiff_t frames;
   std::ptrdiff_t first_palette;  ///< in the batch
   std::ptrdiff_t first_task;     ///< in the batch
-  std::ptrdiff_t ranges;         ///< of kBlocksPerTask blocks
+  std::ptrdiff_t tiles;          ///< a frame
 
-  std::ptrdiff_t tasks() const { return frames * ranges; }
+  std::ptrdiff_t tasks() const { return frames * tiles; }
 };
 
 /// What is skinned in one parallel region.
@@ -94,23 +80,22 @@ struct Batch {
 
   void add(const SkinningJob& job, std::ptrdiff_t first_frame, std::ptrdiff_t frames) {
     const BlockedSkin& skin = job.skin->blocked();
-    const auto blocks = static_cast<std::ptrdiff_t>(skin.blocks.size());
-    parts.push_back({&job, &skin, first_frame, frames, palette_count, task_count,
-                     (blocks + kBlocksPerTask - 1) / kBlocksPerTask});
+    parts.push_back(
+        {&job, &skin, first_frame, frames, palette_count, task_count,
+         static_cast<std::ptrdiff_t>((skin.blocks.size() + kBlocksPerTile - 1) / kBlocksPerTile)});
     palette_count += frames;
     task_count += parts.back().tasks();
     matrices += frames * (job.matrices.joints + 1);
     microseconds +=
-        static_cast<double>(frames * job.skin->vertex_count()) *
-        (job.method == SkinningMethod::linear ? kMicrosecondsLinear : kMicrosecondsDualQuaternion);
+        static_cast<double>(frames * job.skin->vertex_count()) * microseconds_a_vertex(job.method);
   }
 
-  void run() {
+  void run_all() {
     if (static_cast<std::ptrdiff_t>(palettes.size()) < palette_count)
       palettes.resize(palette_count);
     const bool parallel = threads_pay(microseconds);
     const auto prepare_some = [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
-      for (std::ptrdiff_t i = begin; i < end; ++i) prepare(i);
+      for (std::ptrdiff_t i = begin; i < end; ++i) prepare_palette(i);
     };
     const auto run_some = [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
       for (std::ptrdiff_t i = begin; i < end; ++i) run_task(i);
@@ -125,24 +110,23 @@ struct Batch {
     return *std::prev(std::ranges::upper_bound(parts, number, {}, first));
   }
 
-  void prepare(std::ptrdiff_t number) {
+  void prepare_palette(std::ptrdiff_t number) {
     const Part& part = part_of(number, &Part::first_palette);
-    const bool linear = part.job->method == SkinningMethod::linear;
-    (linear ? prepare_linear : prepare_dual_quaternion)(
-        *part.skin, *part.job, part.first_frame + number - part.first_palette, palettes[number]);
+    prepare(*part.skin, part.job->method, part.job->rule, part.job->matrices,
+            part.first_frame + number - part.first_palette, palettes[number]);
   }
 
-  /// All frames of one range of blocks come first, then the next range.
+  /// All frames of one tile come first, then the next tile: they find it in the cache.
   void run_task(std::ptrdiff_t number) const {
     const Part& part = part_of(number, &Part::first_task);
-    const std::ptrdiff_t range = (number - part.first_task) / part.frames;
+    const BlockedSkin& skin = *part.skin;
     const std::ptrdiff_t frame = (number - part.first_task) % part.frames;
-    const bool linear = part.job->method == SkinningMethod::linear;
-    (linear ? run_linear : run_dual_quaternion)(
-        *part.skin, palettes[part.first_palette + frame], range * kBlocksPerTask,
-        std::min<std::size_t>(part.skin->blocks.size(), (range + 1) * kBlocksPerTask),
-        part.job->positions.data() +
-            3 * (part.first_frame + frame) * part.job->skin->vertex_count());
+    const std::size_t begin = (number - part.first_task) / part.frames * kBlocksPerTile;
+    const std::size_t of_frame = (part.first_frame + frame) * skin.vertex_count();
+    run(skin, part.job->method, palettes[part.first_palette + frame],
+        {begin, std::min(skin.blocks.size(), begin + kBlocksPerTile),
+         skin.rest.data() + 3 * begin * kBlock, skin.points.get() + begin * kBlockFloats,
+         part.job->positions.data() + 3 * (of_frame + begin * kBlock)});
   }
 };
 
@@ -163,13 +147,29 @@ void skin_all(std::span<const SkinningJob> jobs) {
       batch.add(job, frame, frames);
       frame += frames;
       if (batch.matrices >= kMatricesAtOnce) {
-        batch.run();
+        batch.run_all();
         batch.clear();
       }
     }
   }
-  if (batch.task_count > 0) batch.run();
+  if (batch.task_count > 0) batch.run_all();
   batch.clear();
+}
+
+void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::linear, {}};
+  skin_all({&job, 1});
+}
+
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
+                          std::span<float> positions, const StretchRule& rule) {
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::dual_quaternion, rule};
+  skin_all({&job, 1});
+}
+
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
+                          std::span<float> positions) {
+  skin_dual_quaternion(skin, matrices, positions, {});
 }
 
 }  // namespace sinew

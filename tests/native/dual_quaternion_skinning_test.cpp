@@ -1,8 +1,6 @@
-#include "sinew/dual_quaternion_skinning.h"
-
 #include <gtest/gtest.h>
 
-#include "sinew/linear_skinning.h"
+#include "sinew/skinning.h"
 #include "skinned.h"
 
 namespace sinew {
@@ -153,6 +151,36 @@ TEST(DualQuaternionSkinning, TheSizeOfTheWeightsDoesNotMatter) {
     const Floats whole = skinned(one_vertex({1, 2, 3}, {0, 1}, {0.25f, 0.75f}), matrices);
     const Floats tenth = skinned(one_vertex({1, 2, 3}, {0, 1}, {0.025f, 0.075f}), matrices);
     expect_point(tenth, {whole[0], whole[1], whole[2]});
+  }
+}
+
+TEST(DualQuaternionSkinning, JointsWithoutASizeGiveNumbers) {
+  rigs::Random random(6);
+  const Skin skin = rigs::coherent_skin(random, 200, 8, 3);
+  const Matrices frames = rigs::random_pose(random, 8);
+  for (int axes = 1; axes < 8; ++axes) {
+    Matrices matrices = rigs::random_pose(random, 8);
+    for (int j = 0; j < 8; j += 2) {
+      Matrix4<double> scale = Matrix4<double>::Identity();
+      for (int axis = 0; axis < 3; ++axis) scale(axis, axis) = axes >> axis & 1 ? 0 : 1;
+      matrices[j] = matrices[j] * frames[j] * scale * frames[j].inverse();
+    }
+    Stack<float> stack(matrices, 1);
+    for (const Stretch stretch : {Stretch::polar, Stretch::frame, Stretch::frame_each}) {
+      const StretchRule rule{stretch, stretch == Stretch::polar ? Matrices{} : frames};
+      Floats positions(600);
+      skin_dual_quaternion(skin, stack.read(), positions, rule);
+      for (const float number : positions) EXPECT_LT(std::abs(number), 10) << axes;
+    }
+  }
+  // Frames that are the mesh's own axes: columns that are exactly zero.
+  for (int axes = 1; axes < 8; ++axes) {
+    Matrix4<double> matrix = Matrix4<double>::Identity();
+    for (int axis = 0; axis < 3; ++axis) matrix(axis, axis) = axes >> axis & 1 ? 0 : 1;
+    Stack<float> stack(Matrices(8, matrix), 1);
+    Floats positions(600);
+    skin_dual_quaternion(skin, stack.read(), positions, {Stretch::frame, rigs::identities(8)});
+    for (const float number : positions) EXPECT_LT(std::abs(number), 10) << axes;
   }
 }
 

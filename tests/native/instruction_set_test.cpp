@@ -3,8 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "failures.h"
-#include "sinew/dual_quaternion_skinning.h"
-#include "sinew/linear_skinning.h"
+#include "sinew/skinning.h"
 #include "skinned.h"
 
 namespace sinew {

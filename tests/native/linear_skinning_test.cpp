@@ -1,7 +1,6 @@
-#include "sinew/linear_skinning.h"
-
 #include <gtest/gtest.h>
 
+#include "sinew/skinning.h"
 #include "skinned.h"
 
 namespace sinew {

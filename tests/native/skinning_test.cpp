@@ -4,8 +4,6 @@
 
 #include "failures.h"
 #include "rigs.h"
-#include "sinew/dual_quaternion_skinning.h"
-#include "sinew/linear_skinning.h"
 #include "sinew/threads.h"
 
 namespace sinew {

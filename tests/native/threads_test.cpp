@@ -8,9 +8,8 @@
 
 #include "failures.h"
 #include "rigs.h"
-#include "sinew/dual_quaternion_skinning.h"
 #include "sinew/forward_kinematics.h"
-#include "sinew/linear_skinning.h"
+#include "sinew/skinning.h"
 
 namespace sinew {
 namespace {

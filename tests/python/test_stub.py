@@ -105,8 +105,10 @@ def samples():
     rig = sinew.Rig(np.zeros((3, 3)), np.array([0, 3]), np.array([0, 1, 2]), skeleton, np.ones((3, 1)),
                     poses, one[None])
     skin = sinew.Skin.from_dense(np.zeros((1, 3)), np.ones((1, 1)))
+    layer, keys = sinew.Layer(skin, "linear"), sinew.ShapeKeys([np.zeros((1, 3))], np.array([0]))
     return {"Skeleton": sinew.Skeleton(np.array([-1]), one), "RigSkeleton": skeleton,
-            "PoseClip": poses, "Rig": rig, "Skin": skin}
+            "PoseClip": poses, "Rig": rig, "Skin": skin, "Layer": layer, "ShapeKeys": keys,
+            "Deformer": sinew.Deformer([layer], keys)}
 
 
 @pytest.mark.parametrize("name", CLASSES)

@@ -1,15 +1,44 @@
-/// Several skins at once: the meshes of a character, the characters of a scene.
+/// Skins in poses: one mesh, or all meshes of a character and all characters of a scene.
+///
+/// Nothing is allocated once a thread has seen a skeleton of this size. The same bits for any
+/// number of threads. InputError if a shape does not fit; then nothing is written.
 #pragma once
 
 #include <span>
 
-#include "sinew/dual_quaternion_skinning.h"
 #include "sinew/skin.h"
+#include "sinew/skinning_method.h"
 #include "sinew/types.h"
 
 namespace sinew {
 
-enum class SkinningMethod { linear, dual_quaternion };
+/// Linear blend skinning: v' = sum_j w_j M(j) v for every vertex of every frame, M(j) = F(j)
+/// A(j)^-1.
+///
+/// skin        V vertices, J joints.
+/// matrices    F x J skinning matrices; their last row is taken to be 0 0 0 1.
+/// positions   out, F x V x 3, space of the mesh.
+///
+/// Magnenat-Thalmann, Laperriere, Thalmann, "Joint-dependent local deformations for hand animation
+/// and object grasping", Graphics Interface 1988.
+void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions);
+
+/// Dual quaternion skinning: no collapse where linear blending loses volume. Every vertex moves by
+/// the normalised weighted sum of its joints' unit dual quaternions.
+///
+/// skin, matrices, positions   as above.
+/// rule                        what becomes of scale and shear.
+///
+/// q and -q are the same rotation: each dual quaternion enters the sum with the sign that brings it
+/// to the side of the sum so far, influences in their stored order (as Blender does it).
+/// Kavan, Collins, Zara, O'Sullivan, "Geometric skinning with approximate dual quaternion
+/// blending", ACM TOG 27(4), 2008: sections 3.3 (blending) and 4.1 (antipodality), 4.2 (scale).
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
+                          std::span<float> positions, const StretchRule& rule);
+
+/// The same with Stretch::polar.
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
+                          std::span<float> positions);
 
 /// What skin_linear and skin_dual_quaternion take.
 struct SkinningJob {
@@ -21,8 +50,8 @@ struct SkinningJob {
 };
 
 /// Does all jobs in one parallel region, whose start is thus paid for once: many small meshes keep
-/// all threads busy where each alone would not. The same bits as one call a job. Throws InputError
-/// if a shape does not fit or two results overlap; then nothing is written.
+/// all threads busy where each alone would not. The same bits as one call a job. Two results must
+/// not overlap.
 void skin_all(std::span<const SkinningJob> jobs);
 
 }  // namespace sinew

@@ -1,6 +1,7 @@
 /// The conventions of the whole library.
 ///
-/// Letters       V vertices, J joints, P poses, F frames, N influences (all vertices together).
+/// Letters       V vertices, J joints, P poses, F frames, N influences (all vertices together),
+///               K shape keys.
 /// Vectors       columns: a transform moves a point by M * p. The translation is the last column.
 /// Positions     V x 3 float32, row by row (x y z x y z ...), in the space of the rest mesh.
 /// Matrices      4x4. Eigen's own are column-major; a caller's may lie in any layout and are

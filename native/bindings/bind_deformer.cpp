@@ -1,0 +1,192 @@
+#include <pybind11/stl.h>
+
+#include <cstring>
+#include <memory>
+#include <optional>
+
+#include "arrays.h"
+#include "methods.h"
+#include "sinew/deformer.h"
+
+namespace sinew::bindings {
+namespace {
+
+/// (V,) of any real dtype, or None.
+class OptionalNumbers {
+ public:
+  OptionalNumbers(const char* name, const std::optional<py::array>& array) {
+    if (array) numbers_.emplace(list_of<float>(name, *array));
+  }
+  operator std::optional<std::span<const float>>() const {
+    if (!numbers_) return std::nullopt;
+    return std::span<const float>(*numbers_);
+  }
+
+ private:
+  std::optional<Numbers<float>> numbers_;
+};
+
+std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method,
+                                  const std::string& stretch,
+                                  const std::optional<py::array>& rest_frames,
+                                  const std::optional<py::array>& mask,
+                                  const std::optional<py::array>& share) {
+  std::vector<Matrix4<double>> frames;
+  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
+  return std::make_shared<Layer>(std::move(skin), method_named(method),
+                                 StretchRule{stretch_named(stretch), frames},
+                                 OptionalNumbers("mask", mask), OptionalNumbers("share", share));
+}
+
+std::shared_ptr<ShapeKeys> make_keys(
+    const std::vector<py::array>& positions, const py::array& relative_to,
+    const std::optional<std::vector<std::optional<py::array>>>& weights) {
+  std::vector<Numbers<float>> shapes;
+  std::vector<std::span<const float>> spans;
+  shapes.reserve(positions.size());
+  for (std::size_t k = 0; k < positions.size(); ++k) {
+    const std::string name = "positions[" + std::to_string(k) + "]";
+    spans.push_back(shapes.emplace_back(points_of<float>(name.c_str(), positions[k])));
+  }
+  std::vector<OptionalNumbers> groups;
+  std::vector<std::optional<std::span<const float>>> group_spans;
+  if (weights) {
+    groups.reserve(weights->size());
+    for (std::size_t k = 0; k < weights->size(); ++k) {
+      const std::string name = "weights[" + std::to_string(k) + "]";
+      group_spans.push_back(groups.emplace_back(name.c_str(), (*weights)[k]));
+    }
+    // None at all says something else to the library.
+    if (groups.empty()) throw InputError("weights has 0 entries; expected one a key, or None");
+  }
+  const std::vector<std::int64_t> relative = list_of<std::int64_t>("relative_to", relative_to);
+  const py::gil_scoped_release release;
+  return std::make_shared<ShapeKeys>(spans, relative, group_spans);
+}
+
+LayerPose pose_of(const py::handle& given, std::size_t i) {
+  const std::string where = "pose " + std::to_string(i);
+  if (!py::isinstance<py::tuple>(given) || py::len(given) != 2) {
+    throw InputError(where + " is not a tuple (matrices, space)");
+  }
+  const auto tuple = py::reinterpret_borrow<py::tuple>(given);
+  const std::string name = where + ": matrices";
+  const py::array matrices = given_array(name.c_str(), tuple[0]);
+  if (matrices.ndim() != 3) wrong_shape(name.c_str(), matrices, "(J, 4, 4)");
+  LayerPose pose{matrix_stack<const float>(name.c_str(), matrices)};
+  if (tuple[1].is_none()) return pose;
+  const std::string space_name = where + ": space";
+  const py::array space = given_array(space_name.c_str(), tuple[1]);
+  if (space.ndim() != 2 || space.shape(0) != 4 || space.shape(1) != 4) {
+    wrong_shape(space_name.c_str(), space, "(4, 4)");
+  }
+  require_dtype<double>(space_name.c_str(), space);
+  auto& matrix = pose.mesh_from_armature.emplace();
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) {
+      std::memcpy(&matrix(row, column), space.data(row, column), sizeof(double));
+    }
+  }
+  return pose;
+}
+
+void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
+            const std::optional<py::array>& key_values,
+            const std::optional<py::array>& rest_positions) {
+  std::vector<LayerPose> layer_poses;
+  for (const py::handle pose : poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
+  const std::span<float> positions =
+      positions_span(given_array("out", out), {deformer.vertex_count(), 3});
+  std::span<const float> values, rest;
+  if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
+  if (rest_positions) rest = numbers_span("rest_positions", *rest_positions, 2, "(V, 3)");
+  if (key_values && rest_positions) {
+    throw InputError("there are key_values and rest_positions; expected one");
+  }
+  const py::gil_scoped_release release;
+  deformer.deform(layer_poses, positions, values, rest);
+}
+
+}  // namespace
+
+void bind_deformer(py::module_& module) {
+  py::class_<Layer, std::shared_ptr<Layer>>(
+      module, "Layer", "One armature's say in a mesh. Immutable, but for what is done to its skin.")
+      .def(
+          py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
+          py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(),
+          py::arg("share") = py::none(),
+          "skin: a Skin of V vertices and J joints; several layers may share it.\n"
+          "method: \"linear\" or \"dual_quaternion\".\n"
+          "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
+          "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
+          "mask: (V,), how much of the motion each vertex takes part in: "
+          "p' = p + mask (skinned(p) - p). None: all of it.\n"
+          "share: (V,), of a layer that is mixed in: shape += share (own - shape). The first layer "
+          "of a deformer has none, every other one has one.\n"
+          "All are copied but skin. Raises ValueError for sizes that do not fit and for numbers "
+          "that are not finite.")
+      .def_property_readonly(
+          "vertex_count", [](const Layer& self) { return self.skin().vertex_count(); }, "V.")
+      .def_property_readonly(
+          "joint_count", [](const Layer& self) { return self.skin().joint_count(); }, "J.");
+
+  py::class_<ShapeKeys, std::shared_ptr<ShapeKeys>>(
+      module, "ShapeKeys",
+      "Relative shape keys, as Blender adds them, to the bit. Of each key only what differs is "
+      "kept. "
+      "Immutable.")
+      .def(py::init(&make_keys), py::arg("positions"), py::arg("relative_to"),
+           py::arg("weights") = py::none(),
+           "positions: K arrays (V, 3), the first of which is the base. Read once, nothing of them "
+           "is kept.\n"
+           "relative_to: (K,) integers, the key that each one is relative to; a key that is "
+           "relative "
+           "to none there is adds nothing.\n"
+           "weights: K entries, each None or (V,): how much each vertex takes of the key.\n"
+           "Raises ValueError for sizes that differ and for numbers that are not finite.")
+      .def_property_readonly("count", &ShapeKeys::count, "K.")
+      .def_property_readonly("vertex_count", &ShapeKeys::vertex_count, "V.")
+      .def_property_readonly("delta_count", &ShapeKeys::delta_count,
+                             "How many vertices of all keys are kept because they differ.")
+      .def_property_readonly(
+          "base",
+          [](py::object self) {
+            const auto& keys = self.cast<const ShapeKeys&>();
+            return view(keys.base().data(), {keys.vertex_count(), 3}, {3, 1}, self);
+          },
+          "(V, 3) float32, read-only: the first key.");
+
+  py::class_<Deformer>(
+      module, "Deformer",
+      "All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their "
+      "mix. Immutable; several threads may use one at once.")
+      .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers,
+                       std::shared_ptr<ShapeKeys> keys) {
+             return Deformer({layers.begin(), layers.end()}, std::move(keys));
+           }),
+           py::arg("layers"), py::arg("keys") = py::none(),
+           "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
+           "keys: ShapeKeys, or None: then what is deformed is the rest positions of the first "
+           "layer's skin.\n"
+           "Raises ValueError if they have different numbers of vertices, or for a share where "
+           "none belongs or none where one does.")
+      .def_property_readonly("vertex_count", &Deformer::vertex_count, "V.")
+      .def(
+          "deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
+          py::arg("rest_positions") = py::none(),
+          "One frame.\n\n"
+          "poses: (matrices, space) a layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
+          "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are "
+          "one.\n"
+          "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
+          "key_values: (K,) float32, how much of each key, 0 for those that are muted; None: 0 for "
+          "all.\n"
+          "rest_positions: (V, 3) float32, C-contiguous, in place of the skin's own and of the "
+          "keys; no part of out.\n"
+          "A space that a method cannot carry (dual quaternions: one that shears or scales "
+          "unevenly) is gone through point by point; one without an inverse has zeros for it, as "
+          "in Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
+}
+
+}  // namespace sinew::bindings

@@ -1,0 +1,17 @@
+/// Dual quaternion skinning, a frame and a tile at a time.
+#pragma once
+
+#include "palette.h"
+#include "sinew/skinning_method.h"
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// matrices: F x J, of which this is frame `frame`.
+void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule,
+                             MatrixStack<const float> matrices, std::ptrdiff_t frame,
+                             Palette& palette);
+
+void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
+
+}  // namespace sinew

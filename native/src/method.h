@@ -1,0 +1,27 @@
+/// The skinning methods as one interface: what is prepared once a frame, what runs on a tile, and
+/// what that costs. Whatever loops over frames and tiles stands above it.
+#pragma once
+
+#include <string>
+
+#include "palette.h"
+#include "sinew/skin.h"
+#include "sinew/skinning_method.h"
+
+namespace sinew {
+
+/// Throws InputError, its message beginning with `where`, if there is not a matrix for each joint.
+void check_matrices(const Skin& skin, MatrixStack<const float> matrices, const std::string& where);
+
+/// Likewise, if there are rest frames that the rule does not want, or too few.
+void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std::string& where);
+
+void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule,
+             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette);
+
+void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile);
+
+/// What a vertex costs one thread, about.
+double microseconds_a_vertex(SkinningMethod method);
+
+}  // namespace sinew

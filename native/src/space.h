@@ -1,0 +1,46 @@
+/// From a layer's armature to its mesh.
+#pragma once
+
+#include <Eigen/LU>
+#include <cmath>
+
+#include "sinew/skinning_method.h"
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// A change of space C and its inverse; zeros if it has none, as in Blender.
+struct Space {
+  explicit Space(const Matrix4<double>& mesh_from_armature)
+      : forth(mesh_from_armature), back(forth.inverse()) {
+    has_inverse = forth.determinant() != 0 && back.allFinite();
+    if (!has_inverse) back.setZero();
+  }
+
+  /// Whether C only turns, moves and scales uniformly, to what float32 makes of such a matrix.
+  bool is_similarity() const {
+    const Eigen::Matrix3d linear = forth.topLeftCorner<3, 3>();
+    const Eigen::Matrix3d gram = linear.transpose() * linear;
+    const double scale2 = gram.trace() / 3;
+    return linear.determinant() > 0 &&
+           (gram - scale2 * Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= 1e-6 * scale2;
+  }
+
+  /// Whether C M C^-1, in the space of the mesh, does what M does in the armature's.
+  bool is_carried_by(SkinningMethod method) const {
+    return has_inverse && (method == SkinningMethod::linear || is_similarity());
+  }
+
+  /// C A, without the scale of C. Of a C that is a similarity.
+  Matrix4<double> moved_frame(const Matrix4<double>& rest) const {
+    Matrix4<double> frame = forth * rest;
+    frame.topLeftCorner<3, 3>() /= std::cbrt(forth.topLeftCorner<3, 3>().determinant());
+    return frame;
+  }
+
+  Matrix4<double> forth;
+  Matrix4<double> back;
+  bool has_inverse;
+};
+
+}  // namespace sinew
