@@ -21,7 +21,7 @@ SIZES = (30_000, 180_000, 1_000_000)
 STAGES = ("pose", "skin", "write")
 OUTPUTS = ("MODIFIER", "MESH")
 ROUNDS = 3
-ADDON = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]  # however this Blender names it
+ADDON = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]  # however this Blender names it
 
 
 def make_armature():

@@ -26,7 +26,7 @@ SMALL = 6_000  # vertices
 
 def addon_module(name):
     """A module of the add-on, under whichever name this Blender installed it."""
-    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]
+    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]
     return importlib.import_module(f"{package}.{name}")
 
 
@@ -51,12 +51,12 @@ def shape(ob, scene):
     return positions.reshape(-1, 3)
 
 
-ROWS = {"pose + forward kinematics": "pose", "skinning": "skin", "writing back": "write",
+ROWS = {"pose + forward kinematics": "pose", "skinning": "skin",
         "scene.frame_set, Sinew": "sinew", "scene.frame_set, Armature modifier": "modifier"}
 
 
 def print_table(mesh_object):
-    bench = addon_module("bench")
+    bench = addon_module("cli.bench")
     contest = bench.set_up(mesh_object.sinew.output, FRAMES)
     times, distances = {}, {}
     for method in METHODS:
@@ -78,10 +78,7 @@ def print_table(mesh_object):
     print(f"{'largest distance of the two results':36}"
           + "".join(f"{distances[method]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
           + f"   (the mesh measures {diagonal:.3g})\n")
-    if addon_module("panels").GAINS_NOTHING:
-        print("Blender 3.4 spends most of a frame on normals, which no deformer can save it: nothing is gained here. "
-              "Try a later one:\n\n    BLENDER=$(./dev blender 5.2) ./dev demo\n")
-    elif len(mesh.vertices) < SMALL:
+    if len(mesh.vertices) < SMALL:
         print("Small meshes gain nothing: what Blender itself does in a frame takes longest.\n")
 
 
@@ -99,7 +96,7 @@ def sheet_pictures(mesh_object):
     """(frame, method) of each of the six pictures: one turn of the clip, or rest, half and whole swing by one
     method above and the other below."""
     armature = mesh_object.sinew.armature
-    count = addon_module("clip_store").pose_count(armature.data)
+    count = addon_module("rigs.clip_store").pose_count(armature.data)
     if armature.sinew_clip.mode == "PLAYBACK":
         return [(1 + round(i * count / 6), METHODS[0]) for i in range(6)]
     half_swing = math.pi / 2 * bpy.context.scene.render.fps

@@ -25,8 +25,10 @@ if native.sinew_native is None:
 
     MODULES = (without_native,)
 else:
-    from . import (
-        command_line, cures, display, handlers, menus, operators, panels, preferences, properties)
+    from .binding import properties
+    from .cli import command_line
+    from .session import handlers
+    from .ui import cures, display, menus, operators, panels, preferences
 
     MODULES = (properties, preferences, operators, cures, display, menus, panels, handlers, command_line)
 

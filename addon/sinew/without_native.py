@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import notice
+from .ui import notice
 from .native import problem
 
 

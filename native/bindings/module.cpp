@@ -7,6 +7,7 @@
 namespace sinew::bindings {
 void bind_skeleton(pybind11::module_& module);
 void bind_files(pybind11::module_& module);
+void bind_host(pybind11::module_& module);
 void bind_skinning(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 }  // namespace sinew::bindings
@@ -17,6 +18,7 @@ PYBIND11_MODULE(sinew_native, module) {
   module.attr("__version__") = SINEW_VERSION;
   sinew::bindings::bind_skeleton(module);
   sinew::bindings::bind_files(module);
+  sinew::bindings::bind_host(module);
   sinew::bindings::bind_skinning(module);
   sinew::bindings::bind_deformer(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),

@@ -11,6 +11,7 @@ function(add_python_module target soabi)  # ARGN: folders with the headers of Py
   add_library(${target} MODULE
     bindings/bind_deformer.cpp
     bindings/bind_files.cpp
+    bindings/bind_host.cpp
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp
     bindings/module.cpp)

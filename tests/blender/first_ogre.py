@@ -54,7 +54,7 @@ def import_by_file_browser():
     browser = next(window for window in windows()
                    for each in window.screen.areas if each.type == "FILE_BROWSER")
     yield from picture("import")
-    addon_module("progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
+    addon_module("ui.progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
     with bpy.context.temp_override(window=browser, area=browser.screen.areas[0]):
         space = browser.screen.areas[0].spaces.active
         assert space.params.filename == "skeleton.bf"
@@ -73,7 +73,7 @@ def open_sidebar():
     yield 0.8
     side = region(view, "UI")
     assert side.width > 10, "N opens no sidebar"
-    drawn = note_drawing(addon_module("panels").SidebarMain)
+    drawn = note_drawing(addon_module("ui.panels").SidebarMain)
     for down in range(100, 500, 25):  # a tab's place differs with the version's texts
         if drawn:
             break
@@ -112,7 +112,7 @@ def play(ob):
     window that is drawn by the processor."""
     rate, seen = yield from playing(120, FRAMES)
     assert len(seen) >= FRAMES and set(seen) >= set(range(5, 30)), seen
-    assert addon_module("session").character(ob).error == ""
+    assert addon_module("session.characters").character(ob).error == ""
     armature = ob.sinew.armature
     with window():
         select(ob)
@@ -120,7 +120,7 @@ def play(ob):
     assert ob.sinew.source == "ARMATURE"
     rates = {"Sinew, poses of the rig": rate}
     rates["Sinew, keyframes"] = (yield from playing(SECONDS))[0]
-    binding = addon_module("binding")
+    binding = addon_module("binding.bind")
     binding.unbind(ob)
     yield 0.3
     rates["Armature modifier"] = (yield from playing(SECONDS))[0]
@@ -264,7 +264,7 @@ def pictures_of_properties_and_preferences():
     properties = area("PROPERTIES")
     properties.spaces.active.context = "MODIFIER"
     yield 1.0
-    main, drawn = region(properties), note_drawing(addon_module("panels").ModifiersMain)
+    main, drawn = region(properties), note_drawing(addon_module("ui.panels").ModifiersMain)
     for down in (93, 60, 76, 110):  # its header: Blender remembers that it is closed
         if not drawn:
             yield from outside(f"xdotool mousemove {screen(main.x + 60, main.y + main.height - down)} click 1")
@@ -274,11 +274,11 @@ def pictures_of_properties_and_preferences():
     assert drawn, "there is no section among the modifiers"
     yield from outside(f"xdotool mousemove {screen(main.x + 60, main.y + 30)}")
     yield from picture("properties")
-    addon_module("binding").unbind(ob)
+    addon_module("binding.bind").unbind(ob)
     yield from picture("accelerate")
-    addon_module("binding").bind(ob, ob.modifiers["Armature"].object)
+    addon_module("binding.bind").bind(ob, ob.modifiers["Armature"].object)
     with window():
-        bpy.ops.preferences.addon_show(module=addon_module("session").__package__)
+        bpy.ops.preferences.addon_show(module=addon_module("session.characters").__package__)
     yield 1.0
     yield from outside("xdotool search --name Preferences windowmove 220 60")
     yield from picture("preferences")
@@ -286,7 +286,7 @@ def pictures_of_properties_and_preferences():
 
 def an_error():
     """A sentence pops up, once."""
-    ob, notice = bpy.data.objects["ogre"], addon_module("notice")
+    ob, notice = bpy.data.objects["ogre"], addon_module("ui.notice")
     close_other_windows()
     yield 0.5
     shown, show = [], notice._show_now

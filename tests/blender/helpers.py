@@ -22,7 +22,7 @@ RIGS = {
 
 def addon_module(name):
     """A module of the add-on, under whichever name this Blender installed it."""
-    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]
+    package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]
     return importlib.import_module(f"{package}.{name}")
 
 
@@ -57,9 +57,16 @@ def evaluated(ob, graph=None):
     return positions.reshape(-1, 3)
 
 
+def way(ob):
+    """Which way a bound mesh goes, once Blender has evaluated it: "ATTRIBUTE", "KEYS", "MESH" or "BLENDER"."""
+    entry = addon_module("session.characters").character(ob)
+    assert entry.way.kind == "BLENDER" or entry.is_wired or ob.sinew.installed_output == "MESH"
+    return entry.way.kind
+
+
 def own_positions(ob):
     """(V, 3): the mesh's own vertices."""
-    return addon_module("blender_io").read_positions(ob.data)
+    return addon_module("blender.meshes").read_positions(ob.data)
 
 
 def diagonal(positions):
@@ -77,7 +84,7 @@ def twin_of(ob):
 def builtin_copy(ob, preserve_volume=None):
     """A copy of the bound mesh that Blender's own Armature modifier deforms."""
     copy = twin_of(ob)
-    addon_module("binding").unbind(copy)
+    addon_module("binding.bind").unbind(copy)
     modifier = next(m for m in copy.modifiers if m.type == "ARMATURE")
     if preserve_volume is None:
         preserve_volume = ob.sinew.method == "DUAL_QUATERNION"
@@ -90,6 +97,19 @@ def assert_same_shape(ob, reference, tolerance=1e-5):
     ours, theirs = evaluated(ob), evaluated(reference)
     error = float(np.abs(ours - theirs).max()) / diagonal(theirs)
     assert error < tolerance, f"{error:.3g} of the diagonal"
+
+
+def make_fail(monkeypatch, name):
+    """Has the deformation of the mesh object of that name fail from now on."""
+    characters = addon_module("session.characters")
+    poses = characters.Character.poses
+
+    def fail(entry, *arguments):
+        if entry.name[0] == name:
+            raise RuntimeError("It was told to fail")
+        return poses(entry, *arguments)
+
+    monkeypatch.setattr(characters.Character, "poses", fail)
 
 
 def select(*objects):

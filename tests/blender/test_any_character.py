@@ -8,7 +8,7 @@ from mathutils import Euler, Matrix
 
 from characters import (
     accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones)
-from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of
+from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of, way
 
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 
@@ -146,6 +146,8 @@ KINDS = (
     apart, parented_and_squashed)
 NAMES = [kind.__name__ for kind in KINDS]
 NAMES[0], NAMES[3] = "plain", "with_mask_turned_round"
+# Which Blender's own modifier goes on deforming:
+LEFT_TO_BLENDER = (with_a_modifier_before, with_another_armature_before, with_keys_mask_envelopes_and_bendy_bones)
 
 
 @pytest.fixture(params=METHODS)
@@ -171,6 +173,8 @@ def test_same_as_the_modifier(fresh_scene, method, kind, scaled):
         shapes.append(evaluated(reference))
     assert np.abs(shapes[0] - shapes[-1]).max() > 0.05 * diagonal(shapes[0])
     assert bpy.context.scene.objects[ob.name].sinew.is_bound
+    wanted = "KEYS" if ob.data.shape_keys else "ATTRIBUTE"
+    assert way(ob) == ("BLENDER" if kind in LEFT_TO_BLENDER else wanted)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=NAMES)
@@ -212,7 +216,7 @@ def test_weights_painted_and_settings_changed_while_it_plays(fresh_scene, method
     group = ob.vertex_groups.new(name="mask")
     for v in range(0, 1200, 3):
         group.add([v], (v % 400) / 400, "REPLACE")
-    ob.sinew.mask_group = "mask"
+    ob.modifiers["Armature"].vertex_group = "mask"
     fresh_scene.frame_set(4)
     assert_same_shape(ob, reference)
     armature.data.bones["bone2"].use_deform = False
@@ -231,11 +235,11 @@ def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
     pose(armature, 10, False)
     accelerate(ob)
     fresh_scene.frame_set(1)
-    deformer = addon_module("session").character(ob).deformer
+    deformer = addon_module("session.characters").character(ob).deformer
     assert deformer is not None
     for frame in range(2, 8):
         fresh_scene.frame_set(frame)
-        assert addon_module("session").character(ob).deformer is deformer
+        assert addon_module("session.characters").character(ob).deformer is deformer
 
 
 @pytest.mark.parametrize("parented", (False, True), ids=("free", "parented"))
@@ -273,33 +277,50 @@ def test_bound_again_with_another_output(fresh_scene):
     assert ob.modifiers["Armature"].object == armature
 
 
-@pytest.mark.says_errors
-def test_modifiers_that_renumber_vertices(fresh_scene):
-    """Fine on an ordinary mesh; with shape keys refused, or said so if one comes later."""
+@pytest.mark.parametrize("kind", (lambda ob: None, add_shape_keys), ids=("plain", "shape keys"))
+def test_modifiers_that_renumber_vertices(fresh_scene, kind):
+    """Behind the armature's, there from the start or coming later."""
     armature = make_armature()
     ob = make_mesh(armature, False)
+    kind(ob)
     ob.modifiers.new("Bevel", "BEVEL")
     reference = twin_of(ob)
     pose(armature, 1, False)
     accelerate(ob)
     fresh_scene.frame_set(1)
     assert_same_shape(ob, reference)
-    bpy.ops.object.sinew_unbind()
-    add_shape_keys(ob)
-    with pytest.raises(RuntimeError, match="through Bevel: it gives vertices other numbers"):
-        bpy.ops.object.sinew_bind()
-    assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Armature", "Bevel"]
-    ob.modifiers.remove(ob.modifiers["Bevel"])
+    for each in ob, reference:
+        each.modifiers.new("Mask", "MASK").vertex_group = "bone2"
+    fresh_scene.frame_set(2)
+    assert_same_shape(ob, reference)
+    assert way(ob) == ("KEYS" if ob.data.shape_keys else "ATTRIBUTE")
+
+
+def test_a_modifier_moved_before_the_armature(fresh_scene):
+    """From then on only Blender knows what goes into it; when it has gone again, Sinew does."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
     accelerate(ob)
     fresh_scene.frame_set(2)
-    ob.modifiers.new("Bevel", "BEVEL")
-    fresh_scene.frame_set(3)
-    fresh_scene.frame_set(4)
-    assert "through Bevel" in addon_module("session").character(ob).error
-    ob.modifiers.remove(ob.modifiers["Bevel"])
-    fresh_scene.frame_set(5)
-    fresh_scene.frame_set(6)
-    assert addon_module("session").character(ob).error == ""
+    assert way(ob) == "ATTRIBUTE"
+    for each in ob, reference:
+        with_a_modifier_before(each)
+        for _ in range(2):  # Sinew's is there as well
+            bpy.ops.object.modifier_move_up(modifier="Cast")
+    bpy.context.view_layer.update()
+    for frame in (3, 5):
+        assert_same_shape(ob, reference)
+        fresh_scene.frame_set(frame)
+    assert way(ob) == "BLENDER" and "Cast comes before" in addon_module("session.characters").of(ob).way.reason
+    for each in ob, reference:
+        each.modifiers.remove(each.modifiers["Cast"])
+    for frame in (6, 7):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, reference)
+    assert way(ob) == "ATTRIBUTE"
 
 
 def under_constraints(armature, _scene):
@@ -373,7 +394,7 @@ def test_armatures_moved_in_all_ways(fresh_scene, method, under):
         assert_same_shape(ob, twin)
         shapes.append(evaluated(ob))
     assert np.abs(shapes[0] - shapes[-1]).max() > 0.05
-    assert addon_module("session").character(ob).error == ""
+    assert addon_module("session.characters").character(ob).error == ""
 
 
 @pytest.mark.parametrize("update", (True, False), ids=("live", "with the next frame"))

@@ -7,25 +7,26 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate
+from characters import accelerate, add_shape_keys
 from helpers import (
-    RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, own_positions, select, traces, twin_of)
+    RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, own_positions, select, traces, twin_of, way)
 
 
 def errors(ob):
-    return [warning for warning in addon_module("cures").warnings(ob) if warning.is_error]
+    return [warning for warning in addon_module("ui.cures").warnings(ob) if warning.is_error]
 
 
 def test_modifiers_copied_to_another_mesh(character):
     ob, _, armature = character
     other = twin_of(ob)
-    addon_module("binding").unbind(other)
+    addon_module("binding.bind").unbind(other)
     other.modifiers.clear()
     before = own_positions(other)
     select(ob, other)
     bpy.ops.object.make_links_data(type="MODIFIERS")
     bpy.context.view_layer.update()
-    assert np.array_equal(evaluated(other), before)
+    assert not np.array_equal(evaluated(other), before)
+    assert_same_shape(other, ob)  # by Blender's own modifier, which came along
     assert not any("Sinew" in modifier.name for modifier in other.modifiers)
     select(other, armature)
     bpy.context.view_layer.objects.active = other
@@ -62,11 +63,20 @@ def test_converted_to_a_mesh(fresh_scene, character):
 
 
 def test_parented_anew(fresh_scene, character):
-    """Which gives it a second Armature modifier."""
+    """Blender sees that it has an Armature modifier already."""
     ob, twin, armature = character
     select(ob, armature)
     bpy.context.view_layer.objects.active = armature
     bpy.ops.object.parent_set(type="ARMATURE")
+    assert [modifier.type for modifier in ob.modifiers].count("ARMATURE") == 1
+    assert errors(ob) == []
+    fresh_scene.frame_set(5)
+    assert_same_shape(ob, twin)
+
+
+def test_a_second_deformation(fresh_scene, character):
+    ob, twin, armature = character
+    ob.modifiers.new("Again", "ARMATURE").object = armature
     select(ob)
     (warning,) = errors(ob)
     assert "once more" in warning.text
@@ -102,37 +112,89 @@ def test_the_armature_is_brought_back(fresh_scene, character):
     assert_same_shape(ob, twin)
 
 
-@pytest.mark.parametrize("path", ("show_viewport", "use_deform_preserve_volume"))
 @pytest.mark.parametrize("means", ("driver", "keyframe"))
-def test_a_modifier_that_is_animated_is_refused(character, path, means):
+def test_switches_that_are_animated_are_refused(character, means):
     _, twin, _ = character
     modifier = twin.modifiers["Armature"]
     if means == "driver":
-        modifier.driver_add(path).driver.expression = "frame < 10"
+        modifier.driver_add("show_viewport").driver.expression = "frame < 10"
     else:
-        modifier.keyframe_insert(path)
+        modifier.keyframe_insert("show_viewport")
     select(twin)
-    with pytest.raises(RuntimeError, match=f"Armature of Tube.001 is animated itself .{path}."):
+    with pytest.raises(RuntimeError, match="Armature of Tube.001 is switched by drivers or keyframes .show_viewport."):
         bpy.ops.object.sinew_bind()
     assert not twin.sinew.is_bound and modifier.object
 
 
-@pytest.mark.parametrize("cage, edit", ((False, False), (True, True), (False, True)))
-def test_switches_of_edit_mode_are_taken_over(character, cage, edit):
-    _, twin, _ = character
-    modifier = twin.modifiers["Armature"]
-    modifier.show_on_cage, modifier.show_in_editmode = cage, edit
-    accelerate(twin)
-    assert (twin.modifiers["Sinew"].show_on_cage, twin.modifiers["Sinew"].show_in_editmode) == (cage, edit)
+@pytest.mark.parametrize("means", ("driver", "keyframe"))
+def test_settings_that_are_animated_are_followed(fresh_scene, character, means):
+    ob, twin, _ = character
+    for each in ob, twin:
+        modifier = each.modifiers["Armature"]
+        if means == "driver":
+            modifier.driver_add("use_deform_preserve_volume").driver.expression = "frame < 5"
+        else:
+            for frame, value in ((1, True), (5, False)):
+                modifier.use_deform_preserve_volume = value
+                modifier.keyframe_insert("use_deform_preserve_volume", frame=frame)
+    for frame in (3, 7, 4, 8):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert way(ob) == ("BLENDER" if means == "driver" else "ATTRIBUTE")
 
 
-def test_sculpting_is_warned_about(character):
-    ob, _, _ = character
-    count = len(addon_module("cures").warnings(ob))
+@pytest.mark.parametrize("mode", ("EDIT", "SCULPT"))
+def test_where_people_edit_what_they_see_blender_deforms(fresh_scene, character, mode):
+    """Its tools look for its own modifier there, and its switches for Edit Mode count."""
+    ob, twin, _ = character
+
+    def who():
+        bpy.context.view_layer.update()
+        modifiers = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).modifiers
+        assert ob.modifiers["Armature"].show_viewport and not ob.modifiers["Sinew"].show_viewport
+        return [modifier.name for modifier in modifiers if modifier.show_viewport]
+
+    assert who() == ["Sinew"]
     select(ob)
-    bpy.ops.object.mode_set(mode="SCULPT")
-    texts = [warning.text for warning in addon_module("cures").warnings(ob)]
-    assert len(texts) == count + 1 and "rest shape" in texts[-1]
+    bpy.ops.object.mode_set(mode=mode)
+    assert who() == ["Armature"]
+    fresh_scene.frame_set(5)
+    assert who() == ["Armature"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert who() == ["Sinew"]
+    assert_same_shape(ob, twin)
+
+
+@pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
+def test_the_eye_of_the_modifier(fresh_scene, character, keys):
+    """It can be clicked, and counts."""
+    ob, twin, _ = character
+    for each in ob, twin:
+        if keys:
+            add_shape_keys(each)
+    for shown in (False, True):
+        for each in ob, twin:
+            each.modifiers["Armature"].show_viewport = shown
+        for frame in (4, 5):
+            fresh_scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+    assert way(ob) == ("KEYS" if keys else "ATTRIBUTE")
+
+
+def test_the_modifiers_are_removed(fresh_scene, character):
+    """Sinew's: Blender's own takes over. The Armature modifier: nothing deforms the mesh any more."""
+    ob, twin, _ = character
+    ob.modifiers.remove(ob.modifiers["Sinew"])
+    fresh_scene.frame_set(5)
+    bpy.context.view_layer.update()
+    assert not ob.sinew.is_bound and not traces()
+    assert_same_shape(ob, twin)
+    accelerate(ob)
+    for each in ob, twin:
+        each.modifiers.remove(each.modifiers["Armature"])
+    bpy.context.view_layer.update()
+    assert not ob.sinew.is_bound and not traces()
+    assert_same_shape(ob, twin)
 
 
 def test_locked_groups_are_not_normalized(character):
@@ -154,7 +216,7 @@ def test_locked_groups_are_not_normalized(character):
 
 
 def test_files_of_the_importer_can_be_chosen_from_a_list():
-    search = addon_module("operators").files_beside(".dmat")["search"]
+    search = addon_module("ui.operators").files_beside(".dmat")["search"]
     chosen = SimpleNamespace(directory="", filepath=str(RIGS["ogre"]))
     assert search(chosen, SimpleNamespace(space_data=None), "") == ["pose.dmat", "walk.dmat", "weights.dmat"]
     browser = SimpleNamespace(params=SimpleNamespace(directory=str(RIGS["capsule"].parent).encode()))

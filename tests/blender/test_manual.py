@@ -26,22 +26,22 @@ def properties_of(group):
 
 
 def classes():
-    operators, properties = addon_module("operators"), addon_module("properties")
+    operators, properties = addon_module("ui.operators"), addon_module("binding.properties")
     return (operators.ImportRig, operators.ExportRig, operators.Bind, properties.SinewObjectSettings,
-            properties.SinewMixedLayer, properties.SinewClipSettings,
-            addon_module("preferences").SinewPreferences)
+            properties.SinewClipSettings,
+            addon_module("ui.preferences").SinewPreferences)
 
 
 def all_operators():
     return [cls for name in ("operators", "cures", "display", "preferences")
-            for cls in addon_module(name).CLASSES if issubclass(cls, bpy.types.Operator)]
+            for cls in addon_module(f"ui.{name}").CLASSES if issubclass(cls, bpy.types.Operator)]
 
 
 def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("number", range(6))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -51,7 +51,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(5))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):
@@ -79,7 +79,7 @@ def test_each_command_and_its_options_stand_there():
         return " ".join(text.split())
 
     page = words(PAGE.read_text(encoding="utf-8"))
-    parser = addon_module("command_options").make_parser()
+    parser = addon_module("cli.command_options").make_parser()
     commands = next(action.choices for action in parser._actions if action.dest == "command")
     for name, command in commands.items():
         assert f"### sinew {name} " in page and words(command.description) in page

@@ -6,7 +6,7 @@ import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, import_rig, select
+from helpers import addon_module, import_rig, make_fail, select
 
 
 class Notes:
@@ -34,7 +34,7 @@ class Notes:
 def draw(place="Sidebar"):
     """What all panels of the Sidebar, or of the Modifiers or the Armature's data, say."""
     said = []
-    for cls in addon_module("panels").CLASSES:
+    for cls in addon_module("ui.panels").CLASSES:
         if cls.__name__.startswith(place) and (not hasattr(cls, "poll") or cls.poll(bpy.context)):
             notes = Notes()
             cls.draw(SimpleNamespace(layout=notes), bpy.context)
@@ -54,8 +54,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     pose(armature, 1, False)
     display = ["object.sinew_show_weights", "object.sinew_show_skeleton"]
     select(ob)
-    no_gain = [addon_module("panels").NO_GAIN] if bpy.app.version < (3, 5, 0) else []
-    assert draw(mesh_panel) == ["Armature deforms it", "Accelerate", *no_gain, *display]
+    assert draw(mesh_panel) == ["Armature deforms it", "Accelerate", *display]
     select(armature)
     assert draw(armature_panel) == ["0 of 1 meshes bound", "Accelerate", display[1]]
     accelerate(ob)
@@ -79,15 +78,28 @@ def test_mixed_modifiers_are_shown(fresh_scene):
 
 
 @pytest.mark.says_errors
-def test_an_error_stands_on_top(fresh_scene):
+def test_an_error_stands_on_top(fresh_scene, monkeypatch):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    pose(armature, 1, False)
+    accelerate(ob)
+    make_fail(monkeypatch, ob.name)
+    fresh_scene.frame_set(2)
+    assert "It was told to fail" in draw()[0]
+    monkeypatch.undo()
+    ob.data.update()
+    bpy.context.view_layer.update()
+    assert not any("fail" in text for text in draw())
+
+
+def test_which_way_a_mesh_goes_and_why(fresh_scene):
     ob = make_mesh(make_armature(), False)
     accelerate(ob)
-    ob.modifiers.remove(ob.modifiers["Sinew"])
-    fresh_scene.frame_set(2)
-    assert "lost its Sinew modifier" in draw()[0] and draw()[1] == "Bind Again"
-    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
-    assert "Bind Again" not in draw() and ob.modifiers["Sinew"].show_viewport
-    assert not ob.modifiers["Armature"].show_viewport and ob.sinew.replaced[0].object == ob.sinew.armature
+    ob.modifiers.new("Cast", "CAST")
+    for _ in range(2):
+        bpy.ops.object.modifier_move_up(modifier="Cast")
+    bpy.context.view_layer.update()
+    assert any(text.startswith("Blender's own modifier deforms it: Cast comes before") for text in draw())
 
 
 def test_a_long_sentence_in_a_narrow_sidebar():
@@ -96,7 +108,7 @@ def test_a_long_sentence_in_a_narrow_sidebar():
         region=SimpleNamespace(width=440),
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=2.0)))
     notes = Notes()
-    addon_module("notice").draw_sentence(notes, context, sentence, True)
+    addon_module("ui.notice").draw_sentence(notes, context, sentence, True)
     assert " ".join(notes.said) == sentence and 2 < len(notes.said) < 7
 
 
@@ -112,7 +124,7 @@ def test_switches_of_what_is_shown(output):
     shown = bpy.types.Modifier.bl_rna.properties["show_viewport"]
     assert hasattr(ob.sinew, "show_shape") and shown
     notes = Notes()
-    addon_module("panels").draw_switches(notes, ob)
+    addon_module("ui.panels").draw_switches(notes, ob)
     assert notes.said == {"MODIFIER": ["Show", "", ""], "MESH": ["Show", "Deform"]}[output]
 
 

@@ -1,0 +1,1 @@
+"""What binding changes in the .blend, and how it goes back."""

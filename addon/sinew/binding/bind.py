@@ -1,0 +1,290 @@
+"""Binding a mesh to Sinew and releasing it: what changes in the .blend, and how it is put back."""
+
+import bpy
+
+from ..blender import animation, memory, meshes, nodes
+from ..rigs import posing
+from ..rigs.clip_store import has_poses
+from ..session import characters, mesh_output as runtime_mesh
+from ..ui import notice
+from . import mesh_output, ways, wiring
+from .mesh_output import OutputError
+
+MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
+
+
+class BindingError(Exception):
+    """The mesh cannot be bound as asked; the message says why and nothing was changed."""
+
+
+def armature_modifier(ob, armature=None):
+    """The mesh's first Armature modifier (on this armature), or None."""
+    for modifier in ob.modifiers:
+        if (modifier.type == "ARMATURE" and modifier.object is not None
+                and armature in (None, modifier.object)):
+            return modifier
+    return None
+
+
+def first_of_mix(ob, modifier):
+    """The modifier with which the mix begins that `modifier` is part of, or itself."""
+    before = list(ob.modifiers)[:ob.modifiers.find(modifier.name)]
+    first = modifier
+    while before and first.use_multi_modifier and before[-1].type == "ARMATURE":
+        first = before.pop()
+    return first if modifier in wiring.mixed_modifiers(ob, first) else modifier
+
+
+def find_armature(ob):
+    """The armature that a mesh hangs on: its binding's, that of its Armature modifier, else its
+    parent, else None."""
+    if ob.sinew.is_bound and ob.sinew.armature is not None:
+        return ob.sinew.armature
+    modifier = armature_modifier(ob)
+    if modifier:
+        return modifier.object
+    if ob.parent and ob.parent.type == "ARMATURE":
+        return ob.parent
+    return None
+
+
+def check_bindable(ob, armature):
+    """Raises BindingError with the reason if the mesh cannot be bound to the armature."""
+    if ob.type != "MESH":
+        raise BindingError(f"{ob.name} is not a mesh")
+    if armature is None:
+        raise BindingError(
+            f"{ob.name} has no armature: select one with it, parent it to one or give it an "
+            "Armature modifier")
+    if ob.library:
+        raise BindingError(
+            f"{ob.name} is linked from another file; make a library override of it first, or bind it there")
+    if ob.data.is_editmode:
+        raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
+    if ob.parent == armature and ob.parent_type == "ARMATURE":
+        raise BindingError(
+            f"{ob.name} is deformed by its parent {armature.name} itself (parent type Armature), which Sinew cannot "
+            "stand in for: parent it to the object and give it an Armature modifier")
+    replaced = armature_modifier(ob, armature)
+    if replaced and first_of_mix(ob, replaced) != replaced:
+        raise BindingError(
+            f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
+            f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
+    held = {*wiring.SWITCHES, wiring.CARRIER}
+    for modifier in wiring.mixed_modifiers(ob, replaced) if replaced else ():
+        animated = held.intersection(animation.animated_properties(ob, modifier))
+        if animated and modifier not in wiring.bound_modifiers(ob):
+            raise BindingError(
+                f"{modifier.name} of {ob.name} is switched by drivers or keyframes ({', '.join(sorted(animated))}), "
+                "and Sinew has to switch it itself: remove these first")
+    if replaced and replaced.use_bone_envelopes:
+        return
+    bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
+    if not any(group.name in bone_names for group in ob.vertex_groups):
+        raise BindingError(
+            f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
+
+
+def bind(ob, armature, output="MODIFIER", method=None, source=None):
+    """Let Sinew deform the mesh in place of its Armature modifier on that armature (and those that Multi Modifier
+    mixes with it), which stays as it is but for its switches, and goes on saying how: method, groups, envelopes,
+    mask. A mesh that has none gets one. Without `source` a mesh that was bound to that armature before has its own
+    again, and another one a clip if there is one. Raises BindingError."""
+    check_bindable(ob, armature)
+    settings = ob.sinew
+    replaced = armature_modifier(ob, armature)
+    taken = wiring.mixed_modifiers(ob, replaced) if replaced else []
+    if output == "MESH" and not (settings.is_bound and settings.installed_output == "MESH"):
+        try:
+            mesh_output.check(ob, taken)
+        except OutputError as error:
+            raise BindingError(str(error)) from error
+    was_bound_to = settings.last_armature
+    if settings.is_bound:
+        unbind(ob)
+        replaced = armature_modifier(ob, armature)
+        taken = wiring.mixed_modifiers(ob, replaced) if replaced else []
+    else:
+        nodes.remove_modifiers(ob)  # what came with a copy of another mesh's modifiers
+    if not taken:
+        modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
+        modifier.object = armature
+        nodes.move_modifier(ob, modifier, 0)
+        settings.has_added_modifier = True
+        taken = [modifier]
+    if source is None and was_bound_to != armature:
+        source = "CLIP" if has_poses(armature.data) else "ARMATURE"
+    settings.source = source or settings.source
+    settings.last_armature = armature
+    settings.property_unset("show_shape")
+    if method:
+        taken[0].use_deform_preserve_volume = method == "DUAL_QUATERNION"
+    settings.output = settings.installed_output = output
+    if output == "MESH":
+        wiring.hold_off(ob, taken)
+        mesh_output.install(ob)
+    wiring.wire(ob, taken[0])
+    memory.clear_mark(ob.data, "MESH")
+    # Last, since the settings' update callbacks act on bound meshes alone.
+    settings.is_bound = True
+    characters.forget_object(ob)
+    adapt(ob)
+    show(ob)
+
+
+def adapt(ob):
+    """Sees to it that the .blend has what the mesh's way needs, and no more."""
+    if not ob.sinew.is_bound or ob.library is not None:
+        return
+    first = wiring.first_taken(ob)
+    if first is not None:
+        wiring.wire(ob, first)
+    entry = characters.of(ob)
+    entry.look_again()
+    entry.look(ob)
+    if entry.way.kind == ways.ATTRIBUTE:
+        if nodes.find_modifier(ob) is None:
+            try:
+                nodes.add_modifier(ob, ob.modifiers.find(first.name))
+            except ValueError as error:
+                characters.report(ob, str(error))
+                return
+        if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:
+            meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
+    else:
+        remove_own_modifier(ob)
+    entry.look(ob)
+
+
+def remove_own_modifier(ob):
+    """Sinew's, and its attribute."""
+    nodes.remove_modifiers(ob)
+    if not any(other.sinew.is_bound and nodes.find_modifier(other) for other in sharers(ob)):
+        meshes.remove_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
+
+
+def sharers(ob):
+    """Other mesh objects with the same mesh."""
+    if ob.data.users < 2:
+        return []
+    return [other for other in bpy.data.objects if other.type == "MESH" and other != ob and other.data == ob.data]
+
+
+def rewire(key):
+    """Of the object with that key, after somebody has edited it."""
+    ob = characters.find(key)
+    if ob is not None and not release_if_undone(ob):
+        adapt(ob)
+        ob.update_tag()
+
+
+characters.rewire = rewire
+
+
+def show(ob):
+    """The shape as the bound mesh now has it."""
+    ob.update_tag()
+    if ob.sinew.installed_output == "MESH":
+        with runtime_mesh.Asleep():
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+            runtime_mesh.deform([ob], depsgraph)
+            depsgraph.update()
+
+
+def unbind(ob):
+    """Give the mesh back as it was: rest positions, and the Armature modifier switched on again."""
+    settings = ob.sinew
+    settings.is_bound = False
+    if settings.installed_output == "MESH":
+        mesh_output.remove(ob)
+    taken = wiring.bound_modifiers(ob)
+    remove_own_modifier(ob)
+    wiring.unwire(ob)
+    wiring.let_go(ob)
+    if settings.has_added_modifier:
+        settings.has_added_modifier = False
+        for modifier in taken[:1]:
+            ob.modifiers.remove(modifier)
+    characters.forget_object(ob)
+    if is_deleted(settings.last_armature):
+        settings.last_armature = None  # else it would stay in the file for this mesh's sake
+    ob.update_tag()
+
+
+def shows_in_mesh(ob):
+    """Whether the mesh's own vertices are not its rest shape."""
+    return ob.sinew.is_bound and ob.sinew.installed_output == "MESH"
+
+
+def is_deleted(armature):
+    """Whether it was deleted from all scenes and is only in the file for the sake of bound meshes. (A linked
+    one may well be in no collection.)"""
+    return armature is not None and armature.library is None and not armature.users_collection
+
+
+def release_if_undone(ob):
+    """Releases a mesh whose modifiers somebody has applied or removed, and returns whether. Armature modifiers that
+    it still has are switched off if Sinew's was applied, for they would deform the mesh again."""
+    taken = wiring.taken_modifiers(ob)
+    attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
+    if (ob.sinew.installed_output == "MESH" or ob.data.is_editmode or ob.library or ob.override_library
+            or taken and (attribute is None or nodes.find_modifier(ob))):
+        return False
+    was_applied = bool(taken) and characters.of(ob).has_taken(
+        meshes.read_positions(ob.data), meshes.read_attribute(attribute))
+    unbind(ob)
+    for modifier in taken if was_applied else ():
+        modifier.show_viewport = modifier.show_render = False
+    notice.show(f"{ob.name} has taken its shape for good and is no longer bound to Sinew" if was_applied else
+                f"{ob.name} has lost the modifier that Sinew needs and is no longer bound to it")
+    return True
+
+
+def make_single_user(ob):
+    """Give the object a copy of the mesh that it shares with others; bound or not, it looks the same."""
+    ob.data = ob.data.copy()
+    characters.gather_again()
+    adapt(ob)
+    ob.update_tag()
+
+
+def switch_output(ob):
+    """Move a bound mesh to the output that its settings ask for. Raises OutputError, and then stays
+    with the old one."""
+    settings = ob.sinew
+    old, new = settings.installed_output, settings.output
+    if old == new:
+        return
+    taken = wiring.bound_modifiers(ob)
+    if new == "MESH":
+        try:
+            remove_own_modifier(ob)
+            mesh_output.check(ob, taken)
+            mesh_output.install(ob)
+        except OutputError:
+            settings.output = old
+            adapt(ob)
+            raise
+    else:
+        mesh_output.remove(ob)
+    settings.installed_output = new
+    wiring.let_go(ob) if new == "MODIFIER" else wiring.hold_off(ob, taken)
+    characters.forget_object(ob)
+    adapt(ob)
+    show(ob)
+
+
+def show_shape(ob):
+    """Of the output Mesh: the deformed shape or the rest shape, as its settings say."""
+    if ob.sinew.show_shape:
+        show(ob)
+    else:
+        mesh_output.show_rest(ob)
+
+
+def show_clip(armature):
+    """A setting of the armature's clip was changed: its bones show it now, and the meshes with them."""
+    if any(ob.sinew.source == "CLIP" and ob.sinew.armature == armature for ob in characters.bound_objects()):
+        if has_poses(armature.data):
+            posing.pose_armatures([armature], bpy.context.scene)
+            bpy.context.view_layer.update()

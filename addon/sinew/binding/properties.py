@@ -1,0 +1,157 @@
+"""What the user can set, saved in the .blend: on the mesh object how it is deformed, on the armature
+object how the clip of an imported rig plays."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
+
+from ..session import characters, in_pass
+from . import bind, wiring
+from .mesh_output import OutputError
+
+METHODS = (
+    ("LINEAR", "Linear", "Linear blend skinning: what the Armature modifier does by default"),
+    ("DUAL_QUATERNION", "Dual Quaternion",
+     "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
+     "modifier does with Preserve Volume"),
+)
+SOURCES = (
+    ("CLIP", "Rig's Poses", "The poses that were imported with the rig; the armature follows them"),
+    ("ARMATURE", "Armature", "The armature as Blender poses it: keyframes, constraints, drivers, "
+     "posing by hand"),
+)
+OUTPUT_ITEMS = (
+    ("MODIFIER", "Modifier", "Show the shape through a modifier: the mesh keeps its rest shape"),
+    ("MESH", "Mesh", "Write the shape into the mesh's own vertices, for scripts and exporters; "
+     "the rest shape is kept aside and comes back on unbinding"),
+)
+CLIP_MODES = (
+    ("REST", "Rest", "The rest pose"),
+    ("POSED", "Posed", "The last pose"),
+    ("FACTOR", "Factor", "Between the first and the last pose, by the factor"),
+    ("SWING", "Swing", "To the last pose and back, as |sin(seconds)|"),
+    ("PLAYBACK", "Playback", "One pose after the other with the frames of the scene"),
+)
+
+# An override of a linked character keeps its own settings.
+OVERRIDE = {"LIBRARY_OVERRIDABLE"}
+
+
+def _apply_output(settings, _context):
+    if settings.is_bound:
+        try:
+            bind.switch_output(settings.id_data)
+        except OutputError as error:
+            characters.report(settings.id_data, str(error))
+
+
+def _apply_show_shape(settings, _context):
+    if settings.is_bound and settings.installed_output == "MESH":
+        bind.show_shape(settings.id_data)
+
+
+def _apply_source(settings, _context):
+    if settings.is_bound and settings.source == "CLIP" and settings.armature is not None:
+        bind.show_clip(settings.armature)
+
+
+def _apply_clip(settings, _context):
+    bind.show_clip(settings.id_data)
+
+
+def _read_method(settings):
+    modifier = settings.modifier
+    return int(modifier is not None and modifier.use_deform_preserve_volume)
+
+
+def _write_method(settings, number):
+    if settings.modifier is not None:
+        settings.modifier.use_deform_preserve_volume = bool(number)
+
+
+def _deform_now(settings):
+    in_pass.deform_now(settings.id_data)
+    return 0.0
+
+
+class SinewObjectSettings(bpy.types.PropertyGroup):
+    """On mesh objects: `object.sinew`. What an Armature modifier can say, its own modifier says."""
+
+    method: EnumProperty(
+        items=METHODS, name="Method", description="How the joints' motions are blended: the Armature modifier's "
+        "Preserve Volume", get=_read_method, set=_write_method)
+    source: EnumProperty(
+        items=SOURCES, name="Pose", description="Where the pose comes from", default="ARMATURE",
+        update=_apply_source, override=OVERRIDE)
+    output: EnumProperty(
+        items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
+        update=_apply_output, override=OVERRIDE)
+    show_shape: BoolProperty(
+        name="Deform", default=True, update=_apply_show_shape, override=OVERRIDE,
+        description="Write the deformed shape into the mesh; off: the rest shape (output Mesh)")
+
+    # Kept by bind.py, not for people to set.
+    is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
+    installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
+    has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
+    last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
+
+    # Read by the hook of wiring.py.
+    deform_now: FloatProperty(options={"HIDDEN"}, get=_deform_now)
+
+    @property
+    def modifiers(self):
+        """The Armature modifiers that Sinew stands in for, in the order in which they are mixed."""
+        return wiring.bound_modifiers(self.id_data)
+
+    @property
+    def modifier(self):
+        """The first of them, or None."""
+        return next(iter(self.modifiers), None)
+
+    @property
+    def armature(self):
+        """Of the first of them, or None."""
+        return self.modifier and self.modifier.object
+
+    @armature.setter
+    def armature(self, armature):
+        self.modifier.object = armature
+
+
+class SinewClipSettings(bpy.types.PropertyGroup):
+    """On armature objects: `object.sinew_clip`, how the imported poses play."""
+
+    mode: EnumProperty(
+        items=CLIP_MODES, name="Mode", description="Which of the rig's poses is shown",
+        update=_apply_clip, override=OVERRIDE)
+    factor: FloatProperty(
+        name="Factor", description="0 is the first pose, 1 the last", min=0.0, max=1.0,
+        default=1.0, subtype="FACTOR", update=_apply_clip, override=OVERRIDE)
+    frame_start: FloatProperty(
+        name="Start Frame", description="The scene's frame that shows the first pose", default=1.0,
+        update=_apply_clip, override=OVERRIDE)
+    speed: FloatProperty(
+        name="Speed", description="Poses a frame", default=1.0, soft_min=-4.0, soft_max=4.0,
+        update=_apply_clip, override=OVERRIDE)
+    loop: BoolProperty(
+        name="Loop", description="Begin again after the last pose", default=True,
+        update=_apply_clip, override=OVERRIDE)
+
+
+CLASSES = (SinewObjectSettings, SinewClipSettings)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Object.sinew = PointerProperty(
+        type=SinewObjectSettings, override=OVERRIDE)
+    bpy.types.Object.sinew_clip = PointerProperty(
+        type=SinewClipSettings, override=OVERRIDE)
+
+
+def unregister():
+    del bpy.types.Object.sinew_clip
+    del bpy.types.Object.sinew
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

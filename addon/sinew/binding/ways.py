@@ -1,0 +1,77 @@
+"""Which way a bound mesh goes: through an attribute, through its shape keys, or by Blender's own modifier.
+
+Sinew deforms in the pass in which Blender evaluates the mesh, so it has to know by itself what goes into the
+Armature modifier. Where it does not, Blender's own modifier goes on deforming: right at once, and no slower than
+before.
+"""
+
+from dataclasses import dataclass
+
+from ..blender import nodes
+from . import wiring
+
+ATTRIBUTE, KEYS, BLENDER, MESH = "ATTRIBUTE", "KEYS", "BLENDER", "MESH"
+# Blender lets nothing but deforming modifiers stand before these.
+WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
+
+
+@dataclass(frozen=True)
+class Way:
+    kind: str
+    reason: str = ""  # of BLENDER, a sentence for people
+
+    @property
+    def in_pass(self):
+        return self.kind in {ATTRIBUTE, KEYS}
+
+
+def choose(ob, mesh, sharer_count, moves_against_armature=False):
+    """ob: a bound mesh object, original or evaluated; mesh: its own; sharer_count: how many objects have that mesh;
+    moves_against_armature: whether mesh and armature were seen to move against each other, frame by frame."""
+    if ob.sinew.installed_output == "MESH":
+        return Way(MESH)
+    taken = [ob.original.modifiers[modifier.name] for modifier in wiring.taken_modifiers(ob)]
+    if not taken or taken[0].object is None:
+        return Way(BLENDER, "Its armature is gone: choose another one, or unbind")
+    for modifier in ob.original.modifiers:
+        if modifier == taken[0]:
+            break
+        if not nodes.is_sinew(modifier) and wiring.is_shown(modifier):
+            return Way(BLENDER, f"{modifier.name} comes before {taken[0].name}, and only Blender knows what it "
+                                "does to the shape")
+    driven = wiring.driven_settings(ob, taken)
+    if driven:
+        return Way(BLENDER, f"{driven[0]} of its Armature modifier is driven, and may not be there in time")
+    if sharer_count > 1:
+        return Way(BLENDER, f"{sharer_count} objects share this mesh, and Blender evaluates them at once")
+    if (moves_against_armature or mesh.shape_keys is not None) and hangs_on_shape(ob, taken):
+        what = "Its shape keys move vertices" if mesh.shape_keys else "Mesh and armature move against each other"
+        return Way(BLENDER, f"{what}, so its B-bones or envelopes take hold anew on each frame")
+    if mesh.shape_keys is not None:
+        return _through_keys(ob.original, mesh.shape_keys, taken)
+    for modifier in ob.original.modifiers:
+        if modifier.type in WANTS_DEFORM_ONLY:
+            return Way(BLENDER, f"{modifier.name} lets only deforming modifiers stand before it: give the mesh a "
+                                "shape key, and Sinew goes through that")
+    return Way(ATTRIBUTE)
+
+
+def hangs_on_shape(ob, taken):
+    """Whether it depends on where a vertex is what moves it: of B-bones and envelopes."""
+    groups = {group.name for group in ob.original.vertex_groups}
+    return any(modifier.use_bone_envelopes or any(
+        bone.use_deform and bone.name in groups and (bone.bbone_segments > 1 or bone.use_envelope_multiply)
+        for bone in modifier.object.data.bones) for modifier in taken if modifier.object is not None)
+
+
+def _through_keys(ob, keys, taken):
+    if not keys.use_relative:
+        return Way(BLENDER, "Its shape keys are absolute ones, which only Blender blends")
+    if ob.show_only_shape_key:
+        return Way(BLENDER, "One shape key alone is shown")
+    if any(modifier.show_viewport != modifier.show_render for modifier in taken):
+        return Way(BLENDER, "Its Armature modifier is not shown alike in viewport and render, which cannot be told "
+                            "apart through shape keys")
+    if not wiring.is_shown(taken[0]):
+        return Way(BLENDER, "Its Armature modifier is switched off")
+    return Way(KEYS)

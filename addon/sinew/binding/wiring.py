@@ -1,0 +1,213 @@
+"""The hook: the driver of a bound mesh by which Blender calls Sinew in its own evaluation.
+
+It drives a property of the first Armature modifier that Sinew stands in for: one that means nothing on a mesh, but
+has Blender wait for the driver before it evaluates the mesh. Its first variable reads `sinew.deform_now`, whose `get`
+deforms the mesh; the others name what has to be there by then: the mesh, its shape keys, places, and the bones. There
+is no scripted expression in it, so it works where scripts of files may not run; and where the add-on is not there,
+the property does not exist, and nothing happens.
+
+The Armature modifier itself stays as it is, switched on. Sinew switches it off in the evaluated copy alone, in the
+same pass, and its own modifier on (`switch`): so a file plays without Sinew as if Sinew had never been there, and
+Blender's tools find the modifier that they look for.
+"""
+
+import bpy
+
+from ..blender import animation, memory, values
+
+HOOK = "sinew.deform_now"
+CARRIER = "use_apply_on_spline"  # of a modifier: for curves alone
+
+
+def path_of(modifier, name=CARRIER):
+    return f'modifiers["{bpy.utils.escape_identifier(modifier.name)}"].{name}'
+
+
+def hook_of(ob, modifier):
+    """The driver, or None."""
+    curve = animation.find_driver(ob, path_of(modifier))
+    is_ours = curve is not None and any(
+        variable.type == "SINGLE_PROP" and variable.targets[0].data_path == HOOK for variable in curve.driver.variables)
+    return curve if is_ours else None
+
+
+def first_taken(ob):
+    """The Armature modifier with the hook, the first that Sinew stands in for; None: there is none. ob: original or
+    evaluated."""
+    if not ob.animation_data:
+        return None
+    return next((modifier for modifier in ob.modifiers
+                 if modifier.type == "ARMATURE" and hook_of(ob, modifier) is not None), None)
+
+
+def taken_modifiers(ob):
+    """All that Sinew stands in for, in their order."""
+    first = first_taken(ob)
+    return mixed_modifiers(ob, first) if first is not None else []
+
+
+def mixed_modifiers(ob, modifier):
+    """The Armature modifiers that Multi Modifier joins, this one first: a later one starts from the same
+    shape as the first, and the two results are mixed. An ordinary modifier stands alone."""
+    chain = [modifier]
+    originals = ob.original.modifiers  # in an evaluated copy Sinew itself has switched them off
+    for later in list(ob.modifiers)[ob.modifiers.find(modifier.name) + 1:]:
+        if later.type != "ARMATURE" or not later.use_multi_modifier:
+            break
+        if later.object is not None and is_shown(originals[later.name]):
+            chain.append(later)
+    return chain
+
+
+def driven_settings(ob, modifiers):
+    """Names of properties of these modifiers that drivers set, but for the hook. (Keyframes come before the hook.)"""
+    starts = tuple(path_of(modifier, "") for modifier in modifiers)
+    return [curve.data_path.rpartition(".")[2] for curve in ob.animation_data.drivers
+            if curve.data_path.startswith(starts) and not curve.data_path.endswith(CARRIER)]
+
+
+def is_shown(modifier):
+    return modifier.show_viewport or modifier.show_render
+
+
+def switch(ob, taken, own, deforms):
+    """Who deforms an evaluated object in the pass that goes on. taken: names of the Armature modifiers; own: of
+    Sinew's, or None; deforms: Sinew does, else Blender's own modifiers do."""
+    originals = ob.original.modifiers
+    for name in taken:
+        original = originals[name]
+        memory.switch_modifier(ob.modifiers[name], original.show_viewport and not deforms,
+                               original.show_render and not deforms)
+    if own is not None:
+        first = originals[taken[0]]
+        memory.switch_modifier(ob.modifiers[own], first.show_viewport and deforms, first.show_render and deforms)
+
+
+def hook_variables(ob, armatures):
+    """What the hook is to have."""
+    mesh = ob.data
+    wanted = [("deform", "OBJECT", ob, HOOK), ("mesh", "MESH", mesh, "vertices[0].hide")]
+    if mesh.shape_keys is not None:
+        wanted.append(("keys", "KEY", mesh.shape_keys, "use_relative"))
+    wanted.append(("place", "OBJECT", ob, "location[0]"))  # its transform, as all of it is one to Blender
+    for number, armature in enumerate(armatures):
+        wanted.append((f"armature{number}", "BONE", armature, ""))
+        wanted += [(f"bone{number}_{i}", *variable) for i, variable in enumerate(_bones(armature))]
+    return wanted
+
+
+def _bones(armature):
+    """The deforming bones on which no other deforming bone hangs: all others are done before them. And B-bones, whose
+    segments come last."""
+    above = set()
+    for bone in armature.data.bones:
+        if bone.use_deform:
+            above.update(parent.name for parent in bone.parent_recursive)
+    for bone in armature.data.bones:
+        if not bone.use_deform:
+            continue
+        if bone.bbone_segments > 1:
+            name = bpy.utils.escape_identifier(bone.name)
+            yield "OBJECT", armature, f'pose.bones["{name}"].bbone_rollin'
+        elif bone.name not in above:
+            yield "BONE", armature, bone.name
+
+
+def bendy_bones(armature):
+    """{(key of an armature object, path)} of its deforming B-bones, as the hook's variables have them."""
+    key = values.key_of(armature)
+    return frozenset((key, variable[2]) for variable in _bones(armature) if variable[0] == "OBJECT")
+
+
+def bendy_bones_of(hook):
+    """The same, of those that a hook waits for."""
+    targets = [variable.targets[0] for variable in hook.driver.variables if variable.type == "SINGLE_PROP"]
+    return frozenset((values.key_of(target.id), target.data_path) for target in targets
+                     if target.id is not None and target.data_path.startswith("pose."))
+
+
+def wire(ob, modifier):
+    """Gives the object the hook, on that modifier, with what it has to wait for as things stand."""
+    for other in ob.modifiers:
+        if other.type == "ARMATURE" and other != modifier and hook_of(ob, other):
+            animation.remove_driver(ob, path_of(other))
+    modifiers = held_modifiers(ob) or mixed_modifiers(ob, modifier)
+    armatures = dict.fromkeys(each.object for each in modifiers if each.object is not None)
+    wanted = hook_variables(ob, list(armatures))
+    hook = hook_of(ob, modifier)
+    if hook is not None and _present(hook) == [variable[1:] for variable in wanted]:
+        return
+    animation.remove_driver(ob, path_of(modifier))
+    animation.drive(ob, path_of(modifier), wanted)
+
+
+def _present(hook):
+    found = []
+    for variable in hook.driver.variables:
+        target = variable.targets[0]
+        if variable.type == "TRANSFORMS":
+            found.append(("BONE", target.id, target.bone_target))
+        else:
+            found.append((target.id_type, target.id, target.data_path))
+    return found
+
+
+def unwire(ob):
+    for modifier in ob.modifiers:
+        if modifier.type == "ARMATURE" and hook_of(ob, modifier):
+            animation.remove_driver(ob, path_of(modifier))
+
+
+def waits_for(hook, name):
+    """The data-block that the hook waits for under that name, "mesh" or "keys": of an evaluated object an evaluated
+    copy, the mesh as it is before all modifiers (the object's own `data` is still the last result)."""
+    variable = hook.driver.variables.get(name)
+    return variable and variable.targets[0].id
+
+
+def revive(ob):
+    """A hook that was found invalid, for the add-on was not there, is tried again."""
+    for modifier in ob.modifiers:
+        if modifier.type == "ARMATURE" and hook_of(ob, modifier) and not hook_of(ob, modifier).driver.is_valid:
+            hook_of(ob, modifier).driver.is_valid = True
+            ob.update_tag()
+
+
+# --- of the output Mesh ---------------------------------------------------------------------------
+
+# There the mesh itself has the shape, so that Blender's own modifiers must not deform it, with Sinew or without. Their
+# switches are held by drivers that say what they were.
+SWITCHES = ("show_viewport", "show_render")
+HELD = {True: "0 * 1", False: "0 * 0"}  # expressions: 0, whatever it was
+
+
+def hold_off(ob, modifiers):
+    for modifier in modifiers:
+        for name in SWITCHES:
+            curve = animation.find_driver(ob, path_of(modifier, name))
+            if curve is None:
+                animation.drive(ob, path_of(modifier, name), [], HELD[getattr(modifier, name)])
+
+
+def held_modifiers(ob):
+    return [modifier for modifier in ob.modifiers if modifier.type == "ARMATURE" and _held(ob, modifier, SWITCHES[0])]
+
+
+def _held(ob, modifier, name):
+    curve = animation.find_driver(ob, path_of(modifier, name))
+    return curve if curve is not None and curve.driver.expression in HELD.values() else None
+
+
+def let_go(ob):
+    for modifier in held_modifiers(ob):
+        for name in SWITCHES:
+            curve = _held(ob, modifier, name)
+            if curve is not None:
+                was_shown = curve.driver.expression == HELD[True]
+                animation.remove_driver(ob, path_of(modifier, name))
+                setattr(modifier, name, was_shown)
+
+
+def bound_modifiers(ob):
+    """The Armature modifiers of a bound object, whatever its output."""
+    return held_modifiers(ob) or taken_modifiers(ob)

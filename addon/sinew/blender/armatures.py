@@ -1,0 +1,86 @@
+"""Armatures: bpy <-> numpy, both ways."""
+
+import numpy as np
+from mathutils import Vector
+
+_BONE_NUMBERS = (
+    ("use_deform", 1, bool), ("use_envelope_multiply", 1, bool), ("bbone_segments", 1, np.int32),
+    ("matrix_local", 16, np.float32), ("length", 1, np.float32), ("head_radius", 1, np.float32),
+    ("tail_radius", 1, np.float32), ("envelope_distance", 1, np.float32),
+    ("envelope_weight", 1, np.float32), ("bbone_curveinx", 1, np.float32),
+    ("bbone_curveinz", 1, np.float32), ("bbone_curveoutx", 1, np.float32),
+    ("bbone_curveoutz", 1, np.float32), ("bbone_rollin", 1, np.float32),
+    ("bbone_rollout", 1, np.float32), ("bbone_easein", 1, np.float32),
+    ("bbone_easeout", 1, np.float32))
+
+
+def bone_signature(armature):
+    """What can be compared to see whether bones have changed in anything that decides on influences."""
+    bones = armature.data.bones
+    parts = [bones.keys()]
+    for name, size, dtype in _BONE_NUMBERS:
+        numbers = np.empty(size * len(bones), dtype)
+        bones.foreach_get(name, numbers)
+        parts.append(numbers.tobytes())
+    parts.append([is_curved(bone) for bone in bones])
+    return parts
+
+
+def is_curved(bone):
+    """Whether a B-bone's vertices belong to its segments along its curve (4.x)."""
+    return getattr(bone, "bbone_mapping_mode", "STRAIGHT") == "CURVED"
+
+
+def read_bones(armature):
+    """Fields of influences.Bones, each with an entry a pose bone, in their order."""
+    bones = [bone.bone for bone in armature.pose.bones]
+
+    def numbers(name, dtype=np.float64):
+        return np.array([getattr(bone, name) for bone in bones], dtype)
+
+    rest = np.array([bone.matrix_local for bone in bones], np.float64).reshape(-1, 4, 4)
+    return dict(
+        names=tuple(bone.name for bone in bones), deform=numbers("use_deform", bool), rest=rest,
+        length=numbers("length"), head_radius=numbers("head_radius"),
+        tail_radius=numbers("tail_radius"), envelope_distance=numbers("envelope_distance"),
+        envelope_weight=numbers("envelope_weight"), multiply=numbers("use_envelope_multiply", bool),
+        segments=numbers("bbone_segments", int),
+        curved=np.array([is_curved(bone) for bone in bones], bool))
+
+
+def read_channels(armature):
+    """(B, 4, 4) float32: each pose bone's motion from rest to pose, armature space."""
+    bones = armature.pose.bones
+    numbers = np.empty(16 * len(bones), np.float32)
+    bones.foreach_get("matrix_channel", numbers)
+    return numbers.reshape(-1, 4, 4).transpose(0, 2, 1)
+
+
+def read_segments(armature, bone, rest=False):
+    """(n + 1, 4, 4): the ends of a B-bone's n segments, space of the bone."""
+    pose_bone = armature.pose.bones[bone]
+    return np.array([pose_bone.bbone_segment_matrix(k, rest=rest)
+                     for k in range(pose_bone.bone.bbone_segments + 1)], np.float64)
+
+
+def segment_at(armature, bone, point):
+    """(segment, 0 to 1: how near its end) of a curved B-bone at a point (3,), space of the armature."""
+    return armature.pose.bones[bone].bbone_segment_index(Vector(point))
+
+
+def read_pose(armature):
+    """location (B, 3), rotation (B, 4) w x y z, float32, as all pose bones hold them."""
+    bones = armature.pose.bones
+    location, rotation = np.empty(3 * len(bones), np.float32), np.empty(4 * len(bones), np.float32)
+    bones.foreach_get("location", location)
+    bones.foreach_get("rotation_quaternion", rotation)
+    return location.reshape(-1, 3), rotation.reshape(-1, 4)
+
+
+def write_pose(armature, location, rotation):
+    """location (B, 3), rotation (B, 4) w x y z, float32 -> all pose bones of the original armature."""
+    bones = armature.pose.bones
+    bones.foreach_set("location", location.reshape(-1))
+    bones.foreach_set("rotation_quaternion", rotation.reshape(-1))
+    bones.foreach_set("scale", np.ones(3 * len(bones), np.float32))
+    armature.update_tag(refresh={"DATA"})

@@ -1,0 +1,172 @@
+"""What Blender's API hands over one by one, read and written whole in Blender's own memory.
+
+Addresses are asked for anew on each evaluation and never kept. What is read is compared with the API where it is
+first used (`check_pose`, `deform_vertices`); where the two do not agree, callers go through the API.
+"""
+
+import ctypes
+import functools
+
+import numpy as np
+
+from . import layout
+from ..native import sinew_native
+
+host = sinew_native.host
+_SEEN = 0x53  # what a mark is
+_DEFORM_VERTICES = 2  # Blender's number for that kind of data on vertices
+
+
+def _address_at(address):
+    return ctypes.c_uint64.from_address(address).value
+
+
+# --- marks ----------------------------------------------------------------------------------------
+
+_STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature"}
+
+
+@functools.lru_cache(maxsize=None)
+def _mark_offset(kind):
+    return layout.structs()[_STRUCT_OF[kind]].padding()
+
+
+def _mark(block, kind):
+    return ctypes.c_uint8.from_address(block.as_pointer() + _mark_offset(kind))
+
+
+def take_mark(block, kind):
+    """Whether an evaluated data-block is the copy that was seen last; it counts as seen from now on. The mark is a
+    byte that Blender does not use, so it goes when Blender copies the block anew: after an edit."""
+    byte = _mark(block, kind)
+    seen = byte.value == _SEEN
+    byte.value = _SEEN
+    return seen
+
+
+def is_marked(block, kind):
+    return _mark(block, kind).value == _SEEN
+
+
+def clear_mark(block, kind):
+    """Also of an original, which may have become one from an evaluated copy (Convert to Mesh)."""
+    _mark(block, kind).value = 0
+
+
+# --- weights --------------------------------------------------------------------------------------
+
+def deform_vertices(mesh):
+    """Address of the mesh's array of weights; 0 if it has none, None if it cannot be found."""
+    kinds = layout.structs()
+    data, entry = kinds["CustomData"], kinds["CustomDataLayer"]
+    vertex_data = mesh.as_pointer() + kinds["Mesh"].offset("vdata")
+    layers = _address_at(vertex_data + data.offset("*layers"))
+    count = ctypes.c_int32.from_address(vertex_data + data.offset("totlayer")).value
+    for number in range(count):
+        at = layers + number * entry.size
+        if ctypes.c_int32.from_address(at + entry.offset("type")).value == _DEFORM_VERTICES:
+            address = _address_at(at + entry.offset("*data"))
+            return address if _is_right(mesh, address) else None
+    return 0
+
+
+def _is_right(mesh, address):
+    """Some vertices' weights lie where the API says."""
+    vertices = mesh.vertices
+    for index in {0, len(vertices) // 2, len(vertices) - 1} if len(vertices) else ():
+        groups = vertices[index].groups
+        if ctypes.c_int32.from_address(address + 16 * index + 8).value != len(groups):
+            return False
+        if len(groups) and _address_at(address + 16 * index) != groups[0].as_pointer():
+            return False
+    return True
+
+
+# --- poses ----------------------------------------------------------------------------------------
+
+@functools.lru_cache(maxsize=None)
+def pose_layout():
+    """What `host.read_pose` takes."""
+    kinds = layout.structs()
+    bone, runtime = kinds["bPoseChannel"], kinds["bPoseChannel_Runtime"]
+    start = bone.offset("runtime")
+    return (bone.offset("*next"), bone.offset("chan_mat"), start + runtime.offset("bbone_segments"),
+            start + runtime.offset("*bbone_deform_mats"))
+
+
+def read_pose(armature, first_joints, joint_counts, out):
+    """Motions of an evaluated armature's bones, from rest to pose, armature space, those of B-bones for each end of
+    a segment; the rest as `host.read_pose` has it."""
+    host.read_pose(armature.pose.bones[0].as_pointer(), first_joints, joint_counts, pose_layout(), out)
+
+
+# --- shape keys -----------------------------------------------------------------------------------
+
+@functools.lru_cache(maxsize=None)
+def _key_layout():
+    key = layout.structs()["KeyBlock"]
+    return key.offset("flag"), key.offset("curval"), key.offset("*data"), key.offset("totelem")
+
+
+def key_addresses(keys):
+    """(K,) of an evaluated key data-block's keys."""
+    blocks = keys.key_blocks
+    return host.list_addresses(blocks[0].as_pointer(), len(blocks)) if len(blocks) else np.empty(0, np.int64)
+
+
+def key_positions(address, count):
+    """(count, 3) float32: a key's numbers themselves, or None if it has another number of them."""
+    _flag, _value, data, total = _key_layout()
+    address = int(address)
+    if ctypes.c_int32.from_address(address + total).value != count:
+        return None
+    return vectors_at(_address_at(address + data), count)
+
+
+def silence_keys(addresses, mute_is_animated):
+    """Has Blender add nothing to the reference key in an evaluated copy. Returns (K,) float32, the keys' values, 0
+    for what the user has muted."""
+    return host.silence_keys(addresses, _key_layout()[:2], mute_is_animated)
+
+
+def give_keys_back(addresses):
+    host.give_keys_back(addresses, _key_layout()[0])
+
+
+@functools.lru_cache(maxsize=64)
+def _floats(count):
+    return ctypes.c_float * count
+
+
+def vectors_at(address, count):
+    """(count, 3) float32 at that address, to be used at once and forgotten."""
+    return np.frombuffer(_floats(3 * count).from_address(address), np.float32).reshape(count, 3)
+
+
+def attribute_vectors(attribute, count):
+    """(count, 3) float32: the numbers of a vector attribute themselves, or None if they cannot be had. Asking for
+    their address makes Blender give the mesh numbers of its own, no longer shared with other copies, as any write
+    through its API does; but it does not see what is written here."""
+    data = attribute.data
+    if count == 0 or len(data) != count:
+        return None
+    address = data[0].as_pointer()
+    if data[count - 1].as_pointer() != address + 12 * (count - 1):
+        return None
+    return vectors_at(address, count)
+
+
+# --- modifiers ------------------------------------------------------------------------------------
+
+_VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
+
+
+@functools.lru_cache(maxsize=None)
+def _mode_offset():
+    return layout.structs()["ModifierData"].offset("mode")
+
+
+def switch_modifier(modifier, viewport, render):
+    """Of an evaluated object, before its modifiers are evaluated. Through the API it would count as an edit."""
+    mode = ctypes.c_int32.from_address(modifier.as_pointer() + _mode_offset())
+    mode.value = mode.value & ~(_VIEWPORT | _RENDER) | _VIEWPORT * bool(viewport) | _RENDER * bool(render)

@@ -1,0 +1,164 @@
+"""Meshes: bpy <-> numpy, both ways. Nothing here knows what the numbers are for."""
+
+import bmesh
+import bpy
+import numpy as np
+
+from . import memory
+
+
+def read_positions(mesh):
+    """(V, 3) float32, the mesh's own vertices."""
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    return positions.reshape(-1, 3)
+
+
+def write_positions(mesh, positions):
+    """positions (V, 3) float32 -> the mesh's own vertices; tags the mesh for evaluation."""
+    flat = positions.reshape(-1)
+    attribute = mesh.attributes.get("position")
+    if attribute is None:  # before 3.5
+        mesh.vertices.foreach_set("co", flat)
+        mesh.update()
+    else:
+        attribute.data.foreach_set("vector", flat)
+        positions_written(mesh, positions)
+
+
+def positions_written(mesh, positions):
+    """Tells Blender that its positions (3.5 and later) were changed. 4.3's bounding box stays stale
+    after all other ways of saying so, this setter looks after it and all else."""
+    if len(positions):
+        mesh.vertices[0].co = positions[0]
+
+
+def point_attribute(mesh, name):
+    """The mesh's vector attribute on points of this name, or None."""
+    attribute = mesh.attributes.get(name)
+    if attribute and attribute.data_type == "FLOAT_VECTOR" and attribute.domain == "POINT":
+        return attribute
+    return None
+
+
+def read_attribute(attribute):
+    """(V, 3) float32."""
+    vectors = np.empty(3 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("vector", vectors)
+    return vectors.reshape(-1, 3)
+
+
+def write_attribute(mesh, name, vectors):
+    """vectors (V, 3) float32 -> a vector attribute on points, made if it is not there."""
+    attribute = point_attribute(mesh, name)
+    if attribute is None:
+        stale = mesh.attributes.get(name)
+        if stale:
+            mesh.attributes.remove(stale)
+        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
+    attribute.data.foreach_set("vector", vectors.reshape(-1))
+    mesh.update_tag()
+
+
+def remove_attribute(mesh, name):
+    attribute = mesh.attributes.get(name)
+    if attribute:
+        mesh.attributes.remove(attribute)
+
+
+def new_mesh(name, positions, face_offsets, face_vertices):
+    """A mesh of polygons with vertices in the given order, all of them kept."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(positions))
+    mesh.vertices.foreach_set("co", positions.astype(np.float32).reshape(-1))
+    mesh.loops.add(len(face_vertices))
+    mesh.loops.foreach_set("vertex_index", face_vertices.astype(np.int32))
+    face_count = len(face_offsets) - 1
+    mesh.polygons.add(face_count)
+    mesh.polygons.foreach_set("loop_start", face_offsets[:-1].astype(np.int32))
+    if bpy.app.version < (4, 1, 0):  # later versions know it from the starts
+        mesh.polygons.foreach_set("loop_total", np.diff(face_offsets).astype(np.int32))
+    mesh.update(calc_edges=True)
+    mesh.validate()  # drops broken faces, never vertices
+    shade_smooth(mesh)
+    return mesh
+
+
+def shade_smooth(mesh):
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
+    mesh.update()
+
+
+def read_faces(mesh):
+    """face_offsets (faces + 1,), face_vertices, face_materials (faces,), int32."""
+    starts = np.empty(len(mesh.polygons), np.int32)
+    counts = np.empty(len(mesh.polygons), np.int32)
+    materials = np.empty(len(mesh.polygons), np.int32)
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.polygons.foreach_get("loop_total", counts)
+    mesh.polygons.foreach_get("material_index", materials)
+    mesh.loops.foreach_get("vertex_index", corners)
+    return np.append(starts, len(corners)).astype(np.int32), corners, materials
+
+
+# --- weights --------------------------------------------------------------------------------------
+
+def read_weights(mesh):
+    """offsets (V + 1,) int64, groups (N,) int32, weights (N,) float32, in the order in which Blender stores them:
+    dual quaternion skinning depends on it."""
+    address = memory.deform_vertices(mesh) if not mesh.is_editmode else None
+    if address is None:
+        return _weights_by_bmesh(mesh)
+    if address == 0:
+        return np.zeros(len(mesh.vertices) + 1, np.int64), np.empty(0, np.int32), np.empty(0, np.float32)
+    return memory.host.read_weights(address, len(mesh.vertices))
+
+
+def read_object_weights(ob):
+    """The same of a mesh object; an entry of a vertex group that was removed has the group -1."""
+    offsets, groups, weights = read_weights(ob.data)
+    groups[groups >= len(ob.vertex_groups)] = -1
+    return offsets, groups, weights
+
+
+def _weights_by_bmesh(mesh):
+    bm = bmesh.new()
+    try:
+        bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
+        layer = bm.verts.layers.deform.active
+        counts = np.zeros(len(bm.verts), np.int64)
+        groups, weights = [], []
+        if layer is not None:
+            for i, vertex in enumerate(bm.verts):
+                entries = vertex[layer]
+                names = entries.keys()
+                counts[i] = len(names)
+                groups += names
+                weights += entries.values()
+    finally:
+        bm.free()
+    offsets = np.concatenate(([0], np.cumsum(counts)))
+    return offsets, np.array(groups, np.int32), np.array(weights, np.float32)
+
+
+def write_weights(mesh, dense):
+    """dense (V, groups): entries above zero become entries of the vertex groups of that index, the
+    heaviest first."""
+    bm = bmesh.new()
+    try:
+        bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
+        layer = bm.verts.layers.deform.verify()
+        rows, columns = np.nonzero(dense > 0)
+        values = dense[rows, columns]
+        order = np.lexsort((-values, rows))
+        vertices = bm.verts
+        vertices.ensure_lookup_table()
+        for row, column, value in zip(
+                rows[order].tolist(), columns[order].tolist(), values[order].tolist()):
+            vertices[row][layer][column] = value
+        bm.to_mesh(mesh)
+    finally:
+        bm.free()
+
+

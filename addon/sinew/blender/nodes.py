@@ -1,0 +1,113 @@
+"""The Geometry Nodes modifier that puts positions from an attribute in place."""
+
+import bpy
+
+MODIFIER_NAME = "Sinew"
+NODE_GROUP_NAME = "Sinew"
+NODE_GROUP_VERSION = 3
+VERSION_PROPERTY = "sinew_version"
+POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
+
+
+def is_sinew(modifier):
+    return (modifier.type == "NODES" and modifier.node_group is not None
+            and VERSION_PROPERTY in modifier.node_group)
+
+
+def find_modifier(ob):
+    """Sinew's modifier of the object, or None."""
+    return next(filter(is_sinew, ob.modifiers), None)
+
+
+def add_modifier(ob, index):
+    """In that place of the stack. Raises ValueError where Blender does not let it go there."""
+    modifier = ob.modifiers.new(MODIFIER_NAME, "NODES")
+    modifier.node_group = node_group()
+    # Sinew switches it on in evaluated copies alone: without Sinew it is off.
+    modifier.show_expanded = modifier.show_viewport = modifier.show_render = False
+    try:
+        move_modifier(ob, modifier, index)
+    except ValueError:
+        ob.modifiers.remove(modifier)
+        forget_unused_groups()
+        raise
+    return modifier
+
+
+def is_removable(ob, modifier):
+    """An override keeps the modifiers of the library: taken away, they would come back in another place."""
+    return ob.override_library is None or not modifier.is_override_data
+
+
+def remove_modifiers(ob):
+    for modifier in [modifier for modifier in ob.modifiers if is_sinew(modifier)]:
+        if is_removable(ob, modifier):
+            ob.modifiers.remove(modifier)
+    forget_unused_groups()
+
+
+def move_modifier(ob, modifier, index):
+    """Raises ValueError where Blender does not allow it and it would make a difference."""
+    place = ob.modifiers.find(modifier.name)
+    if place == index:
+        return
+    if hasattr(ob.modifiers, "move"):
+        try:
+            ob.modifiers.move(place, index)
+        except RuntimeError:
+            pass
+    else:
+        with bpy.context.temp_override(object=ob, active_object=ob):  # before 3.5
+            try:
+                bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+            except RuntimeError:
+                pass
+    place = ob.modifiers.find(modifier.name)
+    others = [m.name for m in ob.modifiers[index:place]
+              if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
+    if others:
+        raise ValueError(f"Blender does not let Sinew's modifier be put before {others[0]} of {ob.name}")
+
+
+def node_group():
+    """The node group that Sinew's modifiers share, made when it is first needed."""
+    for group in bpy.data.node_groups:
+        if group.library is None and group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION:
+            return group
+    group = bpy.data.node_groups.new(NODE_GROUP_NAME, "GeometryNodeTree")
+    group[VERSION_PROPERTY] = NODE_GROUP_VERSION
+    if hasattr(group, "interface"):
+        for direction in ("INPUT", "OUTPUT"):
+            group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    else:  # before 4.0
+        group.inputs.new("NodeSocketGeometry", "Geometry")
+        group.outputs.new("NodeSocketGeometry", "Geometry")
+    source = group.nodes.new("NodeGroupInput")
+    attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
+    attribute.data_type = "FLOAT_VECTOR"
+    attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    if bpy.app.version >= (4, 0, 0):
+        # The same as Set Position, in less time.
+        place = group.nodes.new("GeometryNodeStoreNamedAttribute")
+        place.data_type, place.domain = "FLOAT_VECTOR", "POINT"
+        place.inputs["Name"].default_value = "position"
+        value = next(i for i in place.inputs if i.name == "Value" and i.type == "VECTOR")
+    else:
+        place = group.nodes.new("GeometryNodeSetPosition")
+        value = place.inputs["Position"]
+    target = group.nodes.new("NodeGroupOutput")
+    group.links.new(source.outputs[0], place.inputs["Geometry"])
+    group.links.new(attribute.outputs["Attribute"], value)
+    # A mesh that has lost the attribute keeps its own shape.
+    if "Exists" in attribute.outputs:
+        group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
+    group.links.new(place.outputs[0], target.inputs[0])
+    for column, node in enumerate((source, attribute, place, target)):
+        node.location = (200 * column, -120 if not node.inputs else 0)
+    return group
+
+
+def forget_unused_groups():
+    for group in [g for g in bpy.data.node_groups
+                  if VERSION_PROPERTY in g and g.users == 0 and g.library is None]:
+        bpy.data.node_groups.remove(group)

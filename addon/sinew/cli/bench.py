@@ -1,0 +1,166 @@
+"""Sinew against Blender's own Armature modifier: the same frames of the open scene and of a copy of it, in
+turns, for a machine's pace drifts."""
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import bpy
+import numpy as np
+
+from ..binding import bind
+from ..blender import meshes
+from ..rigs import clip_keyframes, clip_store
+from ..session import characters, handlers
+
+BLOCK = 10  # frames in a row that one of the two has
+STAGES = ("pose", "skin")
+NUMBER_PROPERTY = "sinew_bench"  # which mesh a copy is of
+
+
+@dataclass
+class Contest:
+    """Two scenes with the same characters."""
+
+    scenes: tuple  # by Sinew, by Blender's modifiers
+    layer: str  # name of the view layer on show, in both
+    pairs: list  # (mesh that Sinew deforms, its copy)
+    skipped: dict  # {name: why Sinew does not deform it}; Blender's modifiers do in both scenes
+    frames: list
+
+
+def deformed_meshes(objects):
+    """Those that Sinew or an Armature modifier deforms."""
+    return [ob for ob in objects if ob.type == "MESH" and (
+        ob.sinew.is_bound or any(modifier.type == "ARMATURE" for modifier in ob.modifiers))]
+
+
+def set_up(output, frame_count):
+    """Changes the open file for good: binds the meshes on show and copies the scene before. Returns a
+    Contest, or raises ValueError if Sinew can deform none of them."""
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    meshes = [ob for ob in deformed_meshes(layer.objects) if ob.visible_get()]
+    if not meshes:
+        raise ValueError("there is no mesh on show that Sinew or an Armature modifier deforms")
+    linked = [ob for ob in meshes if ob.library]
+    skipped = {ob.name_full: f"{ob.name} is linked from another file" for ob in linked}
+    sources = {ob: release(ob) for ob in meshes if ob not in linked}
+    copied_scene, copies = copy_scene(list(sources))
+    pairs = []
+    for (ob, source), copy in zip(sources.items(), copies):
+        try:
+            bind.bind(ob, bind.find_armature(ob), output, source=source)
+            pairs.append((ob, copy))
+        except bind.BindingError as error:
+            skipped[ob.name_full] = str(error)
+    if not pairs:
+        raise ValueError("; ".join(skipped.values()))
+    length = scene.frame_end - scene.frame_start + 1
+    frames = [scene.frame_start + i % length for i in range(frame_count)]
+    for armature in {bind.find_armature(copy) for ob, copy in pairs if ob.sinew.source == "CLIP"}:
+        if clip_store.has_poses(armature.data):
+            clip_keyframes.insert(copied_scene, armature, min(frames), max(frames))
+    return Contest((scene, copied_scene), layer.name, pairs, skipped, frames)
+
+
+def release(ob):
+    """Leaves the mesh to its Armature modifiers, if it is bound. Returns where its pose came from."""
+    settings = ob.sinew
+    if not settings.is_bound:
+        return "ARMATURE"
+    source = settings.source
+    settings.has_added_modifier = False  # it stays
+    bind.unbind(ob)
+    return source
+
+
+def copy_scene(meshes):
+    """A copy of the open scene with objects, meshes and armatures of its own. Returns it, and the copy of
+    each of these mesh objects."""
+    window, scene = bpy.context.window, bpy.context.scene
+    for number, ob in enumerate(meshes):
+        ob[NUMBER_PROPERTY] = number
+    bpy.ops.scene.new(type="FULL_COPY")
+    copied_scene = bpy.context.scene
+    window.scene = scene
+    by_number = {ob[NUMBER_PROPERTY]: ob for ob in copied_scene.objects if NUMBER_PROPERTY in ob}
+    copies = [by_number[number] for number in range(len(meshes))]
+    for ob, copy in zip(meshes, copies):
+        if copy.data == ob.data:  # as the preferences of duplication may have it
+            copy.data = ob.data.copy()
+    return copied_scene, copies
+
+
+def set_method(contest, method):
+    """The same for both."""
+    for pair in contest.pairs:
+        for ob in pair:
+            for modifier in ob.modifiers:
+                if modifier.type == "ARMATURE":
+                    modifier.use_deform_preserve_volume = method == "DUAL_QUATERNION"
+
+
+def measure(contest):
+    """Returns {what: milliseconds, median of the frames}: `sinew` and `modifier` are whole calls of
+    scene.frame_set, the stages are Sinew's own of all meshes. Raises ValueError if a mesh cannot be
+    deformed."""
+    entries = [characters.character(ob) for ob, _ in contest.pairs]
+    ours, theirs = [], []
+    for start in range(0, len(contest.frames), BLOCK):
+        block = contest.frames[start:start + BLOCK]
+        ours += play(contest.scenes[0], block, entries)
+        theirs += play_without_sinew(contest.scenes[1], block)
+    for entry in entries:
+        if entry.error:
+            raise ValueError(f"{entry.name[0]} is not deformed: {entry.error}")
+    sinew, *stages = np.median(ours, axis=0).tolist()
+    return {"sinew": sinew, "modifier": float(np.median(theirs)), **dict(zip(STAGES, stages))}
+
+
+def play(scene, frames, entries=()):
+    """A row a frame, milliseconds: the whole call of frame_set, and if there are entries the stages. A
+    frame before them warms up."""
+    bpy.context.window.scene = scene
+    scene.frame_set(frames[-1])
+    rows = []
+    for frame in frames:
+        start = perf_counter()
+        scene.frame_set(frame)
+        row = [1e3 * (perf_counter() - start)]
+        if entries:
+            row += [sum(getattr(entry.timings, stage) for entry in entries) for stage in STAGES]
+        rows.append(row)
+    return rows
+
+
+def play_without_sinew(scene, frames):
+    """Its handlers have nothing to do in the copied scene, but look around there."""
+    handlers.unregister_frame_handlers()
+    try:
+        return play(scene, frames)
+    finally:
+        handlers.register_frame_handlers()
+
+
+def compare(contest):
+    """(distance, motion), space of the objects: the farthest that a vertex is from the same one of the
+    copy on any frame, and from itself on the first frame."""
+    distance = motion = 0.0
+    first = None
+    for frame in contest.frames:
+        for scene in contest.scenes:
+            scene.frame_set(frame)
+        ours, theirs = ([shape(ob, scene.view_layers[contest.layer].depsgraph) for ob in objects]
+                        for scene, objects in zip(contest.scenes, zip(*contest.pairs)))
+        first = first or ours
+        distance = max(distance, *map(farthest, ours, theirs))
+        motion = max(motion, *map(farthest, ours, first))
+    return distance, motion
+
+
+def shape(ob, depsgraph):
+    """(V, 3): positions as evaluated."""
+    return meshes.read_positions(ob.evaluated_get(depsgraph).data)
+
+
+def farthest(positions, others):
+    return float(np.linalg.norm(positions - others, axis=1).max(initial=0.0))

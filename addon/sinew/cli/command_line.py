@@ -1,0 +1,288 @@
+"""Sinew from a shell, for render farms and tests: `info`, `import`, `export` and `bench`.
+
+    blender -b --command sinew info PATH                                      Blender 4.2 and later
+    blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
+
+Exit codes: 0 done; 1 not to be done, and a sentence on stderr says why; 2 wrong usage. With --json the last
+line on stdout is one JSON document.
+"""
+
+import ctypes
+import dataclasses
+import json
+import os
+import sys
+
+import bpy
+import numpy as np
+
+from ..binding import bind, mesh_output
+from ..rigs import rig_export, rig_import
+from ..session import characters
+from . import bench, command_options
+from .command_options import identifier, word
+
+BENCH_ROWS = (
+    ("pose_ms", "pose + forward kinematics"), ("skin_ms", "skinning"),
+    ("sinew_ms", "whole frame, Sinew"), ("modifier_ms", "whole frame, Armature modifier"),
+    ("largest_distance", "largest distance between the two"), ("largest_motion", "largest motion"))
+
+
+def run(arguments):
+    """One command. arguments: the words after `sinew`. Returns the exit code."""
+    try:
+        options = command_options.make_parser().parse_args(arguments)
+    except SystemExit as stop:  # argparse has printed help, or what is wrong
+        return stop.code or 0
+    try:
+        document, text = COMMANDS[options.command](options)
+    except (ValueError, OSError, bind.BindingError, mesh_output.OutputError) as error:
+        print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
+        return 1
+    flush_blender()
+    print(json.dumps(document) if options.json else text, flush=True)
+    return 0
+
+
+def main():
+    """Runs the words after `--` and ends the process."""
+    sys.exit(run(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []))
+
+
+def flush_blender():
+    """What Blender itself has printed waits in C's buffer if stdout is a pipe, and would follow ours."""
+    if os.name == "posix":
+        ctypes.CDLL(None).fflush(None)
+
+
+# --- commands: options -> JSON document, text -----------------------------------------------------
+
+def info(options):
+    if options.path.endswith(".blend"):
+        open_blend(options.path)
+        return report_meshes(options.path, bench.deformed_meshes(bpy.data.objects))
+    return report_rig(skeleton_path(options.path), import_options(options))
+
+
+def import_(options):
+    folder = os.path.dirname(options.blend)
+    if not os.path.isdir(folder):
+        raise ValueError(f"there is no folder {folder}")
+    if os.path.isdir(options.blend):  # which Blender would move out of the way
+        raise ValueError(f"{options.blend} is a folder")
+    mesh_object = import_into_empty_file(options)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=options.blend)  # writes beside it, then renames
+    except RuntimeError as error:
+        raise ValueError(sentence(error)) from error
+    return report_meshes(options.blend, [mesh_object])
+
+
+def export(options):
+    """Reports the folder as it reads back."""
+    open_blend(options.path)
+    ob = chosen_mesh(options.object)
+    if bind.find_armature(ob) is None:
+        raise ValueError(f"{ob.name} is bound to no armature")
+    os.makedirs(options.folder, exist_ok=True)
+    path = os.path.join(options.folder, "skeleton.bf")
+    rig_export.export_rig(bpy.context, ob, path, identifier(options.animation), options.up_axis)
+    return report_rig(path, rig_import.ImportOptions())
+
+
+def run_bench(options):
+    if options.path.endswith(".blend"):
+        open_blend(options.path)
+    else:
+        import_into_empty_file(options)
+    contest = bench.set_up(identifier(options.output), options.frames)
+    methods = command_options.METHODS if options.methods == "both" else (options.methods,)
+    results = []
+    for method in methods:
+        bench.set_method(contest, identifier(method))
+        distance, motion = bench.compare(contest)  # first, for it warms everything up
+        if motion == 0:
+            raise ValueError(f"nothing moves on these {options.frames} frames, so nothing can be measured")
+        times = bench.measure(contest)
+        results.append({"method": method, **{f"{name}_ms": value for name, value in times.items()},
+                        "largest_distance": distance, "largest_motion": motion})
+    return report_bench(options, contest, results)
+
+
+COMMANDS = {"info": info, "import": import_, "export": export, "bench": run_bench}
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+def open_blend(path):
+    """Whatever was referred to in the file that was open dies."""
+    if not os.path.isfile(path):
+        raise ValueError(f"there is no file {path}")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+    except RuntimeError as error:
+        if bpy.data.filepath != path:  # else it is open, and some part of it is not well
+            raise ValueError(sentence(error)) from error
+
+
+def sentence(error):
+    """The reason that an error gives; operators put "Error: " before it."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    return str(error).strip().splitlines()[-1].removeprefix("Error: ")
+
+
+def skeleton_path(path):
+    """Of a rig folder, or path itself if it is that of a skeleton."""
+    if not os.path.exists(path):
+        raise ValueError(f"there is no file or folder {path}")
+    if os.path.isdir(path):
+        for name in ("skeleton.bf", "skeleton.tgf"):
+            if os.path.isfile(os.path.join(path, name)):
+                return os.path.join(path, name)
+        raise ValueError(f"there is neither skeleton.bf nor skeleton.tgf in {path}")
+    if not path.endswith((".bf", ".tgf")):
+        raise ValueError(f"{path} is neither a rig folder, a skeleton (.bf, .tgf) nor a .blend file")
+    return path
+
+
+def import_options(options):
+    """Those that were given; the others as the importer has them."""
+    given = {field.name: getattr(options, field.name)
+             for field in dataclasses.fields(rig_import.ImportOptions) if hasattr(options, field.name)}
+    for name in {"method", "source", "output"}.intersection(given):
+        given[name] = identifier(given[name])
+    if given.get("convention") == "auto":
+        given["convention"] = None
+    return rig_import.ImportOptions(**given)
+
+
+def import_into_empty_file(options):
+    """Returns the mesh object."""
+    path = skeleton_path(options.path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return rig_import.import_rig(bpy.context, path, import_options(options))[0]
+
+
+def chosen_mesh(name):
+    """The mesh object of that name; without a name the only deformed one. Raises ValueError."""
+    meshes = bench.deformed_meshes(bpy.data.objects)
+    names = ", ".join(ob.name_full for ob in meshes) or "none"
+    if name is None and len(meshes) == 1:
+        return meshes[0]
+    if name is None:
+        raise ValueError(f"choose a mesh with --object NAME; those that an armature deforms: {names}")
+    ob = bpy.data.objects.get(name)
+    if ob is None or ob.type != "MESH":
+        raise ValueError(f"there is no mesh {name}; those that an armature deforms: {names}")
+    return ob
+
+
+# --- reports --------------------------------------------------------------------------------------
+
+def report_rig(path, options):
+    folder, skeleton = os.path.split(path)
+    rig = rig_import.read_rig(folder, skeleton, options)
+    influences = np.count_nonzero(rig.weights > 0, axis=1)
+    numbers = {
+        "vertices": len(rig.positions),
+        "faces": len(rig.face_offsets) - 1,
+        "joints": rig.skeleton.joint_count,
+        "weight_columns": rig.weights.shape[1],
+        "poses": rig.poses.pose_count if rig.poses else 0,
+        "animation_frames": 0 if rig.animation is None else len(rig.animation),
+        "mean_influences": float(influences.mean()),
+        "most_influences": int(influences.max()),
+        "unweighted_vertices": int(np.count_nonzero(influences == 0)),
+    }
+    rows = [(name.replace("_", " "), value) for name, value in numbers.items()]
+    text = f"{path} ({rig.skeleton.convention} convention)\n\n{table(rows)}"
+    return {"path": path, "convention": rig.skeleton.convention, **numbers}, text
+
+
+def report_meshes(path, objects):
+    meshes = [describe_mesh(ob) for ob in objects]
+    rows = [("mesh", "vertices", "bones", "deformed by", "method", "pose", "output")]
+    rows += [tuple(mesh[key] if mesh[key] is not None else "" for key in (
+        "name", "vertices", "bones", "deformed_by", "method", "source", "output")) for mesh in meshes]
+    problems = [f"Sinew cannot deform {mesh['name']}: {mesh['problem']}"
+                for mesh in meshes if mesh["problem"]]
+    text = table(rows) if meshes else "No mesh is deformed by an armature."
+    return {"path": path, "meshes": meshes}, "\n".join([path, "", text, *problems])
+
+
+def describe_mesh(ob):
+    """What deforms it, and `problem`: why Sinew does not or could not, or None."""
+    settings, armature = ob.sinew, bind.find_armature(ob)
+    mesh = {"name": ob.name_full, "vertices": len(ob.data.vertices),
+            "armature": armature and armature.name, "bones": len(armature.data.bones) if armature else 0}
+    if settings.is_bound:
+        mesh |= {"deformed_by": "Sinew", "method": word(settings.method),
+                 "source": word(settings.source), "output": word(settings.installed_output)}
+    else:
+        modifier = next(m for m in ob.modifiers if m.type == "ARMATURE")
+        preserves = (bind.armature_modifier(ob) or modifier).use_deform_preserve_volume
+        mesh |= {"deformed_by": f"modifier {modifier.name}", "method": command_options.METHODS[preserves],
+                 "source": "armature", "output": None}
+    return mesh | {"problem": problem_of(ob)}
+
+
+def problem_of(ob):
+    """A mesh that is not bound is bound to find out, and released again."""
+    was_bound = ob.sinew.is_bound
+    try:
+        if not was_bound:
+            bind.bind(ob, bind.find_armature(ob))
+    except bind.BindingError as error:
+        return str(error)
+    entry = characters.character(ob)
+    problem = entry and (entry.error or entry.way.reason)
+    if not was_bound:
+        bind.unbind(ob)
+    return problem or None
+
+
+def report_bench(options, contest, results):
+    meshes = [{"name": ob.name, "vertices": len(ob.data.vertices),
+               "bones": len(ob.sinew.armature.data.bones)} for ob, _ in contest.pairs]
+    document = {
+        "path": options.path, "blender": bpy.app.version_string, "cores": os.cpu_count(),
+        "frames": len(contest.frames), "output": options.output, "meshes": meshes,
+        "skipped": contest.skipped, "results": results}
+    heading = [f"{mesh['name']}: {mesh['vertices']:,} vertices, {mesh['bones']} bones" for mesh in meshes]
+    heading += [f"by Blender in both: {why}" for why in contest.skipped.values()]
+    heading += [f"medians of {len(contest.frames)} frames, output {options.output}; "
+                f"Blender {bpy.app.version_string}, {os.cpu_count()} cores"]
+    rows = [("milliseconds a frame", *(result["method"] for result in results))]
+    rows += [(label, *(result[name] for result in results)) for name, label in BENCH_ROWS]
+    return document, "\n".join([*heading, "", table(rows)])
+
+
+def table(rows):
+    """Rows of words and numbers as aligned text. A column of numbers stands to the right."""
+    cells = [[cell if isinstance(cell, str) else number_text(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells)]
+    pads = [str.ljust if isinstance(cell, str) else str.rjust for cell in rows[-1]]
+    return "\n".join("  ".join(pad(cell, width) for pad, cell, width in zip(pads, row, widths)).rstrip()
+                     for row in cells)
+
+
+def number_text(number):
+    if isinstance(number, int):
+        return f"{number:,}"
+    return f"{number:.3f}" if abs(number) >= 1e-3 else f"{number:.2g}"
+
+
+# --- registration ---------------------------------------------------------------------------------
+
+registered = []  # Blender's handle of the command: it is gone when nobody holds it
+
+
+def register():
+    if hasattr(bpy.utils, "register_cli_command"):
+        registered.append(bpy.utils.register_cli_command("sinew", run))
+
+
+def unregister():
+    while registered:
+        bpy.utils.unregister_cli_command(registered.pop())

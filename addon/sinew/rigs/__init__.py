@@ -1,0 +1,1 @@
+"""Rig folders: import, export, and the poses that they bring."""

@@ -1,0 +1,62 @@
+"""The clip of an imported rig as ordinary keyframes: what an animator goes on with."""
+
+import bpy
+import numpy as np
+
+from ..session import characters
+from ..ui import progress
+from . import clip_store, posing
+
+
+def clip_armature(ob):
+    """The armature with poses that an object is or hangs on, or None."""
+    if ob is None:
+        return None
+    armature = ob if ob.type == "ARMATURE" else ob.sinew.armature
+    has_poses = armature is not None and clip_store.has_poses(armature.data)
+    return armature if has_poses else None
+
+
+def insert(scene, armature, first, last, shown=progress.SILENT):
+    """Key location and rotation of every bone on the frames first..last, one action for all, and let
+    the bound meshes follow the armature from now on. Returns the number of frames."""
+    frames = np.arange(first, last + 1)
+    player = clip_store.ClipPlayer(armature)
+    settings = armature.sinew_clip
+    poses = []
+    for frame in frames:
+        time, loop = posing.clip_time(settings, player.clip.length, float(frame), scene.render)
+        _, location, rotation = player.at(time, loop, rest=settings.mode == "REST")
+        poses.append(np.concatenate((location, rotation), axis=1))
+    poses = np.array(poses)  # (frames, bones, 7)
+
+    action = bpy.data.actions.new(f"{armature.name}_clip")
+    armature.animation_data_create().action = action
+    for i, bone in enumerate(armature.pose.bones):
+        shown.step(i / len(armature.pose.bones), f"keyframes of {bone.name}")
+        bone.rotation_mode = "QUATERNION"
+        for path, start, count in (("location", 0, 3), ("rotation_quaternion", 3, 4)):
+            data_path = bone.path_from_id(path)
+            for component in range(count):
+                curve = new_curve(armature, action, data_path, component, bone.name)
+                fill(curve, frames, poses[:, i, start + component])
+    for ob in characters.bound_objects():
+        if ob.sinew.armature == armature:
+            ob.sinew.source = "ARMATURE"
+    return len(frames)
+
+
+def new_curve(armature, action, data_path, component, group):
+    if hasattr(action, "fcurve_ensure_for_datablock"):  # 5.0 and later: actions have slots
+        return action.fcurve_ensure_for_datablock(
+            armature, data_path, index=component, group_name=group)
+    return action.fcurves.new(data_path, index=component, action_group=group)
+
+
+def fill(curve, frames, values):
+    curve.keyframe_points.add(len(frames))
+    points = np.stack((frames, values), axis=1).astype(np.float32)
+    curve.keyframe_points.foreach_set("co", points.reshape(-1))
+    for point in curve.keyframe_points:
+        point.interpolation = "LINEAR"
+    curve.update()

@@ -1,0 +1,126 @@
+"""From a bound mesh back to a rig folder."""
+
+import os
+
+import numpy as np
+
+from ..binding import bind, mesh_output
+from ..blender import armatures, meshes, values
+from ..deform.clips import transformed
+from ..native import sinew_native
+from ..ui import progress
+from . import clip_store, rig_import
+
+
+def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=progress.SILENT):
+    """Write mesh.obj, the skeleton, weights.dmat and, if there is one, pose.dmat or anim.dmat.
+
+    animation: AUTO writes the frames of the scene if the armature is animated and not posed by the clip that
+    was imported, else that clip; FRAMES always writes those; NONE neither. up_axis: which axis of the files is the
+    mesh's Z axis, "Y" or "Z"; a rig that was imported goes back into the axes of its files. Raises ValueError with
+    the reason.
+    """
+    armature = bind.find_armature(ob)
+    if armature is None:
+        raise ValueError(f"{ob.name} is bound to no armature")
+    folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
+    if not os.path.isdir(folder):
+        raise ValueError(f"There is no folder {folder}")
+
+    from_file = clip_store.has_skeleton(armature.data)
+    files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(up_axis))
+    if from_file:
+        skeleton = clip_store.load_skeleton(armature.data)
+        joints = clip_store.own_joints(armature)
+        names = skeleton.names
+    else:
+        skeleton, names = skeleton_from_bones(armature, files_from_mesh @ values.relative_matrix(ob, armature))
+        joints = np.arange(len(names))
+
+    poses = matrices = None
+    plays_clip = clip_store.has_poses(armature.data) and ob.sinew.source == "CLIP"
+    drive = armature.animation_data
+    is_animated = bool(drive and (drive.action or drive.nla_tracks or drive.drivers)) and not plays_clip
+    if animation == "AUTO" and from_file and not is_animated:
+        poses, matrices = clip_store.load_poses(armature.data)
+    if animation == "FRAMES" or animation == "AUTO" and is_animated:
+        matrices = sample_frames(context, ob, armature, joints, len(names), shown)
+        matrices = files_from_mesh @ matrices @ np.linalg.inv(files_from_mesh)
+
+    left = [name for name, written in (("pose.dmat", poses), ("anim.dmat", matrices))
+            if written is None and os.path.exists(os.path.join(folder, name))]
+    if left:
+        raise ValueError(f"{folder} has {left[0]} of another rig, which would be read with this one; remove it, "
+                         "or choose another folder")
+    mesh = ob.data
+    positions = (mesh_output.rest_positions(ob) if bind.shows_in_mesh(ob)
+                 else meshes.read_positions(mesh))
+    face_offsets, face_vertices, face_materials = meshes.read_faces(mesh)
+    material_names = [material.name if material else "none" for material in mesh.materials]
+    library = "mesh.mtl" if material_names else ""
+    rig = sinew_native.Rig(
+        transformed(files_from_mesh, positions), face_offsets, face_vertices, skeleton,
+        dense_weights(ob, names, skeleton.weight_columns), poses, matrices,
+        np.minimum(face_materials, len(material_names) - 1) if material_names else None, material_names, library)
+    sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
+    if library:
+        write_colors(os.path.join(folder, library), mesh.materials)
+
+
+def skeleton_from_bones(armature, files_from_armature):
+    """A skeleton in the joint convention, space of the files, and the bones' names. Every joint has a
+    column of weights, if only of zeros: a root without one would read as the bone convention."""
+    bones = [pose_bone.bone for pose_bone in armature.pose.bones]
+    index = {bone.name: i for i, bone in enumerate(bones)}
+    parents = np.array([index[bone.parent.name] if bone.parent else -1 for bone in bones], np.int32)
+    heads = transformed(files_from_armature, np.array([bone.head_local for bone in bones], float))
+    tails = transformed(files_from_armature, np.array([bone.tail_local for bone in bones], float))
+    names = [bone.name for bone in bones]
+    skeleton = sinew_native.RigSkeleton(
+        parents, heads, tails, np.arange(len(bones)), names, "joint")
+    return skeleton, names
+
+
+def dense_weights(ob, names, columns):
+    """(V, columns): the weights of each joint's vertex group, as they stand in the mesh."""
+    offsets, groups, weights = meshes.read_object_weights(ob)
+    column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
+    column_of_group = np.array(
+        [column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
+    column = column_of_group[groups]
+    rows = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    dense = np.zeros((len(offsets) - 1, int(np.max(columns, initial=-1)) + 1))
+    used = column >= 0
+    dense[rows[used], column[used]] = weights[used]
+    return dense
+
+
+def sample_frames(context, ob, armature, joints, joint_count, shown):
+    """(F, J, 4, 4): skinning matrices over the scene's frames, space of the mesh."""
+    scene = context.scene
+    current = scene.frame_current
+    frames = []
+    try:
+        for frame in range(scene.frame_start, scene.frame_end + 1):
+            shown.step((frame - scene.frame_start) / (scene.frame_end + 1 - scene.frame_start),
+                       f"frame {frame}")
+            scene.frame_set(frame)
+            depsgraph = context.evaluated_depsgraph_get()
+            evaluated = armature.evaluated_get(depsgraph)
+            to_mesh = values.relative_matrix(ob.evaluated_get(depsgraph), evaluated)
+            channels = armatures.read_channels(evaluated).astype(float)
+            matrices = np.tile(np.eye(4), (joint_count, 1, 1))
+            has_joint = joints >= 0
+            matrices[joints[has_joint]] = (to_mesh @ channels @ np.linalg.inv(to_mesh))[has_joint]
+            frames.append(matrices)
+    finally:
+        scene.frame_set(current)
+    return np.array(frames)
+
+
+def write_colors(path, materials):
+    with open(path, "w", encoding="utf-8") as file:
+        for material in materials:
+            color = material.diffuse_color[:3] if material else (0.8, 0.8, 0.8)
+            file.write(f"newmtl {material.name if material else 'none'}\n")
+            file.write("Kd {:.6g} {:.6g} {:.6g}\n".format(*color))

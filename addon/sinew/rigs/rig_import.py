@@ -1,0 +1,200 @@
+"""From a rig folder to objects of the scene: mesh, vertex groups, armature, clip."""
+
+import math
+import os
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..binding import bind
+from ..blender import meshes
+from ..native import sinew_native
+from ..ui import progress
+from . import clip_store
+
+# A bone of no length would vanish; this share of the rig's size is short but can be seen.
+SHORTEST_BONE = 0.02
+Y_UP_TO_Z_UP = ((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1))
+
+
+@dataclass
+class ImportOptions:
+    """Empty names: the usual ones. convention None: as the file says."""
+
+    mesh: str = ""
+    weights: str = ""
+    pose: str = ""
+    convention: str | None = None
+    quaternion_order: str = "wxyz"
+    up_axis: str = "Y"
+    scale: float = 1.0
+    method: str = "LINEAR"
+    source: str = "CLIP"
+    output: str = "MODIFIER"
+    frame_rate: float = 0.0  # poses a second; 0: a pose a frame
+    set_frame_range: bool = True
+
+
+def import_rig(context, skeleton_path, options, shown=progress.SILENT):
+    """Read everything, then build: what the files get wrong raises ValueError before the scene is
+    touched. Returns the mesh object and the armature object, bound and selected."""
+    shown.step(0.0, f"reading {skeleton_path}")
+    folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
+    rig = read_rig(folder, skeleton_name, options)
+    colors = read_colors(os.path.join(folder, rig.material_library))
+
+    name = os.path.basename(folder) or "rig"
+    created = []
+    try:
+        shown.step(0.3, f"building the armature of {name}")
+        armature = build_armature(context, name, rig, created)
+        clip_store.store(armature.data, rig, os.path.splitext(skeleton_name)[1].lower())
+        shown.step(0.4, f"building the mesh of {name}")
+        mesh_object = build_mesh(context, name, rig, armature, colors, created)
+    except Exception:
+        for data in reversed(created):
+            bpy.data.batch_remove([data])
+        raise
+
+    to_world = orientation(options.up_axis)
+    to_world[:3] *= options.scale
+    armature.matrix_world = to_world.T  # Blender fills it column by column
+    set_playback(context.scene, armature, options)
+    context.view_layer.update()
+    shown.step(0.8, f"binding {name}")
+    bind.bind(mesh_object, armature, options.output, options.method,
+                 options.source if clip_store.has_poses(armature.data) else "ARMATURE")
+    for ob in context.selected_objects:
+        ob.select_set(False)
+    armature.select_set(True)
+    mesh_object.select_set(True)
+    context.view_layer.objects.active = mesh_object
+    return mesh_object, armature
+
+
+def orientation(up_axis):
+    """(4, 4): from files in which that axis, "Y" or "Z", points up to Blender's axes."""
+    return np.array(Y_UP_TO_Z_UP if up_axis == "Y" else np.eye(4), float)
+
+
+def read_rig(folder, skeleton_name, options):
+    """The files as the options name and understand them. Raises ValueError or OSError."""
+    return sinew_native.read_rig(
+        folder, skeleton=skeleton_name, mesh=options.mesh or None, weights=options.weights or None,
+        pose=options.pose or None, convention=options.convention, quaternion_order=options.quaternion_order)
+
+
+def set_playback(scene, armature, options):
+    """Two poses swing, more play from the scene's first frame on."""
+    count = clip_store.pose_count(armature.data)
+    settings = armature.sinew_clip
+    settings.mode = "PLAYBACK" if count > 2 else "SWING"
+    settings.frame_start = scene.frame_start
+    if options.frame_rate > 0:
+        settings.speed = options.frame_rate * scene.render.fps_base / scene.render.fps
+    if count > 2 and options.source == "CLIP" and options.set_frame_range:
+        scene.frame_end = scene.frame_start + max(math.ceil((count - 1) / settings.speed), 1)
+
+
+def build_armature(context, name, rig, created):
+    """One bone a joint, in the space of the rig. Bones remember their joint."""
+    skeleton = rig.skeleton
+    data = bpy.data.armatures.new(f"{name}_armature")
+    created.append(data)
+    armature = bpy.data.objects.new(data.name, data)
+    created.append(armature)
+    context.collection.objects.link(armature)
+    context.view_layer.objects.active = armature
+    heads, tails = np.array(skeleton.heads), visible_tails(rig)
+    # A connected bone cannot move, which the frames of an animation may ask for.
+    may_connect = rig.animation is None or rig.poses is not None
+
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = []
+    for joint, joint_name in enumerate(skeleton.names):
+        bone = armature.data.edit_bones.new(joint_name)
+        bone.head, bone.tail = heads[joint], tails[joint]
+        bone.use_deform = bool(skeleton.weight_columns[joint] >= 0)
+        bones.append(bone)
+    for joint, parent in enumerate(skeleton.parents):
+        if parent >= 0:
+            bones[joint].parent = bones[parent]
+            bones[joint].use_connect = bool(
+                may_connect and np.array_equal(heads[joint], tails[parent]))
+    names = [bone.name for bone in bones]
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+    for joint, bone_name in enumerate(names):
+        armature.data.bones[bone_name][clip_store.JOINT_PROPERTY] = joint
+    armature.show_in_front = True
+    return armature
+
+
+def visible_tails(rig):
+    """(J, 3): where bones are drawn to, none of them of no length."""
+    heads, tails = np.array(rig.skeleton.heads), np.array(rig.skeleton.tails)
+    shortest = SHORTEST_BONE * float(np.linalg.norm(np.ptp(rig.positions, axis=0)) or 1)
+    degenerate = np.linalg.norm(tails - heads, axis=1) < 1e-3 * shortest
+    tails[degenerate] = heads[degenerate] + (0, shortest, 0)
+    return tails
+
+
+def build_mesh(context, name, rig, armature, colors, created):
+    """The mesh with a vertex group a bone, hung on the armature as Blender users expect it: parented
+    and with an Armature modifier (which binding then takes over)."""
+    mesh = meshes.new_mesh(name, rig.positions, rig.face_offsets, rig.face_vertices)
+    created.append(mesh)
+    ob = bpy.data.objects.new(name, mesh)
+    created.append(ob)
+    context.collection.objects.link(ob)
+    assign_materials(mesh, rig, colors, created)
+
+    names = {bone[clip_store.JOINT_PROPERTY]: bone.name for bone in armature.data.bones}
+    columns = []
+    for joint, column in enumerate(rig.skeleton.weight_columns):
+        if column >= 0:
+            ob.vertex_groups.new(name=names[joint])
+            columns.append(column)
+    meshes.write_weights(mesh, rig.weights[:, columns])
+
+    ob.parent = armature
+    modifier = ob.modifiers.new("Armature", "ARMATURE")
+    modifier.object = armature
+    return ob
+
+
+def assign_materials(mesh, rig, colors, created):
+    if not rig.material_names or len(mesh.polygons) != len(rig.face_materials):
+        return
+    for material_name in rig.material_names:
+        material = bpy.data.materials.new(material_name)
+        created.append(material)
+        color = (*colors.get(material_name, (0.8, 0.8, 0.8)), 1.0)
+        material.diffuse_color = color
+        if material.node_tree is None:  # before 5.0
+            material.use_nodes = True
+        shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+        if shader:
+            shader.inputs["Base Color"].default_value = color
+        mesh.materials.append(material)
+    mesh.polygons.foreach_set(
+        "material_index", np.maximum(rig.face_materials, 0).astype(np.int32))
+
+
+def read_colors(path):
+    """{material: (r, g, b)} from the `Kd` lines of an .mtl file; none if there is no such file."""
+    colors, material = {}, None
+    if not os.path.isfile(path):
+        return colors
+    with open(path, encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            words = line.split()
+            if words[:1] == ["newmtl"]:
+                material = line.split(None, 1)[1].strip() if len(words) > 1 else None
+            elif words[:1] == ["Kd"] and len(words) >= 4:
+                try:
+                    colors[material] = tuple(float(word) for word in words[1:4])
+                except ValueError:
+                    pass  # a colour is a nicety: an unreadable one stays grey
+    return colors

@@ -1,0 +1,323 @@
+"""The runtime side of bound meshes: native objects made from the .blend, never saved in it.
+
+The .blend holds everything; what stands here is a cache, dropped on load and undo, and made anew when somebody has
+edited mesh, weights, shape keys or bones. Data-blocks are known by key and name, not by reference: a reference dies
+when Blender replaces the block.
+"""
+
+import logging
+import threading
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ..binding import ways, wiring
+from ..blender import memory, meshes, nodes, values
+from ..native import sinew_native
+from ..ui import notice
+from . import layers, mail, shape_keys
+
+log = logging.getLogger("sinew")
+
+UNKNOWN = ways.Way(ways.BLENDER)
+# Modes in which people edit what they see: there Blender's own modifier shows the shape, as its tools expect.
+EDITING = {"EDIT", "SCULPT"}
+# Where influences hang on the shape's place (B-bones, envelopes) and it moves against its armature, they would have
+# to be made anew on each frame. So often it may happen between two edits:
+MOST_REBUILDS = 8
+
+
+@dataclass
+class Timings:
+    """Milliseconds of the last frame, by stage, without what has to be made once after an edit."""
+
+    pose: float = 0.0
+    skin: float = 0.0
+
+    @property
+    def total(self):
+        return self.pose + self.skin
+
+
+class NotYetWired(Exception):
+    """The hook does not wait for all that it needs: the main thread mends that and has Blender evaluate again."""
+
+
+@dataclass
+class Character:
+    """One bound mesh."""
+
+    key: int  # of its object
+    name: tuple  # of its object, and the path of its library or None
+    way: ways.Way = UNKNOWN
+    is_wired: bool = False  # the file has what the way needs
+    taken: tuple = ()  # names of the Armature modifiers that Sinew stands in for, in their order
+    own: str | None = None  # name of Sinew's modifier
+    waits_for: frozenset = frozenset()  # the B-bones that the hook waits for, as wiring.bendy_bones_of has them
+    error: str = ""
+    layers: list = field(default_factory=list)  # of layers.Layer, as long as there are modifiers
+    deformer: object = None  # sinew_native.Deformer of these layers, or None: make it anew
+    keys: object = None  # shape_keys.Keys, of a mesh that has them
+    timings: Timings = field(default_factory=Timings)
+    sharer_count: int | None = None  # objects that have its mesh; None: count
+    moves_against_armature: bool = False  # again and again
+    lock: threading.RLock = field(default_factory=threading.RLock, repr=False)
+    weights: object = None  # layers.Weights
+    _rest: np.ndarray | None = None  # (V, 3)
+    _is_known: bool = False  # the object was looked at
+    _rebuilds: int = 0  # of layers since the last edit
+    last_poses: list | None = None  # of the output Mesh: what its shape was made with
+
+    # --- which way it goes ------------------------------------------------------------------------
+
+    def look(self, ob):
+        """Decides the way. ob: the object, original or evaluated. What the file lacks for it is put there by the
+        main thread; until then Blender's own modifier deforms."""
+        original = ob.original
+        self.taken = tuple(modifier.name for modifier in wiring.taken_modifiers(ob))
+        if self.sharer_count is None:
+            self.sharer_count = count_sharers(original)
+        self.way = ways.choose(ob, original.data, self.sharer_count, self.moves_against_armature)
+        own = nodes.find_modifier(ob)
+        self.own = own and own.name
+        self.is_wired = self.way.in_pass and self._has_what_it_needs(ob, original.data)
+        self._is_known = True
+        is_useless = own is not None and self.way.kind != ways.ATTRIBUTE
+        if self.way.in_pass != self.is_wired or is_useless and nodes.is_removable(original, original.modifiers[own.name]):
+            mail.post(rewire, self.key)
+
+    def _has_what_it_needs(self, ob, mesh):
+        hook = wiring.hook_of(ob, ob.modifiers[self.taken[0]])
+        hooked = wiring.waits_for(hook, "mesh"), wiring.waits_for(hook, "keys")
+        if [each and each.original for each in hooked] != [mesh, mesh.shape_keys]:
+            return False
+        self.waits_for = wiring.bendy_bones_of(hook)
+        return self.way.kind == ways.KEYS or (
+            self.own is not None and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None)
+
+    def is_at_work(self, ob):
+        """Whether Sinew is to deform this evaluated object in this pass."""
+        if not memory.take_mark(ob, "OBJECT") or not self._is_known:
+            self.look(ob)
+        return self.is_wired and ob.mode not in EDITING
+
+    def look_again(self):
+        """At the next evaluation, which the caller sees to."""
+        self._is_known = False
+        self.sharer_count = None
+        self.error = ""
+        self._rebuilds = 0
+
+    # --- what it is made of -----------------------------------------------------------------------
+
+    def forget_shape(self):
+        """Weights, rest positions and shape keys are to be read anew."""
+        self.layers, self.deformer, self.keys = [], None, None
+        self.weights = self._rest = self.last_poses = None
+
+    def read_weights(self, mesh, names):
+        """names: of its vertex groups. What has not changed is kept."""
+        weights = layers.Weights.of(mesh, names, meshes.read_weights)
+        if not weights.same_as(self.weights):
+            self.layers, self.deformer = [], None
+        self.weights = weights
+
+    def take_rest(self, rest):
+        """rest (V, 3): the rest shape, of shape keys the reference."""
+        if self._rest is None or not np.array_equal(rest, self._rest):
+            self.layers, self.deformer = [], None
+        self._rest = rest
+
+    def has_taken(self, own, kept):
+        """Whether a mesh without Sinew's modifier has its shape for good, since that was applied. own (V, 3): its
+        positions; kept (V, 3): in its attribute."""
+        return np.array_equal(own, kept) and (self._rest is None or not np.array_equal(own, self._rest))
+
+    def is_read(self):
+        return self._rest is not None
+
+    def poses(self, ob, modifiers, channels_of=lambda modifier: None):
+        """What `deformer.deform` takes: (motions, change of space) a layer. Sees to it that layers and deformer are
+        those of the modifiers as they stand. ob, modifiers: evaluated. channels_of(modifier): motions of all bones
+        (B, 4, 4) that are to be used instead of the armature's, or None."""
+        found = []
+        for number, modifier in enumerate(modifiers):
+            armature = modifier.object
+            space = layers.space_between(ob, armature)
+            settings = layers.Settings.of(modifier)
+            made_of = settings, values.key_of(armature.data), layers.edition_of_bones(armature)
+            if number == len(self.layers):
+                self.layers.append(None)
+            layer = self.layers[number]
+            if layer is None or not layer.holds(made_of, space):
+                self._rebuilds += layer is not None
+                self._check_wires(armature, layer is not None and layer.made_of != made_of)
+                layer = self.layers[number] = layers.make_layer(
+                    settings, self.weights, self._rest, armature, space, made_of, number)
+                self.deformer = None
+            channels = channels_of(modifier)
+            found.append((layer.read_pose(armature) if channels is None else layer.with_channels(channels), space))
+        del self.layers[len(modifiers):]
+        if self.deformer is None or len(found) != len(self.layers):
+            self.deformer = sinew_native.Deformer(
+                [layer.native for layer in self.layers], self.keys and self.keys.native)
+        return found
+
+    def _check_wires(self, armature, were_edited):
+        """Bones may have come, or become B-bones."""
+        is_missed = self.way.in_pass and not wiring.bendy_bones(armature) <= self.waits_for
+        if were_edited or is_missed:
+            mail.post(rewire, self.key)
+        if is_missed:
+            raise NotYetWired
+
+    def check_it_pays(self):
+        """What would have to be worked out anew on each frame is left to Blender from the next evaluation on."""
+        hangs_on_shape = any(layer.influences.hang_on_shape for layer in self.layers)
+        self.moves_against_armature |= hangs_on_shape and self._rebuilds > MOST_REBUILDS
+        if hangs_on_shape and (self.moves_against_armature or self.keys is not None):
+            mail.post(rewire, self.key)
+
+
+# --- all of them ----------------------------------------------------------------------------------
+
+_characters = {}  # key of the mesh object -> Character
+_object_count = -1  # of the file when _characters was last gathered; -1: gather again
+_gathering = threading.Lock()
+
+
+def configure(thread_count, instruction_set):
+    """How skinning runs from now on. thread_count 0: all; instruction_set "auto" or a name of
+    sinew_native.instruction_sets()."""
+    sinew_native.set_thread_count(thread_count)
+    sinew_native.set_instruction_set(instruction_set)
+
+
+def of(ob):
+    """The Character of a bound object, original or evaluated, made if there is none yet. From any thread."""
+    key = values.key_of(ob)
+    entry = _characters.get(key)
+    if entry is None:
+        with _gathering:
+            entry = _characters.setdefault(key, Character(key, _name(ob.original)))
+    return entry
+
+
+def character(ob):
+    """The Character of a bound object, or None."""
+    return _characters.get(values.key_of(ob)) if ob.sinew.is_bound else None
+
+
+def forget():
+    """Drop everything that is cached, as after load."""
+    global _object_count
+    _characters.clear()
+    layers.forget_editions()
+    mail.forget()
+    _object_count = -1
+
+
+def all_by_key():
+    return dict(_characters)
+
+
+def keep(entries):
+    _characters.update(entries)
+
+
+def forget_object(ob):
+    """Drop what is cached of one mesh."""
+    global _object_count
+    _characters.pop(values.key_of(ob), None)
+    _object_count = -1
+
+
+def gather_again():
+    global _object_count
+    _object_count = -1
+
+
+def bound_objects():
+    """All bound mesh objects of the file, whether a scene shows them or not."""
+    objects = bpy.data.objects
+    if len(objects) != _object_count:
+        _gather()
+    found = []
+    for key, entry in list(_characters.items()):
+        ob = objects.get(entry.name)
+        if ob is None or values.key_of(ob) != key:
+            _gather()  # renamed or replaced
+            return [objects[entry.name] for entry in _characters.values()]
+        found.append(ob)
+    return found
+
+
+def find(key):
+    """The bound object of that key, or None."""
+    return next((ob for ob in bound_objects() if values.key_of(ob) == key), None)
+
+
+def _name(ob):
+    return ob.name, ob.library.filepath if ob.library else None
+
+
+def _gather():
+    global _object_count
+    old = dict(_characters)
+    _characters.clear()
+    for ob in bpy.data.objects:
+        if ob.type == "MESH" and ob.sinew.is_bound:
+            key = values.key_of(ob)
+            _characters[key] = old.get(key) or Character(key, _name(ob))
+            _characters[key].name = _name(ob)
+            sharer_count = count_sharers(ob)
+            if _characters[key].sharer_count != sharer_count:
+                _characters[key].sharer_count = sharer_count
+                if _characters[key]._is_known:  # it may go another way now
+                    _characters[key]._is_known = False
+                    mail.post(rewire, key)
+    _object_count = len(bpy.data.objects)
+
+
+def count_sharers(ob):
+    """How many objects that Blender may evaluate have this one's mesh."""
+    if ob.data.users - ob.data.use_fake_user < 2:
+        return 1
+    return sum(other == ob or _may_be_evaluated(other, ob) for other in bpy.data.objects if other.data == ob.data)
+
+
+def _may_be_evaluated(other, ob):
+    """A linked object that is only there as what an override is made from is not."""
+    reference = ob.override_library.reference if ob.override_library else None
+    return other != reference or bool(other.users_scene) or any(
+        each.instance_collection is not None and other.name in each.instance_collection.all_objects
+        for each in bpy.data.objects)
+
+
+# --- what the main thread does for them -----------------------------------------------------------
+
+def rewire(key):
+    """Brings the .blend to what the way needs. Set by binding.bind, which knows how."""
+    raise NotImplementedError
+
+
+def keep_error(entry, error):
+    """An error in one mesh is kept with it and said once, until a frame succeeds."""
+    sentence = str(error)
+    if sentence != entry.error:
+        entry.error = sentence
+        mail.post(_say, entry.name[0], error)
+    entry.forget_shape()
+
+
+def _say(name, error):
+    log.error("Sinew cannot deform %s", name, exc_info=error)
+    notice.show(f"Sinew cannot deform {name}, so Blender's own modifier does: {error}")
+
+
+def report(ob, message):
+    """Show a sentence with the object in the panel, until it is edited."""
+    of(ob).error = message
+    log.error("%s: %s", ob.name, message)
+    notice.show(f"{ob.name}: {message}")

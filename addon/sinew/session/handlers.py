@@ -1,0 +1,169 @@
+"""Blender's callbacks. Deforming needs none of them, but for the output Mesh: they see to edits, and pose the
+armatures of clips before a frame is evaluated."""
+
+import threading
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..binding import bind, wiring
+from ..blender import layout, nodes, values
+from ..rigs import posing
+from ..rigs.clip_store import has_poses
+from ..ui import notice
+from . import characters, mail, mesh_output
+
+SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
+
+
+_is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
+
+
+@persistent
+def before_frame(scene, *_):
+    take_over_open_file()
+    armatures = _clip_armatures()
+    if armatures:
+        posing.pose_armatures(armatures, scene)
+
+
+@persistent
+def after_frame(scene, depsgraph):
+    armatures = _clip_armatures()
+    if armatures:
+        posing.pose_anew(armatures, scene, depsgraph)
+    objects = mesh_output.objects()
+    if objects:
+        mesh_output.note_edits(objects, depsgraph)
+        mesh_output.deform(objects, depsgraph)
+    mail.deliver()
+
+
+@persistent
+def on_depsgraph_update(_scene, depsgraph):
+    if mesh_output.is_asleep():
+        return
+    take_over_open_file()
+    receive_strangers(depsgraph)
+    objects = characters.bound_objects()
+    if objects:
+        changed = {values.key_of(update.id) for update in depsgraph.updates}
+        _note_edits(objects, changed)
+        shown = mesh_output.objects()
+        if shown:
+            mesh_output.note_edits(shown, depsgraph)
+            mesh_output.deform([ob for ob in shown if not changed.isdisjoint(_what_it_hangs_on(ob))], depsgraph)
+    mail.deliver()
+
+
+@persistent
+def on_load(*_):
+    global _is_file_unknown
+    _is_file_unknown = True
+    notice.forget()
+    forget()
+    take_over_open_file()
+
+
+@persistent
+def on_undo_redo(*_):
+    """In Edit Mode only the edited mesh went back: how its shape came about before it was entered stays known."""
+    edited = {key: entry for key, entry in characters.all_by_key().items()
+              if (ob := characters.find(key)) is not None and ob.data.is_editmode}
+    forget()
+    characters.keep(edited)
+
+
+def forget():
+    characters.forget()
+    posing.forget()
+
+
+def _clip_armatures():
+    """Those whose bones imported poses move."""
+    found = dict.fromkeys(ob.sinew.armature for ob in characters.bound_objects() if ob.sinew.source == "CLIP")
+    return [armature for armature in found if armature is not None and has_poses(armature.data)]
+
+
+def _what_it_hangs_on(ob):
+    armatures = [modifier.object for modifier in ob.sinew.modifiers if modifier.object is not None]
+    return map(values.key_of, (ob, ob.data, *armatures, *(armature.data for armature in armatures)))
+
+
+def _note_edits(objects, changed):
+    """A modifier may have been applied or removed; the bones of imported poses may have been moved."""
+    for ob in objects:
+        key = values.key_of(ob)
+        if key in changed:
+            bind.release_if_undone(ob)
+        armature = ob.sinew.last_armature
+        if armature is not None and values.key_of(armature.data) in changed:
+            posing.forget_if_edited(armature)
+
+
+def receive_strangers(depsgraph):
+    """A bound mesh that came while as many objects went is noticed here. A mesh that was given a copy of another
+    one's modifier is not bound, and has that taken away."""
+    for update in depsgraph.updates:
+        if not isinstance(update.id, bpy.types.Object) or update.id.type != "MESH":
+            continue
+        ob = update.id.original
+        if ob.sinew.is_bound:
+            if characters.character(ob) is None:
+                characters.gather_again()
+        elif ob.library is None and ob.override_library is None and nodes.find_modifier(ob):
+            nodes.remove_modifiers(ob)
+            notice.show(f"{ob.name} has the modifiers of a mesh that is bound to Sinew: Blender's own ones deform "
+                        "it, until you bind it as well")
+
+
+def look_into_the_mail():
+    take_over_open_file()
+    mail.deliver()
+    return SECONDS_BETWEEN_LOOKS
+
+
+def take_over_open_file():
+    global _is_file_unknown
+    if not _is_file_unknown or threading.current_thread() is not threading.main_thread():
+        return
+    _is_file_unknown = False
+    layout.structs()
+    for ob in characters.bound_objects():
+        wiring.revive(ob)
+        bind.adapt(ob)
+
+
+FRAME_HANDLERS = (("frame_change_pre", before_frame), ("frame_change_post", after_frame))
+HANDLERS = (
+    *FRAME_HANDLERS,
+    ("depsgraph_update_post", on_depsgraph_update),
+    ("load_post", on_load),
+    ("undo_post", on_undo_redo),
+    ("redo_post", on_undo_redo),
+)
+
+
+def register_frame_handlers():
+    for name, handler in FRAME_HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister_frame_handlers():
+    for name, handler in FRAME_HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)
+
+
+def register():
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+    bpy.app.timers.register(look_into_the_mail, persistent=True)
+
+
+def unregister():
+    bpy.app.timers.unregister(look_into_the_mail)
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)
+    for ob in characters.bound_objects():
+        ob.update_tag()  # from now on Blender's own modifiers deform
+    forget()

@@ -1,0 +1,98 @@
+"""A vertex's way through one frame: what Blender calls, in its own evaluation, through the hook of wiring.py.
+
+It is called in whatever thread Blender evaluates the object, for each dependency graph (viewport, view layers,
+render, sub-frames of motion blur) with that graph's evaluated copy of the object. It writes to evaluated copies
+alone, and must not raise.
+"""
+
+from time import perf_counter
+
+import numpy as np
+
+from ..binding import ways, wiring
+from ..blender import memory, meshes, nodes
+from ..rigs import posing
+from . import characters, shape_keys
+
+
+def deform_now(ob):
+    """Deforms the mesh of an evaluated object for the evaluation that goes on, or leaves it to Blender's own
+    modifiers."""
+    if not ob.is_evaluated or not ob.sinew.is_bound or ob.sinew.installed_output == "MESH":
+        return
+    entry = characters.of(ob)
+    try:
+        start = perf_counter()
+        with entry.lock:  # the same object may be evaluated for a render meanwhile
+            work = _prepare(entry, ob) if entry.is_at_work(ob) else None
+            taken, own = entry.taken, entry.own
+        if work is not None:
+            prepared = perf_counter()
+            deformer, poses, out, key_values = work
+            deformer.deform(poses, out, key_values)  # other threads of Python go on meanwhile
+            entry.timings.pose, entry.timings.skin = 1e3 * (prepared - start), 1e3 * (perf_counter() - prepared)
+            entry.error = ""
+        wiring.switch(ob, taken, own, work is not None)
+        if work is None:
+            _give_keys_back(entry, ob)
+    except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
+        if not isinstance(error, characters.NotYetWired):
+            characters.keep_error(entry, error)
+        wiring.switch(ob, entry.taken, entry.own, False)
+        _give_keys_back(entry, ob)
+
+
+def _prepare(entry, ob):
+    """What the frame needs: input, pose, and where the shape goes."""
+    modifiers = [ob.modifiers[name] for name in entry.taken]
+    mesh = wiring.waits_for(wiring.hook_of(ob, modifiers[0]), "mesh")
+    key_values = addresses = None
+    is_fresh = not memory.take_mark(mesh, "MESH") or not entry.is_read()
+    if is_fresh:
+        entry.read_weights(mesh, _group_names(ob))
+    if entry.way.kind == ways.KEYS:
+        addresses = memory.key_addresses(mesh.shape_keys)
+        _read_keys(entry, ob, mesh)
+        key_values = memory.silence_keys(addresses, entry.keys.mute_is_animated)
+    elif is_fresh:
+        entry.take_rest(meshes.read_positions(mesh))
+    count = len(mesh.vertices)
+    poses = entry.poses(ob, [modifier for modifier in modifiers if modifier.object is not None],
+                        lambda modifier: posing.channels_of(ob, modifier.object))
+    entry.check_it_pays()
+    if entry.way.kind == ways.KEYS:
+        out = memory.key_positions(addresses[0], count)
+    else:
+        out = memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+    if out is None:
+        out = np.empty((count, 3), np.float32)  # no vertex
+    return entry.deformer, poses, out, key_values
+
+
+def _group_names(ob):
+    return tuple(group.name for group in ob.original.vertex_groups)
+
+
+def _read_keys(entry, ob, mesh):
+    """A fresh copy of the keys may have been edited. One that is silenced has no base of its own any more: if it is
+    not known here, the original has it."""
+    fresh = not memory.take_mark(mesh.shape_keys, "KEY")
+    if not fresh and entry.keys is not None:
+        return
+    source = mesh.shape_keys if fresh else ob.original.data.shape_keys
+    entry.keys = shape_keys.read(source, len(mesh.vertices), entry.weights)
+    entry.take_rest(entry.keys.base)
+    entry.deformer = None
+
+
+def _give_keys_back(entry, ob):
+    """What was put into this copy of the shape keys goes, for Blender blends them now."""
+    hook = entry.taken and wiring.hook_of(ob, ob.modifiers[entry.taken[0]])
+    keys = hook and wiring.waits_for(hook, "keys")
+    if not keys or not memory.is_marked(keys, "KEY"):
+        return
+    if entry.keys is None:
+        original = ob.original.data
+        entry.read_weights(original, _group_names(ob))
+        entry.keys = shape_keys.read(original.shape_keys, len(original.vertices), entry.weights)
+    shape_keys.give_back(keys, entry.keys)

@@ -1,0 +1,183 @@
+"""One Armature modifier's say in a bound mesh: a native layer made from the .blend, and the motions of its joints.
+
+Ordinarily a mesh has one layer. It has more where Multi Modifier mixes the results of several modifiers.
+"""
+
+import threading
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..blender import armatures, memory, values
+from ..deform.influences import Bones, Influences, Rules, group_weights, influences
+from ..deform.clips import transformed
+from ..native import sinew_native
+
+# How Blender itself treats scaled bones when it preserves volume, ...
+STRETCH = "frame_each" if values.VERSION >= (4, 0, 0) else "frame"
+# ... and whether Multi Modifier's mask shows what comes later in the stack.
+MASK_SHOWS_LATER = values.VERSION >= (4, 0, 0)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What an Armature modifier says, but for its armature."""
+
+    preserve_volume: bool
+    use_vertex_groups: bool
+    use_envelopes: bool
+    mask_group: str
+    mask_invert: bool
+
+    @classmethod
+    def of(cls, modifier):
+        return cls(modifier.use_deform_preserve_volume, modifier.use_vertex_groups, modifier.use_bone_envelopes,
+                   modifier.vertex_group, modifier.invert_vertex_group)
+
+
+@dataclass
+class Weights:
+    """A mesh's weights, in the order in which Blender stores them."""
+
+    offsets: np.ndarray  # (V + 1,)
+    groups: np.ndarray  # (N,), -1: of a vertex group that was removed
+    weights: np.ndarray  # (N,)
+    names: tuple  # of the vertex groups
+
+    @classmethod
+    def of(cls, mesh, names, read):
+        """read: function that reads a mesh's weights, `meshes.read_weights`."""
+        offsets, groups, weights = read(mesh)
+        groups[groups >= len(names)] = -1
+        return cls(offsets, groups, weights, names)
+
+    def same_as(self, other):
+        return (other is not None and self.names == other.names
+                and np.array_equal(self.groups, other.groups) and np.array_equal(self.offsets, other.offsets)
+                and np.array_equal(self.weights, other.weights))
+
+    def of_group(self, name):
+        """(V,) or None if there is no such group."""
+        if name not in self.names:
+            return None
+        return group_weights(self.offsets, self.groups, self.weights, self.names.index(name))
+
+
+# --- bones ----------------------------------------------------------------------------------------
+
+@dataclass
+class _Edition:
+    number: int
+    signature: list
+
+
+_editions = {}  # key of an armature data-block -> _Edition
+_editions_lock = threading.Lock()
+
+
+def forget_editions():
+    _editions.clear()
+
+
+def edition_of_bones(armature):
+    """A number that changes when somebody has changed the bones of an evaluated armature. Bones are compared only
+    when Blender has copied the armature anew: after edits, and as bones are posed by hand, but not on a frame."""
+    data = armature.data
+    key = values.key_of(data)
+    with _editions_lock:
+        seen, known = memory.take_mark(data, "ARMATURE"), _editions.get(key)
+        if seen and known is not None:
+            return known.number
+        signature = armatures.bone_signature(armature)
+        if known is None or known.signature != signature:
+            known = _editions[key] = _Edition(known.number + 1 if known else 0, signature)
+        return known.number
+
+
+@dataclass
+class Layer:
+    """Immutable once made: a frame that runs meanwhile in another thread keeps what it has."""
+
+    native: object  # sinew_native.Layer
+    skin: object  # sinew_native.Skin
+    influences: Influences
+    bones: Bones
+    made_of: tuple  # settings, edition of the bones: if they change, the layer is made anew
+    space: bytes | None  # from armature to mesh, when it was made
+    _blank: np.ndarray = field(repr=False, default=None)  # (J + 1, 4, 4), a pose in which nothing moves
+
+    def holds(self, made_of, mesh_from_armature):
+        return self.made_of == made_of and (
+            not self.influences.hang_on_shape or self.space == _bytes(mesh_from_armature))
+
+    def read_pose(self, armature):
+        """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
+        numbers = self._blank.copy()
+        if len(armature.pose.bones) and armature.data.pose_position != "REST" and armature.mode != "EDIT":
+            memory.read_pose(armature, self.bones.first_joint, self.bones.joint_counts, numbers)
+        return numbers.transpose(0, 2, 1)
+
+    def with_channels(self, channels):
+        """The same from the motions of all bones, (B, 4, 4), as a clip gives them."""
+        numbers = self._blank.copy()
+        used = self.bones.first_joint >= 0
+        for bone in np.flatnonzero(used):
+            first, count = self.bones.first_joint[bone], self.bones.joint_counts[bone]
+            numbers[first:first + count] = channels[bone].T
+        return numbers.transpose(0, 2, 1)
+
+
+def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, number):
+    """settings: Settings; weights: Weights; rest (V, 3): rest positions, space of the mesh; armature: evaluated;
+    mesh_from_armature (4, 4) or None; number: of the layer, 0 the first."""
+    bones = Bones(**armatures.read_bones(armature))
+    index = {name: i for i, name in enumerate(bones.names)}
+    bone_of_group = np.array([index.get(name, -1) for name in weights.names] + [-1], np.int32)
+    mask = weights.of_group(settings.mask_group)
+    if mask is not None and settings.mask_invert:
+        mask = 1 - mask
+    share = None
+    if number > 0:
+        share, mask = _share(mask, len(rest)), None
+    inverse = None if mesh_from_armature is None else np.linalg.pinv(mesh_from_armature)
+    own = influences(weights.offsets, bone_of_group[weights.groups], weights.weights, bones,
+                     Rules(settings.use_vertex_groups, settings.use_envelopes),
+                     transformed(inverse, rest.astype(np.float64)),
+                     lambda bone, point: armatures.segment_at(armature, bone, point))
+    rest_frames = None
+    if settings.preserve_volume:
+        rest_frames = np.tile(np.eye(4), (bones.joint_count + 1, 1, 1))
+        for bone in np.flatnonzero(bones.first_joint >= 0):
+            first, count = bones.first_joint[bone], bones.joint_counts[bone]
+            rest_frames[first:first + count] = bones.rest[bone]
+            if count > 1:
+                rest_frames[first:first + count] = bones.rest[bone] @ armatures.read_segments(
+                    armature, bone, rest=True)
+    return _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mesh_from_armature)
+
+
+def _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mesh_from_armature):
+    skin = sinew_native.Skin(rest, own.offsets, own.joints, own.weights, bones.joint_count + 1)
+    how = {"method": "linear"}
+    if settings.preserve_volume:
+        how = {"method": "dual_quaternion", "stretch": STRETCH, "rest_frames": rest_frames}
+    blank = np.tile(np.eye(4, dtype=np.float32), (bones.joint_count + 1, 1, 1))
+    return Layer(sinew_native.Layer(skin, mask=mask, share=share, **how), skin, own, bones, made_of,
+                 _bytes(mesh_from_armature), blank)
+
+
+def space_between(ob, armature):
+    """(4, 4): from the space of the armature to that of the mesh object; None where they are one."""
+    if ob.matrix_world == armature.matrix_world:
+        return None
+    return values.relative_matrix(ob, armature)
+
+
+def _share(mask, vertex_count):
+    if mask is None:
+        mask = np.ones(vertex_count)
+    return mask if MASK_SHOWS_LATER else 1 - mask
+
+
+def _bytes(matrix):
+    return None if matrix is None else matrix.tobytes()

@@ -1,0 +1,33 @@
+"""What the evaluation, which runs in other threads, leaves for the main thread to do or to say."""
+
+import logging
+import threading
+from collections import deque
+
+log = logging.getLogger("sinew")
+_letters = deque()  # (function, arguments); appending is safe from any thread
+
+
+def post(function, *arguments):
+    """The main thread calls it soon."""
+    _letters.append((function, arguments))
+
+
+def is_empty():
+    return not _letters
+
+
+def deliver():
+    """In the main thread; elsewhere nothing happens."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for _ in range(len(_letters)):
+        function, arguments = _letters.popleft()
+        try:
+            function(*arguments)
+        except Exception:  # noqa: BLE001 - one letter must not stop the others
+            log.exception("what an evaluation asked for could not be done")
+
+
+def forget():
+    _letters.clear()

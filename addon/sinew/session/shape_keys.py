@@ -1,0 +1,58 @@
+"""A mesh's relative shape keys: read from Blender, summed natively, silenced in the evaluated copy.
+
+Blender's own pass over the keys starts from the reference key and adds the others. In an evaluated copy the others
+are muted and the reference's numbers are the deformed shape: the pass is then a copy, and yields that shape. Nothing
+of the original is touched.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..blender import animation, memory
+from ..native import sinew_native
+
+
+@dataclass
+class Keys:
+    native: object  # sinew_native.ShapeKeys
+    base: np.ndarray  # (V, 3): the reference key
+    mute_is_animated: np.ndarray  # (K,) bool
+
+
+def read(keys, vertex_count, weights):
+    """keys: a key data-block that is not silenced; weights: layers.Weights of its mesh."""
+    blocks = list(keys.key_blocks)
+    positions = [memory.key_positions(address, vertex_count) for address in memory.key_addresses(keys)]
+    for block, numbers in zip(blocks, positions):
+        if numbers is None:
+            raise ValueError(f"The shape key {block.name} has another number of vertices than the mesh has")
+    place = {block.name: number for number, block in enumerate(blocks)}
+    relative_to = np.array([place.get(block.relative_key.name, -1) for block in blocks], np.int32)
+    of_group = {name: weights.of_group(name) for name in {block.vertex_group for block in blocks} if name}
+    own = [of_group.get(block.vertex_group) for block in blocks]
+    group_weights = None
+    if any(each is not None for each in own):
+        group_weights = [None if each is None else each.astype(np.float32) for each in own]
+    animated = animated_mutes(keys)
+    return Keys(sinew_native.ShapeKeys(positions, relative_to, group_weights), positions[0].copy(),
+                np.array([block.name in animated for block in blocks], bool))
+
+
+def animated_mutes(keys):
+    """Names of the keys that keyframes or drivers mute."""
+    start, end = 'key_blocks["', '"].mute'
+    return {path[len(start):-len(end)] for path in animation.animated_paths(keys)
+            if path.startswith(start) and path.endswith(end)}
+
+
+def give_back(keys, known):
+    """Has Blender sum the keys of an evaluated copy itself again, if they were silenced."""
+    addresses = memory.key_addresses(keys)
+    if len(addresses) == 0 or not memory.is_marked(keys, "KEY"):
+        return
+    memory.clear_mark(keys, "KEY")
+    memory.give_keys_back(addresses)
+    base = memory.key_positions(addresses[0], len(known.base))
+    if base is not None:
+        base[:] = known.base

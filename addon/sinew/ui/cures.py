@@ -1,0 +1,199 @@
+"""What a bound mesh is warned about in the panel, and the operators that cure it."""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from mathutils.kdtree import KDTree
+
+from ..binding import bind, mesh_output
+from ..blender import meshes
+from ..rigs import clip_store
+from ..session import characters
+from . import display
+from .operators import Unbind
+
+
+@dataclass
+class Warning:
+    text: str
+    cures: tuple  # of (operator's name, text of its button)
+    is_error: bool = False  # else the mesh is deformed all the same
+
+
+def warnings(ob):
+    """What a person should know of a bound mesh, worst first."""
+    entry, armature = characters.character(ob), ob.sinew.armature
+    found = []
+    if entry is not None and entry.error:
+        found.append(Warning(entry.error, (), True))
+    elif entry is not None and entry.way.reason:
+        if armature is None:
+            found.append(Warning(entry.way.reason, (), True))
+        else:
+            found.append(Warning(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", ()))
+    for modifier in doubles(ob):
+        found.append(Warning(f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
+                             ((RemoveDoubles.bl_idname, "Remove It"),), True))
+    if entry is not None and entry.layers:
+        influences = entry.layers[0].influences
+        if influences.unweighted_count:
+            found.append(Warning(
+                f"{_vertices(influences.unweighted_count)} without a bone, left behind in the rest pose",
+                ((FillWeights.bl_idname, "Fill from Neighbors"), (SelectUnweighted.bl_idname, "Select")), True))
+        if influences.unnormalized_count:
+            found.append(Warning(
+                f"Weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
+                ((NormalizeWeights.bl_idname, "Normalize"),)))
+    if (armature is not None and ob.sinew.source == "CLIP"
+            and not clip_store.bones_are_where_they_were(armature)):
+        found.append(Warning("Bones were moved since the import: the rig's poses do not fit", (), True))
+    if bind.is_deleted(armature):
+        found.append(Warning(
+            f"{armature.name} was deleted from all collections, and still moves the mesh until you unbind it",
+            ((display.ToggleSkeleton.bl_idname, "Bring Back"), (Unbind.bl_idname, "Unbind")), True))
+    elif armature is not None and not armature.visible_get():
+        found.append(Warning(f"{armature.name} is hidden", ((display.ToggleSkeleton.bl_idname, "Show"),)))
+    sharers = ob.data.users - ob.data.use_fake_user
+    if sharers > 1:
+        found.append(Warning(f"{sharers} objects share this mesh",
+                             ((MakeSingleUser.bl_idname, "Make Single User"),)))
+    return found
+
+
+def doubles(ob):
+    """Armature modifiers that are at work beside Sinew on an armature of its own, as parenting a bound mesh
+    anew makes them."""
+    ours = ob.sinew.modifiers
+    return [modifier for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object is not None
+            and modifier not in ours and modifier.object in [own.object for own in ours]
+            and (modifier.show_viewport or modifier.show_render)]
+
+
+def _lower(sentence):
+    first = sentence.split(maxsplit=1)[0]
+    return sentence[0].lower() + sentence[1:] if first in {"Its"} else sentence
+
+
+def _vertices(count):
+    return "1 vertex" if count == 1 else f"{count:,} vertices"
+
+
+def bone_weights(ob):
+    """[{group: weight}] a vertex, of deforming bones alone."""
+    offsets, groups, weights = meshes.read_object_weights(ob)
+    bones = ob.sinew.armature.data.bones
+    deforming = [group.name in bones and bones[group.name].use_deform for group in ob.vertex_groups]
+    groups, weights = groups.tolist(), weights.tolist()
+    return [{groups[i]: weights[i] for i in range(first, last)
+             if groups[i] >= 0 and deforming[groups[i]] and weights[i] > 0}
+            for first, last in zip(offsets[:-1].tolist(), offsets[1:].tolist())]
+
+
+class _Cure:
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return (ob is not None and ob.type == "MESH" and ob.sinew.is_bound and ob.sinew.armature is not None
+                and ob.library is None and ob.data.library is None
+                and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
+
+
+class RemoveDoubles(_Cure, bpy.types.Operator):
+    """Remove the Armature modifiers that deform the mesh a second time, by the armature by which Sinew does"""
+
+    bl_idname = "object.sinew_remove_doubles"
+    bl_label = "Remove Second Deformation"
+
+    def execute(self, context):
+        ob = context.active_object
+        for modifier in doubles(ob):
+            ob.modifiers.remove(modifier)
+        return {"FINISHED"}
+
+
+class NormalizeWeights(_Cure, bpy.types.Operator):
+    """Scale the weights of the deforming bones so that those of each vertex sum to 1; locked groups stay. Sinew
+    and the Armature modifier deform as if they did; other programs may not"""
+
+    bl_idname = "object.sinew_normalize_weights"
+    bl_label = "Normalize Bone Weights"
+
+    def execute(self, context):
+        ob = context.active_object
+        changed = 0
+        is_locked = [group.lock_weight for group in ob.vertex_groups]
+        for vertex, entries in enumerate(bone_weights(ob)):
+            free = {group: weight for group, weight in entries.items() if not is_locked[group]}
+            total = sum(free.values())
+            wanted = 1 - (sum(entries.values()) - total)
+            if total > 0 and wanted >= 0 and abs(total - wanted) > 1e-6:
+                changed += 1
+                for group, weight in free.items():
+                    ob.vertex_groups[group].add((vertex,), weight * wanted / total, "REPLACE")
+        ob.data.update()
+        self.report({"INFO"}, f"Normalized the weights of {changed:,} vertices")
+        return {"FINISHED"}
+
+
+class FillWeights(_Cure, bpy.types.Operator):
+    """Give vertices that follow no bone the weights of the nearest vertex that does"""
+
+    bl_idname = "object.sinew_fill_weights"
+    bl_label = "Fill Bone Weights from Neighbors"
+
+    def execute(self, context):
+        ob = context.active_object
+        weights = bone_weights(ob)
+        rest = mesh_output.rest_positions(ob) if bind.shows_in_mesh(ob) else meshes.read_positions(ob.data)
+        weighted = [vertex for vertex, entries in enumerate(weights) if entries]
+        if not weighted:
+            self.report({"ERROR"}, f"No vertex of {ob.name} follows a bone: parent it with automatic weights")
+            return {"CANCELLED"}
+        tree = KDTree(len(weighted))
+        for vertex in weighted:
+            tree.insert(rest[vertex], vertex)
+        tree.balance()
+        for vertex, entries in enumerate(weights):
+            if not entries:
+                for group, weight in weights[tree.find(rest[vertex])[1]].items():
+                    ob.vertex_groups[group].add((vertex,), weight, "REPLACE")
+        ob.data.update()
+        self.report({"INFO"}, f"Gave weights to {len(weights) - len(weighted):,} vertices")
+        return {"FINISHED"}
+
+
+class SelectUnweighted(_Cure, bpy.types.Operator):
+    """Enter Edit Mode with the vertices selected that follow no bone"""
+
+    bl_idname = "object.sinew_select_unweighted"
+    bl_label = "Select Vertices without Bone"
+
+    def execute(self, context):
+        mesh = context.active_object.data
+        selected = np.array([not entries for entries in bone_weights(context.active_object)], bool)
+        context.tool_settings.mesh_select_mode = (True, False, False)
+        mesh.polygons.foreach_set("select", np.zeros(len(mesh.polygons), bool))
+        mesh.edges.foreach_set("select", np.zeros(len(mesh.edges), bool))
+        mesh.vertices.foreach_set("select", selected)
+        bpy.ops.object.mode_set(mode="EDIT")
+        self.report({"INFO"}, f"{selected.sum():,} vertices follow no bone")
+        return {"FINISHED"}
+
+
+class MakeSingleUser(_Cure, bpy.types.Operator):
+    """Give this object a mesh of its own"""
+
+    bl_idname = "object.sinew_make_single_user"
+    bl_label = "Make Mesh Single User"
+
+    def execute(self, context):
+        ob = context.active_object
+        bind.make_single_user(ob)
+        return {"FINISHED"}
+
+
+CLASSES = (RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,162 @@
+"""Weights as colours and the skeleton in front, one click each."""
+
+import colorsys
+
+import bpy
+import numpy as np
+
+from ..binding import bind
+from ..blender import meshes
+
+COLORS = "Sinew Weights"  # the colour attribute, while weights are shown
+BEFORE = "sinew_shown_before"  # custom property of the mesh: what the views showed
+UNWEIGHTED = (0.02, 0.02, 0.02)
+GOLDEN = 0.618034  # neighbours in the list of groups get colours far apart
+
+
+def weight_colors(offsets, groups, weights, group_count):
+    """(V, 4) float32: each group's colour, mixed by the weights, which need not sum to 1. The rest as
+    `meshes.read_weights` gives it."""
+    palette = np.array([colorsys.hsv_to_rgb(i * GOLDEN % 1, 0.75 if i % 2 else 0.9, 0.85 if i % 3 else 0.6)
+                        for i in range(group_count)]).reshape(-1, 3)
+    vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    used = groups >= 0
+    colors = np.zeros((len(offsets) - 1, 3))
+    sums = np.bincount(vertex[used], weights[used], minlength=len(colors))
+    for channel in range(3):
+        colors[:, channel] = np.bincount(
+            vertex[used], weights[used] * palette[groups[used], channel], minlength=len(colors))
+    weighted = sums > 0
+    colors[weighted] /= sums[weighted, None]
+    colors[~weighted] = UNWEIGHTED
+    return np.column_stack((colors, np.ones(len(colors)))).astype(np.float32)
+
+
+def are_weights_shown(ob):
+    return COLORS in ob.data.attributes
+
+
+def show_weights(ob, views):
+    """Into a colour attribute of the mesh, which the views (View3D spaces) then show."""
+    mesh = ob.data
+    colors = mesh.color_attributes
+    before = {"color": colors.active_color.name if colors.active_color else ""}
+    if views:
+        before["color_type"], before["type"] = views[0].shading.color_type, views[0].shading.type
+    mesh[BEFORE] = before
+    attribute = colors.new(COLORS, "FLOAT_COLOR", "POINT")
+    attribute.data.foreach_set("color", weight_colors(
+        *_entries_of_bones(ob), len(ob.vertex_groups)).reshape(-1))
+    colors.active_color = colors[COLORS]
+    for view in views:
+        view.shading.type, view.shading.color_type = "SOLID", "VERTEX"
+    mesh.update()
+
+
+def hide_weights(ob, views):
+    """Views and mesh as they were."""
+    mesh = ob.data
+    mesh.color_attributes.remove(mesh.color_attributes[COLORS])
+    before = mesh.get(BEFORE, {})
+    if before.get("color") in mesh.color_attributes:
+        mesh.color_attributes.active_color = mesh.color_attributes[before["color"]]
+    for view in views:
+        view.shading.color_type = before.get("color_type", "MATERIAL")
+        view.shading.type = before.get("type", view.shading.type)
+    if BEFORE in mesh:
+        del mesh[BEFORE]
+    mesh.update()
+
+
+def _entries_of_bones(ob):
+    """The weights in groups of deforming bones; all, if no armature is known."""
+    offsets, groups, weights = meshes.read_object_weights(ob)
+    armature = bind.find_armature(ob)
+    if armature is not None:
+        bones = armature.data.bones
+        deforming = np.array([group.name in bones and bones[group.name].use_deform
+                              for group in ob.vertex_groups] + [False])
+        groups = np.where(deforming[groups], groups, -1)
+    return offsets, groups, weights
+
+
+def is_skeleton_shown(armature):
+    return armature.visible_get() and armature.show_in_front
+
+
+def show_skeleton(context, armature):
+    """Make it visible, whatever hides it, and drawn in front of its meshes."""
+    armature.hide_viewport = False
+    armature.show_in_front = True
+    if armature.name not in context.view_layer.objects:
+        _include(context.view_layer.layer_collection, armature)
+    if armature.name not in context.view_layer.objects:
+        context.scene.collection.objects.link(armature)
+    armature.hide_set(False)
+    if not armature.visible_get():
+        _include(context.view_layer.layer_collection, armature)
+
+
+def _include(layer_collection, armature):
+    """Show the collections above it. Returns whether it is below this one."""
+    found = armature.name in layer_collection.collection.objects
+    for child in layer_collection.children:
+        found |= _include(child, armature)
+    if found:
+        layer_collection.exclude = layer_collection.hide_viewport = False
+        layer_collection.collection.hide_viewport = False
+    return found
+
+
+class ToggleWeights(bpy.types.Operator):
+    """Show the weights of all bones at once, a colour each, in the 3D views' solid shading; again: as before"""
+
+    bl_idname = "object.sinew_show_weights"
+    bl_label = "Weight Colors"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return ob is not None and ob.type == "MESH" and ob.mode != "EDIT" and len(ob.vertex_groups) > 0
+
+    def execute(self, context):
+        ob = context.active_object
+        areas = context.screen.areas if context.screen else ()
+        views = [area.spaces.active for area in areas if area.type == "VIEW_3D"]
+        if are_weights_shown(ob):
+            hide_weights(ob, views)
+        else:
+            show_weights(ob, views)
+        return {"FINISHED"}
+
+
+class ToggleSkeleton(bpy.types.Operator):
+    """Show the armature in front of its meshes, wherever it was hidden; again: hide it, which changes
+    nothing of what it does to them"""
+
+    bl_idname = "object.sinew_show_skeleton"
+    bl_label = "Skeleton"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return (ob is not None and ob.type in {"MESH", "ARMATURE"} and ob.mode == "OBJECT"
+                and armature_of(ob) is not None)
+
+    def execute(self, context):
+        armature = armature_of(context.active_object)
+        if is_skeleton_shown(armature):
+            armature.hide_set(True)
+        else:
+            show_skeleton(context, armature)
+        return {"FINISHED"}
+
+
+def armature_of(ob):
+    return ob if ob.type == "ARMATURE" else bind.find_armature(ob)
+
+
+CLASSES = (ToggleWeights, ToggleSkeleton)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,292 @@
+"""The panels: in the 3D view's sidebar, and in the Properties editor beside the modifiers. They draw and
+nothing else."""
+
+import bpy
+
+from ..binding import bind
+from ..native import sinew_native
+from ..rigs import clip_store
+from ..session import characters
+from . import cures, display, notice
+from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
+
+MOST_MESHES = 10  # of an armature, that are listed
+
+
+class InSidebar:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Sinew"
+
+
+class InModifiers:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "modifier"
+
+
+def layout_of(panel):
+    panel.layout.use_property_split = True
+    panel.layout.use_property_decorate = False
+    return panel.layout
+
+
+def bound_mesh(context):
+    ob = context.object
+    return ob if ob is not None and ob.type == "MESH" and ob.sinew.is_bound else None
+
+
+# --- the main panel -------------------------------------------------------------------------------
+
+def draw_main(layout, context):
+    ob = context.object
+    if ob is not None and ob.type == "ARMATURE":
+        draw_armature(layout, context, ob)
+    elif ob is None or ob.type != "MESH":
+        layout.label(text="Select a mesh or its armature", icon="INFO")
+        layout.operator(ImportRig.bl_idname, icon="IMPORT")
+    elif ob.sinew.is_bound:
+        draw_bound(layout, context, ob)
+    else:
+        draw_free(layout, context, ob)
+
+
+def draw_free(layout, context, ob):
+    modifier = bind.armature_modifier(ob)
+    if modifier is None:
+        layout.label(text="Not bound", icon="UNLINKED")
+        layout.operator(Bind.bl_idname, icon="LINKED")
+    else:
+        layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
+        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+    draw_display(layout, ob)
+
+
+def draw_armature(layout, context, armature):
+    meshes = meshes_of(context, armature)
+    bound = sum(ob.sinew.is_bound for ob in meshes)
+    if any(ob.sinew.source == "CLIP" for ob in meshes):
+        draw_clip(layout.box(), armature)
+    if meshes:
+        layout.label(text=f"{bound} of {len(meshes)} meshes bound", icon="MESH_DATA")
+    else:
+        layout.label(text="No mesh hangs on this armature", icon="INFO")
+    if bound < len(meshes):
+        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+    if bound:
+        column = layout.column()
+        for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:
+            column.prop(ob.sinew, "method", text=ob.name)
+        layout.operator(Unbind.bl_idname, icon="UNLINKED")
+    draw_display(layout, armature)
+
+
+def draw_bound(layout, context, ob):
+    settings, warnings = ob.sinew, cures.warnings(ob)
+    for warning in warnings:
+        if warning.is_error:
+            draw_warning(layout, context, warning)
+    column = layout.column()
+    for modifier in settings.modifiers[:1]:
+        column.prop(modifier, "object", text="Armature")
+    column.prop(settings, "source")
+    column.prop(settings, "method")
+    column.prop(settings, "output")
+    draw_switches(column, ob)
+    draw_display(layout, ob)
+    layout.operator(Unbind.bl_idname, icon="UNLINKED")
+    for warning in warnings:
+        if not warning.is_error:
+            draw_warning(layout, context, warning)
+
+
+def draw_warning(layout, context, warning):
+    box = layout.box().column(align=True)
+    notice.draw_sentence(box, context, warning.text, warning.is_error)
+    row = box.row(align=True)
+    for operator, text in warning.cures:
+        row.operator(operator, text=text)
+
+
+def draw_switches(column, ob):
+    """Whether the shape is shown, in the viewport and in renders."""
+    row = named_row(column, "Show").row(align=True)
+    row.use_property_split = False
+    if ob.sinew.installed_output == "MESH":
+        row.prop(ob.sinew, "show_shape", toggle=True)
+    for modifier in ob.sinew.modifiers[:1] if ob.sinew.installed_output != "MESH" else ():
+        row.prop(modifier, "show_viewport", text="")
+        row.prop(modifier, "show_render", text="")
+
+
+def draw_display(layout, ob):
+    row = layout.row(align=True)
+    if ob.type == "MESH":
+        row.operator(display.ToggleWeights.bl_idname, icon="GROUP_VCOL",
+                     depress=display.are_weights_shown(ob))
+    armature = display.armature_of(ob)
+    if armature is not None:
+        row.operator(display.ToggleSkeleton.bl_idname, icon="ARMATURE_DATA",
+                     depress=display.is_skeleton_shown(armature))
+
+
+# --- its parts, of a bound mesh -------------------------------------------------------------------
+
+def draw_clip(layout, armature):
+    count = clip_store.pose_count(armature.data)
+    if count == 0:
+        layout.label(text=f"{armature.name} has no imported poses", icon="INFO")
+        return
+    settings = armature.sinew_clip
+    layout.label(text="1 pose" if count == 1 else f"{count} poses", icon="ARMATURE_DATA")
+    layout.prop(settings, "mode")
+    if settings.mode == "FACTOR":
+        layout.prop(settings, "factor")
+    if settings.mode in {"PLAYBACK", "SWING"}:
+        layout.prop(settings, "frame_start")
+    if settings.mode == "PLAYBACK":
+        layout.prop(settings, "speed")
+        layout.prop(settings, "loop")
+    layout.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
+
+
+def draw_influence(layout, ob):
+    """The Armature modifiers' own settings."""
+    for number, modifier in enumerate(ob.sinew.modifiers):
+        if number > 0:
+            layout = layout.box().column()
+            layout.label(text="Mixed with", icon="MOD_ARMATURE")
+            layout.prop(modifier, "object", text="Armature")
+            layout.prop(modifier, "use_deform_preserve_volume")
+        row = layout.row(align=True)
+        row.prop_search(modifier, "vertex_group", ob, "vertex_groups", text="Mask")
+        row.prop(modifier, "invert_vertex_group", text="", icon="ARROW_LEFTRIGHT")
+        layout.prop(modifier, "use_vertex_groups", text="Vertex Groups")
+        layout.prop(modifier, "use_bone_envelopes", text="Bone Envelopes")
+
+
+def draw_statistics(layout, entry):
+    skin, influences, timings = entry.layers[0].skin, entry.layers[0].influences, entry.timings
+    column = layout.column(align=True)
+    draw_value(column, "Vertices", f"{skin.vertex_count:,}")
+    draw_value(column, "Bones", str(len(entry.layers[0].bones.names)))
+    mean = skin.influence_count / max(skin.vertex_count, 1)
+    draw_value(column, "Influences", f"{mean:.2f}, at most {skin.most_influences}")
+    draw_value(column, "Unweighted", f"{influences.unweighted_count:,}")
+    column.separator()
+    draw_value(column, "Last Frame", f"{timings.total:.2f} ms")
+    for name, value in (("Pose", timings.pose), ("Skin", timings.skin)):
+        draw_value(column, name, f"{value:.2f} ms")
+    column.separator()
+    draw_value(column, "Instructions", sinew_native.instruction_set())
+    draw_value(column, "Threads", str(sinew_native.thread_count()))
+
+
+def draw_value(column, name, value):
+    named_row(column, name).label(text=value)
+
+
+def named_row(column, name):
+    row = column.split(factor=0.4)
+    left = row.row()
+    left.alignment = "RIGHT"
+    left.label(text=name)
+    return row
+
+
+class Main:
+    bl_label = "Sinew"
+
+    def draw(self, context):
+        draw_main(layout_of(self), context)
+
+
+class Poses:
+    bl_label = "Poses"
+
+    @classmethod
+    def poll(cls, context):
+        ob = bound_mesh(context)
+        return ob is not None and ob.sinew.source == "CLIP" and ob.sinew.armature is not None
+
+    def draw(self, context):
+        draw_clip(layout_of(self), bound_mesh(context).sinew.armature)
+
+
+class Influence:
+    bl_label = "Influence"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return bound_mesh(context) is not None
+
+    def draw(self, context):
+        draw_influence(layout_of(self), bound_mesh(context))
+
+
+class Statistics:
+    bl_label = "Statistics"
+
+    @classmethod
+    def poll(cls, context):
+        ob = bound_mesh(context)
+        entry = ob and characters.character(ob)
+        return bool(entry and entry.layers)
+
+    def draw(self, context):
+        draw_statistics(layout_of(self), characters.character(bound_mesh(context)))
+
+
+class SidebarMain(Main, InSidebar, bpy.types.Panel):
+    bl_idname = "VIEW3D_PT_sinew"
+
+
+class SidebarPoses(Poses, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_poses", "VIEW3D_PT_sinew"
+
+
+class SidebarInfluence(Influence, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_influence", "VIEW3D_PT_sinew"
+
+
+class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_statistics", "VIEW3D_PT_sinew"
+
+
+class ModifiersMain(Main, InModifiers, bpy.types.Panel):
+    bl_idname = "DATA_PT_sinew"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "MESH"
+
+
+class ModifiersPoses(Poses, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_poses", "DATA_PT_sinew"
+
+
+class ModifiersInfluence(Influence, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_influence", "DATA_PT_sinew"
+
+
+class ModifiersStatistics(Statistics, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_statistics", "DATA_PT_sinew"
+
+
+class ArmatureMain(Main, bpy.types.Panel):
+    """Among an armature's data."""
+
+    bl_idname = "DATA_PT_sinew_armature"
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "data"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == "ARMATURE"
+
+
+CLASSES = (SidebarMain, SidebarPoses, SidebarInfluence, SidebarStatistics, ModifiersMain, ModifiersPoses,
+           ModifiersInfluence, ModifiersStatistics, ArmatureMain)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

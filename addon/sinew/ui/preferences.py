@@ -1,0 +1,111 @@
+"""What the user sets once for all files: Edit > Preferences > Add-ons > Sinew."""
+
+import logging
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+from ..native import sinew_native
+from ..session import characters
+
+log = logging.getLogger("sinew")
+ADDON = __package__.rpartition(".")[0]
+MANUAL = Path(__file__).parents[1] / "manual" / "README.html"
+
+# Numbers that stay the same from machine to machine: Blender stores them.
+_NUMBERS = {name: number for number, name in enumerate(
+    ("auto", "SCALAR", "EMU128", "SSE2", "SSSE3", "SSE4", "AVX2", "AVX3", "AVX3_DL", "AVX3_ZEN4", "AVX3_SPR"))}
+INSTRUCTION_SETS = [
+    ("auto", "Automatic", "The best that this computer has", _NUMBERS["auto"]),
+    *((name, name, "For comparisons: all of them give the same shapes, to float32 rounding",
+       _NUMBERS.get(name, 100 + i)) for i, name in enumerate(sinew_native.instruction_sets()))]
+
+
+def of_sinew(context=None):
+    """The add-on's preferences, or None if it was started without being enabled in them."""
+    addon = (context or bpy.context).preferences.addons.get(ADDON)
+    return addon.preferences if addon else None
+
+
+def _apply(preferences, _context=None):
+    characters.configure(preferences.thread_count, preferences.instruction_set or "auto")
+
+
+def _apply_log(preferences, _context=None):
+    """Log to the file, or to Blender's console without one."""
+    _close_log()
+    if not preferences.log_file:
+        return
+    try:
+        handler = logging.FileHandler(bpy.path.abspath(preferences.log_file), encoding="utf-8")
+    except OSError as error:
+        log.error("The log file cannot be written: %s", error)
+        return
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    log.addHandler(handler)
+    log.propagate = False
+
+
+def _close_log():
+    for handler in list(log.handlers):
+        log.removeHandler(handler)
+        handler.close()
+    log.propagate = True
+
+
+class SinewPreferences(bpy.types.AddonPreferences):
+    bl_idname = ADDON
+
+    thread_count: IntProperty(
+        name="Threads", description="The most threads that skinning takes; 0: as many as the computer has",
+        min=0, max=1024, update=_apply)
+    instruction_set: EnumProperty(
+        name="Instruction Set", description="The processor's instructions that skinning uses",
+        items=INSTRUCTION_SETS, update=_apply)
+    log_file: StringProperty(
+        name="Log File", subtype="FILE_PATH", update=_apply_log,
+        description="Where what goes wrong is written, with its traceback; empty: Blender's console")
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        column = layout.column()
+        column.prop(self, "thread_count")
+        column.prop(self, "instruction_set")
+        column.prop(self, "log_file")
+        row = layout.row(align=True)
+        row.label(text=f"{sinew_native.instruction_set()}, {sinew_native.thread_count()} threads at work", icon="INFO")
+        row.operator(OpenManual.bl_idname, icon="HELP")
+
+
+class OpenManual(bpy.types.Operator):
+    """Open the manual of this version of Sinew in a browser"""
+
+    bl_idname = "wm.sinew_manual"
+    bl_label = "Sinew Manual"
+
+    def execute(self, _context):
+        if not MANUAL.exists():
+            self.report({"ERROR"}, f"There is no manual at {MANUAL}")
+            return {"CANCELLED"}
+        bpy.ops.wm.url_open(url=MANUAL.as_uri())
+        return {"FINISHED"}
+
+
+CLASSES = (OpenManual, SinewPreferences)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    preferences = of_sinew()
+    if preferences:
+        _apply(preferences)
+        _apply_log(preferences)
+
+
+def unregister():
+    _close_log()
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,171 @@
+#include <pybind11/stl.h>
+
+#include <array>
+#include <cstring>
+
+#include "arrays.h"
+
+// Blender keeps weights, poses and shape keys in lists of its own structs, which its Python API
+// hands over one by one. These functions read them whole, by address. Where a member lies is the
+// caller's to know (addon/sinew/blender/layout.py reads it from Blender's own description); what is
+// checked here is only what the structs say of themselves.
+
+namespace sinew::bindings {
+namespace {
+
+using Address = std::uintptr_t;
+
+template <class T>
+T read(Address at) {
+  T value;
+  std::memcpy(&value, reinterpret_cast<const void*>(at), sizeof value);
+  return value;
+}
+
+template <class T>
+void write(Address at, T value) {
+  std::memcpy(reinterpret_cast<void*>(at), &value, sizeof value);
+}
+
+template <class T>
+py::array_t<T> array_of(const std::vector<T>& values) {
+  return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+/// A vertex: {Entry* entries; int count; int flag}, an entry: {unsigned group; float weight}.
+py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
+  constexpr std::ptrdiff_t kVertex = 16, kEntry = 8;
+  std::vector<std::int64_t> offsets(count + 1, 0);
+  std::vector<std::int32_t> groups;
+  std::vector<float> weights;
+  {
+    const py::gil_scoped_release release;
+    for (std::ptrdiff_t v = 0; v < count; ++v) {
+      offsets[v + 1] = offsets[v] + read<std::int32_t>(vertices + v * kVertex + 8);
+    }
+    groups.resize(offsets[count]);
+    weights.resize(offsets[count]);
+    for (std::ptrdiff_t v = 0; v < count; ++v) {
+      const auto entries = read<Address>(vertices + v * kVertex);
+      for (auto i = offsets[v]; i < offsets[v + 1]; ++i) {
+        const Address entry = entries + (i - offsets[v]) * kEntry;
+        groups[i] = read<std::int32_t>(entry);
+        weights[i] = read<float>(entry + 4);
+      }
+    }
+  }
+  return py::make_tuple(array_of(offsets), array_of(groups), array_of(weights));
+}
+
+constexpr std::size_t kMatrix = 16 * sizeof(float);
+
+/// layout: offsets in a pose bone of the next one's address, its motion, its count of segments, and
+/// the address of the segments' motions.
+void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
+               const py::array_t<std::int32_t>& joint_counts,
+               const std::array<std::ptrdiff_t, 4>& layout,
+               py::array_t<float, py::array::c_style> out) {
+  const auto [next, motion, segment_count, segments] = layout;
+  const auto first = first_joints.unchecked<1>();
+  const auto counts = joint_counts.unchecked<1>();
+  auto* const matrices = reinterpret_cast<char*>(out.mutable_data());
+  const py::ssize_t joints = out.size() / 16;
+  for (py::ssize_t b = 0; b < first.shape(0); ++b, bone = read<Address>(bone + next)) {
+    if (bone == 0) throw InputError("the pose has fewer bones than the skin was made for");
+    if (first(b) < 0) continue;
+    if (first(b) + counts(b) > joints) throw InputError("out has too few matrices for the joints");
+    char* const to = matrices + first(b) * kMatrix;
+    if (counts(b) == 1) {
+      std::memcpy(to, reinterpret_cast<const void*>(bone + motion), kMatrix);
+      continue;
+    }
+    const auto bent = read<Address>(bone + segments);
+    if (bent == 0 || read<std::int32_t>(bone + segment_count) + 1 != counts(b)) {
+      throw InputError("a bone has other segments than the skin was made for");
+    }
+    // The first of these matrices leads into the bone's own space; the motions come after it.
+    std::memcpy(to, reinterpret_cast<const void*>(bent + kMatrix), counts(b) * kMatrix);
+  }
+  if (bone != 0) throw InputError("the pose has more bones than the skin was made for");
+}
+
+py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
+  std::vector<std::int64_t> addresses;
+  for (; first != 0 && std::ssize(addresses) < count; first = read<Address>(first)) {
+    addresses.push_back(static_cast<std::int64_t>(first));
+  }
+  return array_of(addresses);
+}
+
+// Bits of a shape key's flags. Blender has the first; the others are free, and lost when Blender
+// copies the key anew.
+constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
+
+/// layout: offsets in a key of its flags and its value.
+py::array_t<float> silence_keys(const py::array_t<std::int64_t>& keys,
+                                const std::array<std::ptrdiff_t, 2>& layout,
+                                const py::array_t<bool>& animated) {
+  const auto addresses = keys.unchecked<1>();
+  const auto mute_is_animated = animated.unchecked<1>();
+  std::vector<float> values(addresses.shape(0), 0.0f);
+  for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
+    const auto at = static_cast<Address>(addresses(k));
+    auto flags = read<std::uint16_t>(at + layout[0]);
+    const bool is_fresh = !(flags & kSeen) || mute_is_animated(k);
+    const bool muted = flags & (is_fresh ? kMuted : kMutedByUser);
+    flags = static_cast<std::uint16_t>(flags & ~kMutedByUser) | kMuted | kSeen;
+    if (muted) flags |= kMutedByUser;
+    write(at + layout[0], flags);
+    if (!muted) values[k] = read<float>(at + layout[1]);
+  }
+  return array_of(values);
+}
+
+void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_at) {
+  const auto addresses = keys.unchecked<1>();
+  for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
+    const auto at = static_cast<Address>(addresses(k)) + flags_at;
+    auto flags = read<std::uint16_t>(at);
+    if (!(flags & kSeen)) continue;
+    const std::uint16_t muted = flags & kMutedByUser ? kMuted : 0;
+    flags &= static_cast<std::uint16_t>(~(kSeen | kMutedByUser | kMuted));
+    write(at, static_cast<std::uint16_t>(flags | muted));
+  }
+}
+
+}  // namespace
+
+void bind_host(py::module_& parent) {
+  py::module_ module = parent.def_submodule(
+      "host", "Blender's own memory, for the add-on: no use outside Blender.");
+  module.def("read_weights", &read_weights, py::arg("vertices"), py::arg("count"),
+             "Weights of a mesh of Blender's.\n\n"
+             "vertices: address of its array of deform vertices; count: V.\n"
+             "Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the "
+             "order in which Blender stores them.");
+  module.def("read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"),
+             py::arg("joint_counts"), py::arg("layout"), py::arg("out"),
+             "Motions of the bones of a pose of Blender's, from rest to pose, armature space.\n\n"
+             "bone: address of its first bone; first_joints, joint_counts: (B,) int32, of each bone "
+             "where its matrices go in out, -1 for nowhere, and how many they are: 1, or one more "
+             "than a B-bone has segments.\n"
+             "layout: byte offsets in a bone of the next one's address, its motion, its number of "
+             "segments, the address of the segments' motions.\n"
+             "out: (J, 4, 4) float32, column by column as Blender has them, C-contiguous.\n"
+             "Raises ValueError if the pose has other bones or segments.");
+  module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
+             "Addresses, int64, of the structs of a list of Blender's, at most count of them: each "
+             "begins with the address of the next.");
+  module.def("silence_keys", &silence_keys, py::arg("keys"), py::arg("layout"),
+             py::arg("animated"),
+             "Mutes evaluated shape keys and remembers in free bits of theirs what was muted.\n\n"
+             "keys: (K,) int64, addresses, the reference key first, which is left alone; layout: "
+             "byte offsets in a key of its flags and its value; animated: (K,) bool, whether "
+             "Blender sets the muting anew on each frame.\n"
+             "Returns (K,) float32: their values, 0 for the reference and for what the user has "
+             "muted.");
+  module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),
+             "Undoes silence_keys.");
+}
+
+}  // namespace sinew::bindings
