@@ -1,11 +1,15 @@
 """How long a frame takes, by Blender's Armature modifier and by Sinew in the same process.
 
-    blender -b --python-exit-code 1 --python addon/bench_playback.py -- [--json FILE] [VERTICES ...]
+    blender -b --python-exit-code 1 --python addon/bench_playback.py -- [options]
 
-Medians over 40 different frames of whole `scene.frame_set` calls; an armature of 22 animated bones,
-about three influences a vertex. The last rows are ten characters of the first size in one scene.
+Medians of whole `scene.frame_set` calls over 40 different frames, turn and turn about: the rig alone (the
+meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. What the meshes add to the
+rig alone, and how many times less Sinew adds, is what the two can be judged by. Without options: a chain of
+22 bones with up to a million vertices and ten such characters in one scene, and Rigify's human.
 """
 
+import argparse
+import contextlib
 import json
 import statistics
 import sys
@@ -15,160 +19,166 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-BONES = 22
+sys.path.insert(0, str(Path(__file__).parent))
+from bench_rigs import CHAIN, RIGS, VARIANTS, make_characters, select  # noqa: E402
+
 FRAMES = range(2, 42)
-SIZES = (30_000, 180_000, 1_000_000)
-STAGES = ("pose", "skin", "write")
-OUTPUTS = ("MODIFIER", "MESH")
+SIZES, LARGE = (30_000, 180_000), 1_000_000
 ROUNDS = 3
-ADDON = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]  # however this Blender names it
+TOLERANCE = 1e-5  # a share of the diagonal
+ADDON = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".")[0]  # however this Blender names it
 
 
-def make_armature():
-    data = bpy.data.armatures.new("Rig")
-    armature = bpy.data.objects.new("Rig", data)
-    bpy.context.collection.objects.link(armature)
-    bpy.context.view_layer.objects.active = armature
-    bpy.ops.object.mode_set(mode="EDIT")
-    parent = None
-    for i in range(BONES):
-        bone = data.edit_bones.new(f"bone{i:02}")
-        bone.head, bone.tail, bone.parent = (0, 0, i), (0, 0, i + 1), parent
-        parent = bone
-    bpy.ops.object.mode_set(mode="OBJECT")
-    random = np.random.default_rng(1)
-    for bone in armature.pose.bones:
-        bone.rotation_mode = "XYZ"
-        for frame in (1, 15, 30, 45):
-            bone.rotation_euler = random.uniform(-0.2, 0.2, 3)
-            bone.keyframe_insert("rotation_euler", frame=frame)
-    return armature
+@contextlib.contextmanager
+def without_handlers():
+    """As if the add-on were not there. The meshes must not be bound."""
+    taken = []
+    for handlers in (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)):
+        if isinstance(handlers, list):
+            ours = [h for h in handlers if getattr(h, "__module__", "").startswith(ADDON)]
+            taken += [(handlers, handler) for handler in ours]
+            for handler in ours:
+                handlers.remove(handler)
+    try:
+        yield
+    finally:
+        for handlers, handler in taken:
+            handlers.append(handler)
 
 
-def make_mesh(armature, vertices):
-    """A tube of quads along the bones."""
-    around = 4 * round((vertices / BONES) ** 0.5 / 4)
-    rings = vertices // around
-    height, angle = np.meshgrid(np.linspace(0, BONES, rings),
-                                np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij")
-    points = np.stack([np.cos(angle), np.sin(angle), height], -1).reshape(-1, 3).astype(np.float32)
-    row, column = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
-    after = (column + 1) % around
-    corners = np.stack([row * around + column, row * around + after,
-                        (row + 1) * around + after, (row + 1) * around + column], -1).reshape(-1)
-    mesh = bpy.data.meshes.new("Tube")
-    mesh.vertices.add(len(points))
-    mesh.vertices.foreach_set("co", points.reshape(-1))
-    mesh.loops.add(len(corners))
-    mesh.loops.foreach_set("vertex_index", corners.astype(np.int32))
-    mesh.polygons.add(len(corners) // 4)
-    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 4, dtype=np.int32))
-    if bpy.app.version < (4, 1, 0):
-        mesh.polygons.foreach_set("loop_total", np.full(len(corners) // 4, 4, np.int32))
-    mesh.update(calc_edges=True)
-    ob = bpy.data.objects.new("Tube", mesh)
-    ob.parent = armature  # as Blender's own Parent > Armature Deform does
-    bpy.context.collection.objects.link(ob)
-    for bone in armature.data.bones:
-        ob.vertex_groups.new(name=bone.name)
-    write_weights(mesh, points[:, 2])
-    modifier = ob.modifiers.new("Armature", "ARMATURE")
-    modifier.object = armature
-    return ob
-
-
-def write_weights(mesh, height):
-    """The three bones nearest to each vertex."""
-    import bmesh
-    bm = bmesh.new()
-    bm.from_mesh(mesh, face_normals=False)
-    layer = bm.verts.layers.deform.verify()
-    near = np.clip(height.astype(int), 1, BONES - 2)
-    for vertex, bone, z in zip(bm.verts, near.tolist(), height.tolist()):
-        entry = vertex[layer]
-        for other in (bone - 1, bone, bone + 1):
-            entry[other] = max(0.05, 1 - 0.6 * abs(z - other - 0.5))
-    bm.to_mesh(mesh)
-    bm.free()
-
-
-def frame_times(scene, entries=()):
-    """([ms of frame_set], [{stage: ms, of all bound meshes}]), one of each a frame."""
-    times, stages = [], []
+def frame_times():
+    """Milliseconds, one a frame. A frame before them warms up."""
+    scene = bpy.context.scene
+    scene.frame_set(FRAMES[0] - 1)
+    times = []
     for frame in FRAMES:
         start = perf_counter()
         scene.frame_set(frame)
         times.append(1e3 * (perf_counter() - start))
-        stages.append({stage: sum(getattr(entry.timings, stage) for entry in entries)
-                       for stage in STAGES})
-    return times, stages
+    return times
 
 
-def measure(vertices, preserve_volume, characters=1):
-    """characters: so many in one scene, each with an armature of its own; `vertices` of each."""
+def frame_times_of_the_rig(meshes):
+    for ob in meshes:
+        ob.hide_viewport = True
+    try:
+        return frame_times()
+    finally:
+        for ob in meshes:
+            ob.hide_viewport = False
+
+
+def shapes(meshes):
+    """[(V, 3)] on the last of the frames."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    found = []
+    for ob in meshes:
+        mesh = ob.evaluated_get(graph).data
+        positions = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", positions)
+        found.append(positions.reshape(-1, 3))
+    return found
+
+
+def difference(ours, theirs):
+    """The farthest that a vertex is from the modifier's, a share of the diagonal."""
+    return max(float(np.abs(a - b).max() / np.linalg.norm(np.ptp(b, axis=0))) for a, b in zip(ours, theirs))
+
+
+def measure(rig, vertices, count=1, variant="", preserve_volume=False, outputs=("MODIFIER",)):
+    """One row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    session = sys.modules[f"{ADDON}.session"]
-    scene = bpy.context.scene
-    objects = [make_mesh(make_armature(), vertices) for _ in range(characters)]
-    for ob in bpy.context.selected_objects:
-        ob.select_set(False)
-    for ob in objects:
+    meshes = make_characters(rig, vertices, count, variant)
+    for ob in meshes:
         ob.modifiers["Armature"].use_deform_preserve_volume = preserve_volume
-        ob.select_set(True)
-    bpy.context.view_layer.objects.active = objects[0]
-    scene.frame_set(1)
-    method = "preserve volume" if preserve_volume else "linear"
-    # Turn and turn about, for the machine's pace drifts: the modifier, then each output.
-    modifier, times, stages, bound = [], {}, {}, {}
-    for _ in range(ROUNDS if vertices * characters < 500_000 else 1):
-        modifier += frame_times(scene)[0]
-        for output in OUTPUTS:
+    select(*meshes)
+    times, bound, worst = {}, {}, 0.0
+    for _ in range(ROUNDS if vertices * count < 500_000 else 1):  # turn and turn about: the pace drifts
+        with without_handlers():
+            times.setdefault("rig", []).extend(frame_times_of_the_rig(meshes))
+            select(*meshes)  # what is hidden loses it
+            times.setdefault("modifier", []).extend(frame_times())
+            wanted = shapes(meshes)
+        for output in outputs:
             start = perf_counter()
             bpy.ops.object.sinew_bind(output=output)
             bound[output] = perf_counter() - start
-            scene.frame_set(1)
-            frames, parts = frame_times(scene, [session.character(ob) for ob in objects])
-            times.setdefault(output, []).extend(frames)
-            stages.setdefault(output, []).extend(parts)
+            times.setdefault(output, []).extend(frame_times())
+            worst = max(worst, difference(shapes(meshes), wanted))
             bpy.ops.object.sinew_unbind()
-            scene.frame_set(1)
-            modifier += frame_times(scene)[0]
-    rows = []
-    for output in OUTPUTS:
-        own = {stage: statistics.median(parts[stage] for parts in stages[output]) for stage in STAGES}
-        builtin, ours = statistics.median(modifier), statistics.median(times[output])
-        rows.append({
-            "vertices": len(objects[0].data.vertices), "characters": characters, "method": method,
-            "output": output, "modifier_ms": builtin, "sinew_ms": ours,
-            "sinew_extremes_ms": (min(times[output]), max(times[output])),
-            "times_faster": builtin / ours, "stages_ms": own, "blender_ms": ours - sum(own.values()),
-            "accelerate_s": bound[output]})
-    return rows
+    assert worst < TOLERANCE, f"Sinew's shape is {worst:.3g} of the diagonal off the modifier's"
+    return row_of({name: statistics.median(each) for name, each in times.items()}, {
+        "rig": rig, "bones": len(meshes[0].parent.data.bones), "vertices": len(meshes[0].data.vertices),
+        "characters": count, "with": variant, "method": "preserve volume" if preserve_volume else "linear",
+        "sinew_extremes_ms": (min(times["MODIFIER"]), max(times["MODIFIER"])),
+        "accelerate_s": bound["MODIFIER"], "difference": worst})
+
+
+def row_of(medians, about):
+    rig, modifier, sinew = (medians[name] for name in ("rig", "modifier", "MODIFIER"))
+    added, ours = modifier - rig, sinew - rig
+    return {**about, "rig_ms": rig, "modifier_ms": modifier, "sinew_ms": sinew,
+            "sinew_mesh_ms": medians.get("MESH"), "times_faster": modifier / sinew,
+            "modifier_adds_ms": added, "sinew_adds_ms": ours,
+            "adds_times_less": added / ours if ours > 0 else None}
+
+
+def rows(options):
+    variants = options.variants or [""]
+    for rig in options.rig or (CHAIN, "human"):
+        if rig == CHAIN and not (options.variants or options.characters or options.vertices):
+            for preserve_volume in (False, True):
+                for size in (*SIZES, LARGE):
+                    yield measure(rig, size, 1, "", preserve_volume, ("MODIFIER", "MESH"))
+            yield measure(rig, SIZES[0], 10, "", False, ("MODIFIER", "MESH"))
+            continue
+        for variant in variants:
+            for size in options.vertices or (SIZES[:1] if options.characters else SIZES):
+                yield measure(rig, size, options.characters or 1, variant)
+
+
+def number(value, unit=""):
+    return "-" if value is None else f"{value:.2f}{unit}"
+
+
+def line(row):
+    count = f"{row['characters']} x " if row["characters"] > 1 else ""
+    return "| " + " | ".join((
+        f"{row['rig']} ({row['bones']})", f"{count}{row['vertices']:,}", row["with"] or "-", row["method"],
+        number(row["rig_ms"]), number(row["modifier_ms"]), number(row["sinew_ms"]), number(row["sinew_mesh_ms"]),
+        number(row["modifier_adds_ms"]), number(row["sinew_adds_ms"]), number(row["adds_times_less"], "x"),
+        number(row["accelerate_s"]))) + " |"
+
+
+def parsed(arguments):
+    parser = argparse.ArgumentParser(prog="bench_playback.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--rig", action="append", choices=(*RIGS, "all"), help="may be repeated")
+    parser.add_argument("--with", action="append", choices=VARIANTS, dest="variants", help="may be repeated")
+    parser.add_argument("--vertices", action="append", type=int, help="of a mesh; may be repeated")
+    parser.add_argument("--characters", type=int, help="so many in one scene")
+    parser.add_argument("--json")
+    options = parser.parse_args(arguments)
+    if options.rig and "all" in options.rig:
+        options.rig = RIGS
+    elif options.variants or options.characters or options.vertices:
+        options.rig = options.rig or ["human"]
+    return options
 
 
 def main(arguments):
-    path = None
-    if "--json" in arguments:
-        place = arguments.index("--json")
-        path = arguments[place + 1]
-        del arguments[place:place + 2]
-    sizes = [int(size) for size in arguments] or SIZES
-    rows = [row for preserve_volume in (False, True) for size in sizes
-            for row in measure(size, preserve_volume)]
-    rows += measure(sizes[0], False, characters=10)
+    options = parsed(arguments)
     print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
-    print("| vertices | method | output | modifier | Sinew | faster | pose | skin | write | Blender "
-          "| accelerate, s |")
-    print("|" + "---|" * 11)
-    for row in rows:
-        stages = " | ".join(f"{row['stages_ms'][stage]:.3f}" for stage in STAGES)
-        count = f"{row['characters']} x " if row["characters"] > 1 else ""
-        print(f"| {count}{row['vertices']:,} | {row['method']} | {row['output']} | {row['modifier_ms']:.2f} "
-              f"| {row['sinew_ms']:.2f} | {row['times_faster']:.2f}x | {stages} "
-              f"| {row['blender_ms']:.2f} | {row['accelerate_s']:.2f} |")
-    if path:
-        Path(path).write_text(json.dumps({"blender": bpy.app.version_string, "results": rows}, indent=1) + "\n")
+    print("| rig (bones) | vertices | with | method | rig alone | modifier | Sinew | output Mesh "
+          "| modifier adds | Sinew adds | less | accelerate, s |")
+    print("|" + "---|" * 12)
+    results = []
+    for row in rows(options):
+        results.append(row)
+        print(line(row), flush=True)
+    if options.json:
+        Path(options.json).write_text(
+            json.dumps({"blender": bpy.app.version_string, "results": results}, indent=1) + "\n")
 
 
 main(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else [])

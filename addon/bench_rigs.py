@@ -1,0 +1,240 @@
+"""Characters to measure: a chain of 22 bones, or one of the rigs that ship with Blender (Rigify), with a mesh
+of tubes around the deforming bones.
+
+A `variant` is what the mesh has besides: one of VARIANTS, or "" for nothing.
+"""
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Euler
+
+CHAIN, CHAIN_BONES = "chain", 22
+METARIGS = ("human", "horse", "cat", "wolf", "bird", "shark", "basic_human", "basic_quadruped")
+RIGS = (CHAIN, *METARIGS)
+VARIANTS = ("keys", "driven-keys", "smooth", "subdivision")
+KEYED_FRAMES = (1, 15, 30, 45)
+CONTROLS = 60  # of a generated rig, that are animated
+INFLUENCES = 3
+KEYS, KEY_SHARE = 50, 0.05  # shape keys, and the share of the vertices that each moves
+CHUNK = 10_000  # vertices
+
+
+def make_characters(rig, vertices, count=1, variant=""):
+    """Into the open file: so many, with an armature each. Returns [mesh object]."""
+    armature = make_chain() if rig == CHAIN else make_generated(rig)
+    meshes = [make_mesh(armature, vertices)]
+    add_variant(meshes[0], variant)
+    meshes += [duplicate(meshes[0]) for _ in range(count - 1)]
+    for seed, ob in enumerate(meshes, start=1):
+        animate(ob.parent, seed)
+        animate_keys(ob, variant, seed)
+    return meshes
+
+
+def select(*objects):
+    for ob in bpy.context.selected_objects:
+        ob.select_set(False)
+    for ob in objects:
+        ob.select_set(True)
+    bpy.context.view_layer.objects.active = objects[0]
+
+
+def duplicate(ob):
+    """With a rig of its own, as Shift D does it."""
+    select(ob, ob.parent)
+    bpy.ops.object.duplicate()
+    return bpy.context.active_object
+
+
+# --- armatures ------------------------------------------------------------------------------------
+
+def make_chain():
+    data = bpy.data.armatures.new("Rig")
+    armature = bpy.data.objects.new("Rig", data)
+    bpy.context.collection.objects.link(armature)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    parent = None
+    for i in range(CHAIN_BONES):
+        bone = data.edit_bones.new(f"bone{i:02}")
+        bone.head, bone.tail, bone.parent = (0, 0, i), (0, 0, i + 1), parent
+        parent = bone
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return armature
+
+
+def make_generated(rig):
+    bpy.ops.preferences.addon_enable(module="rigify")
+    getattr(bpy.ops.object, f"armature_{rig}_metarig_add")()
+    metarig = bpy.context.active_object
+    bpy.ops.pose.rigify_generate()
+    armature = bpy.context.active_object
+    assert armature != metarig
+    bpy.data.objects.remove(metarig)
+    return armature
+
+
+def animate(armature, seed):
+    """Turns all bones of a chain, and some of a generated rig's controls, which it moves as well."""
+    random = np.random.default_rng(seed)
+    bones = [bone for bone in armature.pose.bones if bone.custom_shape]
+    if bones:
+        bones = [bones[i] for i in sorted(random.permutation(len(bones))[:CONTROLS])]
+    moves = bool(bones)
+    for bone in bones or armature.pose.bones:
+        if not moves:
+            bone.rotation_mode = "XYZ"
+        turned = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
+            bone.rotation_mode, "rotation_euler")
+        for frame in KEYED_FRAMES:
+            turn = Euler(random.uniform(-0.2, 0.2, 3))
+            if turned == "rotation_quaternion":
+                turn = turn.to_quaternion()
+            elif turned == "rotation_axis_angle":
+                axis, angle = turn.to_quaternion().to_axis_angle()
+                turn = (angle, *axis)
+            setattr(bone, turned, turn)
+            bone.keyframe_insert(turned, frame=frame)
+            if moves:
+                bone.location = random.uniform(-0.05, 0.05, 3) * bone.length
+                bone.keyframe_insert("location", frame=frame)
+
+
+# --- meshes ---------------------------------------------------------------------------------------
+
+def make_mesh(armature, vertices):
+    """Tubes of quads, `vertices` in all or a few less, bound as Blender's own Parent > Armature Deform does."""
+    bones = [bone for bone in armature.data.bones if bone.use_deform]
+    heads, tails = (np.array([getattr(bone, end)[:] for bone in bones]) for end in ("head_local", "tail_local"))
+    if len(bones) == CHAIN_BONES:  # in one piece
+        tubes = [tube(heads[0], tails[-1], 1.0, vertices)]
+    else:
+        lengths = np.linalg.norm(tails - heads, axis=1)
+        until = vertices * np.cumsum(lengths) / lengths.sum()
+        tubes, made = [], 0
+        for head, tail, length, goal in zip(heads, tails, lengths, until):
+            tubes.append(tube(head, tail, 0.25 * length, max(12, int(goal - made))))
+            made += len(tubes[-1][0])
+    starts = np.cumsum([0] + [len(points) for points, _ in tubes])
+    points = np.concatenate([points for points, _ in tubes]).astype(np.float32)
+    corners = np.concatenate([corners + start for (_, corners), start in zip(tubes, starts)])
+    mesh = bpy.data.meshes.new("Body")
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.reshape(-1))
+    mesh.loops.add(len(corners))
+    mesh.loops.foreach_set("vertex_index", corners.astype(np.int32))
+    mesh.polygons.add(len(corners) // 4)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 4, dtype=np.int32))
+    if bpy.app.version < (4, 1, 0):
+        mesh.polygons.foreach_set("loop_total", np.full(len(corners) // 4, 4, np.int32))
+    mesh.update(calc_edges=True)
+    ob = bpy.data.objects.new("Body", mesh)
+    ob.parent = armature
+    bpy.context.collection.objects.link(ob)
+    for bone in bones:
+        ob.vertex_groups.new(name=bone.name)
+    write_weights(mesh, *nearest(points, heads, tails))
+    ob.modifiers.new("Armature", "ARMATURE").object = armature
+    return ob
+
+
+def tube(head, tail, radius, vertices):
+    """(points, corners of quads) around a bone, by at most so many vertices."""
+    around = max(4, 4 * round(vertices ** 0.5 / 4))
+    rings = vertices // around
+    along = tail - head
+    side = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    side /= np.linalg.norm(side)
+    other = np.cross(along / np.linalg.norm(along), side)
+    way, angle = np.meshgrid(np.linspace(0, 1, rings), np.linspace(0, 2 * np.pi, around, endpoint=False),
+                             indexing="ij")
+    points = head + way[..., None] * along + radius * (
+        np.cos(angle)[..., None] * side + np.sin(angle)[..., None] * other)
+    row, column = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
+    after = (column + 1) % around
+    corners = np.stack([row * around + column, row * around + after,
+                        (row + 1) * around + after, (row + 1) * around + column], -1)
+    return points.reshape(-1, 3), corners.reshape(-1)
+
+
+def nearest(points, heads, tails):
+    """(bones, weights), both (V, 3): the nearest, which fade to nothing where the fourth is as near."""
+    along = tails - heads
+    bones, weights = [], []
+    for start in range(0, len(points), CHUNK):
+        offset = points[start:start + CHUNK, None] - heads
+        way = np.clip((offset * along).sum(-1) / (along * along).sum(-1), 0, 1)
+        distances = np.linalg.norm(offset - way[..., None] * along, axis=-1)
+        order = np.argsort(distances, axis=1)[:, :INFLUENCES + 1]
+        near = np.take_along_axis(distances, order, axis=1)
+        bones.append(order[:, :INFLUENCES])
+        weights.append(np.maximum(1 - near[:, :INFLUENCES] / np.maximum(near[:, INFLUENCES:], 1e-9), 0.01))
+    return np.concatenate(bones), np.concatenate(weights)
+
+
+def write_weights(mesh, bones, weights):
+    bm = bmesh.new()
+    bm.from_mesh(mesh, face_normals=False)
+    layer = bm.verts.layers.deform.verify()
+    for vertex, indices, values in zip(bm.verts, bones.tolist(), weights.tolist()):
+        entry = vertex[layer]
+        for index, value in zip(indices, values):
+            entry[index] = value
+    bm.to_mesh(mesh)
+    bm.free()
+
+
+# --- what the mesh has besides ----------------------------------------------------------------------
+
+def add_variant(ob, variant):
+    if variant == "smooth":
+        ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
+    elif variant == "subdivision":
+        ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    elif variant:
+        add_keys(ob)
+
+
+def add_keys(ob):
+    """Each moves a stretch of the vertices; all are in effect."""
+    random = np.random.default_rng(1)
+    rest = np.empty(3 * len(ob.data.vertices), np.float32)
+    ob.data.vertices.foreach_get("co", rest)
+    moved = int(KEY_SHARE * len(rest) / 3) * 3
+    far = 0.01 * max(ob.dimensions)
+    ob.shape_key_add(name="Basis")
+    for number in range(KEYS):
+        shape = rest.copy()
+        start = 3 * random.integers(len(rest) // 3 - moved // 3)
+        shape[start:start + moved] += random.uniform(-far, far, moved).astype(np.float32)
+        key = ob.shape_key_add(name=f"Key {number:02}")
+        key.data.foreach_set("co", shape)
+        key.value = 0.3
+
+
+def animate_keys(ob, variant, seed):
+    """Half of them, by keyframes or by bones."""
+    if not ob.data.shape_keys:
+        return
+    random = np.random.default_rng(seed)
+    armature = ob.parent
+    for key in ob.data.shape_keys.key_blocks[1:KEYS // 2 + 1]:
+        if variant == "driven-keys":
+            key.driver_remove("value")
+            bones = ob.vertex_groups
+            drive(key, armature, bones[int(random.integers(len(bones)))].name)
+        else:
+            for frame in KEYED_FRAMES:
+                key.value = random.uniform(0, 1)
+                key.keyframe_insert("value", frame=frame)
+
+
+def drive(key, armature, bone):
+    driver = key.driver_add("value").driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.type = "TRANSFORMS"
+    target = variable.targets[0]
+    target.id, target.bone_target = armature, bone
+    target.transform_type, target.transform_space = "ROT_X", "LOCAL_SPACE"
