@@ -1,0 +1,129 @@
+"""Blender's own tools on a bound mesh do what they do on its twin that the Armature modifier deforms."""
+
+import bpy
+import pytest
+
+from characters import accelerate, make_armature, make_mesh, pose
+from helpers import assert_same_shape, select, twin_of
+
+
+@pytest.fixture
+def pair(fresh_scene):
+    """A bound mesh and its twin, with a group that is no bone's, by one armature."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    ob.vertex_groups.new(name="no bone").add(range(100, 1000), 0.9, "REPLACE")
+    ob.parent = armature
+    armature.data.bones["bone4"].use_deform = False
+    twin = twin_of(ob)
+    pose(armature, 1, False)
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    return ob, twin
+
+
+def weights(ob):
+    names = [group.name for group in ob.vertex_groups]
+    return [{names[entry.group]: entry.weight for entry in vertex.groups} for vertex in ob.data.vertices]
+
+
+def assert_same_weights(ours, theirs):
+    assert [each.keys() for each in ours] == [each.keys() for each in theirs]
+    assert all(each == pytest.approx(other, abs=1e-5) for each, other in zip(ours, theirs))
+
+
+def select_bones(armature, *names):
+    for bone in armature.pose.bones:
+        owner = bone if hasattr(bone, "select") else bone.bone  # 5.0 on, before
+        owner.select = bone.name in names
+
+
+def paint_weights(ob, bones=("bone1", "bone2")):
+    """Weight Paint, with these bones selected in Pose Mode, as Blender's manual has it."""
+    if bpy.context.object.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    armature = ob.parent
+    if armature.mode != "POSE":
+        select(armature)
+        bpy.ops.object.mode_set(mode="POSE")
+    select_bones(armature, *bones)
+    select(ob, armature)
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+
+
+OPERATORS = {
+    "vertex_group_normalize_all": {"lock_active": False},
+    "vertex_group_limit_total": {"limit": 1},
+    "vertex_group_clean": {"limit": 0.4},
+    "vertex_group_quantize": {"steps": 3},
+    "vertex_group_levels": {"gain": 0.5},
+    "vertex_group_smooth": {"factor": 0.5},
+}
+
+
+@pytest.mark.parametrize("selection", ("BONE_DEFORM", "BONE_SELECT"))
+@pytest.mark.parametrize("operator", OPERATORS)
+def test_weight_tools_know_the_bones(pair, operator, selection):
+    before, after = weights(pair[1]), []
+    for each in pair:
+        paint_weights(each)
+        assert getattr(bpy.ops.object, operator)(
+            group_select_mode=selection, **OPERATORS[operator]) == {"FINISHED"}
+        bpy.ops.object.mode_set(mode="OBJECT")
+        after.append(weights(each))
+    assert_same_weights(*after)
+    assert after[1] != before
+    assert [each.get("no bone") for each in after[1]] == [each.get("no bone") for each in before]
+    assert_same_shape(*pair)
+
+
+@pytest.mark.parametrize("kind", ("AUTOMATIC", "ENVELOPES"))
+def test_weights_assigned_from_bones(pair, kind):
+    before, after = weights(pair[1]), []
+    for each in pair:
+        paint_weights(each)
+        assert bpy.ops.paint.weight_from_bones(type=kind) == {"FINISHED"}
+        bpy.ops.object.mode_set(mode="OBJECT")
+        after.append(weights(each))
+    assert_same_weights(*after)
+    assert after[1] != before
+    assert_same_shape(*pair)
+
+
+def test_the_armature_is_at_hand_in_weight_paint(pair):
+    """What posing and picking bones while painting asks for."""
+    for each in pair:
+        paint_weights(each)
+        assert bpy.context.pose_object == each.parent
+        assert bpy.context.mode == "PAINT_WEIGHT"
+        assert bpy.ops.pose.select_all.poll() and bpy.ops.pose.rot_clear.poll()
+        assert bpy.ops.pose.select_all(action="INVERT") == {"FINISHED"}
+        assert {bone.name for bone in bpy.context.selected_pose_bones} == {"bone0", "bone3", "bone4", "side"}
+
+
+@pytest.mark.parametrize("parented", (True, False), ids=("parented", "free"))
+def test_vertex_groups_follow_a_bone_that_is_renamed(pair, parented):
+    armature = pair[0].parent
+    if not parented:
+        for each in pair:
+            each.parent = None
+    armature.data.bones["bone2"].name = "elbow"
+    bpy.context.view_layer.update()
+    for each in pair:
+        assert "elbow" in each.vertex_groups and "bone2" not in each.vertex_groups
+    bpy.context.scene.frame_set(3)
+    assert_same_shape(*pair)
+
+
+def test_vertex_groups_follow_flip_names(pair):
+    armature = pair[0].parent
+    armature.data.bones["bone2"].name, armature.data.bones["side"].name = "arm.L", "leg.R"
+    select(armature)
+    bpy.ops.object.mode_set(mode="POSE")
+    bpy.ops.pose.select_all(action="SELECT")
+    assert bpy.ops.pose.flip_names() == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for each in pair:
+        assert {"arm.R", "leg.L"} <= {group.name for group in each.vertex_groups}
+    bpy.context.scene.frame_set(3)
+    assert_same_shape(*pair)
