@@ -23,7 +23,7 @@ CHUNK = 10_000  # vertices
 def make_characters(rig, vertices, count=1, variant=""):
     """Into the open file: so many, with an armature each. Returns [mesh object]."""
     armature = make_chain() if rig == CHAIN else make_generated(rig)
-    meshes = [make_mesh(armature, vertices)]
+    meshes = [make_mesh(armature, vertices, one_tube=rig == CHAIN)]
     add_variant(meshes[0], variant)
     meshes += [duplicate(meshes[0]) for _ in range(count - 1)]
     for seed, ob in enumerate(meshes, start=1):
@@ -103,11 +103,11 @@ def animate(armature, seed):
 
 # --- meshes ---------------------------------------------------------------------------------------
 
-def make_mesh(armature, vertices):
+def make_mesh(armature, vertices, one_tube):
     """Tubes of quads, `vertices` in all or a few less, bound as Blender's own Parent > Armature Deform does."""
     bones = [bone for bone in armature.data.bones if bone.use_deform]
     heads, tails = (np.array([getattr(bone, end)[:] for bone in bones]) for end in ("head_local", "tail_local"))
-    if len(bones) == CHAIN_BONES:  # in one piece
+    if one_tube:
         tubes = [tube(heads[0], tails[-1], 1.0, vertices)]
     else:
         lengths = np.linalg.norm(tails - heads, axis=1)
