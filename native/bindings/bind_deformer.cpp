@@ -39,7 +39,7 @@ std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string&
 }
 
 std::shared_ptr<ShapeKeys> make_keys(
-    const std::vector<py::array>& positions, const py::array& relative_to,
+    const std::vector<py::array>& positions, const py::object& relative_to,
     const std::optional<std::vector<std::optional<py::array>>>& weights) {
   std::vector<Numbers<float>> shapes;
   std::vector<std::span<const float>> spans;
@@ -59,7 +59,12 @@ std::shared_ptr<ShapeKeys> make_keys(
     // None at all says something else to the library.
     if (groups.empty()) throw InputError("weights has 0 entries; expected one a key, or None");
   }
-  const std::vector<std::int64_t> relative = list_of<std::int64_t>("relative_to", relative_to);
+  const auto numbers = py::array::ensure(relative_to);  // a list will do
+  if (!numbers) {
+    PyErr_Clear();
+    throw InputError("relative_to is no list of numbers");
+  }
+  const std::vector<std::int64_t> relative = list_of<std::int64_t>("relative_to", numbers);
   const py::gil_scoped_release release;
   return std::make_shared<ShapeKeys>(spans, relative, group_spans);
 }

@@ -220,7 +220,7 @@ class ShapeKeys:
     def __init__(
         self,
         positions: Sequence[_Reals],
-        relative_to: _Integers,
+        relative_to: _Integers | Sequence[int],
         weights: Sequence[_Reals | None] | None = None,
     ) -> None:
         """positions: K arrays (V, 3), the first of which is the base; relative_to (K,); weights: K

@@ -27,10 +27,11 @@ inline std::string grouped(long long number) {
   return digits;
 }
 
-/// "1 row", "29,960 rows"; "entry" gives "entries", "vertex" and "matrix" "vertices", "matrices".
+/// "1 row", "29,960 rows"; "entry" gives "entries" ("key" does not), "vertex" and "matrix"
+/// "vertices", "matrices".
 inline std::string plural(long long number, std::string noun) {
   if (number != 1) {
-    if (noun.ends_with("y")) {
+    if (noun.ends_with("y") && !noun.ends_with("ey")) {
       noun.replace(noun.size() - 1, 1, "ies");
     } else if (noun.ends_with("ex") || noun.ends_with("ix")) {
       noun.replace(noun.size() - 2, 2, "ices");
