@@ -11,6 +11,7 @@
 
 #include "baselines.h"
 #include "peak.h"
+#include "sinew/deformer.h"
 #include "sinew/instruction_set.h"
 #include "sinew/skinning.h"
 #include "sinew/threads.h"
@@ -23,6 +24,8 @@ using SkinFunction = void (*)(const Skin&, MatrixStack<const float>, std::span<f
 
 constexpr int kFrames = 32;
 constexpr std::size_t kColdBytes = 96 << 20;
+// Emptying the caches takes a hundred times as long as what is measured then.
+constexpr int kColdCalls = 60;
 
 /// What happens between two calls.
 enum class Between { nothing, caches_cold, threads_asleep };
@@ -72,33 +75,64 @@ void add(const Subject& subject, const std::string& what, const std::string& set
   const std::string name = what + "|" + subject.mesh + "|" + std::to_string(vertices) + "|" + set +
                            "|" + std::to_string(threads) + "|" + states[static_cast<int>(between)] +
                            "|" + std::to_string(frames);
-  benchmark::RegisterBenchmark(name.c_str(), [=, &subject](benchmark::State& state) {
-    set_thread_count(threads);
-    set_instruction_set(set == "-" ? "auto" : set);
-    run(0);
-    std::ptrdiff_t call = 0;
-    for (auto _ : state) {
-      between_calls(between);
-      const auto begin = Clock::now();
-      run(call++ % kFrames);
-      state.SetIterationTime(std::chrono::duration<double>(Clock::now() - begin).count());
-    }
-    set_thread_count(0);
-    set_instruction_set("auto");
-    state.counters["vertices"] = static_cast<double>(vertices);
-    state.counters["frames"] = static_cast<double>(frames);
-    state.counters["joints_a_block"] = subject.union_size;
-    state.counters["influences"] = static_cast<double>(subject.character.skin.influence_count()) /
-                                   static_cast<double>(vertices);
-    state.counters["bytes_a_vertex"] =
-        static_cast<double>(subject.packed_bytes) / static_cast<double>(vertices) + 12;
-  })->UseManualTime();
+  auto* const row =
+      benchmark::RegisterBenchmark(name.c_str(), [=, &subject](benchmark::State& state) {
+        set_thread_count(threads);
+        set_instruction_set(set == "-" ? "auto" : set);
+        run(0);
+        std::ptrdiff_t call = 0;
+        for (auto _ : state) {
+          between_calls(between);
+          const auto begin = Clock::now();
+          run(call++ % kFrames);
+          state.SetIterationTime(std::chrono::duration<double>(Clock::now() - begin).count());
+        }
+        set_thread_count(0);
+        set_instruction_set("auto");
+        state.counters["vertices"] = static_cast<double>(vertices);
+        state.counters["frames"] = static_cast<double>(frames);
+        state.counters["joints_a_block"] = subject.union_size;
+        state.counters["influences"] =
+            static_cast<double>(subject.character.skin.influence_count()) /
+            static_cast<double>(vertices);
+        state.counters["bytes_a_vertex"] =
+            static_cast<double>(subject.packed_bytes) / static_cast<double>(vertices) + 12;
+      });
+  row->UseManualTime();
+  if (between == Between::caches_cold) row->Iterations(kColdCalls);
 }
 
 void add_skinning(Subject& subject, const std::string& method, SkinFunction skin,
                   const std::string& set, int threads, Between between) {
   add(subject, method, set, threads, between, 1, [&subject, skin](std::ptrdiff_t frame) {
     skin(subject.character.skin, subject.character.frame(frame), subject.out(1));
+  });
+}
+
+/// The skin as the one layer of a deformer: plain, and on shape keys at work everywhere, of which
+/// each changes its own part of the mesh.
+void add_deformer(Subject& subject, const std::string& set, int keys, Between between) {
+  const auto& skin = subject.character.skin;
+  const auto rest = skin.rest_positions();
+  std::vector<float> base(rest.begin(), rest.end());
+  std::vector<std::vector<float>> shapes(keys + 1, base);
+  for (int k = 1; k <= keys; ++k) {
+    const std::size_t first = base.size() / 3 * (k - 1) / keys, last = base.size() / 3 * k / keys;
+    for (std::size_t i = 3 * first; i < 3 * last; ++i) shapes[k][i] += 0.01f;
+  }
+  const std::vector<std::span<const float>> positions(shapes.begin(), shapes.end());
+  const std::vector<std::int64_t> relative_to(shapes.size(), 0);
+  // The subject outlives the benchmark; the layer's pointer does not own the skin.
+  const std::shared_ptr<const Skin> borrowed(std::shared_ptr<const Skin>(), &skin);
+  const auto deformer = std::make_shared<const Deformer>(
+      std::vector<std::shared_ptr<const Layer>>{
+          std::make_shared<Layer>(borrowed, SkinningMethod::linear)},
+      keys > 0 ? std::make_shared<const ShapeKeys>(positions, relative_to) : nullptr);
+  const std::vector<float> values(keys > 0 ? keys + 1 : 0, 0.5f);
+  const std::string what = "deformer" + (keys > 0 ? ", " + std::to_string(keys) + " keys" : "");
+  add(subject, what, set, 1, between, 1, [&subject, deformer, values](std::ptrdiff_t frame) {
+    const LayerPose pose{subject.character.frame(frame)};
+    deformer->deform({&pose, 1}, subject.out(1), values);
   });
 }
 
@@ -156,14 +190,22 @@ void add_all(std::vector<Subject>& subjects, int cores) {
       }
     }
     if (!smallest) continue;
-    add_skinning(one, "linear", skin_linear, best, 1, Between::caches_cold);
     add_bound(one, 1, Between::caches_cold);
-    if (!natural) continue;
+    if (!natural) {
+      add_skinning(one, "linear", skin_linear, best, 1, Between::caches_cold);
+      continue;
+    }
     add_many_frames(one, best, 1);
+    for (const int keys : {0, 50}) {
+      add_deformer(one, best, keys, Between::nothing);
+      add_deformer(one, best, keys, Between::caches_cold);
+    }
     for (const std::string& set : instruction_sets()) {
-      if (set == best) continue;
-      add_skinning(one, "linear", skin_linear, set, 1, Between::nothing);
-      add_skinning(one, "dual quaternion", skin_dual_quaternion, set, 1, Between::nothing);
+      for (const Between between : {Between::nothing, Between::caches_cold}) {
+        if (set == best && between == Between::nothing) continue;  // above
+        add_skinning(one, "linear", skin_linear, set, 1, between);
+        add_skinning(one, "dual quaternion", skin_dual_quaternion, set, 1, between);
+      }
     }
   }
 }

@@ -22,8 +22,8 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_skinning(module);
   sinew::bindings::bind_deformer(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
-             "Let later calls use at most `count` threads, the calling one included; 0 means as "
-             "many as the machine has. Results never depend on it. Raises ValueError for a "
+             "Let later calls use at most `count` threads, the calling one included, and never more "
+             "than the machine has; 0 means as many as it has. Results never depend on it. Raises ValueError for a "
              "negative number.");
   module.def("instruction_sets", &sinew::instruction_sets,
              "The names of the instruction sets that this machine can run, best first.");

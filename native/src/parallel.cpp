@@ -51,11 +51,11 @@ int machine_threads() { return std::max(4, static_cast<int>(std::thread::hardwar
 int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
 
 // An arena of our own: neither its size nor its work mixes with other users of TBB in the process,
-// Blender among them. TBB has no more workers than the machine has threads; it warns on stderr, and
-// takes memory for each, when an arena asks for more.
+// Blender among them. Never more threads than the machine has: TBB has no more workers, warns on
+// stderr and takes memory for each.
 class Pool {
  public:
-  explicit Pool(int threads) : threads_(threads), arena_(std::min(threads, machine_threads())) {}
+  explicit Pool(int threads) : threads_(threads), arena_(threads) {}
   int threads() const { return threads_; }
 
   template <class Chunk>
@@ -100,7 +100,8 @@ std::shared_ptr<Pool> current_pool() {
 
 void set_thread_count(int count) {
   if (count < 0) fail("the thread count is ", count, "; expected 0 (all) or a positive number");
-  auto fresh = std::make_shared<Pool>(count == 0 ? machine_threads() : count);
+  const int most = machine_threads();
+  auto fresh = std::make_shared<Pool>(count == 0 ? most : std::min(count, most));
   const std::lock_guard lock(pool_mutex);
   pool.swap(fresh);
 }

@@ -8,6 +8,7 @@
 #include "blocked_skin.h"
 #include "check.h"
 #include "kernels.h"
+#include "skin_limits.h"
 
 namespace sinew {
 
@@ -69,8 +70,22 @@ void Skin::set_rest_positions(std::span<const float> positions) {
   for (auto& [own, blocked] : packed_->by_lanes) blocked->take_rest_positions();
 }
 
+void check_counts(std::int64_t vertices, std::int64_t influences, std::int64_t joints) {
+  if (joints < 0) fail("joint_count is ", joints, "; expected 0 or more");
+  if (joints > kMostJoints) {
+    fail("joint_count is ", grouped(joints), "; expected at most ", grouped(kMostJoints));
+  }
+  const auto check_most = [](std::int64_t count, const char* what) {
+    if (count <= kMostNumbers) return;
+    fail("there are ", plural(count, what), "; expected at most ", grouped(kMostNumbers));
+  };
+  check_most(vertices, "vertex");
+  check_most(influences, "influence");
+}
+
 void Skin::check() const {
-  if (joint_count_ < 0) fail("joint_count is ", joint_count_, "; expected 0 or more");
+  check_counts(static_cast<std::int64_t>(rest_positions_.size() / 3),
+               static_cast<std::int64_t>(joints_.size()), joint_count_);
   if (rest_positions_.size() % 3 != 0) {
     fail("rest_positions has ", plural(rest_positions_.size(), "number"),
          "; expected three a vertex");

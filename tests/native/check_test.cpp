@@ -27,6 +27,7 @@ TEST(Check, PluralKnowsTheNounsOfTheMessages) {
   EXPECT_EQ(plural(0, "vertex"), "0 vertices");
   EXPECT_EQ(plural(2, "matrix"), "2 matrices");
   EXPECT_EQ(plural(2, "entry"), "2 entries");
+  EXPECT_EQ(plural(2, "key"), "2 keys");
   EXPECT_EQ(plural(29960, "row"), "29,960 rows");
 }
 

@@ -6,6 +6,7 @@
 
 #include "failures.h"
 #include "rigs.h"
+#include "skin_limits.h"
 
 namespace sinew {
 namespace {
@@ -94,6 +95,16 @@ TEST(Skin, RefusesWhatIsWrong) {
   EXPECT_EQ(said(kTwo, one_each, {-1, 0}, {1, 1}, 2),
             "influence 0 names joint -1; there are 2 joints");
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1, kNan}, 2), "the weight of influence 1 is not finite");
+}
+
+TEST(Skin, RefusesMoreThanItCanCount) {
+  check_counts(kMostNumbers, kMostNumbers, kMostJoints);
+  EXPECT_EQ(complaint([] { check_counts(kMostNumbers + 1, 0, 0); }),
+            "there are 2,147,483,648 vertices; expected at most 2,147,483,647");
+  EXPECT_EQ(complaint([] { check_counts(0, kMostNumbers + 1, 0); }),
+            "there are 2,147,483,648 influences; expected at most 2,147,483,647");
+  EXPECT_EQ(complaint([] { check_counts(0, 0, kMostJoints + 1); }),
+            "joint_count is 16,777,217; expected at most 16,777,216");
 }
 
 TEST(Skin, FromDenseRefusesWhatIsWrong) {

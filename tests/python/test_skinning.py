@@ -78,6 +78,9 @@ def test_skin_refuses_what_is_wrong():
         "the weight of influence 0 is not finite"  # as float32
     assert said(sinew.Skin, points, offsets, joints, weights, -1) == \
         "joint_count is -1; expected 0 or more"
+    for count in (2**24 + 1, 2**32, 2**63 - 1):
+        assert said(sinew.Skin, points, offsets, joints, weights, count) == \
+            f"joint_count is {count:,}; expected at most 16,777,216"
     assert said(sinew.Skin.from_dense, points, weights) == "weights has shape (2,); expected (V, J)"
     assert said(sinew.Skin.from_dense, points, np.ones((3, 2))) == \
         "weights has 3 rows; there are 2 vertices"

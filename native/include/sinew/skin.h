@@ -21,7 +21,8 @@ class Skin {
   /// offsets         V + 1: the influences of vertex v are those from offsets[v] to offsets[v + 1].
   /// joints          N, each in 0..joint_count-1.
   /// weights         N, finite; for each vertex they should sum to 1 (see largest_sum_error).
-  /// joint_count     J, the number of matrices a frame that the skinning functions expect.
+  /// joint_count     J, the number of matrices a frame that the skinning functions expect; 2^24 at
+  ///                 most. Vertices and influences may be 2^31 - 1.
   /// Throws InputError, naming the vertex or the entry, when one of these does not hold.
   Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
        std::span<const std::int32_t> joints, std::span<const float> weights,
