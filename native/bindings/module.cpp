@@ -21,10 +21,12 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_host(module);
   sinew::bindings::bind_skinning(module);
   sinew::bindings::bind_deformer(module);
-  module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
-             "Let later calls use at most `count` threads, the calling one included, and never more "
-             "than the machine has; 0 means as many as it has. Results never depend on it. Raises ValueError for a "
-             "negative number.");
+  module.def(
+      "set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
+      "Let later calls use at most `count` threads, the calling one included, and never more "
+      "than the machine has; 0 means as many as it has. Results never depend on it. Raises "
+      "ValueError for a "
+      "negative number.");
   module.def("instruction_sets", &sinew::instruction_sets,
              "The names of the instruction sets that this machine can run, best first.");
   module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
