@@ -113,7 +113,7 @@ class Layer:
     def read_pose(self, armature):
         """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
         numbers = self._blank.copy()
-        if len(armature.pose.bones) and armature.data.pose_position != "REST" and armature.mode != "EDIT":
+        if armature.pose.bones and armature.data.pose_position != "REST" and armature.mode != "EDIT":
             memory.read_pose(armature, self.bones.first_joint, self.bones.joint_counts, numbers)
         return numbers.transpose(0, 2, 1)
 
