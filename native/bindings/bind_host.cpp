@@ -103,16 +103,13 @@ constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
 
 /// layout: offsets in a key of its flags and its value.
 py::array_t<float> silence_keys(const py::array_t<std::int64_t>& keys,
-                                const std::array<std::ptrdiff_t, 2>& layout,
-                                const py::array_t<bool>& animated) {
+                                const std::array<std::ptrdiff_t, 2>& layout) {
   const auto addresses = keys.unchecked<1>();
-  const auto mute_is_animated = animated.unchecked<1>();
   std::vector<float> values(addresses.shape(0), 0.0f);
   for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
     const auto at = static_cast<Address>(addresses(k));
     auto flags = read<std::uint16_t>(at + layout[0]);
-    const bool is_fresh = !(flags & kSeen) || mute_is_animated(k);
-    const bool muted = flags & (is_fresh ? kMuted : kMutedByUser);
+    const bool muted = flags & (flags & kSeen ? kMutedByUser : kMuted);
     flags = static_cast<std::uint16_t>(flags & ~kMutedByUser) | kMuted | kSeen;
     if (muted) flags |= kMutedByUser;
     write(at + layout[0], flags);
@@ -157,11 +154,9 @@ void bind_host(py::module_& parent) {
              "Addresses, int64, of the structs of a list of Blender's, at most count of them: each "
              "begins with the address of the next.");
   module.def("silence_keys", &silence_keys, py::arg("keys"), py::arg("layout"),
-             py::arg("animated"),
              "Mutes evaluated shape keys and remembers in free bits of theirs what was muted.\n\n"
              "keys: (K,) int64, addresses, the reference key first, which is left alone; layout: "
-             "byte offsets in a key of its flags and its value; animated: (K,) bool, whether "
-             "Blender sets the muting anew on each frame.\n"
+             "byte offsets in a key of its flags and its value.\n"
              "Returns (K,) float32: their values, 0 for the reference and for what the user has "
              "muted.");
   module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),

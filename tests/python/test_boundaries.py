@@ -12,10 +12,9 @@ ADDON = ROOT / "addon" / "sinew"
 MODULES = sorted(ADDON.rglob("*.py"))
 
 BLENDER = {"addon_utils", "bgl", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
-# What talks to Blender; all else in the add-on works on arrays and on what these give it.
-MAY_IMPORT_BLENDER = {"bench", "blender_io", "clip_keyframes", "command_line", "cures", "display", "handlers",
-                      "menus", "notice", "operators", "outputs", "panels", "preferences", "progress",
-                      "properties", "rig_import", "session", "without_native"}
+# Which files outside of blender/, ui/ and cli/ talk to Blender; all others work on arrays and on what those give them.
+MAY_IMPORT_BLENDER = {"binding/bind", "binding/properties", "binding/wiring", "rigs/clip_keyframes", "rigs/rig_import",
+                      "session/characters", "session/handlers", "without_native"}
 
 
 def imported(path):
@@ -34,8 +33,21 @@ def imported(path):
 
 
 def role(path):
-    """operators.py and everything in operators/ is "operators"."""
+    """The folder that a file is in, or its own name."""
     return path.relative_to(ADDON).with_suffix("").parts[0]
+
+
+def name_of(path):
+    return path.relative_to(ADDON).with_suffix("").as_posix()
+
+
+def rooms_known(path):
+    """The folders of the add-on, other than its own, that a file imports from."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(), str(path))):
+        if isinstance(node, ast.ImportFrom) and node.level == 2:
+            found |= {node.module.split(".")[0]} if node.module else {alias.name for alias in node.names}
+    return found
 
 
 def test_imports_are_seen(tmp_path):
@@ -46,30 +58,38 @@ def test_imports_are_seen(tmp_path):
 
 
 def test_there_are_files_to_look_at():
-    assert {"deform", "native", "blender_io"} <= {role(path) for path in MODULES}
+    assert {"deform", "native", "blender", "session"} <= {role(path) for path in MODULES}
     assert len(headers_and_sources()) > 20
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_only_some_modules_know_blender(path):
     packages, _ = imported(path)
-    if role(path) not in MAY_IMPORT_BLENDER:
+    if role(path) not in {"blender", "ui", "cli"} and name_of(path) not in MAY_IMPORT_BLENDER:
         assert not packages & BLENDER
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_only_native_imports_the_compiled_module(path):
     packages, own = imported(path)
     # `from .native import sinew_native` is the way for the others.
-    if role(path) != "native":
+    if name_of(path) != "native":
         assert "sinew_native" not in packages | own
 
 
-@pytest.mark.parametrize("name, may_know", [("deform", {"native"}), ("blender_io", set()),
-                                            ("native", {"sinew_native", "bl_info"})])
-def test_the_bottom_of_the_addon_knows_nothing_above(name, may_know):
-    _, own = imported(ADDON / f"{name}.py")
-    assert own <= may_know
+@pytest.mark.parametrize("room, may_know", [
+    ("blender", {"native"}), ("deform", {"native"}), ("cli", {"binding", "blender", "rigs", "session"})])
+def test_who_may_know_whom(room, may_know):
+    for path in (ADDON / room).glob("*.py"):
+        assert rooms_known(path) <= may_know, path.name
+
+
+def test_the_command_line_alone_knows_the_command_line():
+    assert [path.name for path in MODULES if "cli" in rooms_known(path)] == []
+
+
+def test_native_knows_nothing_above():
+    assert imported(ADDON / "native.py")[1] <= {"sinew_native", "bl_info"}
 
 
 def headers_and_sources():

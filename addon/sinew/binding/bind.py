@@ -137,11 +137,11 @@ def adapt(ob):
     if not ob.sinew.is_bound or ob.library is not None:
         return
     first = wiring.first_taken(ob)
-    if first is not None:
-        wiring.wire(ob, first)
     entry = characters.of(ob)
     entry.look_again()
     entry.look(ob)
+    if first is not None:
+        wiring.wire(ob, first, waits=entry.way.kind != ways.BLENDER)
     if entry.way.kind == ways.ATTRIBUTE:
         if nodes.find_modifier(ob) is None:
             try:

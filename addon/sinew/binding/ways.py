@@ -7,7 +7,7 @@ before.
 
 from dataclasses import dataclass
 
-from ..blender import nodes
+from ..blender import animation, nodes
 from . import wiring
 
 ATTRIBUTE, KEYS, BLENDER, MESH = "ATTRIBUTE", "KEYS", "BLENDER", "MESH"
@@ -69,6 +69,8 @@ def _through_keys(ob, keys, taken):
         return Way(BLENDER, "Its shape keys are absolute ones, which only Blender blends")
     if ob.show_only_shape_key:
         return Way(BLENDER, "One shape key alone is shown")
+    if any(path.endswith(".mute") for path in animation.animated_paths(keys)):
+        return Way(BLENDER, "The muting of a shape key is animated")
     if any(modifier.show_viewport != modifier.show_render for modifier in taken):
         return Way(BLENDER, "Its Armature modifier is not shown alike in viewport and render, which cannot be told "
                             "apart through shape keys")

@@ -83,10 +83,13 @@ def switch(ob, taken, own, deforms):
         memory.switch_modifier(ob.modifiers[own], first.show_viewport and deforms, first.show_render and deforms)
 
 
-def hook_variables(ob, armatures):
-    """What the hook is to have."""
+def hook_variables(ob, armatures, waits):
+    """What the hook is to have. waits: for all that deforming needs, on each frame; else it only marks the modifier."""
     mesh = ob.data
-    wanted = [("deform", "OBJECT", ob, HOOK), ("mesh", "MESH", mesh, "vertices[0].hide")]
+    wanted = [("deform", "OBJECT", ob, HOOK)]
+    if not waits:
+        return wanted
+    wanted.append(("mesh", "MESH", mesh, "vertices[0].hide"))
     if mesh.shape_keys is not None:
         wanted.append(("keys", "KEY", mesh.shape_keys, "use_relative"))
     wanted.append(("place", "OBJECT", ob, "location[0]"))  # its transform, as all of it is one to Blender
@@ -126,14 +129,14 @@ def bendy_bones_of(hook):
                      if target.id is not None and target.data_path.startswith("pose."))
 
 
-def wire(ob, modifier):
+def wire(ob, modifier, waits=True):
     """Gives the object the hook, on that modifier, with what it has to wait for as things stand."""
     for other in ob.modifiers:
         if other.type == "ARMATURE" and other != modifier and hook_of(ob, other):
             animation.remove_driver(ob, path_of(other))
     modifiers = held_modifiers(ob) or mixed_modifiers(ob, modifier)
     armatures = dict.fromkeys(each.object for each in modifiers if each.object is not None)
-    wanted = hook_variables(ob, list(armatures))
+    wanted = hook_variables(ob, list(armatures), waits)
     hook = hook_of(ob, modifier)
     if hook is not None and _present(hook) == [variable[1:] for variable in wanted]:
         return

@@ -123,10 +123,10 @@ def key_positions(address, count):
     return vectors_at(_address_at(address + data), count)
 
 
-def silence_keys(addresses, mute_is_animated):
+def silence_keys(addresses):
     """Has Blender add nothing to the reference key in an evaluated copy. Returns (K,) float32, the keys' values, 0
     for what the user has muted."""
-    return host.silence_keys(addresses, _key_layout()[:2], mute_is_animated)
+    return host.silence_keys(addresses, _key_layout()[:2])
 
 
 def give_keys_back(addresses):

@@ -6,7 +6,7 @@ import threading
 import bpy
 from bpy.app.handlers import persistent
 
-from ..binding import bind, wiring
+from ..binding import bind, ways, wiring
 from ..blender import layout, nodes, values
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
@@ -94,8 +94,12 @@ def _note_edits(objects, changed):
     """A modifier may have been applied or removed; the bones of imported poses may have been moved."""
     for ob in objects:
         key = values.key_of(ob)
-        if key in changed:
-            bind.release_if_undone(ob)
+        if key in changed and bind.release_if_undone(ob):
+            continue
+        entry = characters.of(ob)
+        if entry.way.kind == ways.BLENDER and not changed.isdisjoint(_what_it_hangs_on(ob)):
+            entry.look_again()
+            entry.look(ob)
         armature = ob.sinew.last_armature
         if armature is not None and values.key_of(armature.data) in changed:
             posing.forget_if_edited(armature)

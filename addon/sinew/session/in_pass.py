@@ -53,7 +53,7 @@ def _prepare(entry, ob):
     if entry.way.kind == ways.KEYS:
         addresses = memory.key_addresses(mesh.shape_keys)
         _read_keys(entry, ob, mesh)
-        key_values = memory.silence_keys(addresses, entry.keys.mute_is_animated)
+        key_values = memory.silence_keys(addresses)
     elif is_fresh:
         entry.take_rest(meshes.read_positions(mesh))
     count = len(mesh.vertices)

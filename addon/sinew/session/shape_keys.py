@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..blender import animation, memory
+from ..blender import memory
 from ..native import sinew_native
 
 
@@ -17,7 +17,6 @@ from ..native import sinew_native
 class Keys:
     native: object  # sinew_native.ShapeKeys
     base: np.ndarray  # (V, 3): the reference key
-    mute_is_animated: np.ndarray  # (K,) bool
 
 
 def read(keys, vertex_count, weights):
@@ -34,16 +33,7 @@ def read(keys, vertex_count, weights):
     group_weights = None
     if any(each is not None for each in own):
         group_weights = [None if each is None else each.astype(np.float32) for each in own]
-    animated = animated_mutes(keys)
-    return Keys(sinew_native.ShapeKeys(positions, relative_to, group_weights), positions[0].copy(),
-                np.array([block.name in animated for block in blocks], bool))
-
-
-def animated_mutes(keys):
-    """Names of the keys that keyframes or drivers mute."""
-    start, end = 'key_blocks["', '"].mute'
-    return {path[len(start):-len(end)] for path in animation.animated_paths(keys)
-            if path.startswith(start) and path.endswith(end)}
+    return Keys(sinew_native.ShapeKeys(positions, relative_to, group_weights), positions[0].copy())
 
 
 def give_back(keys, known):
