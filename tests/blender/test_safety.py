@@ -36,7 +36,7 @@ def test_undo_and_redo_of_bind_and_unbind(fresh_scene, output):
             assert_same_shape(ob, twin)
         assert ob.sinew.is_bound == bound
         assert bool(traces()) == bound
-        assert ob.modifiers["Armature"].show_viewport == (output == "MODIFIER" or not bound)
+        assert ob.modifiers["Armature"].use_vertex_groups == (output == "MODIFIER" or not bound)
 
     select(bpy.data.objects[name])
     bpy.ops.object.sinew_bind(output=output)

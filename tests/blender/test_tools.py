@@ -1,10 +1,11 @@
 """Blender's own tools on a bound mesh do what they do on its twin that the Armature modifier deforms."""
 
 import bpy
+import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
-from helpers import assert_same_shape, select, twin_of
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from helpers import assert_same_shape, own_positions, select, twin_of, way
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def weights(ob):
 
 def assert_same_weights(ours, theirs):
     assert [each.keys() for each in ours] == [each.keys() for each in theirs]
-    assert all(each == pytest.approx(other, abs=1e-5) for each, other in zip(ours, theirs))
+    assert all(each == pytest.approx(other, abs=1e-4) for each, other in zip(ours, theirs))
 
 
 def select_bones(armature, *names):
@@ -127,3 +128,70 @@ def test_vertex_groups_follow_flip_names(pair):
         assert {"arm.R", "leg.L"} <= {group.name for group in each.vertex_groups}
     bpy.context.scene.frame_set(3)
     assert_same_shape(*pair)
+
+
+def with_keys(pair):
+    for each in pair:
+        add_shape_keys(each)
+    bpy.context.scene.frame_set(3)
+    assert way(pair[0]) == "KEYS"
+
+
+def same_meshes(ob, twin):
+    ours, theirs = own_positions(ob), own_positions(twin)
+    return ours.shape == theirs.shape and np.allclose(ours, theirs, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ("Armature", "Subdivision", "Bevel"))
+def test_a_modifier_is_applied(pair, name):
+    """The armature's own, or one behind it, which Blender applies to the rest shape."""
+    for each in pair:
+        select(each)
+        each.modifiers.new("Subdivision", "SUBSURF")
+        each.modifiers.new("Bevel", "BEVEL")
+        bpy.context.view_layer.update()
+        assert bpy.ops.object.modifier_apply(modifier=name) == {"FINISHED"}
+    assert same_meshes(*pair)
+    for frame in (4, 7):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(*pair)
+    assert pair[0].sinew.is_bound == (name != "Armature")
+
+
+@pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
+@pytest.mark.parametrize("keep", (False, True), ids=("applied", "kept"))
+def test_the_shape_is_saved_as_a_shape_key(pair, keys, keep):
+    if keys:
+        with_keys(pair)
+    shapes = []
+    for each in pair:
+        select(each)
+        bpy.ops.object.modifier_apply_as_shapekey(keep_modifier=keep, modifier="Armature")
+        key = each.data.shape_keys.key_blocks["Armature"]
+        shapes.append(np.array([point.co for point in key.data]))
+    assert np.allclose(*shapes, atol=1e-5) and np.abs(shapes[0] - own_positions(pair[0])).max() > 0.1
+    for frame in (4, 7):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(*pair)
+
+
+@pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
+def test_nothing_of_the_original_is_written(pair, keys):
+    """Frame by frame: neither its positions nor its shape keys, their muting or values."""
+    if keys:
+        with_keys(pair)
+    ob = pair[0]
+
+    def everything():
+        found = [own_positions(ob)]
+        for block in ob.data.shape_keys.key_blocks if keys else ():
+            found += [np.array([point.co for point in block.data]), block.mute]
+        found += [np.array([item.vector for item in attribute.data]) for attribute in ob.data.attributes
+                  if attribute.data_type == "FLOAT_VECTOR" and attribute.domain == "POINT"]
+        return found
+
+    before = everything()
+    for frame in (4, 7, 9):
+        bpy.context.scene.frame_set(frame)
+    after = everything()
+    assert len(before) == len(after) and all(np.array_equal(a, b) for a, b in zip(before, after))

@@ -70,10 +70,10 @@ def check_bindable(ob, armature):
         raise BindingError(
             f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
             f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
-    held = {*wiring.SWITCHES, wiring.CARRIER}
+    held = {*wiring.SHOWS, wiring.CARRIER}
     for modifier in wiring.mixed_modifiers(ob, replaced) if replaced else ():
         animated = held.intersection(animation.animated_properties(ob, modifier))
-        if animated and modifier not in wiring.bound_modifiers(ob):
+        if animated and modifier not in wiring.taken_modifiers(ob):
             raise BindingError(
                 f"{modifier.name} of {ob.name} is switched by drivers or keyframes ({', '.join(sorted(animated))}), "
                 "and Sinew has to switch it itself: remove these first")
@@ -120,10 +120,10 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     if method:
         taken[0].use_deform_preserve_volume = method == "DUAL_QUATERNION"
     settings.output = settings.installed_output = output
-    if output == "MESH":
-        wiring.hold_off(ob, taken)
-        mesh_output.install(ob)
     wiring.wire(ob, taken[0])
+    if output == "MESH":
+        wiring.hold_off(ob)
+        mesh_output.install(ob)
     memory.clear_mark(ob.data, "MESH")
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
@@ -197,10 +197,10 @@ def unbind(ob):
     settings.is_bound = False
     if settings.installed_output == "MESH":
         mesh_output.remove(ob)
-    taken = wiring.bound_modifiers(ob)
+    taken = wiring.taken_modifiers(ob)
     remove_own_modifier(ob)
-    wiring.unwire(ob)
     wiring.let_go(ob)
+    wiring.unwire(ob)
     if settings.has_added_modifier:
         settings.has_added_modifier = False
         for modifier in taken[:1]:
@@ -255,7 +255,7 @@ def switch_output(ob):
     old, new = settings.installed_output, settings.output
     if old == new:
         return
-    taken = wiring.bound_modifiers(ob)
+    taken = wiring.taken_modifiers(ob)
     if new == "MESH":
         try:
             remove_own_modifier(ob)
@@ -268,7 +268,7 @@ def switch_output(ob):
     else:
         mesh_output.remove(ob)
     settings.installed_output = new
-    wiring.let_go(ob) if new == "MODIFIER" else wiring.hold_off(ob, taken)
+    wiring.let_go(ob) if new == "MODIFIER" else wiring.hold_off(ob)
     characters.forget_object(ob)
     adapt(ob)
     show(ob)

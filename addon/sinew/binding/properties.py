@@ -2,7 +2,7 @@
 object how the clip of an imported rig plays."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from ..session import characters, in_pass
 from . import bind, wiring
@@ -92,6 +92,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     # Kept by bind.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
+    held: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # see wiring.hold_off
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
@@ -101,7 +102,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     @property
     def modifiers(self):
         """The Armature modifiers that Sinew stands in for, in the order in which they are mixed."""
-        return wiring.bound_modifiers(self.id_data)
+        return wiring.taken_modifiers(self.id_data)
 
     @property
     def modifier(self):

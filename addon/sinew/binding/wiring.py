@@ -70,14 +70,22 @@ def is_shown(modifier):
     return modifier.show_viewport or modifier.show_render
 
 
-def switch(ob, taken, own, deforms):
+SHOWS = ("show_viewport", "show_render")
+
+
+def switch(ob, taken, own, deforms, through_keys):
     """Who deforms an evaluated object in the pass that goes on. taken: names of the Armature modifiers; own: of
-    Sinew's, or None; deforms: Sinew does, else Blender's own modifiers do."""
+    Sinew's, or None; deforms: Sinew does, else Blender's own modifiers do; through_keys: the evaluated keys have the
+    shape, so that whoever asks for the Armature modifier and them (Save as Shape Key) must not get it twice."""
     originals = ob.original.modifiers
     for name in taken:
         original = originals[name]
-        memory.switch_modifier(ob.modifiers[name], original.show_viewport and not deforms,
+        evaluated = ob.modifiers[name]
+        memory.switch_modifier(evaluated, original.show_viewport and not deforms,
                                original.show_render and not deforms)
+        if through_keys:
+            groups, envelopes = (getattr(original, bind) and not deforms for bind in BINDS)
+            memory.bind_armature_modifier(evaluated, groups, envelopes)
     if own is not None:
         first = originals[taken[0]]
         memory.switch_modifier(ob.modifiers[own], first.show_viewport and deforms, first.show_render and deforms)
@@ -134,8 +142,7 @@ def wire(ob, modifier, waits=True):
     for other in ob.modifiers:
         if other.type == "ARMATURE" and other != modifier and hook_of(ob, other):
             animation.remove_driver(ob, path_of(other))
-    modifiers = held_modifiers(ob) or mixed_modifiers(ob, modifier)
-    armatures = dict.fromkeys(each.object for each in modifiers if each.object is not None)
+    armatures = dict.fromkeys(each.object for each in mixed_modifiers(ob, modifier) if each.object is not None)
     wanted = hook_variables(ob, list(armatures), waits)
     hook = hook_of(ob, modifier)
     if hook is not None and _present(hook) == [variable[1:] for variable in wanted]:
@@ -178,39 +185,33 @@ def revive(ob):
 
 # --- of the output Mesh ---------------------------------------------------------------------------
 
-# There the mesh itself has the shape, so that Blender's own modifiers must not deform it, with Sinew or without. Their
-# switches are held by drivers that say what they were.
-SWITCHES = ("show_viewport", "show_render")
-HELD = {True: "0 * 1", False: "0 * 0"}  # expressions: 0, whatever it was
+# There the mesh itself has the shape, so that Blender's own modifiers must not deform it, with Sinew or without. They
+# stay switched on, for Blender's weight tools to find, but neither groups nor envelopes bind vertices to bones.
+BINDS = ("use_vertex_groups", "use_bone_envelopes")
 
 
-def hold_off(ob, modifiers):
-    for modifier in modifiers:
-        for name in SWITCHES:
-            curve = animation.find_driver(ob, path_of(modifier, name))
-            if curve is None:
-                animation.drive(ob, path_of(modifier, name), [], HELD[getattr(modifier, name)])
-
-
-def held_modifiers(ob):
-    return [modifier for modifier in ob.modifiers if modifier.type == "ARMATURE" and _held(ob, modifier, SWITCHES[0])]
-
-
-def _held(ob, modifier, name):
-    curve = animation.find_driver(ob, path_of(modifier, name))
-    return curve if curve is not None and curve.driver.expression in HELD.values() else None
+def hold_off(ob):
+    """Keeps in the object's settings what bound, two digits for each modifier."""
+    taken = taken_modifiers(ob)
+    ob.sinew.held = " ".join("".join(str(int(getattr(modifier, name))) for name in BINDS) for modifier in taken)
+    for modifier in taken:
+        for name in BINDS:
+            setattr(modifier, name, False)
 
 
 def let_go(ob):
-    for modifier in held_modifiers(ob):
-        for name in SWITCHES:
-            curve = _held(ob, modifier, name)
-            if curve is not None:
-                was_shown = curve.driver.expression == HELD[True]
-                animation.remove_driver(ob, path_of(modifier, name))
-                setattr(modifier, name, was_shown)
+    for modifier in taken_modifiers(ob) if ob.sinew.held else ():
+        for name, was_on in zip(BINDS, binds_of(ob, modifier)):
+            setattr(modifier, name, was_on)
+    ob.sinew.held = ""
 
 
-def bound_modifiers(ob):
-    """The Armature modifiers of a bound object, whatever its output."""
-    return held_modifiers(ob) or taken_modifiers(ob)
+def binds_of(ob, modifier):
+    """(use_vertex_groups, use_bone_envelopes) of a modifier of an object, original or evaluated, as its owner set
+    them: held for the output Mesh, and cleared in evaluated copies that deform through shape keys."""
+    names = [taken.name for taken in taken_modifiers(ob)]
+    held = dict(zip(names, ob.sinew.held.split()))
+    if modifier.name in held:
+        return tuple(digit == "1" for digit in held[modifier.name])
+    original = ob.original.modifiers[modifier.name]
+    return tuple(getattr(original, name) for name in BINDS)

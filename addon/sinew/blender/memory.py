@@ -159,11 +159,19 @@ def attribute_vectors(attribute, count):
 # --- modifiers ------------------------------------------------------------------------------------
 
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
+_GROUPS, _ENVELOPES = 1, 2  # bits of an Armature modifier's way to bind
 
 
 @functools.lru_cache(maxsize=None)
 def _mode_offset():
     return layout.structs()["ModifierData"].offset("mode")
+
+
+def bind_armature_modifier(modifier, groups, envelopes):
+    """Whether an evaluated Armature modifier binds vertices through groups and through envelopes."""
+    offset = layout.structs()["ArmatureModifierData"].offset("deformflag")
+    flags = ctypes.c_int16.from_address(modifier.as_pointer() + offset)
+    flags.value = flags.value & ~(_GROUPS | _ENVELOPES) | _GROUPS * bool(groups) | _ENVELOPES * bool(envelopes)
 
 
 def switch_modifier(modifier, viewport, render):

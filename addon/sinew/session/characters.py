@@ -53,6 +53,7 @@ class Character:
     way: ways.Way = UNKNOWN
     is_wired: bool = False  # the file has what the way needs
     taken: tuple = ()  # names of the Armature modifiers that Sinew stands in for, in their order
+    binds: tuple = ()  # of each, as wiring.binds_of has them
     own: str | None = None  # name of Sinew's modifier
     waits_for: frozenset = frozenset()  # the B-bones that the hook waits for, as wiring.bendy_bones_of has them
     error: str = ""
@@ -75,7 +76,9 @@ class Character:
         """Decides the way. ob: the object, original or evaluated. What the file lacks for it is put there by the
         main thread; until then Blender's own modifier deforms."""
         original = ob.original
-        self.taken = tuple(modifier.name for modifier in wiring.taken_modifiers(ob))
+        taken = wiring.taken_modifiers(ob)
+        self.taken = tuple(modifier.name for modifier in taken)
+        self.binds = tuple(wiring.binds_of(ob, modifier) for modifier in taken)
         if self.sharer_count is None:
             self.sharer_count = count_sharers(original)
         self.way = ways.choose(ob, original.data, self.sharer_count, self.moves_against_armature)
@@ -145,7 +148,7 @@ class Character:
         for number, modifier in enumerate(modifiers):
             armature = modifier.object
             space = layers.space_between(ob, armature)
-            settings = layers.Settings.of(modifier)
+            settings = layers.Settings.of(modifier, self.binds[number])
             made_of = settings, values.key_of(armature.data), layers.edition_of_bones(armature)
             if number == len(self.layers):
                 self.layers.append(None)

@@ -159,6 +159,8 @@ def unregister_frame_handlers():
 
 
 def register():
+    global _is_file_unknown
+    _is_file_unknown = True
     for name, handler in HANDLERS:
         getattr(bpy.app.handlers, name).append(handler)
     bpy.app.timers.register(look_into_the_mail, persistent=True)

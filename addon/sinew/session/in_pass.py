@@ -25,20 +25,20 @@ def deform_now(ob):
         start = perf_counter()
         with entry.lock:  # the same object may be evaluated for a render meanwhile
             work = _prepare(entry, ob) if entry.is_at_work(ob) else None
-            taken, own = entry.taken, entry.own
+            taken, own, through_keys = entry.taken, entry.own, entry.way.kind == ways.KEYS
         if work is not None:
             prepared = perf_counter()
             deformer, poses, out, key_values = work
             deformer.deform(poses, out, key_values)  # other threads of Python go on meanwhile
             entry.timings.pose, entry.timings.skin = 1e3 * (prepared - start), 1e3 * (perf_counter() - prepared)
             entry.error = ""
-        wiring.switch(ob, taken, own, work is not None)
+        wiring.switch(ob, taken, own, work is not None, through_keys)
         if work is None:
             _give_keys_back(entry, ob)
     except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
         if not isinstance(error, characters.NotYetWired):
             characters.keep_error(entry, error)
-        wiring.switch(ob, entry.taken, entry.own, False)
+        wiring.switch(ob, entry.taken, entry.own, False, entry.way.kind == ways.KEYS)
         _give_keys_back(entry, ob)
 
 

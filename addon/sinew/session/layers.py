@@ -30,9 +30,9 @@ class Settings:
     mask_invert: bool
 
     @classmethod
-    def of(cls, modifier):
-        return cls(modifier.use_deform_preserve_volume, modifier.use_vertex_groups, modifier.use_bone_envelopes,
-                   modifier.vertex_group, modifier.invert_vertex_group)
+    def of(cls, modifier, binds):
+        """binds: as wiring.binds_of gives them."""
+        return cls(modifier.use_deform_preserve_volume, *binds, modifier.vertex_group, modifier.invert_vertex_group)
 
 
 @dataclass

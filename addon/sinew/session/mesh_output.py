@@ -49,7 +49,8 @@ def _deform_one(entry, ob, depsgraph):
     evaluated = ob.evaluated_get(depsgraph)
     if not evaluated.is_evaluated or ob.data.is_editmode or not ob.sinew.show_shape:
         return
-    modifiers = [modifier for modifier in wiring.held_modifiers(evaluated) if modifier.object is not None]
+    entry.look(ob)
+    modifiers = [modifier for modifier in wiring.taken_modifiers(evaluated) if modifier.object is not None]
     if not modifiers:
         raise RuntimeError("Its armature is gone: choose another one, or unbind")
     start = perf_counter()
