@@ -19,7 +19,7 @@ STUB = (PAGE.parents[1] / "native" / "bindings" / "sinew_native.pyi").read_text(
 GROUPS = {
     "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices rotation_transforms",
-    "Skinning": "Skin skin_linear skin_dual_quaternion skin_all Layer ShapeKeys Deformer",
+    "Skinning": "Skin skin_linear skin_dual_quaternion skin_all Bends Layer ShapeKeys Deformer",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }
 MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings: change it there. -->\n"

@@ -26,16 +26,39 @@ class OptionalNumbers {
   std::optional<Numbers<float>> numbers_;
 };
 
+std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& offsets,
+                                  const py::array& bones, const py::array& weights,
+                                  const py::array& first_joints, const py::array& segments,
+                                  const py::array& axes) {
+  if (axes.ndim() != 2 || axes.shape(1) != 4) wrong_shape("axes", axes, "(B, 4)");
+  const Numbers<double> rows("axes", axes);
+  return std::make_shared<Bends>(
+      list_of<std::int64_t>("vertices", vertices), list_of<std::int64_t>("offsets", offsets),
+      list_of<std::int32_t>("bones", bones), list_of<float>("weights", weights),
+      list_of<std::int32_t>("first_joints", first_joints),
+      list_of<std::int32_t>("segments", segments), rows);
+}
+
 std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method,
                                   const std::string& stretch,
                                   const std::optional<py::array>& rest_frames,
                                   const std::optional<py::array>& mask,
-                                  const std::optional<py::array>& share) {
+                                  const std::optional<py::array>& share,
+                                  std::shared_ptr<Bends> bends,
+                                  const std::optional<py::array>& split_space) {
   std::vector<Matrix4<double>> frames;
   if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
-  return std::make_shared<Layer>(std::move(skin), method_named(method),
-                                 StretchRule{stretch_named(stretch), frames},
-                                 OptionalNumbers("mask", mask), OptionalNumbers("share", share));
+  std::optional<Matrix4<double>> space;
+  if (split_space) {
+    if (split_space->ndim() != 2 || split_space->shape(0) != 4 || split_space->shape(1) != 4) {
+      wrong_shape("split_space", *split_space, "(4, 4)");
+    }
+    const std::vector<double> numbers = copied<double>("split_space", *split_space);
+    space = Matrix4<double>::Map(numbers.data()).transpose();
+  }
+  return std::make_shared<Layer>(
+      std::move(skin), method_named(method), StretchRule{stretch_named(stretch), frames},
+      OptionalNumbers("mask", mask), OptionalNumbers("share", share), std::move(bends), space);
 }
 
 std::shared_ptr<ShapeKeys> make_keys(
@@ -115,12 +138,39 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
 }  // namespace
 
 void bind_deformer(py::module_& module) {
+  py::class_<Bends, std::shared_ptr<Bends>>(
+      module, "Bends",
+      "Influences of bones with segments, which are split over the two ends of the segment at "
+      "which "
+      "a vertex is: N vertices with M influences of B bones. Immutable.")
+      .def(
+          py::init(&make_bends), py::arg("vertices"), py::arg("offsets"), py::arg("bones"),
+          py::arg("weights"), py::arg("first_joints"), py::arg("segments"), py::arg("axes"),
+          "vertices: (N,) integers, ascending: the vertices with an influence of a bone with "
+          "segments.\n"
+          "offsets: (N + 1,) integers: vertices[i] has the influences offsets[i] to "
+          "offsets[i + 1].\n"
+          "bones: (M,) integers in 0..B-1: all influences of these vertices, whole, in stored "
+          "order.\n"
+          "weights: (M,) float32.\n"
+          "first_joints: (B,) integers, the first joint of each bone.\n"
+          "segments: (B,) integers: 1 is an ordinary bone with one joint, n > 1 one with n + 1.\n"
+          "axes: (B, 4) float64: a point p of the armature's space lies at share axes[b, :3] . p + "
+          "axes[b, 3] of the bone's length, 0 the head and 1 the tail; what is beyond counts as "
+          "them.\n"
+          "All are copied. Raises ValueError for sizes that do not fit and for numbers that are "
+          "out of range or not finite.")
+      .def_property_readonly(
+          "vertex_count", [](const Bends& self) { return std::ssize(self.vertices()); }, "N.")
+      .def_property_readonly("influence_count", &Bends::influence_count, "M.");
+
   py::class_<Layer, std::shared_ptr<Layer>>(
       module, "Layer", "One armature's say in a mesh. Immutable, but for what is done to its skin.")
       .def(
           py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
           py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(),
-          py::arg("share") = py::none(),
+          py::arg("share") = py::none(), py::arg("bends") = py::none(),
+          py::arg("split_space") = py::none(),
           "skin: a Skin of V vertices and J joints; several layers may share it.\n"
           "method: \"linear\" or \"dual_quaternion\".\n"
           "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
@@ -129,8 +179,14 @@ void bind_deformer(py::module_& module) {
           "p' = p + mask (skinned(p) - p). None: all of it.\n"
           "share: (V,), of a layer that is mixed in: shape += share (own - shape). The first layer "
           "of a deformer has none, every other one has one.\n"
-          "All are copied but skin. Raises ValueError for sizes that do not fit and for numbers "
-          "that are not finite.")
+          "bends: a Bends: influences that the skin has split as they are at its rest positions "
+          "and "
+          "in split_space. In each frame, vertices of it that shape keys move are split anew where "
+          "they are, and all of them on other rest positions or in another space.\n"
+          "split_space: (4, 4), the space of the pose for which the skin was split, None if they "
+          "are one.\n"
+          "All are copied but skin and bends. Raises ValueError for sizes that do not fit and for "
+          "numbers that are not finite.")
       .def_property_readonly(
           "vertex_count", [](const Layer& self) { return self.skin().vertex_count(); }, "V.")
       .def_property_readonly(

@@ -193,6 +193,28 @@ class Skin:
     def set_rest_positions(self, positions: _Reals) -> None:
         """The same influences on another shape, (V, 3). Not while another thread skins with it."""
 
+class Bends:
+    """Influences of bones with segments, split over the segments where a vertex is. Immutable."""
+
+    def __init__(
+        self,
+        vertices: _Integers,
+        offsets: _Integers,
+        bones: _Integers,
+        weights: _Reals,
+        first_joints: _Integers,
+        segments: _Integers,
+        axes: _Reals,
+    ) -> None:
+        """vertices (N,), ascending; offsets (N + 1,); bones and weights (M,): their influences, whole;
+        first_joints and segments (B,); axes (B, 4): p is at share axes[:3] . p + axes[3] of a bone."""
+    @property
+    def vertex_count(self) -> int:
+        """N."""
+    @property
+    def influence_count(self) -> int:
+        """M."""
+
 class Layer:
     """One armature's say in a mesh. Immutable, but for what is done to its skin."""
 
@@ -204,9 +226,12 @@ class Layer:
         rest_frames: _Reals | None = None,
         mask: _Reals | None = None,
         share: _Reals | None = None,
+        bends: Bends | None = None,
+        split_space: _Reals | None = None,
     ) -> None:
         """rest_frames (J, 4, 4), relative to the armature; mask and share (V,). The first layer of a
-        deformer has no share, every other one has one."""
+        deformer has no share, every other one has one. split_space (4, 4): in which the skin's own
+        weights were split, where bends are given."""
     @property
     def vertex_count(self) -> int:
         """V."""

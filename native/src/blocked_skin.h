@@ -31,6 +31,12 @@ struct JointSet {
   std::uint32_t is_rigid : 1;
 };
 
+/// What moves one vertex, in stored order.
+struct Influences {
+  std::span<const std::int32_t> joints;
+  std::span<const float> weights;
+};
+
 using JointPair = std::pair<std::uint32_t, std::uint32_t>;
 
 /// Block b holds vertices 16 b up to 16 b + 15. Immutable once built, but for the positions.
@@ -50,6 +56,13 @@ struct BlockedSkin {
   /// The joints of sets[set].
   std::span<const std::uint32_t> joints_of(std::uint32_t set) const {
     return {joints.data() + sets[set].begin, sets[set].count};
+  }
+
+  /// The skin's own, of vertex v.
+  Influences influences_of(std::size_t v) const {
+    const auto first = static_cast<std::size_t>(offsets[v]);
+    const auto count = static_cast<std::size_t>(offsets[v + 1]) - first;
+    return {influence_joints.subspan(first, count), weights.subspan(first, count)};
   }
 
   /// The vertices of blocks begin..end end before this one.

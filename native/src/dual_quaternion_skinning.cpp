@@ -1,6 +1,7 @@
 #include "dual_quaternion_skinning.h"
 
 #include <Eigen/SVD>
+#include <algorithm>
 #include <limits>
 
 namespace sinew {
@@ -101,16 +102,16 @@ Eigen::Vector4f times_vector(const Eigen::Quaternionf& real, const Eigen::Vector
   return (real * Eigen::Quaternionf(0, by.x(), by.y(), by.z())).coeffs();
 }
 
-/// Vertex v, at `rest`: each sign against the sum so far, in stored order.
-Eigen::Vector3f blend_vertex(const BlockedSkin& skin, const Palette& palette, std::size_t v,
+/// A vertex at `rest`: each sign against the sum so far, in stored order.
+Eigen::Vector3f blend_vertex(const Influences& influences, const Palette& palette,
                              const Eigen::Vector3f& rest) {
   Eigen::Vector4f real = Eigen::Vector4f::Zero();
   Eigen::Vector4f dual = Eigen::Vector4f::Zero();
   Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
   float weight_sum = 0;
-  for (auto i = skin.offsets[v]; i < skin.offsets[v + 1]; ++i) {
-    const RigidAndStretch& joint = palette.motions[skin.influence_joints[i]];
-    const float weight = skin.weights[i];
+  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
+    const RigidAndStretch& joint = palette.motions[influences.joints[i]];
+    const float weight = influences.weights[i];
     const float sign = joint.real.coeffs().dot(real) < 0 ? -weight : weight;
     real += sign * joint.real.coeffs();
     dual += sign * joint.dual.coeffs();
@@ -202,10 +203,16 @@ void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const 
     if (skin.sets[joint_set].count > 0 && !palette.skip[joint_set]) continue;
     for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
       const std::size_t at = 3 * (v - tile.begin * kBlock);
-      const Eigen::Vector3f rest = Eigen::Map<const Eigen::Vector3f>(tile.rest + at);
-      Eigen::Map<Eigen::Vector3f>(tile.positions + at) = blend_vertex(skin, palette, v, rest);
+      dual_quaternion_vertex(skin.influences_of(v), palette, tile.rest + at, tile.positions + at);
     }
   }
+}
+
+void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest,
+                            float* out) {
+  const Eigen::Vector3f moved =
+      blend_vertex(influences, palette, Eigen::Map<const Eigen::Vector3f>(rest));
+  std::copy_n(moved.data(), 3, out);
 }
 
 }  // namespace sinew

@@ -14,4 +14,8 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule,
 
 void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
 
+/// One vertex, at `rest`, with influences of its own.
+void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest,
+                            float* out);
+
 }  // namespace sinew

@@ -199,17 +199,16 @@ HWY_INLINE void rigid_groups(const Group* groups, const MatrixRows& matrix,
   for (int n = 0; n < N; ++n) interleaver.store(x[n], y[n], z[n], groups[n].out);
 }
 
-/// Vertex v, at p, that has little in common with its neighbours.
-HWY_INLINE void linear_vertex(const BlockedSkin& skin, std::size_t v, const float* p,
+HWY_INLINE void linear_vertex(const Influences& influences, const float* p,
                               const MatrixRows* palette, float* out) {
-  if (skin.offsets[v] == skin.offsets[v + 1]) {
+  if (influences.joints.empty()) {
     std::memcpy(out, p, 3 * sizeof(float));
     return;
   }
   float blended[12] = {};
-  for (auto i = skin.offsets[v]; i < skin.offsets[v + 1]; ++i) {
-    const float* matrix = &palette[skin.influence_joints[i]].row[0][0];
-    for (int e = 0; e < 12; ++e) blended[e] += skin.weights[i] * matrix[e];
+  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
+    const float* matrix = &palette[influences.joints[i]].row[0][0];
+    for (int e = 0; e < 12; ++e) blended[e] += influences.weights[i] * matrix[e];
   }
   for (int axis = 0; axis < 3; ++axis) {
     const float* row = blended + 4 * axis;
@@ -253,7 +252,8 @@ void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* 
     if (set.count == 0) {
       for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
         const std::size_t at = 3 * (v - tile.begin * kBlock);
-        linear_vertex(skin, v, tile.rest + at, palette, tile.positions + at);
+        HWY_NAMESPACE::linear_vertex(skin.influences_of(v), tile.rest + at, palette,
+                                     tile.positions + at);
       }
       ++b;
       continue;
@@ -385,6 +385,7 @@ HWY_EXPORT(kernel_lanes);
 HWY_EXPORT(kernel_target);
 HWY_EXPORT(pack_points);
 HWY_EXPORT(linear_blocks);
+HWY_EXPORT(linear_vertex);
 HWY_EXPORT(dual_quaternion_blocks);
 
 std::vector<std::string> instruction_sets() {
@@ -418,6 +419,11 @@ void pack_points(const float* positions, std::size_t vertices, float* points) {
 
 void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* palette) {
   HWY_DYNAMIC_DISPATCH(linear_blocks)(skin, tile, palette);
+}
+
+void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette,
+                   float* out) {
+  HWY_DYNAMIC_DISPATCH(linear_vertex)(influences, p, palette, out);
 }
 
 void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,

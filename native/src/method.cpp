@@ -35,6 +35,15 @@ void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette,
   (linear ? run_linear : run_dual_quaternion)(skin, palette, tile);
 }
 
+void run_vertex(const Influences& influences, SkinningMethod method, const Palette& palette,
+                const float* rest, float* out) {
+  if (method == SkinningMethod::linear) {
+    linear_vertex(influences, rest, palette.matrices.data(), out);
+  } else {
+    dual_quaternion_vertex(influences, palette, rest, out);
+  }
+}
+
 double microseconds_a_vertex(SkinningMethod method) {
   // AVX2, four influences at most.
   return method == SkinningMethod::linear ? 1.5e-3 : 2.5e-3;

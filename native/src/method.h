@@ -21,6 +21,10 @@ void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& 
 
 void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile);
 
+/// One vertex at `rest`, x y z, that has other influences than the skin says.
+void run_vertex(const Influences& influences, SkinningMethod method, const Palette& palette,
+                const float* rest, float* out);
+
 /// What a vertex costs one thread, about.
 double microseconds_a_vertex(SkinningMethod method);
 

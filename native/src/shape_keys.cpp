@@ -178,6 +178,17 @@ bool ShapeKeys::change(std::size_t tile, std::span<const float> values) const {
   return false;
 }
 
+void ShapeKeys::mark(std::size_t tile, std::span<const float> values, std::uint8_t* touched) const {
+  const std::size_t vertices = base_.size() / 3;
+  std::fill_n(touched, std::min(kTile, vertices - tile * kTile), std::uint8_t{0});
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    if (values[k] == 0) continue;
+    for (const Run& run : tiles_[tile].of(k)) {
+      std::fill_n(touched + run.first, run.count, std::uint8_t{1});
+    }
+  }
+}
+
 void ShapeKeys::add(std::size_t tile, std::span<const float> values, float* positions) const {
   const Tile& own = tiles_[tile];
   for (std::size_t k = 0; k < values.size(); ++k) {

@@ -116,6 +116,27 @@ TEST(ShapeKeys, KeepOnlyWhatDiffers) {
   EXPECT_FALSE(made.change(2, Floats{1, 0, 1, 1}));
 }
 
+TEST(ShapeKeys, MarkWhatTheyChange) {
+  rigs::Random random(3);
+  constexpr std::size_t kVertices = 5001;
+  const Keys keys = some_keys(random, kVertices);
+  const ShapeKeys made = keys.made();
+  for (const Floats& values :
+       {Floats(7), Floats{0, 0.3f, 0, 0, 0, 0, 0}, Floats{1, 0, 1, 1, 1, 0, 1}}) {
+    const Floats shape = sum_of(made, values);
+    for (const std::size_t t : {0, 1}) {
+      const std::size_t count = std::min(kTile, kVertices - t * kTile);
+      std::vector<std::uint8_t> touched(count + 1, 7);
+      made.mark(t, values, touched.data());
+      EXPECT_EQ(touched[count], 7);
+      for (std::size_t v = 0; v < count; ++v) {
+        const std::size_t at = 3 * (t * kTile + v);
+        EXPECT_EQ(touched[v], !std::equal(&shape[at], &shape[at] + 3, &keys.positions[0][at]));
+      }
+    }
+  }
+}
+
 TEST(ShapeKeys, AnyNumberOfThreadsMakesTheSame) {
   const ThreadsOfATest threads_of_a_test;
   rigs::Random random(2);

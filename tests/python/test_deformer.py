@@ -1,4 +1,4 @@
-"""Layer, ShapeKeys, Deformer."""
+"""Bends, Layer, ShapeKeys, Deformer."""
 
 import gc
 import threading
@@ -201,6 +201,126 @@ def test_a_space_without_an_inverse(random):
     for method in METHODS:
         sinew.Deformer([sinew.Layer(skin, method)]).deform([(turned(random, J), flat)], out)
         assert np.isfinite(out).all()
+
+
+def bendy(random, vertices=V):
+    """What Bends takes of a rig with a bone of four segments, one of two and an ordinary one, joints 0 to 8; the
+    first third of the vertices hangs on the ordinary one alone, the others on all three."""
+    listed = np.arange(vertices // 3, vertices)
+    weights = random.dirichlet(np.ones(3), len(listed)).astype(np.float32)
+    axes = np.linalg.inv(rigs.random_matrices(random, 3, size=0.5))[:, 1] / 0.7  # many points beyond an end
+    return {"vertices": listed, "offsets": 3 * np.arange(len(listed) + 1),
+            "bones": np.tile([2, 0, 1], len(listed)), "weights": weights.ravel(),
+            "first_joints": np.array([0, 5, 8]), "segments": np.array([4, 2, 1]), "axes": axes}
+
+
+def split_skin(given, positions, points, space=None):
+    """A Skin on positions, split at points, both in the space of the mesh."""
+    if space is not None:
+        points = moved(np.linalg.inv(space), points.astype(np.float64))
+    first, n, axes = given["first_joints"], given["segments"], given["axes"]
+    listed = given["vertices"]
+    influences = [[(8, 1.0)] for _ in range(len(positions))]
+    for i, v in enumerate(listed):
+        influences[v] = []
+        for k in range(*given["offsets"][i:i + 2]):
+            bone, weight = given["bones"][k], float(given["weights"][k])
+            place = min(max(axes[bone, :3] @ points[v] + axes[bone, 3], 0), 1) * n[bone]
+            index = min(int(place), n[bone] - 1) if n[bone] > 1 else 0
+            blend = place - index if n[bone] > 1 else 0
+            parts = [(first[bone] + index, weight * (1 - blend)), (first[bone] + index + 1, weight * blend)]
+            influences[v] += [part for part in parts if part[1] != 0]
+    flat = [part for own in influences for part in own]
+    return sinew.Skin(positions, np.cumsum([0] + [len(own) for own in influences]),
+                      np.array([joint for joint, _ in flat]), np.array([weight for _, weight in flat]), 9)
+
+
+def ways_to_skin(random):
+    """Arguments of Layer and whether joints are scaled."""
+    frames = rigs.random_matrices(random, 9)
+    yield {"method": "linear"}, True
+    yield {"method": "dual_quaternion"}, False
+    for stretch in ("frame", "frame_each"):
+        yield {"method": "dual_quaternion", "stretch": stretch, "rest_frames": frames}, True
+
+
+def test_bends_follow_the_points(random):
+    given = bendy(random)
+    bends = sinew.Bends(**given)
+    assert (bends.vertex_count, bends.influence_count) == (len(given["vertices"]), len(given["bones"]))
+    keys = some_keys(random)
+    rest, values = keys[0][0], np.float32([0, 0.8, 0, 0, 0, 0])
+    other = random.uniform(-1, 1, rest.shape).astype(np.float32)
+    shape = summed(*keys, values)
+    own, expected = np.empty((2, V, 3), np.float32)
+    for space in spaces(random):
+        skin = split_skin(given, rest, rest, space)
+        on_shape, on_other = (split_skin(given, rest, points, space) for points in (shape, other))
+        elsewhere = split_skin(given, rest, rest, np.diag([1.3, 1.3, 1.3, 1]))
+        for how, scaled in ways_to_skin(random):
+            pose = turned(random, 9)
+            if scaled:
+                pose[:, :3, :3] *= [1, 1.2, 0.9]
+            poses = [(pose, space)]
+
+            def plain(own_skin, *arguments):
+                sinew.Deformer([sinew.Layer(own_skin, **how)], sinew.ShapeKeys(*keys)).deform(
+                    poses, expected, *arguments)
+                return expected
+
+            layer = sinew.Layer(skin, **how, bends=bends, split_space=space)
+            deformer = sinew.Deformer([layer], sinew.ShapeKeys(*keys))
+            deformer.deform(poses, own, values)
+            assert np.abs(own - plain(on_shape, values)).max() < 4e-6
+            unmoved = (shape == rest).all(axis=1)
+            assert np.array_equal(own[unmoved], plain(skin, values)[unmoved])
+            assert not np.allclose(own[~unmoved], expected[~unmoved], atol=1e-3)
+            deformer.deform(poses, own, None, other)
+            assert np.abs(own - plain(on_other, None, other)).max() < 4e-6
+            deformer.deform(poses, own)
+            assert np.array_equal(own, plain(skin))
+            layer = sinew.Layer(elsewhere, **how, bends=bends, split_space=np.diag([1.3, 1.3, 1.3, 1]))
+            sinew.Deformer([layer], sinew.ShapeKeys(*keys)).deform(poses, own)
+            assert np.abs(own - plain(skin)).max() < 4e-6
+
+
+def test_bends_with_any_number_of_threads_give_the_same_bits(random):
+    given = bendy(random, 30000)
+    keys = some_keys(random, 30000)
+    layer = sinew.Layer(split_skin(given, keys[0][0], keys[0][0]), "linear", bends=sinew.Bends(**given))
+    deformer, results = sinew.Deformer([layer], sinew.ShapeKeys(*keys)), []
+    poses = [(turned(random, 9), None)]
+    for count in (1, 2, 3, 8):
+        sinew.set_thread_count(count)
+        results.append(deformed(deformer, poses, np.float32([0, 1, 0, 0.5, 0, 0])))
+    assert len(set(results)) == 1
+
+
+def test_refuses_bends_that_do_not_fit(random):
+    given = bendy(random, 6)
+    skin = split_skin(given, np.zeros((6, 3)), np.zeros((6, 3)))
+
+    def complains(**changes):
+        return said(sinew.Bends, **{**given, **changes})
+
+    assert complains(vertices=np.array([2, 3, 3, 5])) == "vertices does not rise at entry 2"
+    assert complains(vertices=np.arange(4.0)) == "vertices is float64; expected integers"
+    assert complains(offsets=np.array([0, 12])) == \
+        "offsets has 2 entries; expected 5, one more than there are vertices"
+    assert complains(bones=np.full(12, 3)) == "influence 0 names bone 3; there are 3 bones"
+    assert complains(weights=np.full(12, np.nan)) == "the weight of influence 0 is not finite"
+    assert complains(weights=np.ones((12, 1))) == "weights has shape (12, 1); expected one axis"
+    assert complains(first_joints=np.array([0, 5])) == \
+        "first_joints has 2 entries and segments has 3; expected as many of each"
+    assert complains(segments=np.array([4, 2, 0])) == "bone 2 has 0 segments; expected 1 to 16,777,215"
+    assert complains(axes=np.zeros((3, 3))) == "axes has shape (3, 3); expected (B, 4)"
+    assert complains(axes=np.zeros((2, 4))) == "axes has 8 numbers; expected four for each of 3 bones"
+    bends = sinew.Bends(**{**given, "vertices": given["vertices"] + 1})
+    assert said(sinew.Layer, skin, "linear", bends=bends) == "bends names vertex 6; the skin has 6 vertices"
+    bends = sinew.Bends(**{**given, "first_joints": np.array([0, 5, 9])})
+    assert said(sinew.Layer, skin, "linear", bends=bends) == "bends names joint 9; the skin has 9 joints"
+    assert said(sinew.Layer, skin, "linear", split_space=np.eye(3)) == \
+        "split_space has shape (3, 3); expected (4, 4)"
 
 
 def everything(random, vertices=30000):

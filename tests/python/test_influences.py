@@ -1,4 +1,4 @@
-"""addon/sinew/influences.py, which needs no Blender: the rules by hand. The judge of the whole is
+"""addon/sinew/deform/influences.py, which needs no Blender: the rules by hand. The judge of the whole is
 Blender's modifier, in tests/blender/test_any_character.py."""
 
 import importlib.util

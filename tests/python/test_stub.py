@@ -107,7 +107,9 @@ def samples():
                     poses, one[None])
     skin = sinew.Skin.from_dense(np.zeros((1, 3)), np.ones((1, 1)))
     layer, keys = sinew.Layer(skin, "linear"), sinew.ShapeKeys([np.zeros((1, 3))], np.array([0]))
-    return {"Skeleton": sinew.Skeleton(np.array([-1]), one), "RigSkeleton": skeleton,
+    numbers = np.array([0])
+    bends = sinew.Bends(numbers, np.array([0, 1]), numbers, np.ones(1), numbers, np.array([1]), np.zeros((1, 4)))
+    return {"Bends": bends, "Skeleton": sinew.Skeleton(np.array([-1]), one), "RigSkeleton": skeleton,
             "PoseClip": poses, "Rig": rig, "Skin": skin, "Layer": layer, "ShapeKeys": keys,
             "Deformer": sinew.Deformer([layer], keys)}
 

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "sinew/bends.h"
 #include "sinew/shape_keys.h"
 #include "sinew/skin.h"
 #include "sinew/skinning_method.h"
@@ -25,11 +26,20 @@ class Layer {
   /// share   V: of a layer that is mixed in, shape + share (own - shape), shape being the outcome
   /// of
   ///         the layers before it. The first layer has none, every other one has one.
-  /// Throws InputError for a number of rest frames, masks or shares that does not fit, and for one
+  /// bends   or null: those of the skin's influences that are to follow a vertex. The skin has them
+  ///         split as they are at its rest positions (or the base of the keys) and in split_space.
+  ///         A vertex that is elsewhere in a frame is split anew: one that shape keys move, and all
+  ///         of them on other rest positions or in another space than split_space.
+  /// split_space  mesh_from_armature of LayerPose when the skin was split; without bends it says
+  ///         nothing. Compared number by number.
+  /// Throws InputError for bends that name a vertex or a joint that the skin does not have, and for
+  /// a number of rest frames, masks or shares that does not fit, and for one
   /// that is not finite.
   Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule = {},
         std::optional<std::span<const float>> mask = std::nullopt,
-        std::optional<std::span<const float>> share = std::nullopt);
+        std::optional<std::span<const float>> share = std::nullopt,
+        std::shared_ptr<const Bends> bends = nullptr,
+        const std::optional<Matrix4<double>>& split_space = std::nullopt);
 
   const Skin& skin() const { return *skin_; }
   SkinningMethod method() const { return method_; }
@@ -37,6 +47,9 @@ class Layer {
   /// V, or nothing.
   const std::optional<std::vector<float>>& mask() const { return mask_; }
   const std::optional<std::vector<float>>& share() const { return share_; }
+  /// Or null.
+  const Bends* bends() const { return bends_.get(); }
+  const std::optional<Matrix4<double>>& split_space() const { return split_space_; }
 
  private:
   std::shared_ptr<const Skin> skin_;
@@ -45,6 +58,8 @@ class Layer {
   std::vector<Matrix4<double>> rest_frames_;
   std::optional<std::vector<float>> mask_;
   std::optional<std::vector<float>> share_;
+  std::shared_ptr<const Bends> bends_;
+  std::optional<Matrix4<double>> split_space_;
 };
 
 /// A layer's armature in one frame.

@@ -45,6 +45,9 @@ class ShapeKeys {
   bool change(std::size_t tile, std::span<const float> values) const;
   /// Adds them to the tile's positions, which begin as the base does.
   void add(std::size_t tile, std::span<const float> values, float* positions) const;
+  /// Which vertices of the tile they change, one byte each: 1, or 0 for those that stay as they
+  /// are. touched  out, as many as the tile has vertices.
+  void mark(std::size_t tile, std::span<const float> values, std::uint8_t* touched) const;
   /// How many vertices these values change, each counted once a key.
   std::ptrdiff_t changed_by(std::span<const float> values) const;
 

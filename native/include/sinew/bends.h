@@ -1,0 +1,69 @@
+/// Influences of bones with segments, whose split over the segments hangs on where a vertex is.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// A bone of n > 1 segments has n + 1 joints, the ends of its segments one after the other; an
+/// ordinary bone is one joint. An influence of a bone with segments is shared by the two ends of
+/// the segment at which the vertex is: at `share` of the bone's length, 0 the head and 1 the tail,
+///   place = clamp(share, 0, 1) n,  index = min(floor(place), n - 1),  blend = place - index,
+/// it is (1 - blend) of joint `index` and blend of joint `index + 1`. Of these, what is 0 is left
+/// out.
+///
+/// Of N vertices, the only ones listed, which have M influences of B bones. Immutable.
+class Bends {
+ public:
+  /// vertices      N, ascending: those with an influence of a bone with segments.
+  /// offsets       N + 1: the influences of vertices[i] are those from offsets[i] to offsets[i +
+  /// 1]. bones         M, each in 0..B-1: all influences of these vertices, whole, in stored order.
+  /// weights       M, finite.
+  /// first_joints  B, 0 or more.
+  /// segments      B, 1 or more; 1: an ordinary bone.
+  /// axes          B x 4, finite: a point p of the armature's space lies at share a . (p, 1) of the
+  ///               bone's length, not yet clamped.
+  /// Throws InputError, naming the entry, when one of these does not hold. All are copied.
+  Bends(std::span<const std::int64_t> vertices, std::span<const std::int64_t> offsets,
+        std::span<const std::int32_t> bones, std::span<const float> weights,
+        std::span<const std::int32_t> first_joints, std::span<const std::int32_t> segments,
+        std::span<const double> axes);
+
+  /// N.
+  std::span<const std::int64_t> vertices() const { return vertices_; }
+  /// M.
+  std::ptrdiff_t influence_count() const { return std::ssize(bones_); }
+  /// One more than the last joint of any bone.
+  std::ptrdiff_t joint_count() const { return joint_count_; }
+
+  /// What moves one vertex, in stored order.
+  struct Split {
+    std::vector<std::int32_t> joints;
+    std::vector<float> weights;
+  };
+
+  /// For the frame loop: the influences of vertices()[i] when it is at `point`, space of the
+  /// armature. Allocates nothing if `split` comes from another call on the same object.
+  void split(std::size_t i, const Eigen::Vector3d& point, Split& split) const;
+
+ private:
+  struct Bone {
+    Eigen::RowVector4d axis;
+    std::int32_t first_joint;
+    std::int32_t segments;
+  };
+
+  std::vector<std::int64_t> vertices_;
+  std::vector<std::int64_t> offsets_;
+  std::vector<std::int32_t> bones_;
+  std::vector<float> weights_;
+  std::vector<Bone> by_number_;
+  std::ptrdiff_t joint_count_ = 0;
+  std::size_t most_influences_ = 0;
+};
+
+}  // namespace sinew
