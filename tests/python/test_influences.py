@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+import rigs
+import sinew_native as sinew
+
 PATH = Path(__file__).resolve().parents[2] / "addon" / "sinew" / "deform" / "influences.py"
 spec = importlib.util.spec_from_file_location("influences", PATH)
 rules = sys.modules["influences"] = importlib.util.module_from_spec(spec)
@@ -80,9 +83,50 @@ def test_envelope_multiplies():
 def test_segments_share_a_bone():
     result = of([[(0, 1.0)]] * 4, bones(1, segments=[4]),
                 points=[[0, -1, 0], [0, 0.375, 0], [0, 0.5, 0], [0, 3, 0]])
-    assert result.joint_count == 5
+    assert result.joint_count == 5 and not result.hang_on_shape
     assert np.allclose(dense(result), [[1, 0, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0, 0],
                                        [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0]])
+
+
+def test_bends_hold_influences_that_are_not_split():
+    own_bones = bones(4, segments=[1, 4, 1, 2], deform=[True, True, False, True])
+    result = of([[(0, 1.0)], [(3, 0.5), (0, 1.5)], [(2, 0.5), (1, 0.5)], [(0, 0.5)], [(1, 5e-5)]], own_bones)
+    bends = result.bends
+    assert bends.vertices.tolist() == [1, 2] and bends.offsets.tolist() == [0, 2, 3]
+    assert bends.bones.tolist() == [2, 0, 1] and bends.weights.tolist() == [0.25, 0.75, 1]
+    assert bends.first_joints.tolist() == [0, 1, 6] and bends.segments.tolist() == [1, 4, 2]
+    assert bends.axes.tolist() == [[0, 1, 0, 0], [0, 1, 0, -1], [0, 1, 0, -3]]
+    assert not result.hang_on_shape
+
+
+def test_there_are_bends_for_bones_with_segments_alone():
+    assert of([[(0, 1.0)]], bones()).bends is None
+    assert of([[(0, 1.0)]], bones(2, segments=[1, 4], curved=True)).bends is None  # moves no vertex
+    assert not of([[(0, 1.0)]], bones(2, segments=[1, 4], curved=True)).hang_on_shape
+    enveloped = of([[(0, 1.0)]], bones(2, segments=[4, 1]), use_envelopes=True)
+    assert enveloped.hang_on_shape and enveloped.bends is not None
+
+
+def test_bends_split_as_influences_do():
+    random = np.random.default_rng(5)
+    own_bones = bones(3, segments=[4, 1, 3])
+    own_bones.rest = rigs.random_matrices(random, 3, size=0.3)
+    own_bones.length = np.array([0.7, 1, 0.5])
+    entries = [[(b, w) for b, w in zip(random.permutation(3)[:1 + v % 3], random.random(3))] for v in range(400)]
+    rest, points = random.uniform(-1, 1, (2, 400, 3)).astype(np.float32)
+    pose = np.tile(np.eye(4, dtype=np.float32), (own_bones.joint_count + 1, 1, 1))
+    pose[:-1, :3, 3] = random.uniform(-1, 1, (own_bones.joint_count, 3))
+
+    def deformed(result, **more):
+        skin = sinew.Skin(rest, result.offsets, result.joints, result.weights, result.joint_count + 1)
+        out = np.empty_like(rest)
+        sinew.Deformer([sinew.Layer(skin, "linear", **more)]).deform([(pose, None)], out, None, points)
+        return out
+
+    at_rest, there = of(entries, own_bones, rest), of(entries, own_bones, points)
+    bends = sinew.Bends(**vars(at_rest.bends))
+    assert np.abs(deformed(at_rest, bends=bends) - deformed(there)).max() < 2e-6
+    assert np.abs(deformed(at_rest) - deformed(there)).max() > 0.1
 
 
 def test_segments_along_a_curve_are_asked_for():
@@ -95,6 +139,7 @@ def test_segments_along_a_curve_are_asked_for():
     result = of([[(1, 1.0)], [(0, 1.0)]], bones(2, segments=[1, 4], curved=True),
                 points=[[0, 1.5, 0], [0, 0, 0]], segment_at=segment_at)
     assert asked == [(1, [0, 1.5, 0])]
+    assert result.hang_on_shape and result.bends is None
     assert np.allclose(dense(result), [[0, 0, 0, 0.75, 0.25, 0, 0], [1, 0, 0, 0, 0, 0, 0]])
 
 

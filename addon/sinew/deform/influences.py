@@ -48,6 +48,20 @@ class Rules:
 
 
 @dataclass
+class Bends:
+    """As sinew_native.Bends takes them: the influences of bones with segments before they are split, N vertices
+    with M influences of D bones."""
+
+    vertices: np.ndarray  # (N,)
+    offsets: np.ndarray  # (N + 1,)
+    bones: np.ndarray  # (M,), numbers of the arrays below, not of the armature
+    weights: np.ndarray  # (M,)
+    first_joints: np.ndarray  # (D,)
+    segments: np.ndarray  # (D,)
+    axes: np.ndarray  # (D, 4)
+
+
+@dataclass
 class Influences:
     """As sinew_native.Skin takes them, weights summing to 1, for joint_count + 1 joints."""
 
@@ -55,7 +69,8 @@ class Influences:
     joints: np.ndarray  # (N,)
     weights: np.ndarray  # (N,)
     joint_count: int
-    hang_on_shape: bool = False  # other rest positions may mean other influences
+    hang_on_shape: bool = False  # other rest positions may mean other influences, beyond what bends say
+    bends: Bends | None = None  # None: no bone with segments moves the mesh, or one of them is curved
     unweighted_count: int = 0  # vertices that no bone moves
     unnormalized_count: int = 0  # vertices whose weights, as they stand in the mesh, do not sum to 1
 
@@ -94,13 +109,17 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
 
     joint = bones.first_joint[bone]
     bent = bones.segments[bone] > 1
+    curved = bool((bent & bones.curved[bone]).any())
+    bends = None
     if bent.any():
+        if not curved:
+            bends = _bends(vertex, bone, weight, bent, bones)
         vertex, joint, weight = _split_over_segments(
             vertex, bone, joint, weight, bent, bones, points, segment_at)
     counts = np.bincount(vertex, minlength=vertex_count)
     return Influences(
         np.concatenate(([0], np.cumsum(counts))), joint.astype(np.int32), weight.astype(np.float32),
-        bones.joint_count, bool(multiplied.any() or rules.use_envelopes or bent.any()),
+        bones.joint_count, bool(multiplied.any() or rules.use_envelopes or curved), bends,
         unweighted_count=int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM)),
         unnormalized_count=int(np.count_nonzero(
             (given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN))))
@@ -140,12 +159,26 @@ def _envelope_influences(vertices, bones, points):
     return vertex, bone, envelope(points[vertex], bones, bone) * bones.envelope_weight[bone]
 
 
+def _axes(bones):
+    """(B, 4): a point p lies at share axes[b, :3] . p + axes[b, 3] of the bone's length."""
+    return np.linalg.inv(bones.rest)[:, 1] / np.maximum(bones.length, 1e-30)[:, None]
+
+
+def _bends(vertex, bone, weight, bent, bones):
+    vertices = np.unique(vertex[bent])
+    own = np.isin(vertex, vertices)
+    used, numbers = np.unique(bone[own], return_inverse=True)
+    offsets = np.concatenate(([0], np.cumsum(np.bincount(vertex)[vertices])))
+    return Bends(vertices, offsets, numbers.astype(np.int32), weight[own].astype(np.float32),
+                 bones.first_joint[used], bones.segments[used], _axes(bones)[used])
+
+
 def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at):
     """Each influence of a B-bone becomes two, of the ends of the segment that the vertex is at."""
-    inverse = np.linalg.inv(bones.rest)[bone]
-    local = np.einsum("nab,nb->na", inverse[:, 1:2, :3], points[vertex])[:, 0] + inverse[:, 1, 3]
+    axes = _axes(bones)[bone]
+    share = np.einsum("na,na->n", axes[:, :3], points[vertex]) + axes[:, 3]
     count = bones.segments[bone]
-    place = np.clip(local / np.maximum(bones.length[bone], 1e-30), 0, 1) * count
+    place = np.clip(share, 0, 1) * count
     index = np.clip(np.floor(place).astype(int), 0, count - 1)
     blend = np.where(bent, place - index, 0)
     for entry in np.flatnonzero(bent & bones.curved[bone]):
