@@ -118,6 +118,24 @@ def with_keys_and_the_lot_after(ob):
     ob.modifiers.new("Array", "ARRAY").count = 2
 
 
+def with_keys_and_bendy_bones(ob):
+    add_shape_keys(ob)
+    with_bendy_bones(ob)
+
+
+def moving_against_bendy_bones(ob):
+    """The object itself is animated, its armature is not its parent."""
+    with_bendy_bones(ob)
+    for frame, place in ((1, (0, 0, 0)), (10, (0.2, 0.1, 0.7))):
+        ob.location = place
+        ob.keyframe_insert("location", frame=frame)
+
+
+def with_keys_and_curved_bendy_bones(ob):
+    add_shape_keys(ob)
+    with_curved_bendy_bones(ob)
+
+
 def with_keys_mask_envelopes_and_bendy_bones(ob):
     add_shape_keys(ob)
     with_envelopes(ob)
@@ -143,11 +161,14 @@ KINDS = (
     with_a_modifier_before, with_another_armature_before, mixed, mixed_without_a_mask,
     mixed_thrice_by_two_armatures, with_curved_bendy_bones, with_subdivision_after,
     with_keys_and_subdivision, with_keys_and_the_lot_after, with_keys_mask_envelopes_and_bendy_bones,
+    with_keys_and_bendy_bones, moving_against_bendy_bones, with_keys_and_curved_bendy_bones,
     apart, parented_and_squashed)
 NAMES = [kind.__name__ for kind in KINDS]
 NAMES[0], NAMES[3] = "plain", "with_mask_turned_round"
 # Which Blender's own modifier goes on deforming:
 LEFT_TO_BLENDER = (with_a_modifier_before, with_another_armature_before, with_keys_mask_envelopes_and_bendy_bones)
+if bpy.app.version >= (4, 0, 0):  # before there are none that are curved
+    LEFT_TO_BLENDER += (with_keys_and_curved_bendy_bones,)
 
 
 @pytest.fixture(params=METHODS)

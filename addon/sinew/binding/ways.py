@@ -7,7 +7,7 @@ before.
 
 from dataclasses import dataclass
 
-from ..blender import animation, nodes
+from ..blender import animation, armatures, nodes
 from . import wiring
 
 ATTRIBUTE, KEYS, BLENDER, MESH = "ATTRIBUTE", "KEYS", "BLENDER", "MESH"
@@ -46,7 +46,7 @@ def choose(ob, mesh, sharer_count, moves_against_armature=False):
         return Way(BLENDER, f"{sharer_count} objects share this mesh, and Blender evaluates them at once")
     if (moves_against_armature or mesh.shape_keys is not None) and hangs_on_shape(ob, taken):
         what = "Its shape keys move vertices" if mesh.shape_keys else "Mesh and armature move against each other"
-        return Way(BLENDER, f"{what}, so its B-bones or envelopes take hold anew on each frame")
+        return Way(BLENDER, f"{what}, so envelopes or curved B-bones take hold anew on each frame")
     if mesh.shape_keys is not None:
         return _through_keys(ob.original, mesh.shape_keys, taken)
     for modifier in ob.original.modifiers:
@@ -57,10 +57,12 @@ def choose(ob, mesh, sharer_count, moves_against_armature=False):
 
 
 def hangs_on_shape(ob, taken):
-    """Whether it depends on where a vertex is what moves it: of B-bones and envelopes."""
+    """Whether it depends on where a vertex is what moves it, in ways of which Sinew works out the outcome but once:
+    envelopes, and B-bones that are mapped along their curve."""
     groups = {group.name for group in ob.original.vertex_groups}
     return any(modifier.use_bone_envelopes or any(
-        bone.use_deform and bone.name in groups and (bone.bbone_segments > 1 or bone.use_envelope_multiply)
+        bone.use_deform and bone.name in groups and (
+            bone.use_envelope_multiply or bone.bbone_segments > 1 and armatures.is_curved(bone))
         for bone in modifier.object.data.bones) for modifier in taken if modifier.object is not None)
 
 

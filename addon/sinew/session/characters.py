@@ -23,8 +23,8 @@ log = logging.getLogger("sinew")
 UNKNOWN = ways.Way(ways.BLENDER)
 # Modes in which people edit what they see: there Blender's own modifier shows the shape, as its tools expect.
 EDITING = {"EDIT", "SCULPT"}
-# Where influences hang on the shape's place (B-bones, envelopes) and it moves against its armature, they would have
-# to be made anew on each frame. So often it may happen between two edits:
+# Where influences hang on the shape's place (envelopes, curved B-bones) and it moves against its armature, they would
+# have to be made anew on each frame. So often it may happen between two edits:
 MOST_REBUILDS = 8
 
 

@@ -162,6 +162,8 @@ def _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mes
     if settings.preserve_volume:
         how = {"method": "dual_quaternion", "stretch": STRETCH, "rest_frames": rest_frames}
     blank = np.tile(np.eye(4, dtype=np.float32), (bones.joint_count + 1, 1, 1))
+    if own.bends is not None:
+        how |= {"bends": sinew_native.Bends(**vars(own.bends)), "split_space": mesh_from_armature}
     return Layer(sinew_native.Layer(skin, mask=mask, share=share, **how), skin, own, bones, made_of,
                  _bytes(mesh_from_armature), blank)
 
