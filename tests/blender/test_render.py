@@ -6,7 +6,7 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import (
-    addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of)
+    addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of, way)
 
 FRAMES = (1, 6, 11)
 SOAK_ROUNDS, SOAK_FRAMES = 50, 10
@@ -186,3 +186,62 @@ def test_soak(fresh_scene, tmp_path):
             assert_same_shape(ob, twin)
             assert addon_module("session.characters").character(ob).error == ""
     assert rendered == 500
+
+
+def with_noise(ob):
+    """Shines with a noise on Generated coordinates."""
+    material = bpy.data.materials.new("noise")
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    noise, shine, out = (tree.nodes.new(f"ShaderNode{name}") for name in ("TexNoise", "Emission", "OutputMaterial"))
+    noise.inputs["Scale"].default_value = 20
+    tree.links.new(noise.outputs["Color"], shine.inputs["Color"])
+    tree.links.new(shine.outputs[0], out.inputs["Surface"])
+    ob.data.materials.append(material)
+
+
+def test_generated_coordinates_stay_put(fresh_scene, tmp_path):
+    """The panel says beforehand that they would not, and has a cure."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    with_noise(ob)
+    reference = twin_of(ob)
+    for frame in (1, 4, 7, 11):
+        pose(armature, frame, False)
+    cures = addon_module("ui.cures")
+
+    def said(about):
+        return [warning for warning in about if "noise uses Generated" in warning.text]
+
+    assert said(cures.about_generated(ob))
+    accelerate(ob)
+    (warning,) = said(cures.warnings(ob))
+    assert warning.cures[0][0] == "object.sinew_keep_generated"
+    assert bpy.ops.object.sinew_keep_generated() == {"FINISHED"}
+    fresh_scene.frame_set(2)
+    assert way(ob) == "KEYS" and not said(cures.warnings(ob))
+    assert_same_shape(ob, reference)
+    add_camera(fresh_scene)
+    fresh_scene.camera.location = (0, -12, 2.5)
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, ob, reference))
+
+
+@pytest.mark.parametrize("kind", ("MULTIRES", "SOFT_BODY"))
+def test_modifiers_that_want_deforming_ones_before_them(fresh_scene, kind):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    ob.modifiers.new("Behind", kind)
+    reference = twin_of(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    assert way(ob) == "BLENDER"
+    (warning,) = [warning for warning in addon_module("ui.cures").warnings(ob) if "only deforming" in warning.text]
+    assert warning.cures == (("object.sinew_keep_generated", "Add a Basis"),)
+    bpy.ops.object.sinew_keep_generated()
+    fresh_scene.frame_set(3)
+    assert way(ob) == "KEYS"
+    assert_same_shape(ob, reference, 1e-4 if kind == "SOFT_BODY" else 1e-5)

@@ -19,6 +19,7 @@ WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
 class Way:
     kind: str
     reason: str = ""  # of BLENDER, a sentence for people
+    wants_keys: bool = False  # it would go through shape keys, if it had some
 
     @property
     def in_pass(self):
@@ -52,7 +53,7 @@ def choose(ob, mesh, sharer_count, moves_against_armature=False):
     for modifier in ob.original.modifiers:
         if modifier.type in WANTS_DEFORM_ONLY:
             return Way(BLENDER, f"{modifier.name} lets only deforming modifiers stand before it: give the mesh a "
-                                "shape key, and Sinew goes through that")
+                                "shape key, and Sinew goes through that", wants_keys=True)
     return Way(ATTRIBUTE)
 
 

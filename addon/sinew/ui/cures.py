@@ -7,7 +7,7 @@ import numpy as np
 from mathutils.kdtree import KDTree
 
 from ..binding import bind, mesh_output
-from ..blender import meshes
+from ..blender import materials, meshes
 from ..rigs import clip_store
 from ..session import characters
 from . import display
@@ -31,7 +31,9 @@ def warnings(ob):
         if armature is None:
             found.append(Warning(entry.way.reason, (), True))
         else:
-            found.append(Warning(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", ()))
+            cures = ((KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
+            found.append(Warning(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", cures))
+    found += about_generated(ob)
     for modifier in doubles(ob):
         found.append(Warning(f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
                              ((RemoveDoubles.bl_idname, "Remove It"),), True))
@@ -59,6 +61,15 @@ def warnings(ob):
         found.append(Warning(f"{sharers} objects share this mesh",
                              ((MakeSingleUser.bl_idname, "Make Single User"),)))
     return found
+
+
+def about_generated(ob):
+    """Of a mesh, bound or to be bound, whose material would swim."""
+    material = materials.user_of_generated(ob) if ob.data.shape_keys is None else None
+    if material is None or bind.shows_in_mesh(ob):
+        return []
+    return [Warning(f"{material} uses Generated coordinates, which move with the shape on a mesh without shape keys",
+                    ((KeepGenerated.bl_idname, "Keep Generated"),))]
 
 
 def doubles(ob):
@@ -99,6 +110,28 @@ class _Cure:
         return (ob is not None and ob.type == "MESH" and ob.sinew.is_bound and ob.sinew.armature is not None
                 and ob.library is None and ob.data.library is None
                 and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
+
+
+class KeepGenerated(bpy.types.Operator):
+    """Give the mesh a shape key Basis, through which Sinew then deforms it: Generated texture coordinates stay put,
+    and modifiers that want deforming ones before them may follow"""
+
+    bl_idname = "object.sinew_keep_generated"
+    bl_label = "Keep Generated Coordinates"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return (ob is not None and ob.type == "MESH" and ob.library is None and ob.data.library is None
+                and ob.data.shape_keys is None and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
+
+    def execute(self, context):
+        ob = context.active_object
+        ob.shape_key_add(name="Basis", from_mix=False)
+        if ob.sinew.is_bound:
+            bind.adapt(ob)
+        return {"FINISHED"}
 
 
 class RemoveDoubles(_Cure, bpy.types.Operator):
@@ -195,5 +228,5 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
+CLASSES = (KeepGenerated, RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -2,7 +2,7 @@
 
 import bpy
 
-from .cures import FillWeights, MakeSingleUser, NormalizeWeights, RemoveDoubles, SelectUnweighted
+from .cures import FillWeights, KeepGenerated, MakeSingleUser, NormalizeWeights, RemoveDoubles, SelectUnweighted
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, ExportRig, ImportRig, Unbind
 from .preferences import OpenManual
@@ -25,7 +25,8 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(ToggleWeights.bl_idname, icon="GROUP_VCOL")
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
         layout.separator()
-        for operator in (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser, RemoveDoubles):
+        for operator in (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser, RemoveDoubles,
+                         KeepGenerated):
             layout.operator(operator.bl_idname)
         layout.separator()
         layout.operator(OpenManual.bl_idname, icon="HELP")

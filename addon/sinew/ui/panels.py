@@ -59,6 +59,8 @@ def draw_free(layout, context, ob):
     else:
         layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
+        for warning in cures.about_generated(ob):
+            draw_warning(layout, context, warning)
     draw_display(layout, ob)
 
 
