@@ -285,18 +285,21 @@ def pictures_of_properties_and_preferences():
 
 
 def an_error():
-    """A sentence pops up, once."""
+    """A sentence pops up, once, and Blender's own modifier goes on deforming."""
     ob, notice = bpy.data.objects["ogre"], addon_module("ui.notice")
     close_other_windows()
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)
-    ob.modifiers.remove(ob.modifiers["Sinew"])
+    character = addon_module("session.characters").Character
+    poses, character.poses = character.poses, lambda *_: (_ for _ in ()).throw(MemoryError("There is no memory left"))
     for frame in (3, 4, 5):
         bpy.context.scene.frame_set(frame)
-        yield 0.3
-    assert len(shown) == 1 and "ogre has lost its Sinew modifier" in shown[0], shown
+        yield 0.5
+    assert len(shown) == 1 and "Sinew cannot deform ogre" in shown[0], shown
+    assert_same_shape(ob, builtin_copy(ob))
     yield from picture("error")
+    character.poses = poses
     print("window: told what is wrong")
 
 

@@ -10,6 +10,7 @@ from ..session import characters
 from . import cures, display, notice
 from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
 
+WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier", "MESH": "its own vertices"}
 MOST_MESHES = 10  # of an armature, that are listed
 
 
@@ -175,6 +176,7 @@ def draw_statistics(layout, entry):
     mean = skin.influence_count / max(skin.vertex_count, 1)
     draw_value(column, "Influences", f"{mean:.2f}, at most {skin.most_influences}")
     draw_value(column, "Unweighted", f"{influences.unweighted_count:,}")
+    draw_value(column, "Goes Through", WAYS[entry.way.kind])
     column.separator()
     draw_value(column, "Last Frame", f"{timings.total:.2f} ms")
     for name, value in (("Pose", timings.pose), ("Skin", timings.skin)):
