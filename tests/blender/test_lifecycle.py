@@ -197,6 +197,49 @@ def test_a_file_plays_without_the_addon(fresh_scene, tmp_path, keys, hidden):
     assert "sinew" not in (result.stdout + result.stderr).replace(str(tmp_path), "")
 
 
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_a_file_of_the_first_version(fresh_scene, tmp_path, output):
+    """0.1 left the Armature modifier switched off, without its armature; put together here by hand."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = twin_of(ob)
+    for frame in (1, 10):
+        pose(armature, frame, False)
+    modifier, settings = ob.modifiers["Armature"], ob.sinew
+    entry = settings.replaced.add()
+    entry.name, entry.object, entry.show_viewport, entry.show_render = "Armature", armature, True, True
+    modifier.object, modifier.show_viewport, modifier.show_render = None, False, False
+    if output == "MESH":
+        rest = ob.data.attributes.new("rest_position", "FLOAT_VECTOR", "POINT")
+        rest.data.foreach_set("vector", own_positions(ob).reshape(-1))
+    else:
+        own = ob.modifiers.new("Sinew", "NODES")
+        own.node_group = bpy.data.node_groups.new("Sinew", "GeometryNodeTree")
+        own.node_group["sinew_version"] = 2
+        ob.data.attributes.new(".sinew_position", "FLOAT_VECTOR", "POINT")
+    ob["sinew_anchor"] = 0.0
+    ob.driver_add('["sinew_anchor"]').driver.type = "SUM"
+    path, names = str(tmp_path / "old.blend"), (ob.name, twin.name)
+    own_handler = addon_module("session.handlers").on_depsgraph_update  # would see a mesh that nobody has bound
+    bpy.app.handlers.depsgraph_update_post.remove(own_handler)
+    try:
+        settings.is_bound, settings.installed_output = True, output
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+    finally:
+        bpy.app.handlers.depsgraph_update_post.append(own_handler)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    ob, twin = (bpy.data.objects[name] for name in names)
+    for frame in (3, 7):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert way(ob) == ("MESH" if output == "MESH" else "ATTRIBUTE") and "sinew_anchor" not in ob
+    assert ob.modifiers["Armature"].object == ob.sinew.armature == twin.modifiers["Armature"].object
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    bpy.context.scene.frame_set(5)
+    assert_same_shape(ob, twin)
+
+
 def test_edit_mode_shows_the_rest_and_edits_are_kept(fresh_scene):
     ob, _ = import_rig("capsule")
     fresh_scene.frame_set(9)

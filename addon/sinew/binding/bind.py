@@ -7,7 +7,7 @@ from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..session import characters, mesh_output as runtime_mesh
 from ..ui import notice
-from . import mesh_output, ways, wiring
+from . import mesh_output, old_files, ways, wiring
 from .mesh_output import OutputError
 
 MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
@@ -132,6 +132,16 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     show(ob)
 
 
+def bind_anew(ob):
+    """A mesh that Sinew 0.1 has bound."""
+    source, output = ob.sinew.source, ob.sinew.installed_output
+    armature = old_files.give_back(ob)
+    try:
+        bind(ob, armature, output, source=source)
+    except BindingError as error:
+        notice.show(f"{error} (it was bound by Sinew 0.1, and Blender's own modifier deforms it now)")
+
+
 def adapt(ob):
     """Sees to it that the .blend has what the mesh's way needs, and no more."""
     if not ob.sinew.is_bound or ob.library is not None:
@@ -228,7 +238,7 @@ def release_if_undone(ob):
     taken = wiring.taken_modifiers(ob)
     attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
     if (ob.sinew.installed_output == "MESH" or ob.data.is_editmode or ob.library or ob.override_library
-            or taken and (attribute is None or nodes.find_modifier(ob))):
+            or old_files.is_old(ob) or taken and (attribute is None or nodes.find_modifier(ob))):
         return False
     was_applied = bool(taken) and characters.of(ob).has_taken(
         meshes.read_positions(ob.data), meshes.read_attribute(attribute))

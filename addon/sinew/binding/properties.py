@@ -2,11 +2,12 @@
 object how the clip of an imported rig plays."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
 from ..session import characters, in_pass
 from . import bind, wiring
 from .mesh_output import OutputError
+from .old_files import SinewReplacedModifier
 
 METHODS = (
     ("LINEAR", "Linear", "Linear blend skinning: what the Armature modifier does by default"),
@@ -96,6 +97,9 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
+    replaced: CollectionProperty(  # of files of 0.1
+        type=SinewReplacedModifier, options={"HIDDEN"}, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
+
     # Read by the hook of wiring.py.
     deform_now: FloatProperty(options={"HIDDEN"}, get=_deform_now)
 
@@ -139,7 +143,7 @@ class SinewClipSettings(bpy.types.PropertyGroup):
         update=_apply_clip, override=OVERRIDE)
 
 
-CLASSES = (SinewObjectSettings, SinewClipSettings)
+CLASSES = (SinewReplacedModifier, SinewObjectSettings, SinewClipSettings)
 
 
 def register():

@@ -71,24 +71,29 @@ def is_shown(modifier):
 
 
 SHOWS = ("show_viewport", "show_render")
+OFF = (False, False)
 
 
-def switch(ob, taken, own, deforms, through_keys):
-    """Who deforms an evaluated object in the pass that goes on. taken: names of the Armature modifiers; own: of
-    Sinew's, or None; deforms: Sinew does, else Blender's own modifiers do; through_keys: the evaluated keys have the
-    shape, so that whoever asks for the Armature modifier and them (Save as Shape Key) must not get it twice."""
-    originals = ob.original.modifiers
-    for name in taken:
-        original = originals[name]
-        evaluated = ob.modifiers[name]
-        memory.switch_modifier(evaluated, original.show_viewport and not deforms,
-                               original.show_render and not deforms)
+def switch(ob, taken, shown, binds, own, deforms, through_keys):
+    """Who deforms an evaluated object in the pass that goes on. taken: names of the Armature modifiers; shown, binds:
+    of each, as `shown_of` and `binds_of` give them; own: name of Sinew's, or None; deforms: Sinew does, else Blender's
+    own modifiers do; through_keys: the evaluated keys have the shape, so that whoever asks for the Armature modifier
+    and them (Save as Shape Key) must not get it twice."""
+    modifiers = ob.modifiers
+    for number, name in enumerate(taken):
+        evaluated = modifiers[name]
+        memory.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
         if through_keys:
-            groups, envelopes = (getattr(original, bind) and not deforms for bind in BINDS)
-            memory.bind_armature_modifier(evaluated, groups, envelopes)
+            memory.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
     if own is not None:
-        first = originals[taken[0]]
-        memory.switch_modifier(ob.modifiers[own], first.show_viewport and deforms, first.show_render and deforms)
+        memory.switch_modifier(modifiers[own], *(shown[0] if deforms else OFF))
+
+
+def shown_of(ob, modifier):
+    """(in the viewport, in renders): the switches of a modifier of an object, original or evaluated, as its owner
+    set them."""
+    original = ob.original.modifiers[modifier.name]
+    return original.show_viewport, original.show_render
 
 
 def hook_variables(ob, armatures, waits):

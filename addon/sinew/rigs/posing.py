@@ -68,7 +68,7 @@ def pose_anew(armatures, scene, depsgraph):
 def channels_of(ob, armature):
     """(B, 4, 4): the motions of all bones that the clip asks for, where bones cannot show them (matrices that scale
     or shear) and nobody has moved a bone since; else None. ob, armature: evaluated."""
-    if ob.sinew.source != "CLIP":
+    if not _posed or ob.sinew.source != "CLIP":
         return None
     known = _posed.get(values.key_of(armature))
     if known is None or known.channels is None or not known.is_shown_by(armature):

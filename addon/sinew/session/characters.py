@@ -54,6 +54,8 @@ class Character:
     is_wired: bool = False  # the file has what the way needs
     taken: tuple = ()  # names of the Armature modifiers that Sinew stands in for, in their order
     binds: tuple = ()  # of each, as wiring.binds_of has them
+    shown: tuple = ()  # of each, as wiring.shown_of has them
+    hook_path: str = ""  # what the hook drives
     own: str | None = None  # name of Sinew's modifier
     waits_for: frozenset = frozenset()  # the B-bones that the hook waits for, as wiring.bendy_bones_of has them
     error: str = ""
@@ -79,6 +81,8 @@ class Character:
         taken = wiring.taken_modifiers(ob)
         self.taken = tuple(modifier.name for modifier in taken)
         self.binds = tuple(wiring.binds_of(ob, modifier) for modifier in taken)
+        self.shown = tuple(wiring.shown_of(ob, modifier) for modifier in taken)
+        self.hook_path = wiring.path_of(taken[0]) if taken else ""
         if self.sharer_count is None:
             self.sharer_count = count_sharers(original)
         self.way = ways.choose(ob, original.data, self.sharer_count, self.moves_against_armature)
@@ -98,6 +102,14 @@ class Character:
         self.waits_for = wiring.bendy_bones_of(hook)
         return self.way.kind == ways.KEYS or (
             self.own is not None and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None)
+
+    def switch(self, ob, deforms):
+        """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
+        wiring.switch(ob, self.taken, self.shown, self.binds, self.own, deforms, self.way.kind == ways.KEYS)
+
+    def hook_of(self, ob):
+        """The hook of the object, or None."""
+        return ob.animation_data.drivers.find(self.hook_path) if self.hook_path and ob.animation_data else None
 
     def is_at_work(self, ob):
         """Whether Sinew is to deform this evaluated object in this pass."""
@@ -149,7 +161,7 @@ class Character:
             armature = modifier.object
             space = layers.space_between(ob, armature)
             settings = layers.Settings.of(modifier, self.binds[number])
-            made_of = settings, values.key_of(armature.data), layers.edition_of_bones(armature)
+            made_of = settings, *layers.edition_of_bones(armature)
             if number == len(self.layers):
                 self.layers.append(None)
             layer = self.layers[number]

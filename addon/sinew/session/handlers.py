@@ -6,7 +6,7 @@ import threading
 import bpy
 from bpy.app.handlers import persistent
 
-from ..binding import bind, ways, wiring
+from ..binding import bind, old_files, ways, wiring
 from ..blender import layout, nodes, values
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
@@ -134,8 +134,11 @@ def take_over_open_file():
     _is_file_unknown = False
     layout.structs()
     for ob in characters.bound_objects():
-        wiring.revive(ob)
-        bind.adapt(ob)
+        if old_files.is_old(ob):
+            bind.bind_anew(ob)
+        else:
+            wiring.revive(ob)
+            bind.adapt(ob)
 
 
 FRAME_HANDLERS = (("frame_change_pre", before_frame), ("frame_change_post", after_frame))

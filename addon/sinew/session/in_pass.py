@@ -18,34 +18,33 @@ from . import characters, shape_keys
 def deform_now(ob):
     """Deforms the mesh of an evaluated object for the evaluation that goes on, or leaves it to Blender's own
     modifiers."""
-    if not ob.is_evaluated or not ob.sinew.is_bound or ob.sinew.installed_output == "MESH":
+    if not ob.is_evaluated or not ob.sinew.is_bound:
         return
     entry = characters.of(ob)
     try:
         start = perf_counter()
         with entry.lock:  # the same object may be evaluated for a render meanwhile
             work = _prepare(entry, ob) if entry.is_at_work(ob) else None
-            taken, own, through_keys = entry.taken, entry.own, entry.way.kind == ways.KEYS
+            is_done = entry.way.kind == ways.MESH  # the mesh itself has the shape
         if work is not None:
             prepared = perf_counter()
             deformer, poses, out, key_values = work
             deformer.deform(poses, out, key_values)  # other threads of Python go on meanwhile
             entry.timings.pose, entry.timings.skin = 1e3 * (prepared - start), 1e3 * (perf_counter() - prepared)
             entry.error = ""
-        wiring.switch(ob, taken, own, work is not None, through_keys)
+        entry.switch(ob, work is not None or is_done)
         if work is None:
             _give_keys_back(entry, ob)
     except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
         if not isinstance(error, characters.NotYetWired):
             characters.keep_error(entry, error)
-        wiring.switch(ob, entry.taken, entry.own, False, entry.way.kind == ways.KEYS)
+        entry.switch(ob, False)
         _give_keys_back(entry, ob)
 
 
 def _prepare(entry, ob):
     """What the frame needs: input, pose, and where the shape goes."""
-    modifiers = [ob.modifiers[name] for name in entry.taken]
-    mesh = wiring.waits_for(wiring.hook_of(ob, modifiers[0]), "mesh")
+    mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
     key_values = addresses = None
     is_fresh = not memory.take_mark(mesh, "MESH") or not entry.is_read()
     if is_fresh:
@@ -57,7 +56,7 @@ def _prepare(entry, ob):
     elif is_fresh:
         entry.take_rest(meshes.read_positions(mesh))
     count = len(mesh.vertices)
-    poses = entry.poses(ob, [modifier for modifier in modifiers if modifier.object is not None],
+    poses = entry.poses(ob, [ob.modifiers[name] for name in entry.taken],
                         lambda modifier: posing.channels_of(ob, modifier.object))
     entry.check_it_pays()
     if entry.way.kind == ways.KEYS:
@@ -87,7 +86,7 @@ def _read_keys(entry, ob, mesh):
 
 def _give_keys_back(entry, ob):
     """What was put into this copy of the shape keys goes, for Blender blends them now."""
-    hook = entry.taken and wiring.hook_of(ob, ob.modifiers[entry.taken[0]])
+    hook = entry.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
     if not keys or not memory.is_marked(keys, "KEY"):
         return

@@ -5,6 +5,7 @@ Ordinarily a mesh has one layer. It has more where Multi Modifier mixes the resu
 
 import threading
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ STRETCH = "frame_each" if values.VERSION >= (4, 0, 0) else "frame"
 MASK_SHOWS_LATER = values.VERSION >= (4, 0, 0)
 
 
-@dataclass(frozen=True)
-class Settings:
+class Settings(NamedTuple):
     """What an Armature modifier says, but for its armature."""
 
     preserve_volume: bool
@@ -80,18 +80,19 @@ def forget_editions():
 
 
 def edition_of_bones(armature):
-    """A number that changes when somebody has changed the bones of an evaluated armature. Bones are compared only
-    when Blender has copied the armature anew: after edits, and as bones are posed by hand, but not on a frame."""
+    """(key of the armature's data, a number that changes when somebody has changed the bones), of an evaluated
+    armature. Bones are compared only when Blender has copied the armature anew: after edits, and as bones are posed by
+    hand, but not on a frame."""
     data = armature.data
     key = values.key_of(data)
     with _editions_lock:
         seen, known = memory.take_mark(data, "ARMATURE"), _editions.get(key)
         if seen and known is not None:
-            return known.number
+            return key, known.number
         signature = armatures.bone_signature(armature)
         if known is None or known.signature != signature:
             known = _editions[key] = _Edition(known.number + 1 if known else 0, signature)
-        return known.number
+        return key, known.number
 
 
 @dataclass
