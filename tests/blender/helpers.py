@@ -126,6 +126,8 @@ def traces():
     for ob in bpy.data.objects:
         names += [name for name in ob.keys() if name == "sinew_anchor"]
         names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
+        names += [curve.data_path for curve in (ob.animation_data.drivers if ob.animation_data else ())
+                  for variable in curve.driver.variables if "sinew" in variable.targets[0].data_path]
         if ob.type == "MESH":
             names += [name for name in ob.data.attributes.keys()
                       if "sinew" in name or name == "rest_position"]

@@ -263,6 +263,28 @@ def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
         assert addon_module("session.characters").character(ob).deformer is deformer
 
 
+def test_bones_are_compared_after_edits_alone(fresh_scene, monkeypatch):
+    """Not on a frame; and once, however many meshes hang on the armature."""
+    armature = make_armature()
+    objects = [make_mesh(armature, False) for _ in range(3)]
+    twin = twin_of(objects[0])
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    for ob in objects:
+        accelerate(ob)
+    fresh_scene.frame_set(1)
+    armatures, calls = addon_module("blender.armatures"), []
+    compare = armatures.bone_signature
+    monkeypatch.setattr(armatures, "bone_signature", lambda *arguments: calls.append(1) or compare(*arguments))
+    for frame in range(2, 8):
+        fresh_scene.frame_set(frame)
+    assert calls == []
+    armature.data.bones["bone2"].use_deform = False
+    bpy.context.view_layer.update()
+    assert len(calls) == 1
+    assert_same_shape(objects[0], twin)
+
+
 @pytest.mark.parametrize("parented", (False, True), ids=("free", "parented"))
 def test_bones_renamed_while_bound(fresh_scene, parented):
     armature = make_armature()

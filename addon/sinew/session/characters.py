@@ -16,7 +16,7 @@ from ..binding import ways, wiring
 from ..blender import memory, meshes, nodes, values
 from ..native import sinew_native
 from ..ui import notice
-from . import layers, mail, shape_keys
+from . import layers, mail
 
 log = logging.getLogger("sinew")
 

@@ -1,0 +1,32 @@
+"""What an evaluation in another thread leaves for the main thread."""
+
+import threading
+
+import pytest
+
+from helpers import addon_module
+
+
+def test_letters_wait_for_the_main_thread():
+    mail, read = addon_module("session.mail"), []
+
+    def worker():
+        mail.post(read.append, "first")
+        mail.deliver()  # not here
+        mail.post(read.append, "second")
+
+    thread = threading.Thread(target=worker)
+    thread.start()
+    thread.join()
+    assert read == [] and not mail.is_empty()
+    mail.deliver()
+    assert read == ["first", "second"] and mail.is_empty()
+
+
+@pytest.mark.says_errors
+def test_a_letter_that_cannot_be_done_does_not_stop_the_others():
+    mail, read = addon_module("session.mail"), []
+    mail.post(lambda: 1 / 0)
+    mail.post(read.append, "after it")
+    mail.deliver()
+    assert read == ["after it"]
