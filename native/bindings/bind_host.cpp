@@ -133,23 +133,24 @@ void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_
 }  // namespace
 
 void bind_host(py::module_& parent) {
-  py::module_ module = parent.def_submodule(
-      "host", "Blender's own memory, for the add-on: no use outside Blender.");
+  py::module_ module =
+      parent.def_submodule("host", "Blender's own memory, for the add-on: no use outside Blender.");
   module.def("read_weights", &read_weights, py::arg("vertices"), py::arg("count"),
              "Weights of a mesh of Blender's.\n\n"
              "vertices: address of its array of deform vertices; count: V.\n"
              "Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the "
              "order in which Blender stores them.");
-  module.def("read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"),
-             py::arg("joint_counts"), py::arg("layout"), py::arg("out"),
-             "Motions of the bones of a pose of Blender's, from rest to pose, armature space.\n\n"
-             "bone: address of its first bone; first_joints, joint_counts: (B,) int32, of each bone "
-             "where its matrices go in out, -1 for nowhere, and how many they are: 1, or one more "
-             "than a B-bone has segments.\n"
-             "layout: byte offsets in a bone of the next one's address, its motion, its number of "
-             "segments, the address of the segments' motions.\n"
-             "out: (J, 4, 4) float32, column by column as Blender has them, C-contiguous.\n"
-             "Raises ValueError if the pose has other bones or segments.");
+  module.def(
+      "read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"), py::arg("joint_counts"),
+      py::arg("layout"), py::arg("out"),
+      "Motions of the bones of a pose of Blender's, from rest to pose, armature space.\n\n"
+      "bone: address of its first bone; first_joints, joint_counts: (B,) int32, of each bone "
+      "where its matrices go in out, -1 for nowhere, and how many they are: 1, or one more "
+      "than a B-bone has segments.\n"
+      "layout: byte offsets in a bone of the next one's address, its motion, its number of "
+      "segments, the address of the segments' motions.\n"
+      "out: (J, 4, 4) float32, column by column as Blender has them, C-contiguous.\n"
+      "Raises ValueError if the pose has other bones or segments.");
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Addresses, int64, of the structs of a list of Blender's, at most count of them: each "
              "begins with the address of the next.");

@@ -307,3 +307,25 @@ def test_edits_while_the_shape_is_not_shown(fresh_scene, character):
     fresh_scene.frame_set(5)
     assert np.abs(own_positions(ob) - rest).max() > 0.1
     assert np.array_equal(data_of_rest(ob), rest.reshape(-1))
+
+
+@pytest.mark.says_errors
+def test_what_cannot_be_mended_is_asked_for_once(fresh_scene, character, monkeypatch):
+    """Else the main thread would tag the object, and be asked again by the evaluation that follows, for ever."""
+    ob, twin, _ = character
+    nodes, bind, asked = addon_module("blender.nodes"), addon_module("binding.bind"), []
+    adapt = bind.adapt
+
+    def refuse(*_):
+        raise ValueError("Blender does not let it be put there")
+
+    monkeypatch.setattr(nodes, "add_modifier", refuse)
+    monkeypatch.setattr(bind, "adapt", lambda ob: asked.append(ob) or adapt(ob))
+    monkeypatch.setattr(bind, "release_if_undone", lambda ob: False)
+    ob.modifiers.remove(ob.modifiers["Sinew"])
+    for _ in range(6):
+        bpy.context.view_layer.update()
+        addon_module("session.mail").deliver()
+        ob.update_tag()
+    assert 1 <= len(asked) <= 3
+    assert_same_shape(ob, twin)

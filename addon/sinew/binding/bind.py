@@ -183,9 +183,12 @@ def sharers(ob):
 def rewire(key):
     """Of the object with that key, after somebody has edited it."""
     ob = characters.find(key)
-    if ob is not None and not release_if_undone(ob):
-        adapt(ob)
-        ob.update_tag()
+    if ob is None or release_if_undone(ob):
+        return
+    adapt(ob)
+    entry = characters.of(ob)
+    entry.give_up_on_what_lacks()
+    ob.update_tag()
 
 
 characters.rewire = rewire

@@ -26,9 +26,12 @@ def path_of(modifier, name=CARRIER):
 def hook_of(ob, modifier):
     """The driver, or None."""
     curve = animation.find_driver(ob, path_of(modifier))
-    is_ours = curve is not None and any(
-        variable.type == "SINGLE_PROP" and variable.targets[0].data_path == HOOK for variable in curve.driver.variables)
-    return curve if is_ours else None
+    return curve if curve is not None and _is_hook(curve) else None
+
+
+def _is_hook(curve):
+    return any(variable.type == "SINGLE_PROP" and variable.targets[0].data_path == HOOK
+               for variable in curve.driver.variables)
 
 
 def first_taken(ob):
@@ -168,9 +171,9 @@ def _present(hook):
 
 
 def unwire(ob):
-    for modifier in ob.modifiers:
-        if modifier.type == "ARMATURE" and hook_of(ob, modifier):
-            animation.remove_driver(ob, path_of(modifier))
+    """Also of a modifier that is gone."""
+    for curve in [curve for curve in ob.animation_data.drivers if _is_hook(curve)] if ob.animation_data else ():
+        animation.remove_curve(ob, curve)
 
 
 def waits_for(hook, name):

@@ -46,13 +46,22 @@ def find_driver(ob, path):
 
 def remove_driver(ob, path):
     """Whether there was one. Leaves no empty animation data behind."""
-    if find_driver(ob, path) is None:
+    curve = find_driver(ob, path)
+    if curve is None:
         return False
-    ob.driver_remove(path)
-    data = ob.animation_data
-    if data and not (data.action or data.drivers or data.nla_tracks):
-        ob.animation_data_clear()
+    remove_curve(ob, curve)
     return True
+
+
+def remove_curve(ob, curve):
+    """A driver, even of a property that is gone."""
+    data = ob.animation_data
+    try:
+        ob.driver_remove(curve.data_path)  # has the dependency graph made anew
+    except TypeError:
+        data.drivers.remove(curve)
+    if not (data.action or data.drivers or data.nla_tracks):
+        ob.animation_data_clear()
 
 
 def drive(ob, path, variables, expression=""):

@@ -69,6 +69,8 @@ class Character:
     weights: object = None  # layers.Weights
     _rest: np.ndarray | None = None  # (V, 3)
     _is_known: bool = False  # the object was looked at
+    _lacks: tuple | None = None  # the situation in which the file lacks something
+    _given_up: tuple | None = None  # the one that cannot be mended
     _rebuilds: int = 0  # of layers since the last edit
     last_poses: list | None = None  # of the output Mesh: what its shape was made with
 
@@ -91,8 +93,15 @@ class Character:
         self.is_wired = self.way.in_pass and self._has_what_it_needs(ob, original.data)
         self._is_known = True
         is_useless = own is not None and self.way.kind != ways.ATTRIBUTE
-        if self.way.in_pass != self.is_wired or is_useless and nodes.is_removable(original, original.modifiers[own.name]):
+        lacks = self.way.in_pass != self.is_wired or is_useless and nodes.is_removable(
+            original, original.modifiers[own.name])
+        self._lacks = (self.way, self.taken, values.key_of(original.data)) if lacks else None
+        if lacks and self._lacks != self._given_up:
             mail.post(rewire, self.key)
+
+    def give_up_on_what_lacks(self):
+        """The main thread has done what it could: it is not to be asked again for the same."""
+        self._given_up = self._lacks
 
     def _has_what_it_needs(self, ob, mesh):
         hook = wiring.hook_of(ob, ob.modifiers[self.taken[0]])
