@@ -35,11 +35,20 @@ def deform_now(ob):
         entry.switch(ob, work is not None or is_done)
         if work is None:
             _give_keys_back(entry, ob)
+    except characters.NotYetWired:
+        _stand_back(entry, ob)
     except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
-        if not isinstance(error, characters.NotYetWired):
-            characters.keep_error(entry, error)
+        characters.keep_error(entry, error)
+        _stand_back(entry, ob)
+
+
+def _stand_back(entry, ob):
+    """After an error: Blender's own modifiers deform."""
+    try:
         entry.switch(ob, False)
         _give_keys_back(entry, ob)
+    except Exception as error:  # noqa: BLE001 - a driver's getter must not raise
+        characters.keep_error(entry, error)
 
 
 def _prepare(entry, ob):
