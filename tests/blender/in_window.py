@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose  # noqa: E402
 from helpers import addon_module, assert_same_shape, select, twin_of  # noqa: E402
-from windowed import FOLDER, playing, run, window  # noqa: E402
+from windowed import FOLDER, playing, run, when_allowed, window  # noqa: E402
 
 FRAMES = range(1, 31)
 
@@ -55,8 +55,11 @@ def steps():
     camera(scene)
     pictures = []
     for number, (shown, hidden) in enumerate(((ob, twin), (twin, ob))):
-        shown.hide_render, hidden.hide_render = False, True
-        scene.render.filepath = str(FOLDER / f"{number}-")
+        def show_one(shown=shown, hidden=hidden, path=str(FOLDER / f"{number}-")):
+            shown.hide_render, hidden.hide_render = False, True
+            scene.render.filepath = path
+
+        yield from when_allowed(show_one)
         done = []
         for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
             handlers.append(lambda *_: done.append(True))
@@ -76,13 +79,21 @@ def playing_with_the_interface(bone, ob, done):
     """Until it is done, somebody selects this and that, moves the bone by hand and puts it back. It is keyed: what
     is rendered does not depend on that."""
     moved = 0
-    while not done:
+    before = bone.location.copy()
+
+    def select_and_move():
         select(ob if moved % 2 else bone.id_data)
-        before = bone.location.copy()
+        bone.location = before
         bone.location.x += 0.5
+
+    def put_back():
+        bone.location = before
+
+    while not done:
+        yield from when_allowed(select_and_move)
         moved += 1
         yield 0.05
-        bone.location = before
+        yield from when_allowed(put_back)
         yield 0.05
     yield 0.5
     assert moved > 2, "the interface stood still while F12 rendered"

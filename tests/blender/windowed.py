@@ -32,6 +32,21 @@ def run(steps):
     bpy.app.timers.register(go_on, first_interval=2.0)
 
 
+def when_allowed(write):
+    """Calls write() as soon as Blender lets Python write. It forbids that while it draws, by one flag for all threads;
+    and where a render's thread calls a property's `get` just then, the flag stays until Blender draws again."""
+    for _ in range(100):
+        try:
+            return write()
+        except AttributeError as error:
+            if "not allowed" not in str(error):
+                raise
+            for each in areas():
+                each.tag_redraw()
+            yield 0.05
+    raise TimeoutError("Blender did not let Python write for five seconds")
+
+
 def leave(code):
     print("window:", "all is well" if code == 0 else "FAILED")
     sys.stdout.flush()
