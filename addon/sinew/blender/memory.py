@@ -1,7 +1,8 @@
 """What Blender's API hands over one by one, read and written whole in Blender's own memory.
 
-Addresses are asked for anew on each evaluation and never kept. What is read is compared with the API where it is
-first used (`check_pose`, `deform_vertices`); where the two do not agree, callers go through the API.
+Addresses are asked for anew on each evaluation and never kept. Offsets are those of the running Blender (layout.py).
+Weights are compared with what the API says of some vertices (`deform_vertices`), and read through it where the two do
+not agree; a pose is refused if its bones or segments are not as many as expected (`read_pose`).
 """
 
 import ctypes

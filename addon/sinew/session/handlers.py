@@ -14,28 +14,23 @@ from ..ui import notice
 from . import characters, mail, mesh_output
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
-
-
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
 
 
 @persistent
 def before_frame(scene, *_):
     take_over_open_file()
-    armatures = _clip_armatures()
-    if armatures:
-        posing.pose_armatures(armatures, scene)
+    posing.pose_armatures(_clip_armatures(characters.bound_objects()), scene)
 
 
 @persistent
 def after_frame(scene, depsgraph):
-    armatures = _clip_armatures()
-    if armatures:
-        posing.pose_anew(armatures, scene, depsgraph)
-    objects = mesh_output.objects()
-    if objects:
-        mesh_output.note_edits(objects, depsgraph)
-        mesh_output.deform(objects, depsgraph)
+    objects = characters.bound_objects()
+    posing.pose_anew(_clip_armatures(objects), scene, depsgraph)
+    shown = mesh_output.those_of(objects)
+    if shown:
+        mesh_output.note_edits(shown, _changed(depsgraph))
+        mesh_output.deform(shown, depsgraph)
     mail.deliver()
 
 
@@ -47,12 +42,11 @@ def on_depsgraph_update(_scene, depsgraph):
     receive_strangers(depsgraph)
     objects = characters.bound_objects()
     if objects:
-        changed = {values.key_of(update.id) for update in depsgraph.updates}
+        changed = _changed(depsgraph)
         _note_edits(objects, changed)
-        shown = mesh_output.objects()
-        if shown:
-            mesh_output.note_edits(shown, depsgraph)
-            mesh_output.deform([ob for ob in shown if not changed.isdisjoint(_what_it_hangs_on(ob))], depsgraph)
+        shown = mesh_output.those_of(objects)
+        mesh_output.note_edits(shown, changed)
+        mesh_output.deform([ob for ob in shown if not changed.isdisjoint(_what_it_hangs_on(ob))], depsgraph)
     mail.deliver()
 
 
@@ -79,9 +73,14 @@ def forget():
     posing.forget()
 
 
-def _clip_armatures():
-    """Those whose bones imported poses move."""
-    found = dict.fromkeys(ob.sinew.armature for ob in characters.bound_objects() if ob.sinew.source == "CLIP")
+def _changed(depsgraph):
+    """The keys of what somebody has edited, or animation moved, since the last evaluation."""
+    return {values.key_of(update.id) for update in depsgraph.updates}
+
+
+def _clip_armatures(objects):
+    """Those of bound objects whose bones imported poses move."""
+    found = dict.fromkeys(ob.sinew.armature for ob in objects if ob.sinew.source == "CLIP")
     return [armature for armature in found if armature is not None and has_poses(armature.data)]
 
 

@@ -31,8 +31,9 @@ def is_asleep():
     return _asleep > 0
 
 
-def objects():
-    return [ob for ob in characters.bound_objects() if ob.sinew.installed_output == "MESH"]
+def those_of(objects):
+    """The bound objects that have this output."""
+    return [ob for ob in objects if ob.sinew.is_bound and ob.sinew.installed_output == "MESH"]
 
 
 def deform(objects, depsgraph):
@@ -73,10 +74,9 @@ def _deform_one(entry, ob, depsgraph):
     entry.error = ""
 
 
-def note_edits(objects, depsgraph):
-    """Somebody may have moved vertices of the shape, or painted weights. What Sinew itself writes in a handler is
-    never among the updates."""
-    changed = {values.key_of(update.id) for update in depsgraph.updates}
+def note_edits(objects, changed):
+    """Somebody may have moved vertices of the shape, or painted weights. changed: keys of the updated data-blocks;
+    what Sinew itself writes in a handler is never among them."""
     for ob in objects:
         entry = characters.of(ob)
         if values.key_of(ob.data) in changed and not ob.data.is_editmode:
