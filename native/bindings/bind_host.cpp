@@ -1,9 +1,9 @@
 #include <pybind11/stl.h>
 
 #include <array>
-#include <cstring>
 
 #include "arrays.h"
+#include "memory.h"
 
 // Blender keeps weights, poses and shape keys in lists of its own structs, which its Python API
 // hands over one by one. These functions read them whole, by address. Where a member lies is the
@@ -12,20 +12,6 @@
 
 namespace sinew::bindings {
 namespace {
-
-using Address = std::uintptr_t;
-
-template <class T>
-T read(Address at) {
-  T value;
-  std::memcpy(&value, reinterpret_cast<const void*>(at), sizeof value);
-  return value;
-}
-
-template <class T>
-void write(Address at, T value) {
-  std::memcpy(reinterpret_cast<void*>(at), &value, sizeof value);
-}
 
 template <class T>
 py::array_t<T> array_of(const std::vector<T>& values) {
@@ -57,34 +43,24 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
   return py::make_tuple(array_of(offsets), array_of(groups), array_of(weights));
 }
 
-constexpr std::size_t kMatrix = 16 * sizeof(float);
-
 /// layout: offsets in a pose bone of the next one's address, its motion, its count of segments, and
 /// the address of the segments' motions.
 void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
                const py::array_t<std::int32_t>& joint_counts,
                const std::array<std::ptrdiff_t, 4>& layout,
                py::array_t<float, py::array::c_style> out) {
-  const auto [next, motion, segment_count, segments] = layout;
+  const PoseBoneLayout members{layout[0], layout[1], layout[2], layout[3]};
   const auto first = first_joints.unchecked<1>();
   const auto counts = joint_counts.unchecked<1>();
   auto* const matrices = reinterpret_cast<char*>(out.mutable_data());
   const py::ssize_t joints = out.size() / 16;
-  for (py::ssize_t b = 0; b < first.shape(0); ++b, bone = read<Address>(bone + next)) {
+  for (py::ssize_t b = 0; b < first.shape(0); ++b, bone = read<Address>(bone + members.next)) {
     if (bone == 0) throw InputError("the pose has fewer bones than the skin was made for");
     if (first(b) < 0) continue;
     if (first(b) + counts(b) > joints) throw InputError("out has too few matrices for the joints");
-    char* const to = matrices + first(b) * kMatrix;
-    if (counts(b) == 1) {
-      std::memcpy(to, reinterpret_cast<const void*>(bone + motion), kMatrix);
-      continue;
-    }
-    const auto bent = read<Address>(bone + segments);
-    if (bent == 0 || read<std::int32_t>(bone + segment_count) + 1 != counts(b)) {
+    if (!copy_motions(bone, members, counts(b), matrices + first(b) * kMatrix)) {
       throw InputError("a bone has other segments than the skin was made for");
     }
-    // The first of these matrices leads into the bone's own space; the motions come after it.
-    std::memcpy(to, reinterpret_cast<const void*>(bent + kMatrix), counts(b) * kMatrix);
   }
   if (bone != 0) throw InputError("the pose has more bones than the skin was made for");
 }
@@ -132,6 +108,8 @@ void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_
 
 }  // namespace
 
+void bind_shortcut(py::module_& host);
+
 void bind_host(py::module_& parent) {
   py::module_ module =
       parent.def_submodule("host", "Blender's own memory, for the add-on: no use outside Blender.");
@@ -162,6 +140,7 @@ void bind_host(py::module_& parent) {
              "muted.");
   module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),
              "Undoes silence_keys.");
+  bind_shortcut(module);
 }
 
 }  // namespace sinew::bindings

@@ -110,6 +110,7 @@ def make_fail(monkeypatch, name):
         return poses(entry, *arguments)
 
     monkeypatch.setattr(characters.Character, "poses", fail)
+    monkeypatch.setattr(addon_module("session.shortcuts"), "take", lambda *_: False)
 
 
 def select(*objects):

@@ -1,10 +1,12 @@
 """sinew_native.host: structs laid out in memory as Blender lays them out, read and written by address."""
 
 import ctypes
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import sinew_native
 from sinew_native import host
 
 
@@ -73,6 +75,93 @@ def test_another_pose_than_was_thought(arguments, sentence):
     bones, _, _ = pose()
     with pytest.raises(ValueError, match=sentence):
         read(bones, **arguments)
+
+
+class Pose(ctypes.Structure):
+    _fields_ = [("first", ctypes.c_void_p), ("last", ctypes.c_void_p), ("array", ctypes.c_void_p)]
+
+
+class Owner(ctypes.Structure):
+    _fields_ = [("pose", ctypes.c_void_p), ("state", ctypes.c_int32), ("mode", ctypes.c_int32)]
+
+
+@pytest.fixture
+def posed():
+    """A shortcut for a mesh of three vertices, moved by the bones of `pose`; all that it reads and writes."""
+    bones, motions, segments = pose()
+    array = (ctypes.c_void_p * 3)(*map(ctypes.addressof, bones))
+    own = Pose(array[0], array[2], ctypes.addressof(array))
+    owner = Owner(ctypes.addressof(own), 7, 0b1011)
+    rest = np.random.default_rng(2).normal(size=(3, 3)).astype(np.float32)
+    skin = sinew_native.Skin(rest, np.arange(4), np.array([0, 2, 4]), np.ones(3), 5)
+    deformer = sinew_native.Deformer([sinew_native.Layer(skin, "linear")])
+    address = ctypes.addressof(owner)
+    shortcut = host.Shortcut(
+        deformer, [(address + Owner.state.offset, 4)], [(address, [0, -1, 1], [1, 0, 3])],
+        (Pose.first.offset, Pose.array.offset, *BONE), [(address + Owner.mode.offset, 0b0011, 0b0100)])
+    return SimpleNamespace(shortcut=shortcut, deformer=deformer, owner=owner, pose=own, bones=bones, array=array,
+                           motions=motions, segments=segments)
+
+
+def as_poses(posed, space=None):
+    """What the deformer takes: the motions where first_joints has them, the last joint at rest."""
+    matrices = np.concatenate((posed.motions[:1], posed.segments[1:], np.eye(4, dtype=np.float32).reshape(1, 16)))
+    return [(matrices.reshape(-1, 4, 4).transpose(0, 2, 1), space)]
+
+
+@pytest.mark.parametrize("space", [None, np.diag([1.0, 2.0, 3.0, 1.0])], ids=["one space", "two"])
+def test_a_shortcut_gives_the_deformers_bits(posed, space):
+    out, wanted = np.empty((2, 3, 3), np.float32)
+    posed.shortcut.deform(out, [space])
+    posed.deformer.deform(as_poses(posed, space), wanted)
+    assert np.array_equal(out, wanted) and posed.owner.mode == 0b1100
+
+
+def test_a_shortcut_holds_as_long_as_nothing_has_changed(posed):
+    assert posed.shortcut.holds()
+    posed.owner.mode = 0
+    assert posed.shortcut.holds()
+    posed.owner.state = 8
+    assert not posed.shortcut.holds()
+    posed.owner.state = 7
+    assert posed.shortcut.holds()
+
+
+def spoil_first(posed):
+    posed.pose.first = posed.array[1]
+
+
+def spoil_last(posed):
+    posed.pose.last = posed.array[1]
+
+
+def spoil_array(posed):
+    posed.pose.array = None
+
+
+def spoil_pose(posed):
+    posed.owner.pose = None
+
+
+def spoil_segments(posed):
+    posed.bones[2].segment_count = 3
+
+
+@pytest.mark.parametrize("spoil", [spoil_first, spoil_last, spoil_array, spoil_pose, spoil_segments])
+def test_a_shortcut_through_another_pose(posed, spoil):
+    spoil(posed)
+    out = np.zeros((3, 3), np.float32)
+    with pytest.raises(ValueError, match="other bones|other segments"):
+        posed.shortcut.deform(out, [None])
+    assert posed.owner.mode == 0b1011 and not out.any()
+
+
+@pytest.mark.parametrize("poses, sentence", [
+    ([], "0 entries; the deformer has 1 layers"), ([(0, [], [])], "one number a bone"),
+    ([(0, [0, 1], [1])], "one number a bone"), ([(0, [3], [3])], "too few joints"), ([(0, [0], [0])], "too few joints")])
+def test_a_shortcut_that_does_not_fit(posed, poses, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        host.Shortcut(posed.deformer, [], poses, (0,) * 6, [])
 
 
 def test_keys_are_silenced_and_given_back():

@@ -22,6 +22,12 @@ def _address_at(address):
     return ctypes.c_uint64.from_address(address).value
 
 
+def region(struct, kind, member):
+    """(address, size) of a member, in bytes. struct: anything of Blender's with an address; kind: its name there."""
+    offset, _type, size = layout.structs()[kind].members[member]
+    return struct.as_pointer() + offset, size
+
+
 # --- marks ----------------------------------------------------------------------------------------
 
 _STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature"}
@@ -33,7 +39,12 @@ def _mark_offset(kind):
 
 
 def _mark(block, kind):
-    return ctypes.c_uint8.from_address(block.as_pointer() + _mark_offset(kind))
+    return ctypes.c_uint8.from_address(mark_region(block, kind)[0])
+
+
+def mark_region(block, kind):
+    """(address, size) of the mark, in bytes."""
+    return block.as_pointer() + _mark_offset(kind), 1
 
 
 def take_mark(block, kind):
@@ -93,6 +104,13 @@ def pose_layout():
     start = bone.offset("runtime")
     return (bone.offset("*next"), bone.offset("chan_mat"), start + runtime.offset("bbone_segments"),
             start + runtime.offset("*bbone_deform_mats"))
+
+
+@functools.lru_cache(maxsize=None)
+def posed_layout():
+    """What `host.Shortcut` takes."""
+    pose = layout.structs()["bPose"]
+    return pose.offset("chanbase"), pose.offset("**chan_array"), *pose_layout()
 
 
 def read_pose(armature, first_joints, joint_counts, out):
@@ -175,7 +193,14 @@ def bind_armature_modifier(modifier, groups, envelopes):
     flags.value = flags.value & ~(_GROUPS | _ENVELOPES) | _GROUPS * bool(groups) | _ENVELOPES * bool(envelopes)
 
 
+def mode_switch(modifier, viewport, render):
+    """(address, bits to clear, bits to set) of an int32 that switch a modifier of an evaluated object, before its
+    modifiers are evaluated. Through the API it would count as an edit."""
+    return (modifier.as_pointer() + _mode_offset(), _VIEWPORT | _RENDER,
+            _VIEWPORT * bool(viewport) | _RENDER * bool(render))
+
+
 def switch_modifier(modifier, viewport, render):
-    """Of an evaluated object, before its modifiers are evaluated. Through the API it would count as an edit."""
-    mode = ctypes.c_int32.from_address(modifier.as_pointer() + _mode_offset())
-    mode.value = mode.value & ~(_VIEWPORT | _RENDER) | _VIEWPORT * bool(viewport) | _RENDER * bool(render)
+    address, clear, bits = mode_switch(modifier, viewport, render)
+    mode = ctypes.c_int32.from_address(address)
+    mode.value = mode.value & ~clear | bits

@@ -62,6 +62,7 @@ class Character:
     layers: list = field(default_factory=list)  # of layers.Layer, as long as there are modifiers
     deformer: object = None  # sinew_native.Deformer of these layers, or None: make it anew
     keys: object = None  # shape_keys.Keys, of a mesh that has them
+    shortcuts: dict = field(default_factory=dict)  # see shortcuts.py
     timings: Timings = field(default_factory=Timings)
     sharer_count: int | None = None  # objects that have its mesh; None: count
     moves_against_armature: bool = False  # again and again
@@ -157,6 +158,10 @@ class Character:
         """Whether a mesh without Sinew's modifier has its shape for good, since that was applied. own (V, 3): its
         positions; kept (V, 3): in its attribute."""
         return np.array_equal(own, kept) and (self._rest is None or not np.array_equal(own, self._rest))
+
+    def is_made_with(self, deformer):
+        """Whether nothing has been said since then that asks for another one."""
+        return self._is_known and self.deformer is deformer
 
     def is_read(self):
         return self._rest is not None

@@ -12,7 +12,7 @@ import numpy as np
 from ..binding import ways, wiring
 from ..blender import memory, meshes, nodes
 from ..rigs import posing
-from . import characters, shape_keys
+from . import characters, shape_keys, shortcuts
 
 
 def deform_now(ob):
@@ -22,6 +22,8 @@ def deform_now(ob):
         return
     entry = characters.of(ob)
     try:
+        if shortcuts.take(entry, ob):
+            return
         start = perf_counter()
         with entry.lock:  # the same object may be evaluated for a render meanwhile
             work = _prepare(entry, ob) if entry.is_at_work(ob) else None
@@ -35,6 +37,8 @@ def deform_now(ob):
         entry.switch(ob, work is not None or is_done)
         if work is None:
             _give_keys_back(entry, ob)
+        else:
+            shortcuts.learn(entry, ob)
     except characters.NotYetWired:
         _stand_back(entry, ob)
     except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on

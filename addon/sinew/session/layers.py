@@ -95,6 +95,17 @@ def edition_of_bones(armature):
         return key, known.number
 
 
+def is_edition(key, number):
+    """Whether nobody has changed the bones since, as far as that has been looked into."""
+    known = _editions.get(key)
+    return known is not None and known.number == number
+
+
+def is_posed(armature):
+    """Whether an evaluated armature shows a pose."""
+    return bool(armature.pose.bones) and armature.data.pose_position != "REST" and armature.mode != "EDIT"
+
+
 @dataclass
 class Layer:
     """Immutable once made: a frame that runs meanwhile in another thread keeps what it has."""
@@ -107,6 +118,11 @@ class Layer:
     space: bytes | None  # from armature to mesh, when it was made
     _blank: np.ndarray = field(repr=False, default=None)  # (J + 1, 4, 4), a pose in which nothing moves
 
+    @property
+    def edition(self):
+        """Of the bones, as edition_of_bones has it."""
+        return self.made_of[1:]
+
     def holds(self, made_of, mesh_from_armature):
         return self.made_of == made_of and (
             not self.influences.hang_on_shape or self.space == _bytes(mesh_from_armature))
@@ -114,7 +130,7 @@ class Layer:
     def read_pose(self, armature):
         """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
         numbers = self._blank.copy()
-        if armature.pose.bones and armature.data.pose_position != "REST" and armature.mode != "EDIT":
+        if is_posed(armature):
             memory.read_pose(armature, self.bones.first_joint, self.bones.joint_counts, numbers)
         return numbers.transpose(0, 2, 1)
 

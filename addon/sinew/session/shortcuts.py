@@ -1,0 +1,75 @@
+"""Frames in which nothing but the pose has changed: of the steps of in_pass.py few are left, most of them native.
+
+When the whole way has been gone twice, all that it went by is put under watch in Blender's memory. As long as that
+holds, the next frame of this evaluated object needs its pose, its place and the numbers to write to.
+"""
+
+from time import perf_counter
+
+from ..binding import ways, wiring
+from ..blender import memory, nodes
+from . import layers
+
+MOST = 32  # of one mesh: a render has evaluated objects of its own, and each render new ones
+
+
+class Shortcut:
+    def __init__(self, entry, ob, modifiers):
+        self.deformer = entry.deformer
+        self.editions = [layer.edition for layer in entry.layers]
+        self.armatures = [modifier.object for modifier in modifiers]
+        self.mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
+        self.count = len(self.mesh.vertices)
+        target = entry.hook_of(ob).driver.variables["mesh"].targets[0]
+        watched = [memory.mark_region(ob, "OBJECT"), memory.region(ob, "Object", "mode"),
+                   memory.region(target, "DriverTarget", "*id"), memory.mark_region(self.mesh, "MESH")]
+        for modifier, armature in zip(modifiers, self.armatures):
+            watched += [memory.region(modifier, "ArmatureModifierData", name)
+                        for name in ("deformflag", "multi", "defgrp_name", "*object")]
+            watched += [memory.region(armature, "Object", "mode"), memory.region(armature, "Object", "*data"),
+                        memory.mark_region(armature.data, "ARMATURE"), memory.region(armature.data, "bArmature", "flag")]
+        switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in modifiers]
+        switches.append(memory.mode_switch(ob.modifiers[entry.own], *entry.shown[0]))
+        poses = [(memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
+                 for layer, armature in zip(entry.layers, self.armatures)]
+        self.native = memory.host.Shortcut(self.deformer, watched, poses, memory.posed_layout(), switches)
+
+    def holds(self, entry):
+        return (entry.is_made_with(self.deformer) and self.native.holds()
+                and all(layers.is_edition(*edition) for edition in self.editions))
+
+    def prepare(self, ob):
+        """What its native half takes."""
+        return (memory.attribute_vectors(self.mesh.attributes[nodes.POSITION_ATTRIBUTE], self.count),
+                [layers.space_between(ob, armature) for armature in self.armatures])
+
+
+def take(entry, ob):
+    """Deforms an evaluated object. False: nothing was done, the whole way is to be gone."""
+    shortcut = entry.shortcuts.get(ob.as_pointer())
+    if shortcut is None or not shortcut.holds(entry):
+        return False
+    start = perf_counter()
+    out, spaces = shortcut.prepare(ob)
+    prepared = perf_counter()
+    shortcut.native.deform(out, spaces)
+    entry.timings.pose, entry.timings.skin = 1e3 * (prepared - start), 1e3 * (perf_counter() - prepared)
+    return True
+
+
+def learn(entry, ob):
+    """The whole way has just been gone for this evaluated object."""
+    known, address = entry.shortcuts, ob.as_pointer()
+    if address not in known:  # while somebody edits, no two frames are alike
+        if len(known) >= MOST:
+            known.clear()
+        known[address] = None
+    elif _is_plain(entry, ob):
+        known[address] = Shortcut(entry, ob, [ob.modifiers[name] for name in entry.taken])
+
+
+def _is_plain(entry, ob):
+    mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
+    return (entry.way.kind == ways.ATTRIBUTE and len(mesh.vertices) > 0 and ob.sinew.source != "CLIP"
+            and all(not layer.influences.hang_on_shape for layer in entry.layers)
+            and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken))

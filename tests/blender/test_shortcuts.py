@@ -1,0 +1,205 @@
+"""On a frame in which nothing but the pose has changed Sinew goes a shorter way. Whatever people do, it must not be gone
+once too often: each edit is made while it is in use, and the shape is compared with the twin's."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from characters import accelerate, make_armature, make_mesh, pose, with_bendy_bones
+from helpers import addon_module, assert_same_shape, depsgraph, select, twin_of, way
+
+
+@pytest.fixture(params=[False, True], ids=["linear", "volume"])
+def in_use(request, fresh_scene):
+    """scene, bound mesh that goes the shorter way, twin, armature."""
+    armature = make_armature()
+    ob = make_mesh(armature, request.param)
+    with_bendy_bones(ob)
+    for frame in range(1, 21, 4):
+        pose(armature, frame, scaled=True)
+    twin = twin_of(ob)
+    accelerate(ob)
+    play(fresh_scene, 1)
+    assert goes_it(ob)
+    return fresh_scene, ob, twin, armature
+
+
+def play(scene, first):
+    for frame in range(first, first + 3):
+        scene.frame_set(frame)
+
+
+def goes_it(ob):
+    """Whether the next frame goes the shorter way."""
+    entry = addon_module("session.characters").character(ob)
+    shortcut = entry.shortcuts.get(ob.evaluated_get(depsgraph()).as_pointer())
+    return shortcut is not None and shortcut.holds(entry)
+
+
+def test_it_is_the_modifiers_shape(in_use):
+    scene, ob, twin, _ = in_use
+    for frame in (4, 9.5, 17):
+        scene.frame_set(int(frame), subframe=frame % 1)
+        assert goes_it(ob)
+        assert_same_shape(ob, twin)
+
+
+def paint(ob, _):
+    ob.vertex_groups["bone3"].add(range(0, 1200, 2), 0.7, "REPLACE")
+
+
+def remove_a_group(ob, _):
+    ob.vertex_groups.remove(ob.vertex_groups["bone1"])
+
+
+def move_vertices(ob, _):
+    for vertex in ob.data.vertices:
+        vertex.co.x *= 1.5
+    ob.data.update()
+
+
+def other_method(ob, _):
+    modifier = ob.modifiers["Armature"]
+    modifier.use_deform_preserve_volume = not modifier.use_deform_preserve_volume
+
+
+def a_mask(ob, _):
+    ob.modifiers["Armature"].vertex_group = "bone2"
+    ob.modifiers["Armature"].invert_vertex_group = True
+
+
+def no_groups(ob, _):
+    ob.modifiers["Armature"].use_vertex_groups = False
+
+
+def switched_off(ob, _):
+    ob.modifiers["Armature"].show_viewport = False
+
+
+def rest_position(_, armature):
+    armature.data.pose_position = "REST"
+
+
+def a_bone_that_does_not_deform(_, armature):
+    armature.data.bones["bone2"].use_deform = False
+
+
+def more_segments(_, armature):
+    armature.data.bones["bone1"].bbone_segments = 12
+
+
+def edit_bones(armature, edit):
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    edit(armature.data.edit_bones)
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def another_bone(_, armature):
+    edit_bones(armature, lambda bones: setattr(bones.new("extra"), "tail", (0, 0, 1)))
+
+
+def a_bone_less(_, armature):
+    edit_bones(armature, lambda bones: bones.remove(bones["side"]))
+
+
+def a_bone_moved(_, armature):
+    edit_bones(armature, lambda bones: setattr(bones["side"], "roll", 1.0))
+
+
+def mesh_moved(ob, _):
+    ob.matrix_world = Matrix.Translation((0.5, 0, 1)) @ Matrix.Rotation(0.4, 4, "X")
+
+
+def armature_moved(_, armature):
+    armature.location = 1, 2, 3
+    armature.scale = 1, 2, 0.5
+
+
+def posed_by_hand(_, armature):
+    armature.animation_data_clear()
+    armature.pose.bones["bone1"].rotation_quaternion = 0.6, 0.8, 0, 0
+
+
+EDITS_OF_A_MESH = (paint, remove_a_group, move_vertices, other_method, a_mask, no_groups, switched_off, mesh_moved)
+EDITS_OF_BONES = (rest_position, a_bone_that_does_not_deform, more_segments, another_bone, a_bone_less, a_bone_moved,
+                  armature_moved, posed_by_hand)
+
+
+@pytest.mark.parametrize("edit", EDITS_OF_A_MESH + EDITS_OF_BONES, ids=lambda edit: edit.__name__)
+def test_an_edit_is_seen_at_once(in_use, edit):
+    scene, ob, twin, armature = in_use
+    edit(ob, armature)
+    if edit in EDITS_OF_A_MESH:
+        edit(twin, armature)
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    for frame in (4, 7, 11):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+def test_settings_with_keyframes(in_use):
+    scene, ob, twin, _ = in_use
+    for each in (ob, twin):
+        for frame, value in ((4, True), (6, False), (8, True)):
+            each.modifiers["Armature"].use_deform_preserve_volume = value
+            each.modifiers["Armature"].keyframe_insert("use_deform_preserve_volume", frame=frame)
+    for frame in (4, 5, 6, 7, 8, 9):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+def test_mesh_and_armature_that_move_apart(in_use):
+    scene, ob, twin, armature = in_use
+    for each in (ob, twin, armature):
+        for frame in (4, 12):
+            each.location = np.random.default_rng(frame + (each == armature)).uniform(-1, 1, 3)
+            each.rotation_euler.x = frame
+            each.keyframe_insert("location", frame=frame)
+            each.keyframe_insert("rotation_euler", frame=frame)
+    play(scene, 4)
+    assert way(ob) == "ATTRIBUTE" and goes_it(ob)
+    for frame in (8, 10):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+def test_edit_mode_and_back(in_use):
+    scene, ob, twin, armature = in_use
+    select(ob)
+    bpy.ops.object.mode_set(mode="EDIT")
+    play(scene, 4)
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.transform.resize(value=(1.2, 1, 1))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for a, b in zip(twin.data.vertices, ob.data.vertices):
+        a.co = b.co
+    twin.data.update()
+    for frame in (7, 8, 9, 10):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+@pytest.mark.says_errors
+def test_another_pose_than_was_thought(in_use):
+    """Blender's own modifier deforms in the same pass."""
+    scene, ob, twin, _ = in_use
+    entry = addon_module("session.characters").character(ob)
+    shortcut = entry.shortcuts[ob.evaluated_get(depsgraph()).as_pointer()]
+
+    class Wrong:
+        def holds(self):
+            return True
+
+        def deform(self, *_):
+            raise ValueError("the pose has other bones than the skin was made for")
+
+    shortcut.native = Wrong()
+    scene.frame_set(5)
+    assert_same_shape(ob, twin)
+    assert "other bones" in entry.error
+    play(scene, 6)
+    assert entry.error == "" and goes_it(ob)
+    assert_same_shape(ob, twin)
