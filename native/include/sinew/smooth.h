@@ -1,0 +1,43 @@
+/// Blender's Smooth modifier.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "sinew/topology.h"
+#include "sinew/vertex_group.h"
+
+namespace sinew {
+
+/// Moves each vertex towards the mean of the midpoints of its edges, iteration by iteration:
+///   x_v = (1 - f_v) x_v + f_v mean,   f_v = weight_v factor,
+/// to the bit as Blender does in float32. A vertex without edges has the mean 0, also as in
+/// Blender. Immutable; several threads may use one at once.
+class Smooth {
+ public:
+  struct Settings {
+    float factor = 0.5f;                ///< any finite number, also outside of 0 to 1
+    int iterations = 1;                 ///< 0 or fewer: nothing happens
+    bool x = true, y = true, z = true;  ///< the axes along which vertices move
+  };
+
+  /// Vertices of weight 0 or less stay, and cost nothing. group  V weights. Copied.
+  /// Throws InputError for another number of weights than V and for one that is not finite.
+  explicit Smooth(std::shared_ptr<const Topology> topology, const VertexGroup& group = {});
+  Smooth(Smooth&&) noexcept;
+  ~Smooth();
+
+  /// V.
+  std::ptrdiff_t vertex_count() const;
+
+  /// positions  in and out, V x 3. Allocates nothing but for the first call, and for the first that
+  ///            runs beside others. The same bits for any number of threads.
+  /// Throws InputError if the shape does not fit, and for a factor that is not finite.
+  void apply(const Settings& settings, std::span<float> positions) const;
+
+ private:
+  class Body;
+  std::unique_ptr<const Body> body_;
+};
+
+}  // namespace sinew

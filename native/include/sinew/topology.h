@@ -1,0 +1,66 @@
+/// How a mesh hangs together.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "sinew/types.h"
+
+namespace sinew {
+
+/// Which vertices edges join, and what stands beside each vertex in its faces. Immutable.
+class Topology {
+ public:
+  /// A face's corner at a vertex: the vertices before and after it around the face.
+  struct Corner {
+    std::uint32_t previous;
+    std::uint32_t next;
+  };
+
+  /// vertex_count     V.
+  /// edges            E x 2, vertices. Sums over neighbours are taken in this order, as Blender
+  ///                  takes them. Edges without a face are fine.
+  /// face_offsets     faces + 1, where the corners of each face begin; empty: there are no faces.
+  /// corner_vertices  C, vertices around each face, face after face.
+  /// Throws InputError for a vertex out of range, for offsets that do not fit, for a face with
+  /// fewer than three corners and for one with a side that is no edge.
+  Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> edges,
+           std::span<const std::int32_t> face_offsets = {},
+           std::span<const std::int32_t> corner_vertices = {});
+
+  /// V.
+  std::ptrdiff_t vertex_count() const { return std::ssize(neighbour_begin_) - 1; }
+  /// E.
+  std::ptrdiff_t edge_count() const { return std::ssize(neighbours_) / 2; }
+  /// C.
+  std::ptrdiff_t corner_count() const { return std::ssize(corners_); }
+
+  /// The other ends of a vertex's edges, in the order of the edges.
+  std::span<const std::uint32_t> neighbours(std::size_t v) const {
+    return std::span(neighbours_)
+        .subspan(neighbour_begin_[v], neighbour_begin_[v + 1] - neighbour_begin_[v]);
+  }
+  /// A vertex's corners, in the order of the faces.
+  std::span<const Corner> corners(std::size_t v) const {
+    return std::span(corners_).subspan(corner_begin_[v], corner_begin_[v + 1] - corner_begin_[v]);
+  }
+  /// Whether a vertex is at an end of an edge of exactly one face.
+  bool is_boundary(std::size_t v) const { return is_boundary_[v]; }
+
+ private:
+  void take_edges(std::span<const std::int32_t> edges);
+  void take_faces(std::span<const std::int32_t> face_offsets,
+                  std::span<const std::int32_t> corner_vertices);
+  void find_boundary(std::span<const std::int32_t> edges,
+                     std::span<const std::int32_t> face_offsets,
+                     std::span<const std::int32_t> corner_vertices);
+
+  std::vector<std::uint32_t> neighbour_begin_;  // V + 1
+  std::vector<std::uint32_t> neighbours_;       // 2 E
+  std::vector<std::uint32_t> corner_begin_;     // V + 1
+  std::vector<Corner> corners_;
+  std::vector<bool> is_boundary_;
+};
+
+}  // namespace sinew
