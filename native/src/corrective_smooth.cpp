@@ -50,6 +50,8 @@ class CorrectiveSmooth::Body {
     remembered_.reserve(kRemembered);
   }
 
+  bool has_rest() const { return rest_ != nullptr; }
+
   void set_rest(std::span<const float> positions) {
     check_position_count("rest_positions", positions, vertex_count);
     for (std::size_t i = 0; i < positions.size(); ++i) {
@@ -61,9 +63,6 @@ class CorrectiveSmooth::Body {
   }
 
   void apply(const Settings& settings, std::span<float> positions) {
-    if (!settings.only_smooth && !rest_) {
-      fail("there are no rest positions; expected some, or only_smooth");
-    }
     if (settings.iterations <= 0 || settings.factor == 0 || around_.worked_on == 0) return;
     Losses* losses = settings.only_smooth ? nullptr : take_losses(settings);
     Smoothing smoothing(around_, microseconds(settings), spaces_);
@@ -163,10 +162,17 @@ void CorrectiveSmooth::set_rest_positions(std::span<const float> positions) {
   body_->set_rest(positions);
 }
 
-void CorrectiveSmooth::apply(const Settings& settings, std::span<float> positions) const {
-  check_position_count("positions", positions, vertex_count());
+void CorrectiveSmooth::check(const Settings& settings) const {
   check_setting("factor", settings.factor);
   check_setting("scale", settings.scale);
+  if (!settings.only_smooth && !body_->has_rest()) {
+    fail("there are no rest positions; expected some, or only_smooth");
+  }
+}
+
+void CorrectiveSmooth::apply(const Settings& settings, std::span<float> positions) const {
+  check_position_count("positions", positions, vertex_count());
+  check(settings);
   body_->apply(settings, positions);
 }
 

@@ -1,15 +1,16 @@
 #include "sinew/deformer.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstring>
+#include <chrono>
 #include <functional>
 #include <string>
 
 #include "check.h"
+#include "kernels.h"
 #include "method.h"
 #include "parallel.h"
-#include "space.h"
+#include "posed_layer.h"
+#include "vertex_numbers.h"
 
 namespace sinew {
 namespace {
@@ -21,136 +22,13 @@ constexpr double kMicrosecondsKey = 0.5e-3, kMicrosecondsCopy = 0.3e-3;
 // bones.
 constexpr double kMicrosecondsBend = 40e-3;
 
-std::optional<std::vector<float>> checked(const char* name,
-                                          std::optional<std::span<const float>> numbers,
-                                          std::ptrdiff_t vertices) {
-  if (!numbers) return std::nullopt;
-  if (std::ssize(*numbers) != vertices) {
-    fail(name, " has ", plural(std::ssize(*numbers), "number"), "; the skin has ",
-         plural(vertices, "vertex"));
-  }
-  for (std::size_t v = 0; v < numbers->size(); ++v) {
-    if (!std::isfinite((*numbers)[v])) fail(name, " is not finite at vertex ", v);
-  }
-  return std::vector<float>(numbers->begin(), numbers->end());
-}
-
-void check_bends(const Bends& bends, const Skin& skin) {
-  if (!bends.vertices().empty() && bends.vertices().back() >= skin.vertex_count()) {
-    fail("bends names vertex ", bends.vertices().back(), "; the skin has ",
-         plural(skin.vertex_count(), "vertex"));
-  }
-  if (bends.joint_count() > skin.joint_count()) {
-    fail("bends names joint ", bends.joint_count() - 1, "; the skin has ",
-         plural(skin.joint_count(), "joint"));
-  }
-}
-
-void check_matrices_of(const Layer& layer, const LayerPose& pose, std::size_t i) {
-  const std::string where = "layer " + std::to_string(i) + ": ";
-  if (pose.matrices.frames != 1) {
-    fail(where, "there are ", plural(pose.matrices.frames, "frame"), " of matrices; expected 1");
-  }
-  check_matrices(layer.skin(), pose.matrices, where);
-}
-
-/// A layer in one frame.
-struct PosedLayer {
-  const Layer* layer;
-  const BlockedSkin* skin;
-  std::optional<Space> space;  ///< points go through it and back
-  std::optional<Matrix4<double>> armature_from_mesh;
-  bool split_elsewhere;  ///< the skin was split in another space
-  Palette palette;
-  // In the space of the mesh, where matrices are skinned there but given in the armature's:
-  std::vector<Matrix4<float>> matrices;
-  std::vector<Matrix4<double>> rest_frames;
-
-  void take(const Layer& own, const LayerPose& pose) {
-    layer = &own;
-    skin = &own.skin().blocked();
-    space.reset();
-    armature_from_mesh.reset();
-    if (pose.mesh_from_armature) {
-      space.emplace(*pose.mesh_from_armature);
-      armature_from_mesh = space->back;
-    }
-    split_elsewhere = pose.mesh_from_armature != own.split_space();
-    MatrixStack<const float> stack = pose.matrices;
-    StretchRule rule = own.rule();
-    if (space && space->is_carried_by(own.method())) {
-      matrices.clear();
-      for (std::ptrdiff_t j = 0; j < stack.joints; ++j) {
-        const Matrix4<double> matrix = stack.at(0, j).cast<double>();
-        matrices.push_back((space->forth * matrix * space->back).cast<float>());
-      }
-      stack = MatrixStack<const float>::of(matrices.data(), 1, stack.joints);
-      rest_frames.clear();
-      for (const auto& rest : rule.rest_frames) rest_frames.push_back(space->moved_frame(rest));
-      rule.rest_frames = rest_frames;
-      space.reset();
-    }
-    prepare(*skin, own.method(), rule, stack, 0, palette);
-  }
-};
-
-/// out may be in. 3 x vertices numbers.
-void transform(const Matrix4<double>& matrix, const float* in, std::size_t vertices, float* out) {
-  const Eigen::Matrix3d linear = matrix.topLeftCorner<3, 3>();
-  const Eigen::Vector3d offset = matrix.topRightCorner<3, 1>();
-  for (std::size_t v = 0; v < vertices; ++v) {
-    const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(in + 3 * v).cast<double>();
-    Eigen::Map<Eigen::Vector3f>(out + 3 * v) = (linear * point + offset).cast<float>();
-  }
-}
-
-/// out = from + part (to - from), vertex by vertex; out may be either.
-void mix(const float* from, const float* to, const float* part, std::size_t vertices, float* out) {
-  for (std::size_t v = 0; v < vertices; ++v) {
-    for (std::size_t i = 3 * v; i < 3 * v + 3; ++i) out[i] = from[i] + part[v] * (to[i] - from[i]);
-  }
-}
-
-/// Which vertices of a tile are not where the skin's influences were split over segments.
-struct Moved {
-  bool all;
-  const std::uint8_t* touched;  ///< one byte a vertex, or null: none
-};
-
-/// Skins the bends of tile t again that have moved, split at where they are.
-/// input  the tile's points, space of the mesh.
-/// rest   the same as the layer skins them: space of the mesh or of the armature.
-/// own    out, in the space of `rest`.
-void bend_tile(const PosedLayer& posed, std::size_t t, std::size_t count, const Moved& moved,
-               const float* input, const float* rest, float* own) {
-  thread_local Bends::Split split;
-  if (!moved.all && !moved.touched) return;
-  const Bends& bends = *posed.layer->bends();
-  const auto vertices = bends.vertices();
-  const auto first = static_cast<std::int64_t>(t * kTile);
-  const auto end = first + static_cast<std::int64_t>(count);
-  auto at = std::ranges::lower_bound(vertices, first);
-  for (; at != vertices.end() && *at < end; ++at) {
-    const auto v = static_cast<std::size_t>(*at - first);
-    if (!moved.all && !moved.touched[v]) continue;
-    Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3f>(input + 3 * v).cast<double>();
-    if (const auto& back = posed.armature_from_mesh) {
-      point = (back->topRows<3>() * point.homogeneous()).eval();
-    }
-    bends.split(static_cast<std::size_t>(at - vertices.begin()), point, split);
-    run_vertex({split.joints, split.weights}, posed.layer->method(), posed.palette, rest + 3 * v,
-               own + 3 * v);
-  }
-}
-
 /// What a thread needs besides; a tile's own.
 struct Scratch {
-  alignas(64) float input[3 * kTile];   ///< shape keys added
-  alignas(64) float points[3 * kTile];  ///< the input, packed
-  alignas(64) float moved[3 * kTile];   ///< the input in an armature's space
-  alignas(64) float moved_points[3 * kTile];
+  alignas(64) float input[3 * kTile];       ///< shape keys added
+  alignas(64) float points[3 * kTile];      ///< the input, packed
   alignas(64) float own[3 * kTile];         ///< a layer that is mixed in
   alignas(64) std::uint8_t touched[kTile];  ///< by shape keys
+  LayerScratch layer;
 };
 
 Scratch& scratch_of_thread() {
@@ -173,79 +51,88 @@ struct Frame {
   void run_tile(std::size_t t) const {
     const std::size_t first = t * kTile, count = std::min(kTile, vertices - first);
     Scratch& scratch = scratch_of_thread();
-    float* const out = positions + 3 * first;
-    const float* rest = input + 3 * first;
-    Moved moved{all_moved, nullptr};
+    TileInput tile{t, count, input + 3 * first, nullptr, {all_moved, nullptr}};
+    if (packed) tile.points = packed->points.get() + 3 * first;
     if (keys && keys->change(t, key_values)) {
-      std::copy_n(rest, 3 * count, scratch.input);
+      std::copy_n(tile.rest, 3 * count, scratch.input);
       keys->add(t, key_values, scratch.input);
-      rest = scratch.input;
+      tile.rest = scratch.input;
       if (has_bends) {
         keys->mark(t, key_values, scratch.touched);
-        moved.touched = scratch.touched;
+        tile.moved.touched = scratch.touched;
       }
     }
     if (layers.empty()) {
-      std::copy_n(rest, 3 * count, out);
+      std::copy_n(tile.rest, 3 * count, positions + 3 * first);
     } else {
-      skin_tile(t, count, moved, rest, scratch, out);
+      skin_tile(tile, scratch, positions + 3 * first);
     }
-    // Stages after skinning that look at one vertex alone belong here; those that look at its
-    // neighbours need a region of their own, when all tiles are done.
   }
 
  private:
-  void skin_tile(std::size_t t, std::size_t count, const Moved& moved, const float* rest,
-                 Scratch& scratch, float* out) const {
-    const float* points = packed ? packed->points.get() + 3 * t * kTile : nullptr;
+  void skin_tile(TileInput& tile, Scratch& scratch, float* out) const {
     for (const PosedLayer& posed : layers) {
-      const bool is_first = &posed == layers.data();
-      float* const own = is_first ? out : scratch.own;
-      const auto bend = [&](const float* points_of_layer) {
-        if (!posed.layer->bends()) return;
-        const Moved own_moved{moved.all || posed.split_elsewhere, moved.touched};
-        bend_tile(posed, t, count, own_moved, rest, points_of_layer, own);
-      };
-      const std::size_t begin = t * kBlocksPerTile, end = begin + (count + kBlock - 1) / kBlock;
-      if (posed.space) {
-        transform(posed.space->back, rest, count, scratch.moved);
-        pack_points(scratch.moved, count, scratch.moved_points);
-        run(*posed.skin, posed.layer->method(), posed.palette,
-            {begin, end, scratch.moved, scratch.moved_points, own});
-        bend(scratch.moved);
-        transform(posed.space->forth, own, count, own);
-      } else {
-        if (!points) {
-          pack_points(rest, count, scratch.points);
-          points = scratch.points;
-        }
-        run(*posed.skin, posed.layer->method(), posed.palette, {begin, end, rest, points, own});
-        bend(rest);
+      if (!posed.space && !tile.points) {
+        pack_points(tile.rest, tile.count, scratch.points);
+        tile.points = scratch.points;
       }
-      if (const auto& mask = posed.layer->mask()) {
-        mix(rest, own, mask->data() + t * kTile, count, own);
+      if (&posed == layers.data()) {
+        posed.run(tile, scratch.layer, out);
+        continue;
       }
-      if (!is_first) mix(out, own, posed.layer->share()->data() + t * kTile, count, out);
+      posed.run(tile, scratch.layer, scratch.own);
+      const float* const share = posed.layer->share()->data() + tile.tile * kTile;
+      mix(out, scratch.own, share, tile.count, out);
     }
   }
 };
 
+void check_matrices_of(const Layer& layer, const LayerPose& pose, std::size_t i) {
+  const std::string where = "layer " + std::to_string(i) + ": ";
+  if (pose.matrices.frames != 1) {
+    fail(where, "there are ", plural(pose.matrices.frames, "frame"), " of matrices; expected 1");
+  }
+  check_matrices(layer.skin(), pose.matrices, where);
+}
+
+void check_stage(const Stage& stage, std::ptrdiff_t vertices, std::size_t i) {
+  std::visit(
+      [&](const auto& one) {
+        const std::ptrdiff_t own = one.stage->vertex_count();
+        if (own != vertices) {
+          fail("stage ", i, " has ", plural(own, "vertex"), "; the deformer has ",
+               grouped(vertices));
+        }
+        try {
+          one.stage->check(one.settings);
+        } catch (const InputError& error) {
+          fail("stage ", i, ": ", error.what());
+        }
+      },
+      stage);
+}
+
+/// Writes the milliseconds since it was made, or since the last were written.
+class Watch {
+ public:
+  explicit Watch(std::span<double> milliseconds) : out_(milliseconds) {}
+  void stop(std::size_t i) {
+    if (out_.empty()) return;
+    const auto now = Clock::now();
+    out_[i] = std::chrono::duration<double, std::milli>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::span<double> out_;
+  Clock::time_point last_ = Clock::now();
+};
+
 }  // namespace
 
-Layer::Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule,
-             std::optional<std::span<const float>> mask,
-             std::optional<std::span<const float>> share, std::shared_ptr<const Bends> bends,
-             const std::optional<Matrix4<double>>& split_space)
-    : skin_(std::move(skin)),
-      method_(method),
-      stretch_(rule.stretch),
-      rest_frames_(rule.rest_frames.begin(), rule.rest_frames.end()),
-      mask_(checked("mask", mask, skin_->vertex_count())),
-      share_(checked("share", share, skin_->vertex_count())),
-      bends_(std::move(bends)),
-      split_space_(split_space) {
-  check_rest_frames(rule, skin_->joint_count(), "");
-  if (bends_) check_bends(*bends_, *skin_);
+Deformer::Deformer(std::ptrdiff_t vertex_count) : vertex_count_(vertex_count) {
+  if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
 }
 
 Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers,
@@ -270,19 +157,19 @@ Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers,
 }
 
 void Deformer::check(std::span<const LayerPose> poses, std::span<float> positions,
-                     std::span<const float> key_values,
-                     std::span<const float> rest_positions) const {
+                     std::span<const float> key_values, std::span<const float> rest_positions,
+                     std::span<const Stage> stages, std::span<double> milliseconds) const {
   if (poses.size() != layers_.size()) {
     fail("there are ", plural(std::ssize(poses), "pose"), "; the deformer has ",
          plural(std::ssize(layers_), "layer"));
   }
   for (std::size_t i = 0; i < poses.size(); ++i) check_matrices_of(*layers_[i], poses[i], i);
-  const auto check_size = [&](const char* name, std::span<const float> numbers) {
-    if (std::ssize(numbers) == 3 * vertex_count_) return;
-    fail(name, " has ", plural(std::ssize(numbers), "number"), "; expected ",
-         grouped(3 * vertex_count_), " (", vertex_count_, " x 3)");
-  };
-  check_size("the result", positions);
+  for (std::size_t i = 0; i < stages.size(); ++i) check_stage(stages[i], vertex_count_, i);
+  if (!milliseconds.empty() && milliseconds.size() != stages.size() + 1) {
+    fail("milliseconds has ", plural(std::ssize(milliseconds), "number"), "; expected ",
+         stages.size() + 1, ", one more than there are stages");
+  }
+  check_position_count("the result", positions, vertex_count_);
   if (!key_values.empty()) {
     if (!keys_) fail("there are key values, but no shape keys");
     if (!rest_positions.empty()) fail("there are key values and rest positions; expected one");
@@ -291,8 +178,13 @@ void Deformer::check(std::span<const LayerPose> poses, std::span<float> position
            grouped(keys_->count()), ", one a key");
     }
   }
-  if (rest_positions.empty()) return;
-  check_size("rest_positions", rest_positions);
+  if (rest_positions.empty()) {
+    if (layers_.empty() && !keys_ && vertex_count_ > 0) {
+      fail("there are no layers and no shape keys; expected rest_positions");
+    }
+    return;
+  }
+  check_position_count("rest_positions", rest_positions, vertex_count_);
   const std::less<const float*> before;
   if (before(positions.data(), rest_positions.data() + rest_positions.size()) &&
       before(rest_positions.data(), positions.data() + positions.size())) {
@@ -301,10 +193,21 @@ void Deformer::check(std::span<const LayerPose> poses, std::span<float> position
 }
 
 void Deformer::deform(std::span<const LayerPose> poses, std::span<float> positions,
-                      std::span<const float> key_values,
-                      std::span<const float> rest_positions) const {
-  check(poses, positions, key_values, rest_positions);
-  if (vertex_count_ == 0) return;
+                      std::span<const float> key_values, std::span<const float> rest_positions,
+                      std::span<const Stage> stages, std::span<double> milliseconds) const {
+  check(poses, positions, key_values, rest_positions, stages, milliseconds);
+  Watch watch(milliseconds);
+  if (vertex_count_ > 0) skin(poses, positions, key_values, rest_positions);
+  watch.stop(0);
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    std::visit([&](const auto& one) { one.stage->apply(one.settings, positions); }, stages[i]);
+    watch.stop(i + 1);
+  }
+}
+
+void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions,
+                    std::span<const float> key_values,
+                    std::span<const float> rest_positions) const {
   const auto vertices = static_cast<std::size_t>(vertex_count_);
 
   // Kept from call to call, and never fewer than were used before: a frame allocates nothing. What

@@ -79,14 +79,6 @@ struct Pull {
   Eigen::Vector3f center;
 };
 
-void check_settings(const Hook::Settings& settings) {
-  check_setting("strength", settings.strength);
-  check_setting("radius", settings.radius);
-  if (!settings.matrix.allFinite()) fail("matrix is not finite");
-  if (!settings.center.allFinite()) fail("center is not finite");
-  if (settings.uniform && !settings.uniform->allFinite()) fail("uniform is not finite");
-}
-
 }  // namespace
 
 Hook::Hook(std::ptrdiff_t vertex_count, std::optional<std::span<const std::int32_t>> vertices,
@@ -114,9 +106,17 @@ Hook::Hook(std::ptrdiff_t vertex_count, std::optional<std::span<const std::int32
   }
 }
 
+void Hook::check(const Settings& settings) const {
+  check_setting("strength", settings.strength);
+  check_setting("radius", settings.radius);
+  if (!settings.matrix.allFinite()) fail("matrix is not finite");
+  if (!settings.center.allFinite()) fail("center is not finite");
+  if (settings.uniform && !settings.uniform->allFinite()) fail("uniform is not finite");
+}
+
 void Hook::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
-  check_settings(settings);
+  check(settings);
   if (settings.strength == 0) return;
   const Pull pull(settings);
   const bool threads =

@@ -37,9 +37,11 @@ Smooth::~Smooth() = default;
 
 std::ptrdiff_t Smooth::vertex_count() const { return body_->vertex_count; }
 
+void Smooth::check(const Settings& settings) const { check_setting("factor", settings.factor); }
+
 void Smooth::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
-  check_setting("factor", settings.factor);
+  check(settings);
   const bool moves = settings.x || settings.y || settings.z;
   const Neighbourhood& around = body_->around;
   if (settings.iterations <= 0 || settings.factor == 0 || !moves || around.worked_on == 0) return;

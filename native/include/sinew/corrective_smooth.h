@@ -56,6 +56,9 @@ class CorrectiveSmooth {
   /// Another rest shape, V x 3. Not while another thread uses the object. Throws as above.
   void set_rest_positions(std::span<const float> positions);
 
+  /// What apply() throws for settings that are wrong, without doing anything.
+  void check(const Settings& settings) const;
+
   /// positions  in and out, V x 3. What the rest shape loses is kept from call to call, for as long
   ///            as factor, iterations and type stay; apart from that, only the first call, and the
   ///            first that runs beside others, allocate anything. The same bits for any number of

@@ -10,6 +10,7 @@
 #include "sinew/shape_keys.h"
 #include "sinew/skin.h"
 #include "sinew/skinning_method.h"
+#include "sinew/stage.h"
 #include "sinew/types.h"
 
 namespace sinew {
@@ -73,17 +74,20 @@ struct LayerPose {
 };
 
 /// Input (the first skin's rest positions, or shape keys, or what the caller has) -> layers, all of
-/// that same input, each in its space and with its mask -> mixed by their shares -> output.
+/// that same input, each in its space and with its mask -> mixed by their shares -> stages, one
+/// after the other -> output.
 ///
 /// Immutable and without a state: several threads may deform with one object at once.
 class Deformer {
  public:
-  /// layers  may be none if there are keys, whose sum is then the output.
+  /// layers  may be none if there are keys, whose sum is then what the stages get.
   /// keys    or null.
   /// Throws InputError if two have different numbers of vertices, for a first layer with a share, a
   /// later one without, or if there is nothing at all.
   explicit Deformer(std::vector<std::shared_ptr<const Layer>> layers,
                     std::shared_ptr<const ShapeKeys> keys = nullptr);
+  /// For stages alone: rest_positions are what they get. vertex_count  V.
+  explicit Deformer(std::ptrdiff_t vertex_count);
 
   /// V.
   std::ptrdiff_t vertex_count() const { return vertex_count_; }
@@ -93,17 +97,25 @@ class Deformer {
   /// positions       out, V x 3, space of the mesh.
   /// key_values      K, how much of each key, 0 for those that are muted; empty: 0 for all.
   /// rest_positions  V x 3 in place of the skin's own and of the keys; empty: these.
+  /// stages          each of V vertices, in the order in which they work.
+  /// milliseconds    out, one more than there are stages: what keys and layers took, then each
+  ///                 stage; empty: nobody wants to know.
   ///
-  /// One parallel region. Allocates nothing once each thread has seen layers of this size. The same
-  /// bits for any number of threads. Throws InputError if a shape does not fit, for key values
-  /// without keys or with rest positions, and if positions and rest_positions overlap.
+  /// One parallel region for keys and layers, some for each stage. Allocates nothing once each
+  /// thread has seen layers of this size. The same bits for any number of threads. Throws
+  /// InputError, having written nothing, if a shape does not fit, for a stage's settings that are
+  /// wrong, for key values without keys or with rest positions, and if positions and rest_positions
+  /// overlap.
   void deform(std::span<const LayerPose> poses, std::span<float> positions,
-              std::span<const float> key_values = {},
-              std::span<const float> rest_positions = {}) const;
+              std::span<const float> key_values = {}, std::span<const float> rest_positions = {},
+              std::span<const Stage> stages = {}, std::span<double> milliseconds = {}) const;
 
  private:
   void check(std::span<const LayerPose> poses, std::span<float> positions,
-             std::span<const float> key_values, std::span<const float> rest_positions) const;
+             std::span<const float> key_values, std::span<const float> rest_positions,
+             std::span<const Stage> stages, std::span<double> milliseconds) const;
+  void skin(std::span<const LayerPose> poses, std::span<float> positions,
+            std::span<const float> key_values, std::span<const float> rest_positions) const;
 
   std::vector<std::shared_ptr<const Layer>> layers_;
   std::shared_ptr<const ShapeKeys> keys_;

@@ -51,6 +51,9 @@ class Hook {
   /// V.
   std::ptrdiff_t vertex_count() const { return vertex_count_; }
 
+  /// What apply() throws for settings that are wrong, without doing anything.
+  void check(const Settings& settings) const;
+
   /// positions  in and out, V x 3. Allocates nothing. The same bits for any number of threads.
   /// Throws InputError if the shape does not fit, and for a setting that is not finite.
   void apply(const Settings& settings, std::span<float> positions) const;

@@ -30,6 +30,9 @@ class Smooth {
   /// V.
   std::ptrdiff_t vertex_count() const;
 
+  /// What apply() throws for settings that are wrong, without doing anything.
+  void check(const Settings& settings) const;
+
   /// positions  in and out, V x 3. Allocates nothing but for the first call, and for the first that
   ///            runs beside others. The same bits for any number of threads.
   /// Throws InputError if the shape does not fit, and for a factor that is not finite.
