@@ -20,6 +20,7 @@ GROUPS = {
     "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices rotation_transforms",
     "Skinning": "Skin skin_linear skin_dual_quaternion skin_all Bends Layer ShapeKeys Deformer",
+    "After skinning": "Topology CorrectiveSmooth Smooth Hook Stage",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }
 MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings: change it there. -->\n"
@@ -47,13 +48,19 @@ def prose(docstring, function=None):
 
 
 def class_text(node, live):
-    first, *others = [f for f in node.body if isinstance(f, ast.FunctionDef)]
-    properties = [f for f in others if "property" in map(ast.unparse, f.decorator_list)]
-    yield source(first, above=f"{STUB.splitlines()[node.lineno - 1]}\n")
-    yield prose(live.__doc__) + prose(live.__init__.__doc__, first) + "\nProperties:\n\n"
+    functions = [f for f in node.body if isinstance(f, ast.FunctionDef)]
+    properties = [f for f in functions if "property" in map(ast.unparse, f.decorator_list)]
+    if functions[0].name == "__init__":
+        first = functions.pop(0)
+        yield source(first, above=f"{STUB.splitlines()[node.lineno - 1]}\n")
+        yield prose(live.__doc__) + prose(live.__init__.__doc__, first)
+    else:
+        yield prose(live.__doc__)
+    if properties:
+        yield "\nProperties:\n\n"
     for f in properties:
         yield f"* `{f.name}: {ast.unparse(f.returns)}`: {getattr(live, f.name).__doc__}\n"
-    for f in others:
+    for f in functions:
         if f not in properties:
             yield f"\n#### {node.name}.{f.name}\n\n{source(f)}{prose(getattr(live, f.name).__doc__, f)}"
 

@@ -6,6 +6,7 @@
 #include <pybind11/pybind11.h>
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <sstream>
 #include <string>
@@ -155,6 +156,21 @@ Numbers<T> list_of(const char* name, const py::array& array) {
   return {name, array};
 }
 
+/// (V,) of any real dtype, or None.
+class OptionalNumbers {
+ public:
+  OptionalNumbers(const char* name, const std::optional<py::array>& array) {
+    if (array) numbers_.emplace(list_of<float>(name, *array));
+  }
+  operator std::optional<std::span<const float>>() const {
+    if (!numbers_) return std::nullopt;
+    return std::span<const float>(*numbers_);
+  }
+
+ private:
+  std::optional<Numbers<float>> numbers_;
+};
+
 /// (V, 3) points, row by row.
 template <class T>
 Numbers<T> points_of(const char* name, const py::array& array) {
@@ -162,18 +178,21 @@ Numbers<T> points_of(const char* name, const py::array& array) {
   return {name, array};
 }
 
-/// `out` as the flat numbers that a skinning function writes.
-inline std::span<float> positions_span(const py::array& out,
-                                       const std::vector<py::ssize_t>& shape) {
-  require_dtype<float>("out", out);
-  const bool fits = static_cast<std::size_t>(out.ndim()) == shape.size() &&
-                    std::equal(shape.begin(), shape.end(), out.shape());
-  if (!fits) wrong_shape("out", out, shape_text(py::array(py::dtype::of<bool>(), shape)));
-  if (!(out.flags() & py::array::c_style)) throw InputError("out is not C-contiguous");
-  require_aligned("out", out);
-  if (!out.writeable()) throw InputError("out is read-only");
-  return {static_cast<float*>(const_cast<py::array&>(out).mutable_data()),
-          static_cast<std::size_t>(out.size())};
+/// The flat numbers of an array that is written to.
+template <class T>
+std::span<T> written_span(const char* name, const py::array& array,
+                          const std::vector<py::ssize_t>& shape) {
+  require_dtype<T>(name, array);
+  const bool fits = static_cast<std::size_t>(array.ndim()) == shape.size() &&
+                    std::equal(shape.begin(), shape.end(), array.shape());
+  if (!fits) wrong_shape(name, array, shape_text(py::array(py::dtype::of<bool>(), shape)));
+  if (!(array.flags() & py::array::c_style)) {
+    throw InputError(std::string(name) + " is not C-contiguous");
+  }
+  require_aligned(name, array);
+  if (!array.writeable()) throw InputError(std::string(name) + " is read-only");
+  return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()),
+          static_cast<std::size_t>(array.size())};
 }
 
 /// What a frame function reads in place: float32, C-contiguous. `expected`: its shape, in words.

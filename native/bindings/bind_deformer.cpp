@@ -7,24 +7,10 @@
 #include "arrays.h"
 #include "methods.h"
 #include "sinew/deformer.h"
+#include "stages.h"
 
 namespace sinew::bindings {
 namespace {
-
-/// (V,) of any real dtype, or None.
-class OptionalNumbers {
- public:
-  OptionalNumbers(const char* name, const std::optional<py::array>& array) {
-    if (array) numbers_.emplace(list_of<float>(name, *array));
-  }
-  operator std::optional<std::span<const float>>() const {
-    if (!numbers_) return std::nullopt;
-    return std::span<const float>(*numbers_);
-  }
-
- private:
-  std::optional<Numbers<float>> numbers_;
-};
 
 std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& offsets,
                                   const py::array& bones, const py::array& weights,
@@ -120,19 +106,32 @@ LayerPose pose_of(const py::handle& given, std::size_t i) {
 
 void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
             const std::optional<py::array>& key_values,
-            const std::optional<py::array>& rest_positions) {
+            const std::optional<py::array>& rest_positions, const py::sequence& stages,
+            const std::optional<py::array>& milliseconds) {
   std::vector<LayerPose> layer_poses;
   for (const py::handle pose : poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
   const std::span<float> positions =
-      positions_span(given_array("out", out), {deformer.vertex_count(), 3});
+      written_span<float>("out", given_array("out", out), {deformer.vertex_count(), 3});
   std::span<const float> values, rest;
   if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
   if (rest_positions) rest = numbers_span("rest_positions", *rest_positions, 2, "(V, 3)");
   if (key_values && rest_positions) {
     throw InputError("there are key_values and rest_positions; expected one");
   }
+  std::vector<Stage> in_order;
+  for (const py::handle stage : stages) {
+    if (!py::isinstance<StageOfPython>(stage)) {
+      throw InputError("stage " + std::to_string(in_order.size()) +
+                       " is no Stage; expected what stage(...) of a hook or a smoothing gives");
+    }
+    in_order.push_back(stage.cast<const StageOfPython&>().stage);
+  }
+  std::span<double> times;
+  if (milliseconds) {
+    times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});
+  }
   const py::gil_scoped_release release;
-  deformer.deform(layer_poses, positions, values, rest);
+  deformer.deform(layer_poses, positions, values, rest, in_order, times);
 }
 
 }  // namespace
@@ -221,21 +220,29 @@ void bind_deformer(py::module_& module) {
   py::class_<Deformer>(
       module, "Deformer",
       "All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their "
-      "mix. Immutable; several threads may use one at once.")
-      .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers,
-                       std::shared_ptr<ShapeKeys> keys) {
-             return Deformer({layers.begin(), layers.end()}, std::move(keys));
-           }),
-           py::arg("layers"), py::arg("keys") = py::none(),
-           "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
-           "keys: ShapeKeys, or None: then what is deformed is the rest positions of the first "
-           "layer's skin.\n"
-           "Raises ValueError if they have different numbers of vertices, or for a share where "
-           "none belongs or none where one does.")
+      "mix, stages after them. Immutable; several threads may use one at once.")
+      .def(
+          py::init([](const std::vector<std::shared_ptr<Layer>>& layers,
+                      std::shared_ptr<ShapeKeys> keys, std::optional<std::ptrdiff_t> vertex_count) {
+            if (!vertex_count) return Deformer({layers.begin(), layers.end()}, std::move(keys));
+            if (!layers.empty() || keys) {
+              throw InputError("there is a vertex_count beside layers or keys; expected one");
+            }
+            return Deformer(*vertex_count);
+          }),
+          py::arg("layers") = py::list(), py::arg("keys") = py::none(),
+          py::arg("vertex_count") = py::none(),
+          "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
+          "keys: ShapeKeys, or None: then what is deformed is the rest positions of the first "
+          "layer's skin.\n"
+          "vertex_count: V, in place of both, for stages alone.\n"
+          "Raises ValueError if they have different numbers of vertices, or for a share where "
+          "none belongs or none where one does.")
       .def_property_readonly("vertex_count", &Deformer::vertex_count, "V.")
       .def(
           "deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
-          py::arg("rest_positions") = py::none(),
+          py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
+          py::arg("milliseconds") = py::none(),
           "One frame.\n\n"
           "poses: (matrices, space) a layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
           "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are "
@@ -245,6 +252,10 @@ void bind_deformer(py::module_& module) {
           "all.\n"
           "rest_positions: (V, 3) float32, C-contiguous, in place of the skin's own and of the "
           "keys; no part of out.\n"
+          "stages: Stage objects, which work on the result in this order.\n"
+          "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: where to write "
+          "what "
+          "keys and layers took, then each stage; None: nowhere.\n"
           "A space that a method cannot carry (dual quaternions: one that shears or scales "
           "unevenly) is gone through point by point; one without an inverse has zeros for it, as "
           "in Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");

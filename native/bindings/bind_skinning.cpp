@@ -25,7 +25,7 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
   const auto shape = positions_shape(skin, matrices);
   const py::array result =
       out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
-  const std::span<float> positions = positions_span(result, shape);
+  const std::span<float> positions = written_span<float>("out", result, shape);
   {
     const py::gil_scoped_release release;
     call(stack, positions);
@@ -61,7 +61,7 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
       const py::array matrices = given_array("matrices", tuple[1]);
       const auto stack = matrix_stack<const float>("matrices", matrices);
       const std::span<float> positions =
-          positions_span(given_array("out", tuple[2]), positions_shape(skin, matrices));
+          written_span<float>("out", given_array("out", tuple[2]), positions_shape(skin, matrices));
       SkinningJob job{&skin, stack, positions, method_named(tuple[3].cast<std::string>()), {}};
       if (tuple.size() == 6) {
         auto& frames = rest_frames[jobs.size()];

@@ -1,8 +1,11 @@
-/// The names of methods and stretches in Python.
+/// The names of methods and other choices in Python.
 #pragma once
 
 #include <string>
+#include <utility>
 
+#include "sinew/corrective_smooth.h"
+#include "sinew/hook.h"
 #include "sinew/skinning_method.h"
 
 namespace sinew::bindings {
@@ -18,6 +21,32 @@ inline SkinningMethod method_named(const std::string& name) {
   if (name == "linear") return SkinningMethod::linear;
   if (name == "dual_quaternion") return SkinningMethod::dual_quaternion;
   throw InputError("there is no method \"" + name + "\"; expected linear or dual_quaternion");
+}
+
+inline SmoothType smooth_type_named(const std::string& name) {
+  if (name == "simple") return SmoothType::simple;
+  if (name == "length_weighted") return SmoothType::length_weighted;
+  throw InputError("there is no smooth_type \"" + name + "\"; expected simple or length_weighted");
+}
+
+inline CornerAngle corner_angle_named(const std::string& name) {
+  if (name == "polynomial") return CornerAngle::polynomial;
+  if (name == "arc_cosine") return CornerAngle::arc_cosine;
+  throw InputError("there is no corner_angle \"" + name + "\"; expected polynomial or arc_cosine");
+}
+
+inline Falloff falloff_named(const std::string& name) {
+  constexpr std::pair<const char*, Falloff> falloffs[] = {
+      {"none", Falloff::none},     {"constant", Falloff::constant},
+      {"linear", Falloff::linear}, {"smooth", Falloff::smooth},
+      {"sharp", Falloff::sharp},   {"root", Falloff::root},
+      {"sphere", Falloff::sphere}, {"inverse_square", Falloff::inverse_square}};
+  std::string known;
+  for (const auto& [own, falloff] : falloffs) {
+    if (name == own) return falloff;
+    known += (known.empty() ? "" : ", ") + std::string(own);
+  }
+  throw InputError("there is no falloff \"" + name + "\"; expected one of " + known);
 }
 
 }  // namespace sinew::bindings

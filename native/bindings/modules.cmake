@@ -15,6 +15,7 @@ function(add_python_module target soabi)  # ARGN: folders with the headers of Py
     bindings/bind_shortcut.cpp
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp
+    bindings/bind_stages.cpp
     bindings/module.cpp)
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN})
   target_link_libraries(${target} PRIVATE sinew)

@@ -15,6 +15,9 @@ import numpy.typing as npt
 _Path: TypeAlias = str | os.PathLike[str]
 _Convention: TypeAlias = Literal["bone", "joint"]
 _Method: TypeAlias = Literal["linear", "dual_quaternion"]
+_SmoothType: TypeAlias = Literal["simple", "length_weighted"]
+_CornerAngle: TypeAlias = Literal["polynomial", "arc_cosine"]
+_Falloff: TypeAlias = Literal["none", "constant", "linear", "smooth", "sharp", "root", "sphere", "inverse_square"]
 _Stretch: TypeAlias = Literal["polar", "frame", "frame_each"]
 _Integers: TypeAlias = npt.NDArray[np.integer[Any]]
 _Reals: TypeAlias = npt.NDArray[np.floating[Any] | np.integer[Any]]
@@ -263,12 +266,120 @@ class ShapeKeys:
     def base(self) -> _Float32:
         """(V, 3), read-only: the first key."""
 
-class Deformer:
-    """All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their mix.
-    Immutable; several threads may use one at once."""
+class Topology:
+    """Which vertices edges join, and the faces around each. Immutable."""
 
-    def __init__(self, layers: Sequence[Layer], keys: ShapeKeys | None = None) -> None:
-        """layers: mixed in this order; none at all if there are keys."""
+    def __init__(
+        self,
+        vertex_count: int,
+        edges: _Integers,
+        face_offsets: _Integers | None = None,
+        corner_vertices: _Integers | None = None,
+    ) -> None:
+        """edges (E, 2), in the order in which sums are taken; face_offsets (faces + 1,);
+        corner_vertices (C,), face after face."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def edge_count(self) -> int:
+        """E."""
+    @property
+    def corner_count(self) -> int:
+        """C."""
+
+class Stage:
+    """What a CorrectiveSmooth, a Smooth or a Hook does in one frame. Immutable."""
+
+    def apply(self, positions: _Float32) -> None:
+        """positions (V, 3), C-contiguous, in place."""
+
+class CorrectiveSmooth:
+    """Blender's Corrective Smooth modifier. Immutable but for set_rest_positions."""
+
+    def __init__(
+        self,
+        topology: Topology,
+        rest_positions: _Reals | None = None,
+        weights: _Reals | None = None,
+        invert: bool = False,
+        pin_boundary: bool = False,
+        corner_angle: _CornerAngle = "polynomial",
+    ) -> None:
+        """rest_positions (V, 3), None for only_smooth; weights (V,); corner_angle: "polynomial" as in
+        Blender 4.1 and later, "arc_cosine" as before."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    def set_rest_positions(self, positions: _Reals) -> None:
+        """Another rest shape, (V, 3). Not while another thread uses the object."""
+    def stage(
+        self,
+        factor: float = 0.5,
+        iterations: int = 5,
+        scale: float = 1.0,
+        smooth_type: _SmoothType = "simple",
+        only_smooth: bool = False,
+    ) -> Stage:
+        """With the modifier's settings in a frame."""
+
+class Smooth:
+    """Blender's Smooth modifier, to the bit. Immutable."""
+
+    def __init__(
+        self, topology: Topology, weights: _Reals | None = None, invert: bool = False
+    ) -> None:
+        """weights (V,)."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    def stage(
+        self,
+        factor: float = 0.5,
+        iterations: int = 1,
+        use_x: bool = True,
+        use_y: bool = True,
+        use_z: bool = True,
+    ) -> Stage:
+        """With the modifier's settings in a frame."""
+
+class Hook:
+    """Blender's Hook modifier, but for the curve. Immutable."""
+
+    def __init__(
+        self,
+        vertex_count: int,
+        vertices: _Integers | None = None,
+        weights: _Reals | None = None,
+        invert: bool = False,
+    ) -> None:
+        """vertices: those that are hooked, None for all that have a weight; weights (V,)."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    def stage(
+        self,
+        matrix: _Reals,
+        strength: float = 1.0,
+        falloff: _Falloff = "none",
+        radius: float = 0.0,
+        center: Sequence[float] = (0, 0, 0),
+        uniform: _Reals | None = None,
+    ) -> Stage:
+        """matrix (4, 4), space of the mesh; uniform (3, 3): distances are measured after it."""
+
+class Deformer:
+    """All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their mix,
+    stages after them. Immutable; several threads may use one at once."""
+
+    def __init__(
+        self,
+        layers: Sequence[Layer] = [],
+        keys: ShapeKeys | None = None,
+        vertex_count: int | None = None,
+    ) -> None:
+        """layers: mixed in this order; none at all if there are keys. vertex_count in place of both:
+        for stages alone."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -278,9 +389,12 @@ class Deformer:
         out: _Float32,
         key_values: _Float32 | None = None,
         rest_positions: _Float32 | None = None,
+        stages: Sequence[Stage] = (),
+        milliseconds: _Float64 | None = None,
     ) -> None:
         """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) a layer; out (V, 3); key_values
-        (K,); rest_positions (V, 3) in place of the skin's own and of the keys."""
+        (K,); rest_positions (V, 3) in place of the skin's own and of the keys; stages work on the result
+        in this order; milliseconds (S + 1,), out: of keys and layers, then of each stage."""
 
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
