@@ -2,12 +2,12 @@
 # SINEW_PYTHON_ROOTS. All go to python/ of the build folder, told apart by their suffix.
 
 find_package(Python3 REQUIRED COMPONENTS Interpreter Development.Module)
-set(PYTHON_EXECUTABLE ${Python3_EXECUTABLE})
-find_package(pybind11 2.10 REQUIRED)
+set(PYBIND11_NOPYTHON ON)  # its headers alone, which are the same for all
+find_package(pybind11 2.13 REQUIRED)  # knows numpy 2
 
 add_custom_target(modules)  # all of them
 
-function(add_python_module target soabi)  # ARGN: folders with the headers of Python and pybind11
+function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
     bindings/bind_deformer.cpp
     bindings/bind_files.cpp
@@ -17,7 +17,7 @@ function(add_python_module target soabi)  # ARGN: folders with the headers of Py
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
     bindings/module.cpp)
-  target_include_directories(${target} SYSTEM PRIVATE ${ARGN})
+  target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
   target_link_libraries(${target} PRIVATE sinew)
   # Nothing of a static TBB or Highway is to be seen from outside, or to be taken from another add-on's.
   target_link_options(${target} PRIVATE -Wl,--exclude-libs,ALL $<$<CONFIG:Release>:-s>)
@@ -28,7 +28,7 @@ function(add_python_module target soabi)  # ARGN: folders with the headers of Py
   add_dependencies(modules ${target})
 endfunction()
 
-add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS} ${pybind11_INCLUDE_DIRS})
+add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS})
 configure_file(bindings/sinew_native.pyi ${CMAKE_BINARY_DIR}/python/sinew_native.pyi COPYONLY)
 
 set(SINEW_PYTHON_ROOTS "" CACHE STRING
@@ -45,7 +45,6 @@ foreach(root IN LISTS SINEW_PYTHON_ROOTS)
   set(picked ${CMAKE_BINARY_DIR}/headers/${name})
   set(triple ${CMAKE_LIBRARY_ARCHITECTURE})
   file(MAKE_DIRECTORY ${picked}/${triple})
-  file(CREATE_LINK ${root}/usr/include/pybind11 ${picked}/pybind11 SYMBOLIC)
   file(CREATE_LINK ${root}/usr/include/${triple}/${name} ${picked}/${triple}/${name} SYMBOLIC)
   add_python_module(sinew_native_${digits} cpython-${digits}-${triple} ${includes} ${picked})
 endforeach()
