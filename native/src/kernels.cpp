@@ -369,13 +369,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace sinew {
 namespace {
-std::int64_t forced_target = 0;  // 0: the best
-
-/// Those of the machine, whichever one is forced.
-std::vector<std::int64_t> all_targets() {
-  hwy::SetSupportedTargetsForTest(0);
-  const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
-  hwy::SetSupportedTargetsForTest(forced_target);
+/// Those of the machine, whichever one is forced: nobody can force one before this has been called.
+const std::vector<std::int64_t>& all_targets() {
+  static const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
   return targets;
 }
 
@@ -406,9 +402,8 @@ void set_instruction_set(const std::string& name) {
   if (wanted == 0 && name != "auto") {
     fail("this machine has no instruction set \"", name, "\"; expected auto or one of ", known);
   }
-  forced_target = wanted;
-  hwy::SetSupportedTargetsForTest(forced_target);
-  hwy::GetChosenTarget().DeInit();  // the next call looks again
+  hwy::SetSupportedTargetsForTest(wanted);  // 0: the best
+  hwy::GetChosenTarget().DeInit();          // the next call looks again
 }
 
 int kernel_lanes() { return HWY_DYNAMIC_DISPATCH(kernel_lanes)(); }

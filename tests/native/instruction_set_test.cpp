@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <thread>
+
 #include "failures.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
@@ -96,6 +98,21 @@ TEST(InstructionSet, ASkinMadeUnderAnotherSetIsPackedAgain) {
   }
   set_instruction_set("auto");
   EXPECT_EQ(instruction_set(), instruction_sets().front());
+}
+
+TEST(InstructionSet, ListingThemDisturbsNobody) {
+  const std::vector<std::string> names = instruction_sets();
+  const std::jthread reader([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) EXPECT_EQ(instruction_sets(), names);
+  });
+  int others = 0;
+  for (int turn = 0; turn < 5000; ++turn) {
+    const std::string& name = names[turn % names.size()];
+    set_instruction_set(name);
+    others += instruction_set() != name;
+  }
+  set_instruction_set("auto");
+  EXPECT_EQ(others, 0);
 }
 
 TEST(InstructionSet, RefusesANameThatIsNone) {

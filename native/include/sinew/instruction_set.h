@@ -7,7 +7,8 @@
 
 namespace sinew {
 
-/// The names of the sets that this machine can run, best first; the last runs anywhere.
+/// The names of the sets that this machine can run, best first; the last runs anywhere. Safe at any
+/// time and from any thread, as is instruction_set.
 std::vector<std::string> instruction_sets();
 
 /// The one in use.
