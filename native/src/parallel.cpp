@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -32,12 +33,22 @@ class Pool {
   template <class Chunk>
   void run(std::size_t chunks, const Chunk& chunk) const {
     const std::size_t count = std::min<std::size_t>(threads_, chunks);
-    std::vector<std::jthread> workers;
-    for (std::size_t worker = 0; worker < count; ++worker) {
-      workers.emplace_back([&, worker] {
-        for (std::size_t c = worker; c < chunks; c += count) chunk(c);
-      });
+    std::exception_ptr thrown;
+    std::mutex thrown_mutex;
+    {
+      std::vector<std::jthread> workers;
+      for (std::size_t worker = 0; worker < count; ++worker) {
+        workers.emplace_back([&, worker] {
+          try {
+            for (std::size_t c = worker; c < chunks; c += count) chunk(c);
+          } catch (...) {
+            const std::lock_guard lock(thrown_mutex);
+            thrown = std::current_exception();
+          }
+        });
+      }
     }
+    if (thrown) std::rethrow_exception(thrown);
   }
 
  private:

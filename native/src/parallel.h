@@ -22,7 +22,8 @@ void set_threads_always_pay(bool always);
 /// [0, count), and returns when all have run. The ranges may run at once and in any order, so a
 /// body writes only what belongs to its own range; then the result cannot depend on the number of
 /// threads. With one range, or one thread, all runs on the calling thread and TBB is not touched.
-/// `body` must not throw.
+/// What a body throws, such as bad_alloc, comes out here when no range runs any more; some ranges
+/// may not have run then.
 template <class Body>
 void parallel_for(std::size_t count, std::size_t grain, const Body& body) {
   detail::parallel_ranges(

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <new>
 #include <thread>
 #include <vector>
 
@@ -56,6 +57,27 @@ TEST(Parallel, ThreadsPayForLongWorkAlone) {
   EXPECT_TRUE(threads_pay(1e6));
   set_thread_count(1);
   EXPECT_FALSE(threads_pay(1e6));
+}
+
+TEST(Parallel, WhatABodyThrowsComesToTheCaller) {
+  const ThreadsOfATest threads_of_a_test;
+  for (const int threads : {1, 4}) {
+    set_thread_count(threads);
+    std::atomic<int> running = 0;
+    const auto run_out_of_memory = [&](std::size_t begin, std::size_t) {
+      ++running;
+      const bool fails = begin % 8 == 0;
+      --running;
+      if (fails) throw std::bad_alloc();
+    };
+    EXPECT_THROW(parallel_for(64, 1, run_out_of_memory), std::bad_alloc);
+    EXPECT_EQ(running, 0);
+    std::vector<int> visits(64, 0);  // the threads are none the worse for it
+    parallel_for(64, 1, [&](std::size_t i, std::size_t end) {
+      for (; i < end; ++i) ++visits[i];
+    });
+    EXPECT_EQ(visits, std::vector<int>(64, 1));
+  }
 }
 
 TEST(Parallel, MayBeCalledInsideItself) {
