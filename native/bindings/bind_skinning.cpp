@@ -81,6 +81,7 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
 
 Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
   if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
+  check_counts(weights.shape(0), 0, weights.shape(1));
   const Numbers<double> numbers("weights", weights);
   const auto rows = weights.shape(0), columns = weights.shape(1);
   return Skin::from_dense(points_of<float>("rest_positions", rest_positions),
@@ -107,6 +108,7 @@ void bind_skinning(py::module_& module) {
           py::init([](const py::array& rest_positions, const py::array& offsets,
                       const py::array& joints, const py::array& weights,
                       std::ptrdiff_t joint_count) {
+            check_counts(rest_positions.size() / 3, joints.size(), joint_count);
             return Skin(points_of<float>("rest_positions", rest_positions),
                         list_of<std::int64_t>("offsets", offsets),
                         list_of<std::int32_t>("joints", joints), list_of<float>("weights", weights),

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "check.h"
-#include "skin_limits.h"
+#include "sinew/skin.h"
 
 namespace sinew {
 namespace {

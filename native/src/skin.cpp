@@ -8,7 +8,6 @@
 #include "blocked_skin.h"
 #include "check.h"
 #include "kernels.h"
-#include "skin_limits.h"
 
 namespace sinew {
 
@@ -162,6 +161,7 @@ Skin Skin::from_dense(std::span<const float> rest_positions, const double* weigh
                       std::ptrdiff_t rows, std::ptrdiff_t columns, std::ptrdiff_t row_stride,
                       std::ptrdiff_t column_stride) {
   const auto vertices = static_cast<std::ptrdiff_t>(rest_positions.size() / 3);
+  check_counts(vertices, 0, columns);
   if (rows != vertices) {
     fail("weights has ", plural(rows, "row"), "; there are ", plural(vertices, "vertex"));
   }

@@ -6,7 +6,6 @@
 
 #include "failures.h"
 #include "rigs.h"
-#include "skin_limits.h"
 
 namespace sinew {
 namespace {

@@ -81,6 +81,16 @@ def test_skin_refuses_what_is_wrong():
     for count in (2**24 + 1, 2**32, 2**63 - 1):
         assert said(sinew.Skin, points, offsets, joints, weights, count) == \
             f"joint_count is {count:,}; expected at most 16,777,216"
+    # Said before memory is asked for, which such arrays do not have.
+    many = np.broadcast_to(np.float32(0), (2**33, 3))
+    assert said(sinew.Skin, many, offsets, joints, weights, 2) == \
+        f"there are {2**33:,} vertices; expected at most 2,147,483,647"
+    assert said(sinew.Skin, points, offsets, np.broadcast_to(np.int32(0), 2**33), weights, 2) == \
+        f"there are {2**33:,} influences; expected at most 2,147,483,647"
+    assert said(sinew.Skin.from_dense, many, many) == \
+        f"there are {2**33:,} vertices; expected at most 2,147,483,647"
+    assert said(sinew.Skin.from_dense, points, many.T) == \
+        f"joint_count is {2**33:,}; expected at most 16,777,216"
     assert said(sinew.Skin.from_dense, points, weights) == "weights has shape (2,); expected (V, J)"
     assert said(sinew.Skin.from_dense, points, np.ones((3, 2))) == \
         "weights has 3 rows; there are 2 vertices"

@@ -11,6 +11,13 @@ namespace sinew {
 
 struct BlockedSkin;
 
+/// What fits a packed skin, whose numbers have 32 bits; and joints need some bytes each, used or
+/// not.
+constexpr std::int64_t kMostJoints = 1 << 24, kMostNumbers = (std::int64_t{1} << 31) - 1;
+
+/// Throws InputError if a skin has more: to be called before numbers are copied for it.
+void check_counts(std::int64_t vertices, std::int64_t influences, std::int64_t joints);
+
 /// Moved rather than copied; immutable but for set_rest_positions. Every influence that comes in is
 /// kept, in the order in which it came, and weights are used as they are: nothing is normalised,
 /// clamped or dropped (but see from_dense). A vertex that has no influence, or whose weights are
