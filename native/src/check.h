@@ -5,15 +5,16 @@
 #include <string>
 
 #include "sinew/types.h"
+#include "utf8.h"
 
 namespace sinew {
 
-/// Throws InputError with the parts written one after the other.
+/// Throws InputError with the parts written one after the other, as UTF-8 whatever they hold.
 template <class... Parts>
 [[noreturn]] void fail(const Parts&... parts) {
   std::ostringstream message;
   (message << ... << parts);
-  throw InputError(message.str());
+  throw InputError(printable(message.str()));
 }
 
 /// A number as people write it: 29960 -> "29,960".

@@ -11,6 +11,9 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "binary .dmat is read and written as the machine's own float64");
 
+// Of columns and of rows: what other parts of a rig can count.
+constexpr long long kMostOfEither = (1LL << 31) - 1;
+
 struct Header {
   long long columns;
   long long rows;
@@ -19,13 +22,13 @@ struct Header {
 /// Takes the header line off `unread`, its line feed included: what follows may be binary.
 Header take_header(const std::string& name, std::string_view& unread) {
   const std::size_t end = std::min(unread.find('\n'), unread.size());
-  const std::string_view whole = unread.substr(0, end);
+  const std::string_view whole = trimmed(unread.substr(0, end));
   std::string_view line = whole;
   const std::string_view columns = next_word(line), rows = next_word(line);
   Header header{};
   if (!parse_number(columns, header.columns) || !parse_number(rows, header.rows) ||
       !next_word(line).empty() || header.columns < 0 || header.rows < 0) {
-    fail(name, ": expected a first line `columns rows`, found \"", whole.substr(0, 40), "\"");
+    fail(name, ": expected a first line `columns rows`, found ", excerpt(whole));
   }
   unread.remove_prefix(std::min(end + 1, unread.size()));
   return header;
@@ -49,6 +52,12 @@ void check_size(const std::string& name, Header header, std::string_view unread,
   if (header.rows != 0 && header.columns > static_cast<long long>(most) / header.rows) {
     ends_early(name, header, binary ? most : count_words(unread));
   }
+  // A matrix without rows may have any number of columns, and the other way round.
+  const long long longest = std::max(header.columns, header.rows);
+  if (longest > kMostOfEither) {
+    fail(name, " says ", plural(header.columns, "column"), " x ", plural(header.rows, "row"),
+         "; expected at most ", grouped(kMostOfEither), " of either");
+  }
 }
 
 void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
@@ -57,7 +66,7 @@ void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd
     if (word.empty()) ends_early(name, {matrix.cols(), matrix.rows()}, i);
     if (!parse_number(word, matrix.data()[i])) {
       fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),
-           ": expected a finite number, found \"", word.substr(0, 40), "\"");
+           ": expected a finite number, found ", excerpt(word));
     }
   }
   if (!next_word(unread).empty()) {
@@ -94,7 +103,7 @@ Eigen::MatrixXd read_dmat(const Path& path) {
   const std::string bytes = read_file(path);
   if (bytes.empty()) fail(name, " is empty; expected a first line `columns rows`");
   std::string_view unread = bytes;
-  skip_byte_order_mark(unread);
+  skip_byte_order_mark(path, unread);
   Header header = take_header(name, unread);
   const bool binary = header.columns == 0 && header.rows == 0 && !unread.empty();
   if (binary) header = take_header(name, unread);

@@ -27,7 +27,7 @@ void read_face(LineReader& file, PolygonMesh& mesh) {
   for (auto word = file.word(); !word.empty(); word = file.word(), ++corners) {
     std::int32_t number = 0;
     if (!parse_number(word.substr(0, word.find('/')), number) || number == 0) {
-      file.fail_here("expected a vertex number, found \"", word.substr(0, 40), "\"");
+      file.fail_here("expected a vertex number, found ", excerpt(word));
     }
     const auto vertices = static_cast<std::int32_t>(mesh.vertex_count());
     if (number < -vertices) {

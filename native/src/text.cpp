@@ -42,7 +42,10 @@ void write_file(const Path& path, std::string_view bytes) {
   }
 }
 
-void skip_byte_order_mark(std::string_view& text) {
+void skip_byte_order_mark(const Path& path, std::string_view& text) {
+  if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
+    fail(path.filename().string(), " is UTF-16 text; save it as UTF-8");
+  }
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
 }
 
@@ -64,7 +67,8 @@ std::string_view next_word(std::string_view& text) {
 }
 
 LineReader::LineReader(const Path& path) : path_(path), bytes_(read_file(path)), unread_(bytes_) {
-  skip_byte_order_mark(unread_);
+  skip_byte_order_mark(path, unread_);
+  if (!is_utf8(unread_)) unread_ = bytes_ = utf8_from_latin1(unread_);
 }
 
 bool LineReader::next_line() {

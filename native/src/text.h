@@ -42,8 +42,9 @@ inline bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
 }
 
-/// Takes off what some editors put before UTF-8 text.
-void skip_byte_order_mark(std::string_view& text);
+/// Takes off what some editors put before UTF-8 text. Throws InputError, naming the file, if what
+/// they put says UTF-16.
+void skip_byte_order_mark(const Path& path, std::string_view& text);
 
 /// Without the blanks at both ends.
 std::string_view trimmed(std::string_view text);
@@ -51,7 +52,7 @@ std::string_view trimmed(std::string_view text);
 /// Splits off the next word of `text`; empty at the end. Line feeds separate words too.
 std::string_view next_word(std::string_view& text);
 
-/// A text file, line by line and word by word.
+/// A text file, line by line and word by word, as UTF-8: what is not is taken for Latin-1.
 class LineReader {
  public:
   explicit LineReader(const Path& path);
@@ -115,7 +116,7 @@ T LineReader::number(const char* what) {
   T value{};
   if (text.empty()) fail_here("the line ends where ", what, " is expected");
   if (!parse_number(text, value)) {
-    fail_here("expected ", what, ", found \"", text.substr(0, 40), "\"");
+    fail_here("expected ", what, ", found ", excerpt(text));
   }
   return value;
 }

@@ -141,6 +141,38 @@ TEST_F(Dmat, RefusesAHeaderThatPromisesTooMuch) {
             "a.dmat ends after 0 numbers; 4,294,967,296 columns x 4,294,967,296 rows were due");
 }
 
+TEST_F(Dmat, RefusesAHeaderThatPromisesNothingTooOften) {
+  EXPECT_EQ(said("9223372036854775807 0\n"),
+            "a.dmat says 9,223,372,036,854,775,807 columns x 0 rows; expected at most "
+            "2,147,483,647 of either");
+  EXPECT_EQ(said("0 0\n0 2147483648\n"),
+            "a.dmat says 0 columns x 2,147,483,648 rows; expected at most 2,147,483,647 of either");
+  EXPECT_EQ(read("2147483647 0\n").cols(), 2147483647);
+}
+
+TEST_F(Dmat, RefusesOtherTextThanUtf8) {
+  const std::string sentence = "a.dmat is UTF-16 text; save it as UTF-8";
+  EXPECT_EQ(said(std::string("\xFF\xFE"
+                             "1\0 \0"
+                             "1\0\n\0"
+                             "5\0",
+                             12)),
+            sentence);
+  EXPECT_EQ(said(std::string("\xFE\xFF\0"
+                             "1\0 \0"
+                             "1\0\n\0"
+                             "5",
+                             12)),
+            sentence);
+  EXPECT_EQ(said(std::string("1\0 \0"
+                             "1\0\n",
+                             7)),
+            "a.dmat: expected a first line `columns rows`, found \"1\\x00 \\x001\\x00\"");
+  EXPECT_EQ(said("1 1\ngr\xF6\xDF"
+                 "e"),
+            "a.dmat, row 0, column 0: expected a finite number, found \"gr\\xf6\\xdfe\"");
+}
+
 TEST_F(Dmat, RefusesTextThatEndsEarlyOrGoesOn) {
   EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"),
             "a.dmat ends after 4 numbers; 2 columns x 3 rows were due");

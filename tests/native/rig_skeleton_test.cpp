@@ -7,6 +7,7 @@
 #include "failures.h"
 #include "files.h"
 #include "rigs.h"
+#include "utf8.h"
 
 namespace sinew {
 namespace {
@@ -179,7 +180,7 @@ TEST_F(BoneForest, RefusesToWriteWhatItWouldReadDifferently) {
     EXPECT_EQ(refused(RigSkeleton(Integers{-1}, points({{0, 0, 0}}), points({{0, 0, 0}}), {0},
                                   {name}, Convention::joint),
                       "a.bf"),
-              "a.bf cannot hold the name \"" + name +
+              "a.bf cannot hold the name \"" + printable(name) +
                   "\" of joint 0: it reads as a number, a comment "
                   "or nothing");
   }

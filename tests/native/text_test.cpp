@@ -74,6 +74,24 @@ TEST(Text, LinesOfEverySystem) {
   EXPECT_EQ(file.name(), "a");
 }
 
+TEST(Text, LinesOfEveryEncoding) {
+  const TemporaryFolder folder;
+  LineReader latin1(folder.file("a",
+                                "1 gr\xF6\xDF"
+                                "e\n"));
+  latin1.next_line();
+  EXPECT_EQ(latin1.line(), "1 größe");
+  LineReader utf8(folder.file("b", "1 größe\n"));
+  utf8.next_line();
+  EXPECT_EQ(utf8.line(), "1 größe");
+  EXPECT_EQ(complaint([&] {
+              LineReader(folder.file("c.bf", std::string("\xFF\xFE"
+                                                         "1\0",
+                                                         4)));
+            }),
+            "c.bf is UTF-16 text; save it as UTF-8");
+}
+
 TEST(Text, NumbersThatAreNoneAreNamedWithTheirLine) {
   const TemporaryFolder folder;
   LineReader file(folder.file("a.bf", "1\nx" + std::string(100, 'y') + "\n"));

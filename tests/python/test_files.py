@@ -278,3 +278,41 @@ def test_a_column_beyond_the_animation_is_refused_before_it_is_read(tmp_path):
     sinew.write_dmat(folder / "anim.dmat", np.zeros((24, 1)))
     assert said(sinew.read_rig, folder) == \
         "skeleton.bf: joint 2 has weight column 900000, weights.dmat has 2 columns"
+
+
+# --- encodings ------------------------------------------------------------------------------------
+
+def test_names_in_latin_1_are_read(tmp_path):
+    folder = rig_folder(tmp_path, skeleton="-1 -1 0 0 0 Hüfte\n0 0 1 0 0 Knöchel\n1 1 1 0 0 骨\n")
+    utf8 = sinew.read_rig(folder)
+    assert utf8.skeleton.names == ["Hüfte", "Knöchel", "骨"]
+    (folder / "skeleton.bf").write_text("-1 -1 0 0 0 Hüfte\n0 0 1 0 0 Knöchel\n1 1 1 0 0 Fuß\n", "latin-1")
+    (folder / "mesh.obj").write_text(
+        "mtllib größe.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl grün\nf 1 2 3\n", "latin-1")
+    rig = sinew.read_rig(folder)
+    assert rig.skeleton.names == ["Hüfte", "Knöchel", "Fuß"]
+    assert (rig.material_names, rig.material_library) == (["grün"], "größe.mtl")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-16-le"])
+def test_utf_16_is_said(tmp_path, encoding):
+    path = tmp_path / "a.dmat"
+    path.write_bytes("1 1\n5".encode(encoding))
+    assert said(sinew.read_dmat, path).startswith(
+        "a.dmat is UTF-16 text; save it as UTF-8" if encoding == "utf-16"
+        else "a.dmat: expected a first line `columns rows`, found ")
+
+
+def test_excerpts_are_cut_between_letters(tmp_path):
+    path = tmp_path / "a.dmat"
+    path.write_text("1 1\na" + 50 * "ö", "utf-8")
+    assert said(sinew.read_dmat, path) == \
+        f'a.dmat, row 0, column 0: expected a finite number, found "a{39 * "ö"}"'
+    path.write_text("1 1\ngröße", "latin-1")
+    assert said(sinew.read_dmat, path) == \
+        r'a.dmat, row 0, column 0: expected a finite number, found "gr\xf6\xdfe"'
+
+
+def test_files_with_names_that_are_no_text(tmp_path):
+    path = os.fsencode(tmp_path) + b"/gr\xf6\xdfe.dmat"
+    assert said(sinew.read_dmat, path) == rf"there is no file {tmp_path}/gr\xf6\xdfe.dmat"
