@@ -218,13 +218,24 @@ void py_write_rig(const Path& folder, const Rig& rig, const Path& skeleton) {
 
 void bind_files(py::module_& module) {
   module.def(
-      "read_dmat", [](const Path& path) { return moved(read_dmat(path)); }, py::arg("path"),
+      "read_dmat",
+      [](const Path& path) {
+        Eigen::MatrixXd matrix;
+        {
+          const py::gil_scoped_release release;
+          matrix = read_dmat(path);
+        }
+        return moved(std::move(matrix));
+      },
+      py::arg("path"),
       "A .dmat file, text or binary, as float64 (rows, columns). Raises ValueError, naming the "
       "file, if it cannot be read.");
   module.def(
       "write_dmat",
       [](const Path& path, const py::array& array, bool binary) {
-        write_dmat(path, copied_table("array", array), binary);
+        const Eigen::MatrixXd matrix = copied_table("array", array);
+        const py::gil_scoped_release release;
+        write_dmat(path, matrix, binary);
       },
       py::arg("path"), py::arg("array"), py::arg("binary") = false,
       "Write what read_dmat reads back bit for bit.\n\n"
@@ -238,17 +249,19 @@ void bind_files(py::module_& module) {
       [](const Path& path, const std::optional<std::string>& convention) {
         return read_skeleton(path, convention_of(convention));
       },
-      py::arg("path"), py::arg("convention") = py::none(),
+      py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::arg("convention") = py::none(),
       "A .bf or .tgf file as RigSkeleton.\n\n"
       "convention: \"bone\" or \"joint\" overrides what a .bf file says of itself (\"bone\" if the "
       "weight index of a root is -1); a .tgf file is always \"bone\".\n"
       "Raises ValueError, naming file and line, for what cannot be read.");
-  module.def("write_skeleton", &write_skeleton, py::arg("path"), py::arg("skeleton"),
+  module.def("write_skeleton", &write_skeleton, py::call_guard<py::gil_scoped_release>(),
+             py::arg("path"), py::arg("skeleton"),
              "Write .bf or .tgf, by the path's ending. Raises ValueError if the format cannot hold "
              "the skeleton or the file cannot be written.");
   module.def(
-      "read_rig", &py_read_rig, py::arg("folder"), py::kw_only(), py::arg("skeleton") = py::none(),
-      py::arg("mesh") = py::none(), py::arg("weights") = py::none(), py::arg("pose") = py::none(),
+      "read_rig", &py_read_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"),
+      py::kw_only(), py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(),
+      py::arg("weights") = py::none(), py::arg("pose") = py::none(),
       py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
       "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
       "exist, pose.dmat and anim.dmat.\n\n"
@@ -258,8 +271,8 @@ void bind_files(py::module_& module) {
       "degrees.\n"
       "Raises ValueError, naming the file, for what cannot be read or does not fit the other "
       "files.");
-  module.def("write_rig", &py_write_rig, py::arg("folder"), py::arg("rig"), py::kw_only(),
-             py::arg("skeleton") = "skeleton.bf",
+  module.def("write_rig", &py_write_rig, py::call_guard<py::gil_scoped_release>(),
+             py::arg("folder"), py::arg("rig"), py::kw_only(), py::arg("skeleton") = "skeleton.bf",
              "Write a rig into an existing folder, under the names that read_rig looks for.\n\n"
              "skeleton: the name of its file, ending in .bf or .tgf.\n"
              "Raises ValueError if the format cannot hold the skeleton or a file cannot be "

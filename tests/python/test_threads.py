@@ -57,8 +57,38 @@ def test_python_threads_may_call_at_once(call):
     assert results == [expected] * 6
 
 
+@pytest.fixture(scope="module")
+def file_calls(tmp_path_factory):
+    """Readers and writers of files that take a while."""
+    folder = tmp_path_factory.mktemp("files")
+    heads = np.random.default_rng(4).normal(size=(3000, 3))
+    skeleton = sinew.RigSkeleton(np.arange(-1, 2999), heads, heads, np.maximum(-np.arange(3000), -1))
+    rig = sinew.Rig(np.zeros((30000, 3)), np.array([0]), np.array([], int), skeleton, np.ones((30000, 1)))
+    dmat, bf, table = folder / "a.dmat", folder / "a.bf", np.zeros((1000, 100))
+    calls = {
+        "write_dmat": lambda: sinew.write_dmat(dmat, table),
+        "read_dmat": lambda: sinew.read_dmat(dmat),
+        "write_skeleton": lambda: sinew.write_skeleton(bf, skeleton),
+        "read_skeleton": lambda: sinew.read_skeleton(bf),
+        "write_rig": lambda: sinew.write_rig(folder, rig),
+        "read_rig": lambda: sinew.read_rig(folder)}
+    for write in "write_dmat", "write_skeleton", "write_rig":
+        calls[write]()
+    return calls
+
+
+@pytest.mark.parametrize("name", [
+    "write_dmat", "read_dmat", "write_skeleton", "read_skeleton", "write_rig", "read_rig"])
+def test_files_are_read_and_written_without_the_gil(file_calls, name):
+    assert_runs_beside(file_calls[name])
+
+
 @every_call
 def test_the_gil_is_released(call):
+    assert_runs_beside(call)
+
+
+def assert_runs_beside(call):
     """Another Python thread runs while the library computes. With a switch interval this long it gets
     its turn only when somebody lets go of the GIL, which nothing but the call does here."""
     gate, ran = threading.Lock(), []
