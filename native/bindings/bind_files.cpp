@@ -183,6 +183,9 @@ void bind_rig(py::module_& module) {
           "(V, columns) float64, read-only: column c belongs to the joint whose weight column is "
           "c.")
       .def_property_readonly(
+          "clamped_weights", [](const Rig& self) { return self.clamped_weights; },
+          "How many weights of the file were below 0 or above 1, see read_rig.")
+      .def_property_readonly(
           "poses", [](const Rig& self) { return self.poses; }, "PoseClip, or None.")
       .def_property_readonly(
           "animation",
@@ -264,7 +267,9 @@ void bind_files(py::module_& module) {
       py::arg("weights") = py::none(), py::arg("pose") = py::none(),
       py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
       "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
-      "exist, pose.dmat and anim.dmat.\n\n"
+      "exist, pose.dmat and anim.dmat. Weights below 0 or above 1, which Blender's vertex groups "
+      "cannot hold, become 0 or 1, the weights of such a vertex are divided by their sum, and "
+      "clamped_weights says how many there were. (read_dmat gives the file's own.)\n\n"
       "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
       "convention: as of read_skeleton.\n"
       "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "

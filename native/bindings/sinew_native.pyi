@@ -141,6 +141,9 @@ class Rig:
     def weights(self) -> _Float64:
         """(V, columns), read-only."""
     @property
+    def clamped_weights(self) -> int:
+        """How many weights of the file were below 0 or above 1, see read_rig."""
+    @property
     def poses(self) -> PoseClip | None: ...
     @property
     def animation(self) -> _Float64 | None:

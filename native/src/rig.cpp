@@ -53,6 +53,7 @@ void check_numbers(const Rig& rig, const RigPaths& paths) {
 void check_weights(const Rig& rig, const RigPaths& paths) {
   const std::string weights = name_of(paths.weights, "weights.dmat");
   const std::string skeleton = name_of(paths.skeleton, "the skeleton");
+  if (rig.weights.cols() == 0) fail(weights, " has no columns; expected one a bone");
   if (rig.weights.rows() != rig.mesh.vertex_count()) {
     fail(weights, " has ", plural(rig.weights.rows(), "row"), ", ", name_of(paths.mesh, "mesh.obj"),
          " has ", plural(rig.mesh.vertex_count(), "vertex"));
@@ -71,6 +72,21 @@ void check_weights(const Rig& rig, const RigPaths& paths) {
     fail(weights, " has ", plural(rig.weights.cols(), "column"), ", but no joint of ", skeleton,
          " has weight column ", orphan - owned.begin());
   }
+}
+
+/// Brings weights into 0 to 1; see read_rig. Returns how many were out of it.
+std::ptrdiff_t clamp_weights(Eigen::MatrixXd& weights) {
+  constexpr double kRounding = 1e-7;  // of float32, about
+  std::ptrdiff_t count = 0;
+  for (Eigen::Index v = 0; v < weights.rows(); ++v) {
+    auto row = weights.row(v);
+    const std::ptrdiff_t outside =
+        (row.array() < -kRounding || row.array() > 1 + kRounding).count();
+    row = row.cwiseMax(0).cwiseMin(1).eval();
+    if (outside > 0 && row.sum() > 0) row /= row.sum();
+    count += outside;
+  }
+  return count;
 }
 
 std::ptrdiff_t bone_count(const RigSkeleton& skeleton) {
@@ -138,8 +154,8 @@ RigPaths find_rig(const Path& folder) {
 void check_rig(const Rig& rig, const RigPaths& paths) {
   const std::ptrdiff_t joints = rig.skeleton.joint_count();
   check_faces(rig.mesh, name_of(paths.mesh, "mesh.obj"));
-  check_numbers(rig, paths);
   check_weights(rig, paths);
+  check_numbers(rig, paths);
   if (rig.poses && rig.poses->joint_count() != joints) {
     fail(name_of(paths.poses, "pose.dmat"), " has poses of ",
          plural(rig.poses->joint_count(), "joint"), "; the skeleton has ", joints);
@@ -170,6 +186,7 @@ Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, Quater
     });
   }
   check_rig(rig, paths);
+  rig.clamped_weights = clamp_weights(rig.weights);
   if (!paths.animation.empty()) {
     rig.animation = unpack_animation(paths.animation, read_dmat(paths.animation), rig.skeleton);
   }

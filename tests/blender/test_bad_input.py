@@ -48,6 +48,17 @@ CASES = {
     "empty skeleton": (write("skeleton.bf", ""), "skeleton.bf holds no joints"),
     "empty mesh": (write("mesh.obj", ""), "mesh.obj holds no vertices"),
     "letters": (replace_line("mesh.obj", 4, "v 1 two 3"), 'mesh.obj, line 5.*found "two"'),
+    "weights without columns": (lambda folder: [spoil(folder) for spoil in (
+        write("weights.dmat", "0 3986\n"), write("skeleton.bf", "-1 -1 0 0 0\n-1 0 0 1 0\n"),
+        remove("pose.dmat"), write("anim.dmat", "20000000 0\n"))], "weights.dmat has no columns; expected one a bone"),
+    "columns without end": (
+        write("weights.dmat", "9223372036854775807 0\n"),
+        "weights.dmat says 9,223,372,036,854,775,807 columns x 0 rows"),
+    "UTF-16": (
+        lambda folder: (folder / "weights.dmat").write_text("1 1\n1\n", "utf-16"),
+        "weights.dmat is UTF-16 text; save it as UTF-8"),
+    "an excerpt in Latin-1": (
+        lambda folder: (folder / "pose.dmat").write_text("gr\xf6\xdfe", "latin-1"), r'found "gr\\xf6\\xdfe"'),
     "weight column without a bone": (
         replace_line("skeleton.bf", 1, "9 0 0 1 0"), "joint 1 has weight column 9"),
     "huge header": (huge_header, "weights.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"),
@@ -70,6 +81,29 @@ def test_bad_rig_folder(tmp_path, case):
     assert len(str(error.value).strip().splitlines()) == 1
     after = data_counts(), bpy.context.active_object.name, len(bpy.context.selected_objects)
     assert after == before
+
+
+@pytest.mark.parametrize("step", ("bind.wiring.wire", "bind.adapt", "bind.show", "meshes.write_weights"))
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkeypatch, tmp_path, step, output):
+    bpy.ops.mesh.primitive_cube_add()
+    cube, before = bpy.context.active_object, data_counts()
+    owner = addon_module("rigs.rig_import")
+    *names, function = step.split(".")
+    for name in names:
+        owner = getattr(owner, name)
+
+    def fail(*_arguments, **_named):
+        raise ValueError("it was told to fail")
+
+    monkeypatch.setattr(owner, function, fail)
+    with pytest.raises(RuntimeError, match="it was told to fail"):
+        bpy.ops.import_scene.sinew_rig(
+            filepath=str(copied_rig(tmp_path) / "skeleton.bf"), pose="walk.dmat", output=output)
+    assert data_counts() == before and fresh_scene.frame_end == 250
+    assert bpy.context.active_object == cube and bpy.context.selected_objects == [cube]
+    monkeypatch.undo()
+    import_rig("capsule", output=output)
 
 
 def test_missing_skeleton_and_named_files(tmp_path):

@@ -63,7 +63,8 @@ def test_info_of_a_rig_folder(document, name):
         "joints": rig.skeleton.joint_count, "weight_columns": rig.weights.shape[1],
         "poses": rig.poses.pose_count, "animation_frames": 0,
         "mean_influences": pytest.approx(counts.mean()), "most_influences": counts.max(),
-        "unweighted_vertices": 0}
+        "unweighted_vertices": 0,
+        "clamped_weights": 0}
 
 
 def test_info_reads_the_files_that_are_named(document, tmp_path):
@@ -141,6 +142,17 @@ def test_import_starts_with_an_empty_file(sinew, tmp_path):
     assert sinew("import", CAPSULE, "-o", tmp_path / "a.blend")[0] == 0
     assert {ob.name for ob in bpy.data.objects} == {"capsule", "capsule_armature"}
     assert bpy.data.objects["capsule"].sinew.is_bound
+
+
+def test_import_says_which_weights_it_has_changed(sinew, document, tmp_path):
+    folder, native = copied_rig(tmp_path), addon_module("native").sinew_native
+    weights = native.read_dmat(folder / "weights.dmat")
+    weights[7, :2] = 1.25, -0.25
+    native.write_dmat(folder / "weights.dmat", weights)
+    assert document("info", folder)["clamped_weights"] == 2
+    code, _out, said = sinew("import", folder, "-o", tmp_path / "a.blend")
+    assert code == 0
+    assert said.startswith("sinew: weights.dmat has 2 weights below 0 or above 1, ") and said.count("\n") == 1
 
 
 def test_export_gives_the_folder_back(document, capsule_blend, tmp_path):

@@ -109,6 +109,54 @@ def test_unreferenced_vertices_and_polygons_survive(tmp_path):
     assert ob.sinew.source == "ARMATURE"  # there are no poses
 
 
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
+def write_rig(folder, weights, mesh="", skeleton="0 -1 0 0 0\n1 0 1 0 0\n", encoding="utf-8"):
+    """A triangle on two bones; weights: a row a bone."""
+    for name, text in (("mesh.obj", f"{mesh}{TRIANGLE}{'usemtl grün' if mesh else ''}\nf 1 2 3\n"),
+                       ("skeleton.bf", skeleton),
+                       ("weights.dmat", "2 3\n" + " ".join(map(str, np.ravel(weights)))),
+                       ("größe.mtl", "newmtl grün\nKd 0 1 0\n"),
+                       ("pose.dmat", "2 6\n0 0 0 0 0 0\n0 0 0 0 0 90\n")):
+        (folder / name).write_text(text, encoding)
+    return str(folder / "skeleton.bf")
+
+
+def test_weights_out_of_range_are_counted_and_the_shape_is_that_of_python(fresh_scene, tmp_path):
+    path = write_rig(tmp_path, [[1.5, -0.25, 3], [-0.5, 0.75, 0.25]])
+    sinew = addon_module("native").sinew_native
+    rig_import = addon_module("rigs.rig_import")
+    ob, armature, remark = rig_import.import_rig(bpy.context, path, rig_import.ImportOptions())
+    assert remark.startswith("weights.dmat has 4 weights below 0 or above 1, which vertex groups cannot hold")
+    armature.sinew_clip.mode = "POSED"
+    rig = sinew.read_rig(str(tmp_path))
+    assert rig.clamped_weights == 4
+    local = sinew.rotation_transforms(rig.poses.sample(1.0))
+    world = sinew.forward_kinematics(rig.skeleton, local)
+    skin = sinew.Skin.from_dense(rig.positions, rig.weights)
+    expected = sinew.skin_linear(skin, sinew.skinning_matrices(rig.skeleton, world))
+    assert np.abs(evaluated(ob) - expected).max() < 1e-6
+    assert np.abs(expected - rig.positions).max() > 0.1
+
+
+def test_weights_in_range_need_no_words(tmp_path):
+    path = write_rig(tmp_path, [[1, 0.5, -1e-9], [0, 0.5, 1]])
+    rig_import = addon_module("rigs.rig_import")
+    assert rig_import.import_rig(bpy.context, path, rig_import.ImportOptions())[2] == ""
+
+
+@pytest.mark.parametrize("encoding", ("utf-8", "latin-1"))
+def test_names_of_any_encoding(tmp_path, encoding):
+    path = write_rig(tmp_path, [[1, 0.5, 0], [0, 0.5, 1]], "mtllib größe.mtl\n",
+                     "0 -1 0 0 0 Hüfte\n1 0 1 0 0 Knöchel\n", encoding)
+    bpy.ops.import_scene.sinew_rig(filepath=path)
+    ob = bpy.context.active_object
+    assert [group.name for group in ob.vertex_groups] == ["Hüfte", "Knöchel"]
+    assert [material.name for material in ob.data.materials] == ["grün"]
+    assert tuple(ob.data.materials[0].diffuse_color) == (0, 1, 0, 1)
+
+
 def test_import_from_edit_mode():
     import_rig("capsule")
     bpy.ops.object.mode_set(mode="EDIT")

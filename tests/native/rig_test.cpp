@@ -55,6 +55,24 @@ TEST_F(RigFolder, ReadsItsParts) {
   EXPECT_FALSE(rig.animation);
 }
 
+TEST_F(RigFolder, WeightsOutOfRangeAreCountedAndBroughtIntoIt) {
+  folder_.file("weights.dmat", "2 3\n1.5 -0.25 -1\n-0.5 0.5 -2\n");
+  Rig rig = read();
+  EXPECT_EQ(rig.weights, (Eigen::MatrixXd{{1, 0}, {0, 1}, {0, 0}}));
+  EXPECT_EQ(rig.clamped_weights, 5);
+  folder_.file("weights.dmat", "2 3\n3 0.25 0.5\n0.25 0.5 0.125\n");
+  rig = read();
+  EXPECT_EQ(rig.weights, (Eigen::MatrixXd{{0.8, 0.2}, {0.25, 0.5}, {0.5, 0.125}}));
+  EXPECT_EQ(rig.clamped_weights, 1);
+}
+
+TEST_F(RigFolder, WeightsThatAreOffByARoundingAreNotCounted) {
+  folder_.file("weights.dmat", "2 3\n1.00000001 0.5 0\n-9e-10 0.5 1\n");
+  const Rig rig = read();
+  EXPECT_EQ(rig.weights, (Eigen::MatrixXd{{1, 0}, {0.5, 0.5}, {0, 1}}));
+  EXPECT_EQ(rig.clamped_weights, 0);
+}
+
 TEST_F(RigFolder, PosesMayBeQuaternionsInEitherOrder) {
   folder_.file("pose.dmat", "1 12\n1 0 0 0\n0.6 0.8 0 0\n0 0 0 1\n");
   EXPECT_EQ(read().poses->rotations()[1].w(), 0.6);
@@ -164,6 +182,19 @@ TEST_F(RigFolder, RefusesWeightsThatDoNotFitTheSkeleton) {
   EXPECT_EQ(said(), "weights.dmat has 3 columns, but no joint of skeleton.bf has weight column 2");
   folder_.file("weights.dmat", "1 3\n1 1 1\n");
   EXPECT_EQ(said(), "skeleton.bf: joint 2 has weight column 1, weights.dmat has 1 column");
+}
+
+TEST_F(RigFolder, RefusesWeightsWithoutColumns) {
+  // However many frames an animation of no bones promises: nobody asks for their memory.
+  folder_.file("skeleton.bf", "-1 -1 0 0 0\n-1 0 1 0 0\n");
+  folder_.file("weights.dmat", "0 3\n");
+  folder_.file("anim.dmat", "20000000 0\n");
+  EXPECT_EQ(said(), "weights.dmat has no columns; expected one a bone");
+}
+
+TEST_F(RigFolder, RefusesWeightsWithoutRowsAtOnce) {
+  folder_.file("weights.dmat", "2147483647 0\n");
+  EXPECT_EQ(said(), "weights.dmat has 0 rows, mesh.obj has 3 vertices");
 }
 
 TEST_F(RigFolder, RefusesColumnsBeyondTheAnimation) {

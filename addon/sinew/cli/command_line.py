@@ -161,7 +161,10 @@ def import_into_empty_file(options):
     """Returns the mesh object."""
     path = skeleton_path(options.path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    return rig_import.import_rig(bpy.context, path, import_options(options))[0]
+    mesh_object, _armature, remark = rig_import.import_rig(bpy.context, path, import_options(options))
+    if remark:
+        print(f"sinew: {remark}", file=sys.stderr, flush=True)
+    return mesh_object
 
 
 def chosen_mesh(name):
@@ -194,6 +197,7 @@ def report_rig(path, options):
         "mean_influences": float(influences.mean()),
         "most_influences": int(influences.max()),
         "unweighted_vertices": int(np.count_nonzero(influences == 0)),
+        "clamped_weights": rig.clamped_weights,
     }
     rows = [(name.replace("_", " "), value) for name, value in numbers.items()]
     text = f"{path} ({rig.skeleton.convention} convention)\n\n{table(rows)}"

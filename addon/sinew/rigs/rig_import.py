@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..binding import bind
-from ..blender import meshes
+from ..blender import meshes, nodes
 from ..native import sinew_native
 from ..ui import progress
 from . import clip_store
@@ -38,39 +38,59 @@ class ImportOptions:
 
 def import_rig(context, skeleton_path, options, shown=progress.SILENT):
     """Read everything, then build: what the files get wrong raises ValueError before the scene is
-    touched. Returns the mesh object and the armature object, bound and selected."""
+    touched, and what fails later takes away what was built. Returns the mesh object and the armature object, bound
+    and selected, and what the user should know of the files: a sentence, or ""."""
     shown.step(0.0, f"reading {skeleton_path}")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
     rig = read_rig(folder, skeleton_name, options)
     colors = read_colors(os.path.join(folder, rig.material_library))
 
     name = os.path.basename(folder) or "rig"
-    created = []
+    scene, active, created = context.scene, context.view_layer.objects.active, []
+    frame_end = scene.frame_end
     try:
         shown.step(0.3, f"building the armature of {name}")
         armature = build_armature(context, name, rig, created)
         clip_store.store(armature.data, rig, os.path.splitext(skeleton_name)[1].lower())
         shown.step(0.4, f"building the mesh of {name}")
         mesh_object = build_mesh(context, name, rig, armature, colors, created)
+        to_world = orientation(options.up_axis)
+        to_world[:3] *= options.scale
+        armature.matrix_world = to_world.T  # Blender fills it column by column
+        set_playback(scene, armature, options)
+        context.view_layer.update()
+        shown.step(0.8, f"binding {name}")
+        bind.bind(mesh_object, armature, options.output, options.method,
+                  options.source if clip_store.has_poses(armature.data) else "ARMATURE")
     except Exception:
-        for data in reversed(created):
-            bpy.data.batch_remove([data])
+        remove(created)
+        scene.frame_end = frame_end
+        context.view_layer.objects.active = active
         raise
-
-    to_world = orientation(options.up_axis)
-    to_world[:3] *= options.scale
-    armature.matrix_world = to_world.T  # Blender fills it column by column
-    set_playback(context.scene, armature, options)
-    context.view_layer.update()
-    shown.step(0.8, f"binding {name}")
-    bind.bind(mesh_object, armature, options.output, options.method,
-                 options.source if clip_store.has_poses(armature.data) else "ARMATURE")
     for ob in context.selected_objects:
         ob.select_set(False)
     armature.select_set(True)
     mesh_object.select_set(True)
     context.view_layer.objects.active = mesh_object
-    return mesh_object, armature
+    return mesh_object, armature, remark_on(rig, options.weights or "weights.dmat")
+
+
+def remove(created):
+    """Data-blocks in the order in which they were made."""
+    if bpy.context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for data in reversed(created):
+        bpy.data.batch_remove([data])
+    nodes.forget_unused_groups()
+
+
+def remark_on(rig, name):
+    """What reading has changed, as a sentence; "" for nothing."""
+    count = rig.clamped_weights
+    if not count:
+        return ""
+    return (f"{name} has {count:,} {'weight' if count == 1 else 'weights'} below 0 or above 1, which vertex groups "
+            "cannot hold: each became 0 or 1, and the weights of its vertex were divided by their sum")
 
 
 def orientation(up_axis):
@@ -187,14 +207,23 @@ def read_colors(path):
     colors, material = {}, None
     if not os.path.isfile(path):
         return colors
-    with open(path, encoding="utf-8", errors="replace") as lines:
-        for line in lines:
-            words = line.split()
-            if words[:1] == ["newmtl"]:
-                material = line.split(None, 1)[1].strip() if len(words) > 1 else None
-            elif words[:1] == ["Kd"] and len(words) >= 4:
-                try:
-                    colors[material] = tuple(float(word) for word in words[1:4])
-                except ValueError:
-                    pass  # a colour is a nicety: an unreadable one stays grey
+    for line in read_text(path).splitlines():
+        words = line.split()
+        if words[:1] == ["newmtl"]:
+            material = line.split(None, 1)[1].strip() if len(words) > 1 else None
+        elif words[:1] == ["Kd"] and len(words) >= 4:
+            try:
+                colors[material] = tuple(float(word) for word in words[1:4])
+            except ValueError:
+                pass  # a colour is a nicety: an unreadable one stays grey
     return colors
+
+
+def read_text(path):
+    """As the native readers do it: UTF-8, and what is not is taken for Latin-1."""
+    with open(path, "rb") as file:
+        data = file.read()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")

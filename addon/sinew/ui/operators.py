@@ -117,7 +117,9 @@ class ImportRig(bpy.types.Operator, ImportHelper):
             for number, path in enumerate(paths):
                 part = progress.Part(shown, number, len(paths))
                 try:
-                    imported.append(rig_import.import_rig(context, path, self.import_options(), part))
+                    *objects, remark = rig_import.import_rig(context, path, self.import_options(), part)
+                    imported.append(objects)
+                    problems += [remark] if remark else []
                 except (ValueError, OSError, bind.BindingError) as error:
                     problems.append(str(error))
         for problem in problems:

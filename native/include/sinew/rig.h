@@ -18,13 +18,14 @@ struct MatrixClip {
 };
 
 /// What a rig folder says. `weights` is V x columns; column c belongs to the joint whose
-/// weight_columns() entry is c.
+/// weight_columns() entry is c. `clamped_weights`: see read_rig.
 struct Rig {
   PolygonMesh mesh;
   RigSkeleton skeleton;
   Eigen::MatrixXd weights;
   std::optional<PoseClip> poses;
   std::optional<MatrixClip> animation;
+  std::ptrdiff_t clamped_weights = 0;
 };
 
 /// Where the parts lie; an empty path is a part that is not there.
@@ -46,7 +47,10 @@ RigPaths find_rig(const std::filesystem::path& folder);
 /// empty.
 void check_rig(const Rig& rig, const RigPaths& paths = {});
 
-/// Reads and checks all parts. Throws InputError.
+/// Reads and checks all parts. Weights come out as the vertex groups of modelling programs hold
+/// them: those below 0 or above 1 become 0 or 1, and the weights of such a vertex are divided by
+/// their sum. `clamped_weights` counts them, less those that were off by a rounding of float32
+/// only. Throws InputError.
 Rig read_rig(const RigPaths& paths, std::optional<Convention> convention = std::nullopt,
              QuaternionOrder order = QuaternionOrder::wxyz);
 
