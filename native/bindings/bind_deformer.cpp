@@ -118,14 +118,7 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
   if (key_values && rest_positions) {
     throw InputError("there are key_values and rest_positions; expected one");
   }
-  std::vector<Stage> in_order;
-  for (const py::handle stage : stages) {
-    if (!py::isinstance<StageOfPython>(stage)) {
-      throw InputError("stage " + std::to_string(in_order.size()) +
-                       " is no Stage; expected what stage(...) of a hook or a smoothing gives");
-    }
-    in_order.push_back(stage.cast<const StageOfPython&>().stage);
-  }
+  const std::vector<Stage> in_order = stages_of(stages);
   std::span<double> times;
   if (milliseconds) {
     times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});

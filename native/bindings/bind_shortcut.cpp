@@ -7,6 +7,7 @@
 #include "arrays.h"
 #include "memory.h"
 #include "sinew/deformer.h"
+#include "stages.h"
 
 // A frame in which nothing but the pose has changed, in one call. Behind the evaluation of a rig of
 // hundreds of bones the caches are cold, and what Python would do in a few microseconds takes a
@@ -115,9 +116,15 @@ class Shortcut {
   bool holds() const { return watched_.holds(); }
 
   void deform(const py::object& out,
-              const std::vector<std::optional<py::array_t<double, py::array::c_style>>>& spaces) {
-    const std::span<float> positions =
-        positions_span(given_array("out", out), {deformer_.vertex_count(), 3});
+              const std::vector<std::optional<py::array_t<double, py::array::c_style>>>& spaces,
+              const py::sequence& stages, const std::optional<py::array>& milliseconds) {
+    const auto positions =
+        written_span<float>("out", given_array("out", out), {deformer_.vertex_count(), 3});
+    const std::vector<Stage> in_order = stages_of(stages);
+    std::span<double> times;
+    if (milliseconds) {
+      times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});
+    }
     if (spaces.size() != sources_.size()) throw InputError("spaces needs one entry a layer");
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       poses_[i].mesh_from_armature.reset();
@@ -131,7 +138,7 @@ class Shortcut {
       const std::ptrdiff_t joints = std::ssize(sources_[i].matrices) / 16;
       poses_[i].matrices = {sources_[i].matrices.data(), 1, joints, 16 * joints, 16, 1, 4};
     }
-    deformer_.deform(poses_, positions);
+    deformer_.deform(poses_, positions, {}, {}, in_order, times);
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
     }
@@ -192,9 +199,10 @@ void bind_shortcut(py::module_& host) {
            "Raises ValueError for sizes that do not fit.")
       .def("holds", &Shortcut::holds, "Whether what is watched is as it was.")
       .def("deform", &Shortcut::deform, py::arg("out"), py::arg("spaces"),
+           py::arg("stages") = py::tuple(), py::arg("milliseconds") = py::none(),
            "To be called if it holds: reads the poses, deforms, and sets the switches.\n\n"
-           "out: (V, 3) float32; spaces: (4, 4) float64 or None a layer, as Deformer.deform has "
-           "them.\n"
+           "out: (V, 3) float32; spaces: (4, 4) float64 or None a layer; stages; milliseconds: as "
+           "Deformer.deform has them.\n"
            "Raises ValueError, with the switches as they were, if a pose has other bones or "
            "segments.");
 }

@@ -1,7 +1,11 @@
 /// A stage and its settings, as Python holds them.
 #pragma once
 
+#include <pybind11/pybind11.h>
+
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "sinew/stage.h"
 
@@ -17,5 +21,18 @@ struct StageOfPython {
   Stage stage;
   std::shared_ptr<const void> owner;
 };
+
+/// A list of Stage objects, which have to outlive what is returned.
+inline std::vector<Stage> stages_of(const pybind11::sequence& list) {
+  std::vector<Stage> stages;
+  for (const pybind11::handle stage : list) {
+    if (!pybind11::isinstance<StageOfPython>(stage)) {
+      throw InputError("stage " + std::to_string(stages.size()) +
+                       " is no Stage; expected what stage(...) of a hook or a smoothing gives");
+    }
+    stages.push_back(stage.cast<const StageOfPython&>().stage);
+  }
+  return stages;
+}
 
 }  // namespace sinew::bindings
