@@ -7,7 +7,7 @@ from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..session import characters, mesh_output as runtime_mesh
 from ..ui import notice
-from . import mesh_output, old_files, ways, wiring
+from . import mesh_output, old_files, runs, ways, wiring
 from .mesh_output import OutputError
 
 MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
@@ -151,7 +151,7 @@ def adapt(ob):
     entry.look_again()
     entry.look(ob)
     if first is not None:
-        wiring.wire(ob, first, waits=entry.way.kind != ways.BLENDER)
+        wiring.wire(ob, first, runs.hooks(ob, entry.run), waits=entry.way.kind != ways.BLENDER)
     if entry.way.kind == ways.ATTRIBUTE:
         if nodes.find_modifier(ob) is None:
             try:

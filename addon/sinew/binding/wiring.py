@@ -77,10 +77,11 @@ SHOWS = ("show_viewport", "show_render")
 OFF = (False, False)
 
 
-def switch(ob, taken, shown, binds, own, deforms, through_keys):
+def switch(ob, taken, shown, binds, stages, own, deforms, through_keys):
     """Who deforms an evaluated object in the pass that goes on. taken: names of the Armature modifiers; shown, binds:
-    of each, as `shown_of` and `binds_of` give them; own: name of Sinew's, or None; deforms: Sinew does, else Blender's
-    own modifiers do; through_keys: the evaluated keys have the shape, so that whoever asks for the Armature modifier
+    of each, as `shown_of` and `binds_of` give them; stages: names of the modifiers of the run behind them, which are
+    shown as the first of them is; own: name of Sinew's, or None; deforms: Sinew does, else Blender's own modifiers
+    do; through_keys: the evaluated keys have the shape, so that whoever asks for the Armature modifier
     and them (Save as Shape Key) must not get it twice."""
     modifiers = ob.modifiers
     for number, name in enumerate(taken):
@@ -88,6 +89,8 @@ def switch(ob, taken, shown, binds, own, deforms, through_keys):
         memory.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
         if through_keys:
             memory.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
+    for name in stages:
+        memory.switch_modifier(modifiers[name], *(OFF if deforms else shown[0]))
     if own is not None:
         memory.switch_modifier(modifiers[own], *(shown[0] if deforms else OFF))
 
@@ -99,8 +102,9 @@ def shown_of(ob, modifier):
     return original.show_viewport, original.show_render
 
 
-def hook_variables(ob, armatures, waits):
-    """What the hook is to have. waits: for all that deforming needs, on each frame; else it only marks the modifier."""
+def hook_variables(ob, armatures, targets, waits):
+    """What the hook is to have. targets: [(object, name of a bone or "")] besides the armatures'; waits: for all that
+    deforming needs, on each frame; else it only marks the modifier."""
     mesh = ob.data
     wanted = [("deform", "OBJECT", ob, HOOK)]
     if not waits:
@@ -112,7 +116,7 @@ def hook_variables(ob, armatures, waits):
     for number, armature in enumerate(armatures):
         wanted.append((f"armature{number}", "BONE", armature, ""))
         wanted += [(f"bone{number}_{i}", *variable) for i, variable in enumerate(_bones(armature))]
-    return wanted
+    return wanted + [(f"target{i}", "BONE", *target) for i, target in enumerate(targets)]
 
 
 def _bones(armature):
@@ -145,13 +149,20 @@ def bendy_bones_of(hook):
                      if target.id is not None and target.data_path.startswith("pose."))
 
 
-def wire(ob, modifier, waits=True):
-    """Gives the object the hook, on that modifier, with what it has to wait for as things stand."""
+def targets_of(hook):
+    """{(key of an object, name of a bone or "")} that a hook waits for."""
+    targets = [variable.targets[0] for variable in hook.driver.variables if variable.type == "TRANSFORMS"]
+    return {(values.key_of(target.id), target.bone_target) for target in targets if target.id is not None}
+
+
+def wire(ob, modifier, targets=(), waits=True):
+    """Gives the object the hook, on that modifier, with what it has to wait for as things stand. targets: as
+    `hook_variables` takes them."""
     for other in ob.modifiers:
         if other.type == "ARMATURE" and other != modifier and hook_of(ob, other):
             animation.remove_driver(ob, path_of(other))
     armatures = dict.fromkeys(each.object for each in mixed_modifiers(ob, modifier) if each.object is not None)
-    wanted = hook_variables(ob, list(armatures), waits)
+    wanted = hook_variables(ob, list(armatures), targets, waits)
     hook = hook_of(ob, modifier)
     if hook is not None and _present(hook) == [variable[1:] for variable in wanted]:
         return

@@ -175,6 +175,19 @@ def attribute_vectors(attribute, count):
     return vectors_at(address, count)
 
 
+# --- bound positions of Corrective Smooth ----------------------------------------------------------
+
+def bound_count(modifier):
+    """Of how many vertices a Corrective Smooth keeps the positions."""
+    return ctypes.c_uint32.from_address(region(modifier, "CorrectiveSmoothModifierData", "bind_coords_num")[0]).value
+
+
+def bound_positions(modifier):
+    """(N, 3) float32, a copy of these positions, which the API does not show; None if there are none."""
+    address = _address_at(region(modifier, "CorrectiveSmoothModifierData", "(*bind_coords)()")[0])
+    return vectors_at(address, bound_count(modifier)).copy() if address else None
+
+
 # --- modifiers ------------------------------------------------------------------------------------
 
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode

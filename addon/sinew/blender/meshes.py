@@ -33,6 +33,17 @@ def positions_written(mesh, positions):
         mesh.vertices[0].co = positions[0]
 
 
+def read_topology(mesh):
+    """edges (E, 2), where the corners of each face begin (faces + 1,), vertices of the corners (C,), all int32."""
+    edges, corners = np.empty(2 * len(mesh.edges), np.int32), np.empty(len(mesh.loops), np.int32)
+    offsets = np.empty(len(mesh.polygons) + 1, np.int32)
+    mesh.edges.foreach_get("vertices", edges)
+    mesh.loops.foreach_get("vertex_index", corners)
+    mesh.polygons.foreach_get("loop_start", offsets[:-1])
+    offsets[-1] = len(corners)
+    return edges.reshape(-1, 2), offsets, corners
+
+
 def point_attribute(mesh, name):
     """The mesh's vector attribute on points of this name, or None."""
     attribute = mesh.attributes.get(name)

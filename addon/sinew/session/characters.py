@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ..binding import ways, wiring
+from ..binding import runs, ways, wiring
 from ..blender import memory, meshes, nodes, values
 from ..native import sinew_native
 from ..ui import notice
-from . import layers, mail
+from . import layers, mail, stages
 
 log = logging.getLogger("sinew")
 
@@ -33,11 +33,16 @@ class Timings:
     """Milliseconds of the last frame, by stage, without what has to be made once after an edit."""
 
     pose: float = 0.0
-    skin: float = 0.0
+    skin: float = 0.0  # with shape keys
+    stages: tuple = ()  # of each modifier of the run behind
+
+    def take(self, seconds, milliseconds):
+        """seconds: of the pose; milliseconds (S + 1,): as sinew_native gives them."""
+        self.pose, self.skin, self.stages = 1e3 * seconds, float(milliseconds[0]), tuple(milliseconds[1:].tolist())
 
     @property
     def total(self):
-        return self.pose + self.skin
+        return self.pose + self.skin + sum(self.stages)
 
 
 class NotYetWired(Exception):
@@ -56,6 +61,7 @@ class Character:
     binds: tuple = ()  # of each, as wiring.binds_of has them
     shown: tuple = ()  # of each, as wiring.shown_of has them
     hook_path: str = ""  # what the hook drives
+    run: runs.Run = runs.Run()  # what Sinew stands in for behind them
     own: str | None = None  # name of Sinew's modifier
     waits_for: frozenset = frozenset()  # the B-bones that the hook waits for, as wiring.bendy_bones_of has them
     error: str = ""
@@ -63,6 +69,7 @@ class Character:
     deformer: object = None  # sinew_native.Deformer of these layers, or None: make it anew
     keys: object = None  # shape_keys.Keys, of a mesh that has them
     shortcuts: dict = field(default_factory=dict)  # see shortcuts.py
+    stages: object = field(default_factory=stages.Stages)  # of the run
     timings: Timings = field(default_factory=Timings)
     sharer_count: int | None = None  # objects that have its mesh; None: count
     moves_against_armature: bool = False  # again and again
@@ -89,6 +96,8 @@ class Character:
         if self.sharer_count is None:
             self.sharer_count = count_sharers(original)
         self.way = ways.choose(ob, original.data, self.sharer_count, self.moves_against_armature)
+        self.run = runs.of(ob, self.taken) if self.way.in_pass else runs.Run()
+        self.stages.look_again()
         own = nodes.find_modifier(ob)
         self.own = own and own.name
         self.is_wired = self.way.in_pass and self._has_what_it_needs(ob, original.data)
@@ -110,12 +119,16 @@ class Character:
         if [each and each.original for each in hooked] != [mesh, mesh.shape_keys]:
             return False
         self.waits_for = wiring.bendy_bones_of(hook)
+        targets = {(values.key_of(target), bone) for target, bone in runs.hooks(ob.original, self.run)}
+        if not targets <= wiring.targets_of(hook):
+            return False
         return self.way.kind == ways.KEYS or (
             self.own is not None and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None)
 
     def switch(self, ob, deforms):
         """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
-        wiring.switch(ob, self.taken, self.shown, self.binds, self.own, deforms, self.way.kind == ways.KEYS)
+        wiring.switch(ob, self.taken, self.shown, self.binds, self.run.stages, self.own, deforms,
+                      self.way.kind == ways.KEYS)
 
     def hook_of(self, ob):
         """The hook of the object, or None."""
@@ -139,10 +152,12 @@ class Character:
     def forget_shape(self):
         """Weights, rest positions and shape keys are to be read anew."""
         self.layers, self.deformer, self.keys = [], None, None
+        self.stages = stages.Stages()
         self.weights = self._rest = self.last_poses = None
 
     def read_weights(self, mesh, names):
         """names: of its vertex groups. What has not changed is kept."""
+        self.stages.look_again()
         weights = layers.Weights.of(mesh, names, meshes.read_weights)
         if not weights.same_as(self.weights):
             self.layers, self.deformer = [], None

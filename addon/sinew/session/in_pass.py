@@ -12,7 +12,7 @@ import numpy as np
 from ..binding import ways, wiring
 from ..blender import memory, meshes, nodes
 from ..rigs import posing
-from . import characters, shape_keys, shortcuts
+from . import characters, shape_keys, shortcuts, stages
 
 
 def deform_now(ob):
@@ -30,9 +30,11 @@ def deform_now(ob):
             is_done = entry.way.kind == ways.MESH  # the mesh itself has the shape
         if work is not None:
             prepared = perf_counter()
-            deformer, poses, out, key_values = work
-            deformer.deform(poses, out, key_values)  # other threads of Python go on meanwhile
-            entry.timings.pose, entry.timings.skin = 1e3 * (prepared - start), 1e3 * (perf_counter() - prepared)
+            deformer, poses, out, key_values, in_order = work
+            milliseconds = np.empty(len(in_order) + 1)
+            # Other threads of Python go on meanwhile.
+            deformer.deform(poses, out, key_values, stages=in_order, milliseconds=milliseconds)
+            entry.timings.take(prepared - start, milliseconds)
             entry.error = ""
         entry.switch(ob, work is not None or is_done)
         if work is None:
@@ -78,7 +80,9 @@ def _prepare(entry, ob):
         out = memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
     if out is None:
         out = np.empty((count, 3), np.float32)  # no vertex
-    return entry.deformer, poses, out, key_values
+    in_order = entry.stages.at(ob, entry.run.stages,
+                               lambda: stages.Source(mesh, meshes.read_positions(mesh), entry.weights))
+    return entry.deformer, poses, out, key_values, in_order
 
 
 def _group_names(ob):

@@ -6,16 +6,20 @@ holds, the next frame of this evaluated object needs its pose, its place and the
 
 from time import perf_counter
 
+import numpy as np
+
 from ..binding import ways, wiring
 from ..blender import memory, nodes
-from . import layers
+from . import layers, stages
 
 MOST = 32  # of one mesh: a render has evaluated objects of its own, and each render new ones
 
 
 class Shortcut:
-    def __init__(self, entry, ob, modifiers):
+    def __init__(self, entry, ob, modifiers, behind):
+        """modifiers, behind: evaluated, the Armature modifiers and those of the run behind them."""
         self.deformer = entry.deformer
+        self.stages = entry.stages.at(ob, entry.run.stages, None)
         self.editions = [layer.edition for layer in entry.layers]
         self.armatures = [modifier.object for modifier in modifiers]
         self.mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
@@ -28,7 +32,9 @@ class Shortcut:
                         for name in ("deformflag", "multi", "defgrp_name", "*object")]
             watched += [memory.region(armature, "Object", "mode"), memory.region(armature, "Object", "*data"),
                         memory.mark_region(armature.data, "ARMATURE"), memory.region(armature.data, "bArmature", "flag")]
-        switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in modifiers]
+        for modifier in behind:
+            watched += stages.watched(modifier)
+        switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in (*modifiers, *behind)]
         switches.append(memory.mode_switch(ob.modifiers[entry.own], *entry.shown[0]))
         poses = [(memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
                  for layer, armature in zip(entry.layers, self.armatures)]
@@ -51,9 +57,10 @@ def take(entry, ob):
         return False
     start = perf_counter()
     out, spaces = shortcut.prepare(ob)
+    milliseconds = np.empty(len(shortcut.stages) + 1)
     prepared = perf_counter()
-    shortcut.native.deform(out, spaces)
-    entry.timings.pose, entry.timings.skin = 1e3 * (prepared - start), 1e3 * (perf_counter() - prepared)
+    shortcut.native.deform(out, spaces, shortcut.stages, milliseconds)
+    entry.timings.take(prepared - start, milliseconds)
     return True
 
 
@@ -65,11 +72,13 @@ def learn(entry, ob):
             known.clear()
         known[address] = None
     elif _is_plain(entry, ob):
-        known[address] = Shortcut(entry, ob, [ob.modifiers[name] for name in entry.taken])
+        known[address] = Shortcut(entry, ob, [ob.modifiers[name] for name in entry.taken],
+                                  [ob.modifiers[name] for name in entry.run.stages])
 
 
 def _is_plain(entry, ob):
     mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
     return (entry.way.kind == ways.ATTRIBUTE and len(mesh.vertices) > 0 and ob.sinew.source != "CLIP"
+            and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
             and all(not layer.influences.hang_on_shape for layer in entry.layers)
             and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken))

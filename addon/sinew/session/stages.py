@@ -1,0 +1,173 @@
+"""What comes after skinning: native stages, made from the modifiers of the run.
+
+Each is made once, and again when that has changed of which it is made; the settings of a frame are read on that frame,
+from the evaluated modifier.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..blender import memory, meshes, values
+from ..native import sinew_native
+
+# Blender 4.1 weights corners by a polynomial in place of the arc cosine, and no longer ignores negative factors.
+BEFORE_4_1 = values.VERSION < (4, 1, 0)
+CORNER_ANGLE = "arc_cosine" if BEFORE_4_1 else "polynomial"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What stages are made from, besides their modifiers."""
+
+    mesh: object  # evaluated, as it is before all modifiers
+    positions: np.ndarray  # (V, 3), its own
+    weights: object  # layers.Weights
+
+    def group(self, modifier):
+        """(V,) weights of the modifier's vertex group, or None."""
+        if memory.deform_vertices(self.mesh) == 0:  # not even empty ones
+            return None
+        return self.weights.of_group(modifier.vertex_group)
+
+
+class CorrectiveSmooth:
+    SETTINGS = "vertex_group", "invert_vertex_group", "use_pin_boundary", "rest_source", "use_only_smooth"
+    WATCHED = "lambda", "scale", "repeat", "flag", "smooth_type", "rest_source", "defgrp_name"
+
+    @staticmethod
+    def arrays(modifier, source):
+        rest = source.positions
+        if modifier.use_only_smooth:
+            rest = None
+        elif modifier.rest_source == "BIND":
+            rest = memory.bound_positions(modifier)
+        return source.group(modifier), rest
+
+    @staticmethod
+    def make(modifier, topology, weights, rest):
+        return sinew_native.CorrectiveSmooth(
+            topology, rest, weights, modifier.invert_vertex_group, modifier.use_pin_boundary, CORNER_ANGLE)
+
+    @staticmethod
+    def stage(native, _ob, modifier):
+        return native.stage(modifier.factor, modifier.iterations, modifier.scale, modifier.smooth_type.lower(),
+                            modifier.use_only_smooth)
+
+
+class Smooth:
+    SETTINGS = "vertex_group", "invert_vertex_group"
+    WATCHED = "fac", "repeat", "flag", "defgrp_name"
+
+    @staticmethod
+    def arrays(modifier, source):
+        return (source.group(modifier),)
+
+    @staticmethod
+    def make(modifier, topology, weights):
+        return sinew_native.Smooth(topology, weights, modifier.invert_vertex_group)
+
+    @staticmethod
+    def stage(native, _ob, modifier):
+        does_nothing = BEFORE_4_1 and modifier.vertex_group and modifier.factor < 0
+        return native.stage(modifier.factor, 0 if does_nothing else modifier.iterations,
+                            modifier.use_x, modifier.use_y, modifier.use_z)
+
+
+class Hook:
+    SETTINGS = "vertex_group", "invert_vertex_group"
+    WATCHED = None  # where its object is cannot be watched
+
+    @staticmethod
+    def arrays(modifier, source):
+        indices = np.array(modifier.vertex_indices, np.int32)
+        return source.group(modifier), indices if len(indices) else None
+
+    @staticmethod
+    def make(modifier, topology, weights, indices):
+        return sinew_native.Hook(topology.vertex_count, indices, weights, modifier.invert_vertex_group)
+
+    @staticmethod
+    def stage(native, ob, modifier):
+        target = modifier.object
+        place = target.matrix_world
+        if target.type == "ARMATURE" and modifier.subtarget in target.pose.bones:
+            place = place @ target.pose.bones[modifier.subtarget].matrix
+        back = np.linalg.pinv(values.matrix_to_numpy(ob.matrix_world))
+        inverse = values.matrix_to_numpy(modifier.matrix_inverse)
+        return native.stage(back @ values.matrix_to_numpy(place) @ inverse, modifier.strength,
+                            modifier.falloff_type.lower(), modifier.falloff_radius, tuple(modifier.center),
+                            inverse[:3, :3] if modifier.use_falloff_uniform else None)
+
+
+KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
+STRUCTS = {"CORRECTIVE_SMOOTH": "CorrectiveSmoothModifierData", "SMOOTH": "SmoothModifierData"}
+
+
+@dataclass
+class _Made:
+    settings: tuple
+    arrays: tuple
+    native: object
+
+
+@dataclass
+class Stages:
+    """Those of one mesh."""
+
+    _made: dict = field(default_factory=dict)  # name of a modifier -> _Made
+    _topology: object = None
+    _hangs_by: tuple = ()  # what the topology was made of
+    _is_fresh: bool = True  # something may have been edited
+
+    def look_again(self):
+        self._is_fresh = True
+
+    def at(self, ob, names, source):
+        """[sinew_native.Stage] of an evaluated object in this frame. source: function that gives a Source."""
+        if self._is_fresh and names:
+            self._renew(ob, names, source())
+        found = []
+        for name in names:
+            modifier = ob.modifiers[name]
+            kind, made = KINDS[modifier.type], self._made[name]
+            settings = _settings(kind, modifier)
+            if settings != made.settings:  # by keyframes
+                made = self._make(kind, modifier, settings, kind.arrays(modifier, source()))
+                self._made[name] = made
+            found.append(kind.stage(made.native, ob, modifier))
+        return found
+
+    def _renew(self, ob, names, source):
+        hangs_by = meshes.read_topology(source.mesh)
+        if self._topology is None or not _same(hangs_by, self._hangs_by):
+            self._topology = sinew_native.Topology(len(source.positions), *hangs_by)
+            self._hangs_by, self._made = hangs_by, {}
+        old, self._made = self._made, {}
+        for name in names:
+            modifier = ob.modifiers[name]
+            kind = KINDS[modifier.type]
+            settings, arrays = _settings(kind, modifier), kind.arrays(modifier, source)
+            made = old.get(name)
+            if made is None or made.settings != settings or not _same(made.arrays, arrays):
+                made = self._make(kind, modifier, settings, arrays)
+            self._made[name] = made
+        self._is_fresh = False
+
+    def _make(self, kind, modifier, settings, arrays):
+        return _Made(settings, arrays, kind.make(modifier, self._topology, *arrays))
+
+
+def watched(modifier):
+    """[(address, size)] of what decides on the stage of an evaluated modifier, or None if that cannot be watched."""
+    names = KINDS[modifier.type].WATCHED
+    return names and [memory.region(modifier, STRUCTS[modifier.type], name) for name in names]
+
+
+def _settings(kind, modifier):
+    return kind, *(getattr(modifier, name) for name in kind.SETTINGS)
+
+
+def _same(ours, theirs):
+    return len(ours) == len(theirs) and all(
+        (a is None) == (b is None) and (a is None or np.array_equal(a, b)) for a, b in zip(ours, theirs))
