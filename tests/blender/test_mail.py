@@ -30,3 +30,13 @@ def test_a_letter_that_cannot_be_done_does_not_stop_the_others():
     mail.post(read.append, "after it")
     mail.deliver()
     assert read == ["after it"]
+
+
+def test_a_letter_may_have_the_others_delivered():
+    """As one does that has Blender evaluate the scene."""
+    mail, done = addon_module("session.mail"), []
+    mail.post(mail.deliver)
+    mail.post(done.append, 1)
+    mail.post(done.append, 2)
+    mail.deliver()
+    assert done == [1, 2] and mail.is_empty()

@@ -22,6 +22,8 @@ def deliver():
     if threading.current_thread() is not threading.main_thread():
         return
     for _ in range(len(_letters)):
+        if not _letters:  # one of them had Blender evaluate, and so deliver the others
+            return
         function, arguments = _letters.popleft()
         try:
             function(*arguments)
