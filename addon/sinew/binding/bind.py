@@ -101,6 +101,8 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
             raise BindingError(str(error)) from error
     was_bound_to = settings.last_armature
     if settings.is_bound:
+        if replaced is None and settings.modifier is not None:
+            settings.armature = armature  # in place of the one that it was bound to
         unbind(ob)
         replaced = armature_modifier(ob, armature)
         taken = wiring.mixed_modifiers(ob, replaced) if replaced else []
@@ -109,7 +111,11 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
     if not taken:
         modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
         modifier.object = armature
-        nodes.move_modifier(ob, modifier, 0)
+        try:
+            nodes.move_modifier(ob, modifier, 0)
+        except ValueError as error:
+            ob.modifiers.remove(modifier)
+            raise BindingError(str(error)) from error
         settings.has_added_modifier = True
         taken = [modifier]
     if source is None and was_bound_to != armature:
@@ -162,8 +168,19 @@ def adapt(ob):
         if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:
             meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
     else:
+        displaced = displaced_modifiers(ob)
         remove_own_modifier(ob)
+        for modifier in reversed(displaced):
+            nodes.move_modifier_back(ob, modifier)
     entry.look(ob)
+
+
+def displaced_modifiers(ob):
+    """Those that people have added, and Blender has put before Sinew's modifier and so before the armature's, since it
+    lets them stand behind deforming ones alone."""
+    own = nodes.find_modifier(ob)
+    before = list(ob.modifiers)[:ob.modifiers.find(own.name)] if own else []
+    return [modifier for modifier in before if modifier.type in ways.WANTS_DEFORM_ONLY]
 
 
 def remove_own_modifier(ob):

@@ -48,25 +48,33 @@ def remove_modifiers(ob):
 
 def move_modifier(ob, modifier, index):
     """Raises ValueError where Blender does not allow it and it would make a difference."""
-    place = ob.modifiers.find(modifier.name)
-    if place == index:
-        return
-    if hasattr(ob.modifiers, "move"):
-        try:
-            ob.modifiers.move(place, index)
-        except RuntimeError:
-            pass
-    else:
-        with bpy.context.temp_override(object=ob, active_object=ob):  # before 3.5
-            try:
-                bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
-            except RuntimeError:
-                pass
+    _move(ob, modifier, index)
     place = ob.modifiers.find(modifier.name)
     others = [m.name for m in ob.modifiers[index:place]
               if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
     if others:
-        raise ValueError(f"Blender does not let Sinew's modifier be put before {others[0]} of {ob.name}")
+        raise ValueError(f"Blender does not let {modifier.name} be put before {others[0]} of {ob.name}")
+
+
+def move_modifier_back(ob, modifier):
+    """As far towards the end as Blender lets it go."""
+    for index in range(ob.modifiers.find(modifier.name) + 1, len(ob.modifiers)):
+        _move(ob, modifier, index)
+
+
+def _move(ob, modifier, index):
+    """If Blender allows it."""
+    place = ob.modifiers.find(modifier.name)
+    if place == index:
+        return
+    try:
+        if hasattr(ob.modifiers, "move"):
+            ob.modifiers.move(place, index)
+        else:  # before 3.5
+            with bpy.context.temp_override(object=ob, active_object=ob):
+                bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+    except RuntimeError:
+        pass
 
 
 def node_group():

@@ -84,7 +84,7 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
     vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
     bone, weight = np.asarray(bones_of_entries), np.asarray(weights, np.float64)
     keep = bone >= 0 if rules.use_vertex_groups else np.zeros(len(bone), bool)
-    keep &= bones.deform[bone]
+    keep[keep] = bones.deform[bone[keep]]
     vertex, bone, weight = vertex[keep], bone[keep], weight[keep]
     given = np.bincount(vertex, weight, minlength=vertex_count)
 
