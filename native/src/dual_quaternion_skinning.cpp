@@ -2,6 +2,7 @@
 
 #include <Eigen/SVD>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace sinew {
@@ -14,9 +15,9 @@ bool is_rotation(const Eigen::Matrix3d& linear) {
   return (linear.transpose() * linear).isIdentity(kRigidTolerance) && linear.determinant() > 0;
 }
 
-RigidAndStretch motion(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
+RigidAndStretch motion(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation,
                        const Eigen::Matrix<double, 3, 4>& stretch, bool is_rigid) {
-  const Eigen::Quaterniond real = Eigen::Quaterniond(rotation).normalized();
+  const Eigen::Quaterniond real = rotation.normalized();
   const Eigen::Vector3d half = 0.5 * translation;
   const Eigen::Quaterniond dual = Eigen::Quaterniond(0, half.x(), half.y(), half.z()) * real;
   return {real.cast<float>(), dual.cast<float>(), stretch.cast<float>(), is_rigid};
@@ -34,66 +35,106 @@ RigidAndStretch split_polar(const Matrix4<double>& matrix) {
   }
   Eigen::Matrix<double, 3, 4> stretch;
   stretch << rotation.transpose() * linear, Eigen::Vector3d::Zero();
-  return motion(rotation, matrix.topRightCorner<3, 1>(), stretch, is_rigid);
+  return motion(Eigen::Quaterniond(rotation), matrix.topRightCorner<3, 1>(), stretch, is_rigid);
 }
 
-/// A rotation near axes of which some have no length, as joints scaled to zero have them: by way of
-/// a quaternion, as in Blender, which then takes no rotation at all where nothing is left. Day,
+// A joint that is scaled to nothing along an axis, or mirrored, turns as rounding decides. To turn
+// as Blender's does, it takes the same steps in float32, sums in the same order.
+
+float dot(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
+  return a.x() * b.x() + a.y() * b.y() + a.z() * b.z();
+}
+
+/// Of length 1; zeros if it is too short to tell.
+Eigen::Vector3f direction(const Eigen::Vector3f& vector) {
+  const float square = dot(vector, vector);
+  if (!(square > 1e-35f)) return Eigen::Vector3f::Zero();
+  return vector * (1 / std::sqrt(square));
+}
+
+Matrix4<float> product(const Matrix4<float>& a, const Matrix4<float>& b) {
+  Matrix4<float> result;
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector4f first = a.col(0) * b(0, i) + a.col(1) * b(1, i);
+    const Eigen::Vector4f last = a.col(2) * b(2, i) + a.col(3) * b(3, i);
+    result.col(i) = first + last;
+  }
+  return result;
+}
+
+/// Of axes that are normalised here and may be zero: no rotation where nothing is left. Day,
 /// "Converting a rotation matrix to a quaternion", Insomniac Games: of the four sums under the root
 /// one that cannot be small.
-Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& m) {
-  const double xx = m(0, 0), yy = m(1, 1), zz = m(2, 2);
-  const double yz = m(2, 1) - m(1, 2), zx = m(0, 2) - m(2, 0), xy = m(1, 0) - m(0, 1);
-  const double xy2 = m(1, 0) + m(0, 1), yz2 = m(2, 1) + m(1, 2), zx2 = m(0, 2) + m(2, 0);
-  Eigen::Quaterniond q;  // w x y z, of any length
-  if (zz < 0) {
-    q = xx > yy ? Eigen::Quaterniond(yz, 1 + xx - yy - zz, xy2, zx2)
-                : Eigen::Quaterniond(zx, xy2, 1 - xx + yy - zz, yz2);
+Eigen::Quaternionf quaternion_of(const Eigen::Matrix3f& axes) {
+  Eigen::Matrix3f m;
+  m << direction(axes.col(0)), direction(axes.col(1)), direction(axes.col(2));
+  const float xx = m(0, 0), yy = m(1, 1), zz = m(2, 2);
+  const float yz = m(2, 1) - m(1, 2), zx = m(0, 2) - m(2, 0), xy = m(1, 0) - m(0, 1);
+  const float xy2 = m(1, 0) + m(0, 1), yz2 = m(2, 1) + m(1, 2), zx2 = m(0, 2) + m(2, 0);
+  const auto root = [](float sum, float w) {
+    return w < 0 ? -2 * std::sqrt(sum) : 2 * std::sqrt(sum);
+  };
+  Eigen::Quaternionf q;  // w x y z
+  if (zz < 0 && xx > yy) {
+    const float s = root(1 + xx - yy - zz, yz), t = 1 / s;
+    q = {yz * t, 0.25f * s, xy2 * t, zx2 * t};
+  } else if (zz < 0) {
+    const float s = root(1 - xx + yy - zz, zx), t = 1 / s;
+    q = {zx * t, xy2 * t, 0.25f * s, yz2 * t};
+  } else if (xx < -yy) {
+    const float s = root(1 - xx - yy + zz, xy), t = 1 / s;
+    q = {xy * t, zx2 * t, yz2 * t, 0.25f * s};
   } else {
-    q = xx < -yy ? Eigen::Quaterniond(xy, zx2, yz2, 1 - xx - yy + zz)
-                 : Eigen::Quaterniond(1 + xx + yy + zz, yz, zx, xy);
+    const float s = root(1 + xx + yy + zz, 1), t = 1 / s;
+    q = {0.25f * s, yz * t, zx * t, xy * t};
   }
-  return q.normalized().toRotationMatrix();
+  return q.normalized();
 }
 
-/// Orthonormal axes of which Y has the direction of the given one. The two comparisons look at
-/// numbers that are not normalised; they are Blender's, and so is the choice that follows.
-Eigen::Matrix3d axes_along_y(const Eigen::Matrix3d& linear) {
-  const Eigen::Vector3d given_x = linear.col(0), given_z = linear.col(2);
-  const Eigen::Vector3d y = linear.col(1).normalized();
-  Eigen::Vector3d x, z;
-  if (y.dot(given_x) < 1) {
-    z = given_x.cross(y).normalized();
+/// Orthogonal axes as long as the given ones, of which Y has the direction of the given one. The
+/// two comparisons look at numbers that are not normalised; they are Blender's, and so is the
+/// choice that follows.
+Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
+  const Eigen::Vector3f given_x = linear.col(0), given_z = linear.col(2);
+  const Eigen::Vector3f y = direction(linear.col(1));
+  Eigen::Vector3f x, z;
+  if (dot(y, given_x) < 1) {
+    z = direction(given_x.cross(y));
     x = y.cross(z);
   } else {
-    const bool z_serves = given_x.dot(given_z) < 1;
-    x = y.cross(z_serves ? given_z : Eigen::Vector3d(y.y(), y.z(), y.x())).normalized();
+    const bool z_serves = dot(given_x, given_z) < 1;
+    x = direction(y.cross(z_serves ? given_z : Eigen::Vector3f(y.y(), y.z(), y.x())));
     z = x.cross(y);
   }
-  Eigen::Matrix3d axes;
+  Eigen::Matrix3f axes;
   axes << x, y, z;
-  const bool orthonormal = !x.isZero() && !y.isZero() && !z.isZero();
-  return orthonormal ? axes : nearest_rotation(axes);
+  for (int i = 0; i < 3; ++i) axes.col(i) *= std::sqrt(dot(linear.col(i), linear.col(i)));
+  return axes;
 }
 
 /// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
 /// (matrix * rest) when its axes are made orthonormal.
 RigidAndStretch split_in_frame(const Matrix4<double>& matrix, const Matrix4<double>& rest) {
-  const Matrix4<double> posed = matrix * rest;
-  const Eigen::Vector3d excess =
-      posed.topLeftCorner<3, 3>().colwise().norm().transpose() - Eigen::Vector3d::Ones();
-  if (is_rotation(matrix.topLeftCorner<3, 3>()) && excess.squaredNorm() <= 1e-8) {
-    return motion(matrix.topLeftCorner<3, 3>(), matrix.topRightCorner<3, 1>(),
+  const Matrix4<float> base = rest.cast<float>();
+  const Matrix4<float> posed = product(matrix.cast<float>(), base);
+  const Eigen::Vector3f excess =
+      posed.topLeftCorner<3, 3>().colwise().norm().transpose() - Eigen::Vector3f::Ones();
+  if (is_rotation(matrix.topLeftCorner<3, 3>()) && excess.squaredNorm() <= 1e-8f) {
+    return motion(Eigen::Quaterniond(matrix.topLeftCorner<3, 3>()), matrix.topRightCorner<3, 1>(),
                   Eigen::Matrix<double, 3, 4>::Identity(), true);
   }
-  Matrix4<double> rigid = Matrix4<double>::Identity();
-  rigid.topLeftCorner<3, 3>() = axes_along_y(posed.topLeftCorner<3, 3>());
+  Matrix4<float> rigid = Matrix4<float>::Identity();
+  rigid.topLeftCorner<3, 3>() = quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>()))
+                                    .cast<double>()
+                                    .toRotationMatrix()
+                                    .cast<float>();
   rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
+  const Matrix4<float> moved = product(rigid, base.inverse());
   const Matrix4<double> inverse_rest = rest.inverse();
-  const Matrix4<double> moved = rigid * inverse_rest;
-  const Matrix4<double> stretch = rest * (rigid.inverse() * posed) * inverse_rest;
-  return motion(moved.topLeftCorner<3, 3>(), moved.topRightCorner<3, 1>(), stretch.topRows<3>(),
-                false);
+  const Matrix4<double> stretch =
+      rest * (rigid.cast<double>().inverse() * posed.cast<double>()) * inverse_rest;
+  return motion(quaternion_of(moved.topLeftCorner<3, 3>()).cast<double>(),
+                moved.topRightCorner<3, 1>().cast<double>(), stretch.topRows<3>(), false);
 }
 
 /// real * (0, by): half of it is what a point moved by `by` before the motion adds to the dual

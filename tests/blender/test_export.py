@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
+from characters import accelerate, make_armature, make_mesh
 from helpers import (
     RIGS, addon_module, evaluated, import_rig, own_positions, select)
 
@@ -139,3 +140,13 @@ def test_errors_are_sentences(tmp_path):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.xyz"))
     with pytest.raises(RuntimeError, match="joint convention"):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.tgf"))
+
+
+def test_a_mesh_without_size_along_an_axis(fresh_scene, tmp_path):
+    ob = make_mesh(make_armature(), False)
+    accelerate(ob)
+    ob.scale.x = 0
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="Tube has a scale of 0 along an axis; give it another one"):
+        bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    assert not list(tmp_path.iterdir())

@@ -185,6 +185,13 @@ TEST(DualQuaternionSkinning, JointsWithoutASizeGiveNumbers) {
   }
 }
 
+TEST(DualQuaternionSkinning, ANumberThatIsNoneIsFarFromTheReference) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const auto& point : {Floats{nan, 0, 0}, Floats{0, nan, 0}, Floats{0, 0, nan}}) {
+    EXPECT_FALSE(rigs::distance(point, Eigen::MatrixX3d::Zero(1, 3)) < 1);
+  }
+}
+
 TEST(DualQuaternionSkinning, WhereNoDirectionIsRightTheVertexStays) {
   const Eigen::Vector3d z(0, 0, 1);
   const Matrices matrices{rigs::turn(20, z, {1, 0, 0}), rigs::turn(20, z, {1, 0, 0})};

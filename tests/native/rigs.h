@@ -192,10 +192,12 @@ inline Matrices through_float(const Matrices& matrices) {
   return rounded;
 }
 
-/// The largest coordinate of a - b, where a is V x 3 row by row.
+/// The largest coordinate of a - b, where a is V x 3 row by row; NaN if there is one in either.
 inline double distance(const std::vector<float>& a, const Eigen::MatrixX3d& b) {
   using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
-  return (Eigen::Map<const Rows>(a.data(), b.rows(), 3).cast<double>() - b).cwiseAbs().maxCoeff();
+  return (Eigen::Map<const Rows>(a.data(), b.rows(), 3).cast<double>() - b)
+      .cwiseAbs()
+      .maxCoeff<Eigen::PropagateNaN>();
 }
 
 }  // namespace sinew::rigs

@@ -16,8 +16,19 @@ def matrix_to_numpy(matrix):
     return np.array(matrix, dtype=np.float64)
 
 
+class Flat(ValueError):
+    """An object's scale is 0 along an axis, so there is no way from its space into another."""
+
+
+def is_flat(ob):
+    return ob.matrix_world.determinant() == 0
+
+
 def relative_matrix(ob, armature):
-    """(4, 4): from the armature's space to the object's."""
+    """(4, 4): from the armature's space to the object's. Raises Flat."""
+    for each in ob, armature:
+        if is_flat(each):
+            raise Flat(f"{each.name} has a scale of 0 along an axis; give it another one")
     return (np.linalg.inv(matrix_to_numpy(ob.matrix_world))
             @ matrix_to_numpy(armature.matrix_world))
 

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from ..binding import ways, wiring
-from ..blender import memory, meshes, nodes
+from ..blender import memory, meshes, nodes, values
 from ..rigs import posing
 from . import characters, shape_keys, shortcuts, stages
 
@@ -41,7 +41,7 @@ def deform_now(ob):
             _give_keys_back(entry, ob)
         else:
             shortcuts.learn(entry, ob)
-    except characters.NotYetWired:
+    except (characters.NotYetWired, values.Flat):  # flat: each version of Blender has its own way with that
         _stand_back(entry, ob)
     except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
         characters.keep_error(entry, error)

@@ -186,8 +186,8 @@ def _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mes
 
 
 def space_between(ob, armature):
-    """(4, 4): from the space of the armature to that of the mesh object; None where they are one."""
-    if ob.matrix_world == armature.matrix_world:
+    """(4, 4): from the space of the armature to that of the mesh object; None where they are one. Raises values.Flat."""
+    if ob.matrix_world == armature.matrix_world and not values.is_flat(ob):
         return None
     return values.relative_matrix(ob, armature)
 
