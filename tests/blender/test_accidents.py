@@ -305,3 +305,20 @@ def test_the_addon_is_switched_on_in_an_open_file(character, tmp_path):
     assert_same_shape(ob, twin)
     assert_plays(ob, twin, (6, 3))
     assert way(ob) == "ATTRIBUTE"
+
+
+@pytest.mark.parametrize("keyed", (False, True), ids=("free", "keyed"))
+def test_a_transform_that_is_not_keyed_stays(character, keyed):
+    """Of a mesh that nothing is the parent of, when it is bound and when it is given back."""
+    ob, _, _ = character
+    if keyed:
+        for frame in (1, 10):
+            ob.keyframe_insert("location", frame=frame)
+    for operator in bpy.ops.object.sinew_unbind, bpy.ops.object.sinew_bind:
+        ob.location, ob.rotation_euler, ob.scale = (1, 2, 3), (0.1, 0.2, 0.3), (1, 2, 1)
+        bpy.context.view_layer.update()
+        place = ob.matrix_world.copy()
+        select(ob)
+        assert operator() == {"FINISHED"}
+        bpy.context.view_layer.update()
+        assert ob.matrix_world == place and tuple(ob.location) == (1, 2, 3)

@@ -1,11 +1,13 @@
 """Blender's own tools on a bound mesh do what they do on its twin that the Armature modifier deforms."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import assert_same_shape, own_positions, select, twin_of, way
+from helpers import addon_module, assert_same_shape, own_positions, select, twin_of, way
 
 
 @pytest.fixture
@@ -195,3 +197,43 @@ def test_nothing_of_the_original_is_written(pair, keys):
         bpy.context.scene.frame_set(frame)
     after = everything()
     assert len(before) == len(after) and all(np.array_equal(a, b) for a, b in zip(before, after))
+
+
+def test_painted_weights_are_read_whole(pair, monkeypatch):
+    """A dab must not cost a loop over all vertices. Through the API the same comes out."""
+    ob, twin = pair
+    meshes, memory = addon_module("blender.meshes"), addon_module("blender.memory")
+    assert all(np.array_equal(a, b) for a, b in zip(meshes.read_weights(ob.data), meshes._weights_by_bmesh(ob.data)))
+    one_by_one = []
+    monkeypatch.setattr(meshes, "_weights_by_bmesh", one_by_one.append)
+    for known in (False, True):
+        monkeypatch.setattr(memory, "_weights_are_known", known)
+        for each in pair:
+            each.vertex_groups["bone1"].add(range(300 + 100 * known), 0.8, "REPLACE")
+            each.data.update()
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, twin)
+        assert memory._weights_are_known and one_by_one == []
+
+
+@pytest.mark.parametrize("spoil", ("count", "weight"))
+def test_weights_that_lie_elsewhere_are_read_one_by_one(pair, monkeypatch, spoil):
+    """As they would in a Blender whose memory looks otherwise."""
+    ob, twin = pair
+    meshes, memory = addon_module("blender.meshes"), addon_module("blender.memory")
+    monkeypatch.setattr(memory, "_weights_are_known", False)
+    read, asked = memory.host.read_weights, []
+
+    def wrong(address, count):
+        offsets, groups, weights = read(address, count)
+        return (offsets, groups, weights + 1) if spoil == "weight" else (offsets, groups[:-1], weights[:-1])
+
+    by_bmesh = meshes._weights_by_bmesh
+    monkeypatch.setattr(memory, "host", SimpleNamespace(read_weights=wrong, read_pose=memory.host.read_pose))
+    monkeypatch.setattr(meshes, "_weights_by_bmesh", lambda mesh: asked.append(mesh) or by_bmesh(mesh))
+    for each in pair:
+        each.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")
+        each.data.update()
+    bpy.context.view_layer.update()
+    assert asked and not memory._weights_are_known
+    assert_same_shape(ob, twin)

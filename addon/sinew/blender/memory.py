@@ -1,8 +1,8 @@
 """What Blender's API hands over one by one, read and written whole in Blender's own memory.
 
 Addresses are asked for anew on each evaluation and never kept. Offsets are those of the running Blender (layout.py).
-Weights are compared with what the API says of some vertices (`deform_vertices`), and read through it where the two do
-not agree; a pose is refused if its bones or segments are not as many as expected (`read_pose`).
+Weights are compared with what the API says of some vertices, once (`deform_vertices`), and read through it where the
+two do not agree; a pose is refused if its bones or segments are not as many as expected (`read_pose`).
 """
 
 import ctypes
@@ -78,19 +78,28 @@ def deform_vertices(mesh):
         at = layers + number * entry.size
         if ctypes.c_int32.from_address(at + entry.offset("type")).value == _DEFORM_VERTICES:
             address = _address_at(at + entry.offset("*data"))
-            return address if _is_right(mesh, address) else None
+            return address if _is_where_the_api_says(mesh, address) else None
     return 0
 
 
-def _is_right(mesh, address):
-    """Some vertices' weights lie where the API says."""
-    vertices = mesh.vertices
-    for index in {0, len(vertices) // 2, len(vertices) - 1} if len(vertices) else ():
-        groups = vertices[index].groups
-        if ctypes.c_int32.from_address(address + 16 * index + 8).value != len(groups):
+_weights_are_known = False  # to lie where they are looked for
+
+
+def _is_where_the_api_says(mesh, address):
+    """Whether some vertices' weights are there. Looked at until some were, and never again: asking for them, later
+    versions copy the weights of the whole mesh."""
+    global _weights_are_known
+    if _weights_are_known:
+        return True
+    count = len(mesh.vertices)
+    compared = 0
+    for index in {0, count // 2, count - 1} if count else ():
+        _offsets, groups, weights = host.read_weights(address + 16 * index, 1)
+        said = [(entry.group, entry.weight) for entry in mesh.vertices[index].groups]
+        if said != list(zip(groups.tolist(), weights.tolist())):
             return False
-        if len(groups) and _address_at(address + 16 * index) != groups[0].as_pointer():
-            return False
+        compared += len(said)
+    _weights_are_known = compared > 0
     return True
 
 

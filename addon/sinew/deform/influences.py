@@ -85,7 +85,7 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
     bone, weight = np.asarray(bones_of_entries), np.asarray(weights, np.float64)
     keep = bone >= 0 if rules.use_vertex_groups else np.zeros(len(bone), bool)
     keep[keep] = bones.deform[bone[keep]]
-    vertex, bone, weight = vertex[keep], bone[keep], weight[keep]
+    vertex, bone, weight = _only(keep, vertex, bone, weight)
     given = np.bincount(vertex, weight, minlength=vertex_count)
 
     multiplied = bones.multiply[bone]
@@ -101,10 +101,10 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
         vertex, bone, weight = vertex[order], bone[order], weight[order]
 
     counted = weight != 0
-    vertex, bone, weight = vertex[counted], bone[counted], weight[counted]
+    vertex, bone, weight = _only(counted, vertex, bone, weight)
     sums = np.bincount(vertex, weight, minlength=vertex_count)
     moved = sums[vertex] > SMALLEST_WEIGHT_SUM
-    vertex, bone, weight = vertex[moved], bone[moved], weight[moved]
+    vertex, bone, weight = _only(moved, vertex, bone, weight)
     weight = weight / sums[vertex]
 
     joint = bones.first_joint[bone]
@@ -123,6 +123,11 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
         unweighted_count=int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM)),
         unnormalized_count=int(np.count_nonzero(
             (given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN))))
+
+
+def _only(chosen, *arrays):
+    """As they are if all are chosen, as on most meshes: copying is what costs here."""
+    return arrays if chosen.all() else tuple(array[chosen] for array in arrays)
 
 
 def group_weights(offsets, groups, weights, group):
