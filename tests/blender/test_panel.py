@@ -3,10 +3,11 @@
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, import_rig, make_fail, select
+from helpers import addon_module, depsgraph, evaluated, import_rig, make_fail, select
 
 
 class Notes:
@@ -60,12 +61,43 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw(mesh_panel)
-    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Last Frame", "Threads", "an attribute",
+    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Sinew's Part", "object.sinew_measure", "Threads", "an attribute",
                  "Instructions", addon_module("native").sinew_native.instruction_set(), "object.sinew_unbind",
                  "Mask", "Bone Envelopes", *display):
         assert text in said
     select(armature)
     assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", display[1]]
+
+
+def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
+    """Blender's own modifiers deform the frames that Sinew is compared with; then everything is as before."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    for frame in (1, 10):
+        pose(armature, frame, False)
+    accelerate(ob)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    fresh_scene.frame_set(4, subframe=0.5)
+    characters, calls, before = addon_module("session.characters"), [], evaluated(ob)
+    is_at_work = characters.Character.is_at_work
+
+    def note(entry, evaluated_object):
+        calls.append(is_at_work(entry, evaluated_object))
+        return calls[-1]
+
+    monkeypatch.setattr(characters.Character, "is_at_work", note)
+    assert "Whole Frame" not in draw()
+    assert bpy.ops.object.sinew_measure() == {"FINISHED"}
+    assert calls.count(False) > 9 and abs(calls.count(True) - calls.count(False)) <= 5
+    said = draw()
+    for name in "Whole Frame", "Without Sinew":
+        assert float(said[said.index(name) + 1].removesuffix(" ms")) > 0
+    assert (fresh_scene.frame_current, fresh_scene.frame_subframe) == (4, 0.5)
+    assert np.array_equal(evaluated(ob), before) and is_at_work(characters.of(ob), ob.evaluated_get(depsgraph()))
+    other = bpy.data.scenes.new("other")
+    assert addon_module("session.whole_frames").last(other) is None
+    ob.sinew.output = "MESH"
+    assert not bpy.ops.object.sinew_measure.poll()
 
 
 def test_mixed_modifiers_are_shown(fresh_scene):

@@ -138,7 +138,7 @@ class Character:
         """Whether Sinew is to deform this evaluated object in this pass."""
         if not memory.take_mark(ob, "OBJECT") or not self._is_known:
             self.look(ob)
-        return self.is_wired and ob.mode not in EDITING
+        return self.is_wired and not _stands_aside and ob.mode not in EDITING
 
     def look_again(self):
         """At the next evaluation, which the caller sees to."""
@@ -236,6 +236,21 @@ def configure(thread_count, instruction_set):
     sinew_native.instruction_sets()."""
     sinew_native.set_thread_count(thread_count)
     sinew_native.set_instruction_set(instruction_set)
+
+
+_stands_aside = False
+
+
+class StandAside:
+    """Blender's own modifiers deform all meshes in evaluations meanwhile, but for the output Mesh."""
+
+    def __enter__(self):
+        global _stands_aside
+        _stands_aside = True
+
+    def __exit__(self, *_):
+        global _stands_aside
+        _stands_aside = False
 
 
 def of(ob):

@@ -11,7 +11,7 @@ from ..blender import layout, nodes, values
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..ui import notice
-from . import characters, mail, mesh_output
+from . import characters, mail, mesh_output, whole_frames
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
@@ -55,6 +55,7 @@ def on_load(*_):
     global _is_file_unknown
     _is_file_unknown = True
     notice.forget()
+    whole_frames.forget()
     forget()
     take_over_open_file()
 

@@ -4,7 +4,7 @@ import bpy
 
 from .cures import FillWeights, KeepGenerated, MakeSingleUser, NormalizeWeights, RemoveDoubles, SelectUnweighted
 from .display import ToggleSkeleton, ToggleWeights
-from .operators import Bind, ClipToKeyframes, ExportRig, ImportRig, Unbind
+from .operators import Bind, ClipToKeyframes, ExportRig, ImportRig, MeasureFrames, Unbind
 from .preferences import OpenManual
 
 RIG_FILES = "Sinew Rig (.bf/.tgf)"
@@ -24,6 +24,7 @@ class SinewMenu(bpy.types.Menu):
         layout.separator()
         layout.operator(ToggleWeights.bl_idname, icon="GROUP_VCOL")
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
+        layout.operator(MeasureFrames.bl_idname, icon="TIME")
         layout.separator()
         for operator in (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser, RemoveDoubles,
                          KeepGenerated):

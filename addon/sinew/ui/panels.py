@@ -6,9 +6,9 @@ import bpy
 from ..binding import bind
 from ..native import sinew_native
 from ..rigs import clip_store
-from ..session import characters
+from ..session import characters, whole_frames
 from . import cures, display, notice
-from .operators import Bind, ClipToKeyframes, ImportRig, Unbind, meshes_of
+from .operators import Bind, ClipToKeyframes, ImportRig, MeasureFrames, Unbind, meshes_of
 
 WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier", "MESH": "its own vertices"}
 MOST_MESHES = 10  # of an armature, that are listed
@@ -168,7 +168,7 @@ def draw_influence(layout, ob):
         layout.prop(modifier, "use_bone_envelopes", text="Bone Envelopes")
 
 
-def draw_statistics(layout, entry):
+def draw_statistics(layout, scene, entry):
     skin, influences, timings = entry.layers[0].skin, entry.layers[0].influences, entry.timings
     column = layout.column(align=True)
     draw_value(column, "Vertices", f"{skin.vertex_count:,}")
@@ -178,7 +178,13 @@ def draw_statistics(layout, entry):
     draw_value(column, "Unweighted", f"{influences.unweighted_count:,}")
     draw_value(column, "Goes Through", WAYS[entry.way.kind])
     column.separator()
-    draw_value(column, "Last Frame", f"{timings.total:.2f} ms")
+    measured = whole_frames.last(scene)
+    if measured is not None:
+        draw_value(column, "Whole Frame", f"{measured.sinew:.2f} ms")
+        draw_value(column, "Without Sinew", f"{measured.blender:.2f} ms")
+    column.operator(MeasureFrames.bl_idname, icon="TIME")
+    column.separator()
+    draw_value(column, "Sinew's Part", f"{timings.total:.2f} ms")
     for name, value in (("Pose", timings.pose), ("Skin", timings.skin)):
         draw_value(column, name, f"{value:.2f} ms")
     column.separator()
@@ -239,7 +245,7 @@ class Statistics:
         return bool(entry and entry.layers)
 
     def draw(self, context):
-        draw_statistics(layout_of(self), characters.character(bound_mesh(context)))
+        draw_statistics(layout_of(self), context.scene, characters.character(bound_mesh(context)))
 
 
 class SidebarMain(Main, InSidebar, bpy.types.Panel):
