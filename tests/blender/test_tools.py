@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, own_positions, select, twin_of, way
+from helpers import ROOT, addon_module, assert_same_shape, own_positions, select, twin_of, way
 
 
 @pytest.fixture
@@ -197,6 +197,45 @@ def test_nothing_of_the_original_is_written(pair, keys):
         bpy.context.scene.frame_set(frame)
     after = everything()
     assert len(before) == len(after) and all(np.array_equal(a, b) for a, b in zip(before, after))
+
+
+def cage():
+    bpy.ops.mesh.primitive_cube_add(size=20)
+    return bpy.context.object
+
+
+MODIFIERS = {
+    "CORRECTIVE_SMOOTH": ("correctivesmooth_bind", lambda modifier: setattr(modifier, "rest_source", "BIND")),
+    "MESH_DEFORM": ("meshdeform_bind", lambda modifier: setattr(modifier, "object", cage())),
+    "SURFACE_DEFORM": ("surfacedeform_bind", lambda modifier: setattr(modifier, "target", cage())),
+}
+
+
+@pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
+@pytest.mark.parametrize("kind", MODIFIERS)
+def test_modifiers_behind_it_are_bound_to_the_shape(pair, kind, keys):
+    if keys:
+        with_keys(pair)
+    operator, prepare = MODIFIERS[kind]
+    for each in pair:
+        modifier = each.modifiers.new("Behind", kind)
+        prepare(modifier)
+        select(each)
+        bpy.context.view_layer.update()
+        assert getattr(bpy.ops.object, operator)(modifier="Behind") == {"FINISHED"}
+        assert getattr(modifier, "is_bind", getattr(modifier, "is_bound", None))
+    for frame in (4, 7):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(*pair)
+
+
+def test_the_modifier_sinew_as_a_shape_key_is_refused(pair):
+    """By Blender, in its words, for which the manual has the cure."""
+    select(pair[0])
+    with pytest.raises(RuntimeError, match="Only deforming modifiers can be applied to shapes"):
+        bpy.ops.object.modifier_apply_as_shapekey(modifier="Sinew")
+    assert_same_shape(*pair)
+    assert "Only deforming modifiers can be applied to shapes" in (ROOT / "docs/accelerate.md").read_text()
 
 
 def test_painted_weights_are_read_whole(pair, monkeypatch):
