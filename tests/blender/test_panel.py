@@ -79,6 +79,15 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
     fresh_scene.frame_set(4, subframe=0.5)
     characters, calls, before = addon_module("session.characters"), [], evaluated(ob)
+    shortcuts = addon_module("session.shortcuts")
+    take = shortcuts.take
+
+    def note_taken(entry, evaluated_object):
+        taken = take(entry, evaluated_object)
+        calls.extend([True] * taken)
+        return taken
+
+    monkeypatch.setattr(shortcuts, "take", note_taken)
     is_at_work = characters.Character.is_at_work
 
     def note(entry, evaluated_object):

@@ -268,7 +268,7 @@ def test_weights_that_lie_elsewhere_are_read_one_by_one(pair, monkeypatch, spoil
         return (offsets, groups, weights + 1) if spoil == "weight" else (offsets, groups[:-1], weights[:-1])
 
     by_bmesh = meshes._weights_by_bmesh
-    monkeypatch.setattr(memory, "host", SimpleNamespace(read_weights=wrong, read_pose=memory.host.read_pose))
+    monkeypatch.setattr(memory, "host", SimpleNamespace(**{**vars(memory.host), "read_weights": wrong}))
     monkeypatch.setattr(meshes, "_weights_by_bmesh", lambda mesh: asked.append(mesh) or by_bmesh(mesh))
     for each in pair:
         each.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")

@@ -176,7 +176,7 @@ class Character:
 
     def is_made_with(self, deformer):
         """Whether nothing has been said since then that asks for another one."""
-        return self._is_known and self.deformer is deformer
+        return self._is_known and self.deformer is deformer and not _stands_aside
 
     def is_read(self):
         return self._rest is not None
