@@ -11,7 +11,10 @@ from mathutils import Euler, Matrix
 from helpers import addon_module, diagonal, evaluated, select
 
 BEFORE_41 = bpy.app.version < (4, 1, 0)
-SAME_ARITHMETIC = 2e-6
+# Of the diagonal. To the bit, but for the arc cosine; a hook's matrix is multiplied in another order.
+CORRECTIVE = 2e-7 if BEFORE_41 else 0
+SMOOTH = 0
+HOOK = 5e-7
 
 
 def native():
@@ -156,7 +159,7 @@ def test_corrective_smooth(ob, smooth_type):
         own, theirs = shapes(ob, modifier)
         moved = max(moved, error(own, theirs))
         corrective(ob, modifier, own_positions(ob.data)).apply(own)
-        assert error(own, theirs) < SAME_ARITHMETIC, (group, amounts, switches)
+        assert error(own, theirs) <= CORRECTIVE, (group, amounts, switches)
         ob.modifiers.remove(modifier)
     assert moved > 1e-3
 
@@ -176,9 +179,9 @@ def test_corrective_smooth_bound_elsewhere(ob):
     own, theirs = shapes(ob, modifier)
     unlike = own.copy()
     corrective(ob, modifier, bound).apply(own)
-    assert error(own, theirs) < SAME_ARITHMETIC
+    assert error(own, theirs) <= CORRECTIVE
     corrective(ob, modifier, own_positions(ob.data)).apply(unlike)
-    assert error(unlike, theirs) > 100 * SAME_ARITHMETIC
+    assert error(unlike, theirs) > 1e-3
 
 
 def test_smooth(ob):
@@ -192,7 +195,7 @@ def test_smooth(ob):
         else:
             native().Smooth(topology(ob.data), **group_of(ob, modifier)).stage(
                 modifier.factor, modifier.iterations, modifier.use_x, modifier.use_y, modifier.use_z).apply(own)
-        assert error(own, theirs) < SAME_ARITHMETIC, (group, amounts, axes)
+        assert error(own, theirs) <= SMOOTH, (group, amounts, axes)
         ob.modifiers.remove(modifier)
 
 
@@ -221,7 +224,7 @@ def test_hook(ob, falloff):
         hook = native().Hook(len(own), None if vertices is None else np.array(vertices), **group_of(ob, modifier))
         hook.stage(np.array(matrix), modifier.strength, falloff.lower(), modifier.falloff_radius,
                    tuple(modifier.center), np.array(modifier.matrix_inverse)[:3, :3] if uniform else None).apply(own)
-        assert error(own, theirs) < SAME_ARITHMETIC, (group, vertices is None, uniform, radius)
+        assert error(own, theirs) <= HOOK, (group, vertices is None, uniform, radius)
         ob.modifiers.remove(modifier)
 
 
@@ -244,4 +247,4 @@ def test_one_after_the_other(ob):
     for value in (1, 0.3):
         keys["bent"].value = value
         deformer.deform([], own, np.array([0, value], np.float32), stages=stages)
-        assert error(own, evaluated(ob)) < SAME_ARITHMETIC
+        assert error(own, evaluated(ob)) <= CORRECTIVE

@@ -16,7 +16,9 @@ namespace sinew {
 class Smooth {
  public:
   struct Settings {
-    float factor = 0.5f;                ///< any finite number, also outside of 0 to 1
+    /// Any finite number, also outside of 0 to 1. (Blender 3.4 does nothing for a negative one with
+    /// a group: that is left to the caller.)
+    float factor = 0.5f;
     int iterations = 1;                 ///< 0 or fewer: nothing happens
     bool x = true, y = true, z = true;  ///< the axes along which vertices move
   };
