@@ -70,4 +70,21 @@ void move_bytes(const BlockedSkin& skin, bool stream, int threads, float* positi
   if (stream) _mm_sfence();
 }
 
+void move_numbers(std::span<const float> in, std::span<float> out, int threads) {
+  constexpr std::ptrdiff_t kPieces = 256;
+  const std::ptrdiff_t read = std::ssize(in) / kPieces & ~15,
+                       written = std::ssize(out) / kPieces & ~15;
+  deal(threads, kPieces, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    for (std::ptrdiff_t piece = begin; piece < end; ++piece) {
+      __m128 sum[4] = {};
+      const float* const first = in.data() + piece * read;
+      for (const float* number = first; number < first + read; number += 16) {
+        for (int i = 0; i < 4; ++i) sum[i] = _mm_add_ps(sum[i], _mm_loadu_ps(number + 4 * i));
+      }
+      float* const to = out.data() + piece * written;
+      for (std::ptrdiff_t i = 0; i < written; i += 4) _mm_storeu_ps(to + i, sum[i / 4 % 4]);
+    }
+  });
+}
+
 }  // namespace sinew::bench

@@ -1,6 +1,8 @@
 /// What the library is measured against.
 #pragma once
 
+#include <span>
+
 #include "blocked_skin.h"
 #include "characters.h"
 
@@ -17,5 +19,8 @@ void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::Matrix
 /// of this packed form can be faster where memory is the limit.
 /// stream  write past the caches; `positions` is then aligned to 16 bytes.
 void move_bytes(const BlockedSkin& skin, bool stream, int threads, float* positions);
+
+/// Reads all of `in`, in order, writes all of `out` and computes nothing but sums of 16 numbers.
+void move_numbers(std::span<const float> in, std::span<float> out, int threads);
 
 }  // namespace sinew::bench

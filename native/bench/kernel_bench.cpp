@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "baselines.h"
+#include "chain_rows.h"
 #include "peak.h"
 #include "sinew/deformer.h"
 #include "sinew/instruction_set.h"
@@ -229,7 +230,9 @@ int main(int count, char** arguments) {
         subject("2 to 4 influences", read_character(arguments[1], subdivisions, 4, 2, kFrames)));
   }
   subjects.push_back(subject("8 influences", read_character(arguments[1], 0, 8, 8, kFrames)));
-  add_all(subjects, static_cast<int>(std::thread::hardware_concurrency()));
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  add_all(subjects, cores);
+  add_chain_rows(cores);
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();
 }

@@ -46,6 +46,8 @@ def kernel(path, summary=None):
     context, results = runs(path)
     figures = {}
     for name, run in results.items():
+        if name.startswith("chain"):
+            continue
         what, mesh, vertices, target, threads, state, frames = name.split("|")
         per_vertex = {key: run[key] / run["vertices"] / run["frames"] for key in ("median", "low", "high")}
         figures[what, mesh, int(vertices), target, int(threads), state, int(frames)] = {
@@ -87,7 +89,29 @@ def kernel(path, summary=None):
     print(f"{machine(context)}\n")
     print(markdown(("what", "influences", "vertices", "set", "threads", "state", "ns a vertex (extremes)",
                     "of memory bound", "of multiply-add bound", "report's loop"), rows))
-    write_summary(summary, context, records)
+    chain_rows, chain_records = chain(results)
+    print("\nBefore and after skinning\n")
+    print(markdown(("what", "vertices", "threads", "milliseconds", "ns a vertex (and iteration)",
+                    "of memory bound"), chain_rows))
+    write_summary(summary, context, records + chain_records)
+
+
+def chain(results):
+    """Rows and records of the benchmarks named "chain|...", beside their bounds."""
+    rows, records = [], []
+    for name, run in sorted(results.items()):
+        if not name.startswith("chain|"):
+            continue
+        _, what, vertices, threads, steps = name.split("|")
+        vertices, threads, steps = int(vertices), int(threads), int(steps)
+        bound = results["chain bound" + name.removeprefix("chain")]["median"]
+        record = {"what": what, "vertices": vertices, "threads": threads, "iterations": steps,
+                  "milliseconds": run["median"] / 1e6, "ns_a_vertex": run["median"] / vertices / steps,
+                  "of_memory_bound": bound / run["median"]}
+        records.append(record)
+        rows.append((what, f"{vertices:,}", threads, f"{record['milliseconds']:.3f}",
+                     f"{record['ns_a_vertex']:.2f}", f"{100 * record['of_memory_bound']:.0f} %"))
+    return rows, records
 
 
 def joints(path, summary=None):

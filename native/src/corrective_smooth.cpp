@@ -12,8 +12,8 @@ namespace {
 
 // What one vertex costs one thread, about, to take and put back, in an iteration of either type,
 // and to correct.
-constexpr double kMicroseconds = 2e-3, kMicrosecondsSimple = 2.5e-3, kMicrosecondsLength = 4e-3,
-                 kMicrosecondsCorners = 14e-3;
+constexpr double kMicroseconds = 3.5e-3, kMicrosecondsSimple = 1e-3, kMicrosecondsLength = 1.3e-3,
+                 kMicrosecondsCorners = 8e-3;
 
 // So many settings' losses are remembered: those of the viewport and of a render may differ.
 constexpr std::size_t kRemembered = 2;

@@ -1,6 +1,7 @@
 #include "neighbourhood.h"
 
 #include <algorithm>
+#include <cstring>
 #include <tuple>
 
 namespace sinew {
@@ -12,8 +13,8 @@ constexpr std::size_t kPiece = kBlocksPerPiece * kBlock;
 
 }  // namespace
 
-Neighbourhood::Neighbourhood(const Topology& topology, std::vector<float> all_weights) {
-  const auto vertex_count = static_cast<std::size_t>(topology.vertex_count());
+Neighbourhood::Neighbourhood(const Topology& topology, std::vector<float> all_weights)
+    : vertex_count(static_cast<std::size_t>(topology.vertex_count())) {
   for (std::size_t v = 0; v < vertex_count; ++v) {
     if (all_weights[v] != 0) vertices.push_back(static_cast<std::uint32_t>(v));
   }
@@ -76,12 +77,9 @@ Neighbourhood::Neighbourhood(const Topology& topology, std::vector<float> all_we
 void Neighbourhood::take(const float* positions, std::size_t begin, std::size_t end,
                          float* points) const {
   for (std::size_t i = begin; i < end; ++i) {
-    const float* position = positions + 3 * std::size_t{vertices[i]};
-    float* point = points + 4 * i;
-    point[0] = position[0];
-    point[1] = position[1];
-    point[2] = position[2];
-    point[3] = 0;
+    const std::size_t v = vertices[i];
+    // The fourth number is the next vertex's, if there is one.
+    std::memcpy(points + 4 * i, positions + 3 * v, (v + 1 < vertex_count ? 4 : 3) * sizeof(float));
   }
 }
 

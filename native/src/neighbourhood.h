@@ -14,7 +14,7 @@
 namespace sinew {
 
 /// So many blocks are one thread's piece of work.
-constexpr std::size_t kBlocksPerPiece = 32;
+constexpr std::size_t kBlocksPerPiece = 64;
 
 /// Memory for so many T, which may be none.
 template <class T>
@@ -49,6 +49,7 @@ struct Neighbourhood {
   /// Back again, for the vertices of blocks `begin` up to `end`.
   void put(const float* points, std::size_t begin, std::size_t end, float* positions) const;
 
+  std::size_t vertex_count;             ///< of the mesh
   std::vector<std::uint32_t> vertices;  ///< of each point
   std::size_t worked_on;                ///< so many of them; without what fills the last block
   std::vector<float> weights;           ///< one a lane

@@ -8,7 +8,7 @@ namespace sinew {
 namespace {
 
 // What one vertex costs one thread, about, to take and put back and in an iteration.
-constexpr double kMicroseconds = 2e-3, kMicrosecondsStep = 2.5e-3;
+constexpr double kMicroseconds = 3.5e-3, kMicrosecondsStep = 1e-3;
 
 std::vector<float> positive_weights(const VertexGroup& group, std::ptrdiff_t vertices) {
   std::vector<float> weights = weights_of(group, vertices);
