@@ -15,7 +15,9 @@ void bind_deformer(pybind11::module_& module);
 
 PYBIND11_MODULE(sinew_native, module) {
   module.doc() =
-      "Skeletal deformation: forward kinematics, skinning and the files of a rig folder.";
+      "Skeletal deformation: forward kinematics, skinning, shape keys, smoothing and the files of "
+      "a rig "
+      "folder.";
   module.attr("__version__") = SINEW_VERSION;
   sinew::bindings::bind_skeleton(module);
   sinew::bindings::bind_files(module);

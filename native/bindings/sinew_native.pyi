@@ -1,4 +1,4 @@
-"""Skeletal deformation: forward kinematics, skinning and the files of a rig folder.
+"""Skeletal deformation: forward kinematics, skinning, shape keys, smoothing and the files of a rig folder.
 
 Letters: V vertices, J joints, P poses, F frames, N influences of all vertices together. Matrices are
 indexed m[..., row, column] and move column vectors. Mistakes raise ValueError with one sentence.

@@ -40,14 +40,18 @@ def test_an_old_reference_is_noticed(tmp_path):
 def test_the_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     page = API.read_text(encoding="utf-8")
-    code, = [block for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-             if "read_rig(" in block and "import numpy" in block]
+    examples = [block for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+                if "= sinew." in block and "sinew_native as sinew  #" not in block]
+    assert len(examples) == 2
     names = {}
-    exec(compile(code, str(API), "exec"), names)  # noqa: S102
+    exec(compile("".join(examples), str(API), "exec"), names)  # noqa: S102
     skin, matrices, shapes = names["skin"], names["matrices"], names["shapes"]
     assert names["positions"].shape == (skin.vertex_count, 3)
     assert np.array_equal(shapes[7], sinew.skin_linear(skin, matrices[7]))
     assert np.abs(shapes[7] - skin.rest_positions).max() > 0.01
+    stage, expected = names["smooth"].stage(), shapes[7].copy()
+    stage.apply(expected)
+    assert np.array_equal(names["smoothed"][7], expected) and not np.array_equal(expected, shapes[7])
 
 
 def anchors(page):
