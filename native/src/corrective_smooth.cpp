@@ -64,24 +64,38 @@ class CorrectiveSmooth::Body {
 
   void apply(const Settings& settings, std::span<float> positions) {
     if (settings.iterations <= 0 || settings.factor == 0 || around_.worked_on == 0) return;
-    Losses* losses = settings.only_smooth ? nullptr : take_losses(settings);
+    const Reading losses(*this, settings.only_smooth ? nullptr : take_losses(settings));
     Smoothing smoothing(around_, microseconds(settings), spaces_);
     smoothing.take(positions.data());
     iterate(settings, smoothing);
-    if (!losses) return smoothing.put(positions.data());
+    if (settings.only_smooth) return smoothing.put(positions.data());
     smoothing.each_piece([&](std::size_t begin, std::size_t end) {
       float* const corrected = smoothing.other_points();
       restore_losses(around_, begin, end, smoothing.points(), losses->numbers.get(), settings.scale,
                      angle_, corrected);
       around_.put(corrected, begin, end, positions.data());
     });
-    const std::lock_guard lock(mutex_);
-    --losses->readers;
   }
 
   const std::ptrdiff_t vertex_count;
 
  private:
+  /// Counts as a reader while it lives. own  counts it already, or null.
+  class Reading {
+   public:
+    Reading(Body& body, Losses* own) : body_(body), own_(own) {}
+    Reading(const Reading&) = delete;
+    ~Reading() {
+      const std::lock_guard lock(body_.mutex_);
+      if (own_) --own_->readers;
+    }
+    const Losses* operator->() const { return own_; }
+
+   private:
+    Body& body_;
+    Losses* own_;
+  };
+
   double microseconds(const Settings& settings) const {
     const double step =
         settings.type == SmoothType::simple ? kMicrosecondsSimple : kMicrosecondsLength;
@@ -98,7 +112,7 @@ class CorrectiveSmooth::Body {
                       });
   }
 
-  /// Counts as read until its readers are one fewer.
+  /// With one reader more.
   Losses* take_losses(const Settings& settings) {
     std::unique_ptr<Losses> made;
     {

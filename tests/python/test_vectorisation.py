@@ -59,3 +59,12 @@ def test_dual_quaternion_blocks_are_vector_code(functions, target, register):
 def test_older_machines_get_vectors_too(functions, target):
     lines = code(functions, target, "linear_blocks")
     assert count(lines, r"^mulps") >= 2 * 12 and count(lines, r"^addps") >= 2 * 12
+
+
+# Blender's bits: nothing is fused.
+@pytest.mark.parametrize("kernel", ("simple_step", "length_step", "mean_step", "measure_losses", "restore[^:]*"))
+@pytest.mark.parametrize("target, register", [("N_AVX2", "ymm"), ("N_AVX3", "zmm")])
+def test_smoothing_is_vector_code_that_rounds_after_each_operation(functions, target, register, kernel):
+    lines = code(functions, target, kernel)
+    assert count(lines, rf"v(add|sub|mul)ps.*%{register}") >= 12
+    assert not count(lines, r"vfn?m(add|sub)")
