@@ -12,11 +12,12 @@ from mathutils import Euler
 CHAIN, CHAIN_BONES = "chain", 22
 METARIGS = ("human", "horse", "cat", "wolf", "bird", "shark", "basic_human", "basic_quadruped")
 RIGS = (CHAIN, *METARIGS)
-VARIANTS = ("keys", "driven-keys", "smooth", "subdivision")
+VARIANTS = ("keys", "driven-keys", "smooth", "smooth-part", "keys-smooth", "subdivision")
 KEYED_FRAMES = (1, 15, 30, 45)
 CONTROLS = 60  # of a generated rig, that are animated
 INFLUENCES = 3
 KEYS, KEY_SHARE = 50, 0.05  # shape keys, and the share of the vertices that each moves
+SMOOTHED_SHARE = 0.2  # of the vertices, by the variant smooth-part
 CHUNK = 10_000  # vertices
 
 
@@ -188,12 +189,15 @@ def write_weights(mesh, bones, weights):
 # --- what the mesh has besides ----------------------------------------------------------------------
 
 def add_variant(ob, variant):
-    if variant == "smooth":
-        ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
-    elif variant == "subdivision":
-        ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
-    elif variant:
+    if "keys" in variant:
         add_keys(ob)
+    if "smooth" in variant:
+        smooth = ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
+        if variant == "smooth-part":
+            smooth.vertex_group = ob.vertex_groups.new(name="Smoothed").name
+            ob.vertex_groups["Smoothed"].add(range(int(SMOOTHED_SHARE * len(ob.data.vertices))), 1, "REPLACE")
+    if variant == "subdivision":
+        ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
 
 
 def add_keys(ob):
