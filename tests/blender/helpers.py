@@ -58,9 +58,9 @@ def evaluated(ob, graph=None):
 
 
 def way(ob):
-    """Which way a bound mesh goes, once Blender has evaluated it: "ATTRIBUTE", "KEYS", "MESH" or "BLENDER"."""
+    """Which way a bound mesh goes, once Blender has evaluated it: "ATTRIBUTE", "KEYS" or "BLENDER"."""
     entry = addon_module("session.characters").character(ob)
-    assert entry.way.kind == "BLENDER" or entry.is_wired or ob.sinew.installed_output == "MESH"
+    assert entry.way.kind == "BLENDER" or entry.is_wired
     return entry.way.kind
 
 
@@ -130,8 +130,8 @@ def traces():
         names += [curve.data_path for curve in (ob.animation_data.drivers if ob.animation_data else ())
                   for variable in curve.driver.variables if "sinew" in variable.targets[0].data_path]
         if ob.type == "MESH":
-            names += [name for name in ob.data.attributes.keys()
-                      if "sinew" in name or name == "rest_position"]
+            names += [name for name in ob.data.attributes.keys() if "sinew" in name or name == "rest_position"]
+        names += [ob.name] if ob.sinew.copied_from else []
     return names
 
 

@@ -127,7 +127,7 @@ def test_import_takes_the_importers_options(document, tmp_path):
         "--convention", "joint", "--quaternion-order", "wxyz", "--frame-rate", "12", "--keep-frame-range")
     assert found["path"] == str(path)
     bpy.ops.wm.open_mainfile(filepath=str(path))
-    assert [ob.name for ob in bpy.data.objects if ob.type == "MESH"] == ["capsule"]
+    assert [ob.name for ob in bpy.data.objects if ob.type == "MESH"] == ["capsule", "capsule.deformed"]
     ob = bpy.data.objects["capsule"]
     assert (ob.sinew.method, ob.sinew.source, ob.sinew.installed_output) == (
         "DUAL_QUATERNION", "ARMATURE", "MESH")

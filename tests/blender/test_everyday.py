@@ -9,7 +9,7 @@ import pytest
 
 from characters import accelerate, add_shape_keys
 from helpers import (
-    RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, own_positions, select, traces, twin_of, way)
+    RIGS, addon_module, assert_same_shape, evaluated, own_positions, select, traces, twin_of, way)
 
 
 def errors(ob):
@@ -223,90 +223,6 @@ def test_files_of_the_importer_can_be_chosen_from_a_list():
     assert search(chosen, SimpleNamespace(space_data=browser), "WA") == ["walk.dmat"]
     nowhere = SimpleNamespace(directory="/nowhere/", filepath="")
     assert search(nowhere, SimpleNamespace(space_data=None), "") == []
-
-
-def move_in_edit_mode(ob):
-    select(ob)
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.transform.translate(value=(0, 0.5, 0))
-    bpy.context.scene.frame_set(bpy.context.scene.frame_current + 1)
-    bpy.ops.object.mode_set(mode="OBJECT")
-
-
-def move_in_edit_mode_and_undo(ob):
-    """Two moves, of which the second is taken back."""
-    select(ob)
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.ed.undo_push(message="entered")
-    for y in (0.5, 2.0):
-        bpy.ops.transform.translate(value=(0, y, 0))
-        bpy.ops.ed.undo_push(message="moved")
-    bpy.ops.ed.undo()
-    bpy.ops.object.mode_set(mode="OBJECT")
-
-
-def move_by_script(ob):
-    for vertex in ob.data.vertices[100:900]:
-        vertex.co.y += 0.5
-    ob.data.update()
-
-
-def move_by_bmesh(ob):
-    import bmesh
-
-    edited = bmesh.new()
-    edited.from_mesh(ob.data)
-    bmesh.ops.translate(edited, verts=edited.verts[100:900], vec=(0, 0.5, 0))
-    edited.to_mesh(ob.data)
-    edited.free()
-    ob.data.update()
-
-
-@pytest.mark.parametrize("method", ("LINEAR", "DUAL_QUATERNION"))
-@pytest.mark.parametrize("edit", (
-    move_in_edit_mode, move_in_edit_mode_and_undo, move_by_script, move_by_bmesh))
-def test_edits_of_a_mesh_that_shows_its_shape(fresh_scene, character, edit, method):
-    """They are kept, as edits of the rest shape that show where they were made."""
-    ob, _, _ = character
-    ob.sinew.output, ob.sinew.method = "MESH", method
-    fresh_scene.frame_set(3)
-    shape, rest = evaluated(ob), data_of_rest(ob)
-    edit(ob)
-    frame = fresh_scene.frame_current
-    fresh_scene.frame_set(8)
-    other = evaluated(ob)
-    fresh_scene.frame_set(3)
-    edited = evaluated(ob)
-    moved = np.abs(edited - shape).max(axis=1) > 0.1
-    assert frame in (3, 4) and moved.sum() == (800 if edit in (move_by_script, move_by_bmesh) else 1200)
-    assert np.allclose((edited - shape)[moved], (0, 0.5, 0), atol=1e-4)
-    assert np.array_equal(edited[~moved], shape[~moved])
-    twin = builtin_copy(ob)
-    fresh_scene.frame_set(8)
-    assert np.abs(other - shape).max() > 0.1
-    assert_same_shape(ob, twin)
-    assert not np.array_equal(data_of_rest(ob), rest)
-
-
-def data_of_rest(ob):
-    values = np.empty(3 * len(ob.data.vertices), np.float32)
-    ob.data.attributes["rest_position"].data.foreach_get("vector", values)
-    return values
-
-
-def test_edits_while_the_shape_is_not_shown(fresh_scene, character):
-    ob, _, _ = character
-    ob.sinew.output = "MESH"
-    ob.sinew.show_shape = False
-    move_by_script(ob)
-    bpy.context.view_layer.update()
-    rest = own_positions(ob)
-    ob.sinew.show_shape = True
-    fresh_scene.frame_set(5)
-    assert np.abs(own_positions(ob) - rest).max() > 0.1
-    assert np.array_equal(data_of_rest(ob), rest.reshape(-1))
 
 
 @pytest.mark.says_errors

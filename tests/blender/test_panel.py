@@ -166,7 +166,8 @@ def test_switches_of_what_is_shown(output):
     assert hasattr(ob.sinew, "show_shape") and shown
     notes = Notes()
     addon_module("ui.panels").draw_switches(notes, ob)
-    assert notes.said == {"MODIFIER": ["Show", "", ""], "MESH": ["Show", "Deform"]}[output]
+    assert notes.said == ["Show", "", "", *{
+        "MODIFIER": [], "MESH": ["Copy", "Tube.deformed", "Show Copy", "", "", "Deform"]}[output]]
 
 
 def test_preferences_without_a_module():

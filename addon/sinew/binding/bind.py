@@ -2,13 +2,13 @@
 
 import bpy
 
-from ..blender import animation, memory, meshes, nodes
+from ..blender import animation, memory, meshes, nodes, values
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from ..session import characters, mesh_output as runtime_mesh
+from ..session import characters, deformed_copies
 from ..ui import notice
-from . import mesh_output, old_files, runs, ways, wiring
-from .mesh_output import OutputError
+from . import deformed_copy, old_files, runs, ways, wiring
+from .deformed_copy import OutputError
 
 MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
 
@@ -52,6 +52,8 @@ def check_bindable(ob, armature):
     """Raises BindingError with the reason if the mesh cannot be bound to the armature."""
     if ob.type != "MESH":
         raise BindingError(f"{ob.name} is not a mesh")
+    if ob.sinew.copy_of is not None:
+        raise BindingError(f"{ob.name} is the deformed copy of {ob.sinew.copy_of.name}: bind that one")
     if armature is None:
         raise BindingError(
             f"{ob.name} has no armature: select one with it, parent it to one or give it an "
@@ -85,18 +87,19 @@ def check_bindable(ob, armature):
             f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
 
 
-def bind(ob, armature, output="MODIFIER", method=None, source=None):
+def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=True):
     """Let Sinew deform the mesh in place of its Armature modifier on that armature (and those that Multi Modifier
     mixes with it), which stays as it is but for its switches, and goes on saying how: method, groups, envelopes,
     mask. A mesh that has none gets one. Without `source` a mesh that was bound to that armature before has its own
-    again, and another one a clip if there is one. Raises BindingError."""
+    again, and another one a clip if there is one. is_shown: have Blender evaluate it at once, which must not be asked for
+    in a handler. Raises BindingError."""
     check_bindable(ob, armature)
     settings = ob.sinew
     replaced = armature_modifier(ob, armature)
     taken = wiring.mixed_modifiers(ob, replaced) if replaced else []
-    if output == "MESH" and not (settings.is_bound and settings.installed_output == "MESH"):
+    if output == "MESH":
         try:
-            mesh_output.check(ob, taken)
+            deformed_copy.check(ob, taken, characters.count_sharers(ob))
         except OutputError as error:
             raise BindingError(str(error)) from error
     was_bound_to = settings.last_armature
@@ -127,23 +130,29 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None):
         taken[0].use_deform_preserve_volume = method == "DUAL_QUATERNION"
     settings.output = settings.installed_output = output
     wiring.wire(ob, taken[0])
-    if output == "MESH":
-        wiring.hold_off(ob)
-        mesh_output.install(ob)
     memory.clear_mark(ob.data, "MESH")
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
     characters.forget_object(ob)
     adapt(ob)
-    show(ob)
+    ob.update_tag()
+    if is_shown:
+        show(ob)
 
 
 def bind_anew(ob):
-    """A mesh that Sinew 0.1 has bound."""
+    """A mesh that Sinew 0.1 has bound. In a handler."""
     source, output = ob.sinew.source, ob.sinew.installed_output
     armature = old_files.give_back(ob)
     try:
-        bind(ob, armature, output, source=source)
+        try:
+            bind(ob, armature, output, source=source, is_shown=False)
+        except BindingError:
+            if output == "MODIFIER":
+                raise
+            bind(ob, armature, source=source, is_shown=False)
+            notice.show(f"{ob.name} has the output Modifier now, for Blender's own modifier deforms it: "
+                        f"{characters.of(ob).way.reason}")
     except BindingError as error:
         notice.show(f"{error} (it was bound by Sinew 0.1, and Blender's own modifier deforms it now)")
 
@@ -212,24 +221,20 @@ characters.rewire = rewire
 
 
 def show(ob):
-    """The shape as the bound mesh now has it."""
+    """The shape as the bound mesh now has it, in its deformed copy as well."""
     ob.update_tag()
     if ob.sinew.installed_output == "MESH":
-        with runtime_mesh.Asleep():
-            depsgraph = bpy.context.evaluated_depsgraph_get()
-            runtime_mesh.deform([ob], depsgraph)
-            depsgraph.update()
+        deformed_copies.follow([ob], bpy.context.evaluated_depsgraph_get(), {values.key_of(ob)})
 
 
 def unbind(ob):
-    """Give the mesh back as it was: rest positions, and the Armature modifier switched on again."""
+    """Give the object back as it was; its deformed copy goes."""
     settings = ob.sinew
     settings.is_bound = False
     if settings.installed_output == "MESH":
-        mesh_output.remove(ob)
+        deformed_copy.remove(ob)
     taken = wiring.taken_modifiers(ob)
     remove_own_modifier(ob)
-    wiring.let_go(ob)
     wiring.unwire(ob)
     if settings.has_added_modifier:
         settings.has_added_modifier = False
@@ -239,11 +244,6 @@ def unbind(ob):
     if is_deleted(settings.last_armature):
         settings.last_armature = None  # else it would stay in the file for this mesh's sake
     ob.update_tag()
-
-
-def shows_in_mesh(ob):
-    """Whether the mesh's own vertices are not its rest shape."""
-    return ob.sinew.is_bound and ob.sinew.installed_output == "MESH"
 
 
 def is_deleted(armature):
@@ -257,7 +257,7 @@ def release_if_undone(ob):
     it still has are switched off if Sinew's was applied, for they would deform the mesh again."""
     taken = wiring.taken_modifiers(ob)
     attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
-    if (ob.sinew.installed_output == "MESH" or ob.data.is_editmode or ob.library or ob.override_library
+    if (ob.data.is_editmode or ob.library or ob.override_library
             or old_files.is_old(ob) or taken and (attribute is None or nodes.find_modifier(ob))):
         return False
     was_applied = bool(taken) and characters.of(ob).has_taken(
@@ -285,31 +285,16 @@ def switch_output(ob):
     old, new = settings.installed_output, settings.output
     if old == new:
         return
-    taken = wiring.taken_modifiers(ob)
     if new == "MESH":
         try:
-            remove_own_modifier(ob)
-            mesh_output.check(ob, taken)
-            mesh_output.install(ob)
+            deformed_copy.check(ob, wiring.taken_modifiers(ob), characters.count_sharers(ob))
         except OutputError:
             settings.output = old
-            adapt(ob)
             raise
     else:
-        mesh_output.remove(ob)
+        deformed_copy.remove(ob)
     settings.installed_output = new
-    wiring.let_go(ob) if new == "MODIFIER" else wiring.hold_off(ob)
-    characters.forget_object(ob)
-    adapt(ob)
     show(ob)
-
-
-def show_shape(ob):
-    """Of the output Mesh: the deformed shape or the rest shape, as its settings say."""
-    if ob.sinew.show_shape:
-        show(ob)
-    else:
-        mesh_output.show_rest(ob)
 
 
 def show_clip(armature):

@@ -2,11 +2,12 @@
 object how the clip of an imported rig plays."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
 
 from ..session import characters, in_pass
-from . import bind, wiring
-from .mesh_output import OutputError
+from . import bind, deformed_copy, wiring
+from .deformed_copy import OutputError
 from .old_files import SinewReplacedModifier
 
 METHODS = (
@@ -22,8 +23,8 @@ SOURCES = (
 )
 OUTPUT_ITEMS = (
     ("MODIFIER", "Modifier", "Show the shape through a modifier: the mesh keeps its rest shape"),
-    ("MESH", "Mesh", "Write the shape into the mesh's own vertices, for scripts and exporters; "
-     "the rest shape is kept aside and comes back on unbinding"),
+    ("MESH", "Mesh", "Show it, and write it on each frame into the vertices of a hidden copy of the object as well, for "
+     "scripts and exporters that read a mesh's vertices"),
 )
 CLIP_MODES = (
     ("REST", "Rest", "The rest pose"),
@@ -47,7 +48,7 @@ def _apply_output(settings, _context):
 
 def _apply_show_shape(settings, _context):
     if settings.is_bound and settings.installed_output == "MESH":
-        bind.show_shape(settings.id_data)
+        bind.show(settings.id_data)
 
 
 def _apply_source(settings, _context):
@@ -88,20 +89,37 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
         update=_apply_output, override=OVERRIDE)
     show_shape: BoolProperty(
         name="Deform", default=True, update=_apply_show_shape, override=OVERRIDE,
-        description="Write the deformed shape into the mesh; off: the rest shape (output Mesh)")
+        description="Write the deformed shape into the copy; off: the rest shape (output Mesh)")
 
     # Kept by bind.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
-    held: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # see wiring.hold_off
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
-    replaced: CollectionProperty(  # of files of 0.1
+    # Of a deformed copy (deformed_copy.py): the name of its object, how many vertices it was given, and of which edition
+    # of the object's mesh it is.
+    copied_from: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
+    copied_vertices: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
+    copied_edition: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
+
+    # Of older files, see old_files.py.
+    held: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
+    replaced: CollectionProperty(
         type=SinewReplacedModifier, options={"HIDDEN"}, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
 
     # Read by the hook of wiring.py.
     deform_now: FloatProperty(options={"HIDDEN"}, get=_deform_now)
+
+    @property
+    def deformed(self):
+        """The deformed copy of a mesh with the output Mesh, or None."""
+        return deformed_copy.find(self.id_data) if deformed_copy.is_wanted_by(self.id_data) else None
+
+    @property
+    def copy_of(self):
+        """The object whose deformed copy this is, or None."""
+        return self.id_data.parent if self.copied_from else None
 
     @property
     def modifiers(self):

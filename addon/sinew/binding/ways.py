@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ..blender import animation, armatures, nodes
 from . import wiring
 
-ATTRIBUTE, KEYS, BLENDER, MESH = "ATTRIBUTE", "KEYS", "BLENDER", "MESH"
+ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
 # Blender lets nothing but deforming modifiers stand before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
 
@@ -29,13 +29,17 @@ class Way:
 def choose(ob, mesh, sharer_count, moves_against_armature=False):
     """ob: a bound mesh object, original or evaluated; mesh: its own; sharer_count: how many objects have that mesh;
     moves_against_armature: whether mesh and armature were seen to move against each other, frame by frame."""
-    if ob.sinew.installed_output == "MESH":
-        return Way(MESH)
     taken = [ob.original.modifiers[modifier.name] for modifier in wiring.taken_modifiers(ob)]
     if not taken or taken[0].object is None:
         return Way(BLENDER, "Its armature is gone: choose another one, or unbind")
+    return foresee(ob, mesh, taken, sharer_count, moves_against_armature)
+
+
+def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False):
+    """The same of a mesh that is to be bound. taken: the Armature modifiers that Sinew is to stand in for; none: it
+    is to get one, the first of all."""
     for modifier in ob.original.modifiers:
-        if modifier == taken[0]:
+        if modifier in taken[:1] or not taken:
             break
         if not nodes.is_sinew(modifier) and wiring.is_shown(modifier):
             return Way(BLENDER, f"{modifier.name} comes before {taken[0].name}, and only Blender knows what it "
@@ -77,6 +81,6 @@ def _through_keys(ob, keys, taken):
     if any(modifier.show_viewport != modifier.show_render for modifier in taken):
         return Way(BLENDER, "Its Armature modifier is not shown alike in viewport and render, which cannot be told "
                             "apart through shape keys")
-    if not wiring.is_shown(taken[0]):
+    if taken and not wiring.is_shown(taken[0]):
         return Way(BLENDER, "Its Armature modifier is switched off")
     return Way(KEYS)

@@ -64,6 +64,8 @@ def mixed_modifiers(ob, modifier):
 
 def driven_settings(ob, modifiers):
     """Names of properties of these modifiers that drivers set, but for the hook. (Keyframes come before the hook.)"""
+    if not ob.animation_data:
+        return []
     starts = tuple(path_of(modifier, "") for modifier in modifiers)
     return [curve.data_path.rpartition(".")[2] for curve in ob.animation_data.drivers
             if curve.data_path.startswith(starts) and not curve.data_path.endswith(CARRIER)]
@@ -202,35 +204,11 @@ def revive(ob):
             ob.update_tag()
 
 
-# --- of the output Mesh ---------------------------------------------------------------------------
-
-# There the mesh itself has the shape, so that Blender's own modifiers must not deform it, with Sinew or without. They
-# stay switched on, for Blender's weight tools to find, but neither groups nor envelopes bind vertices to bones.
 BINDS = ("use_vertex_groups", "use_bone_envelopes")
-
-
-def hold_off(ob):
-    """Keeps in the object's settings what bound, two digits for each modifier."""
-    taken = taken_modifiers(ob)
-    ob.sinew.held = " ".join("".join(str(int(getattr(modifier, name))) for name in BINDS) for modifier in taken)
-    for modifier in taken:
-        for name in BINDS:
-            setattr(modifier, name, False)
-
-
-def let_go(ob):
-    for modifier in taken_modifiers(ob) if ob.sinew.held else ():
-        for name, was_on in zip(BINDS, binds_of(ob, modifier)):
-            setattr(modifier, name, was_on)
-    ob.sinew.held = ""
 
 
 def binds_of(ob, modifier):
     """(use_vertex_groups, use_bone_envelopes) of a modifier of an object, original or evaluated, as its owner set
-    them: held for the output Mesh, and cleared in evaluated copies that deform through shape keys."""
-    names = [taken.name for taken in taken_modifiers(ob)]
-    held = dict(zip(names, ob.sinew.held.split()))
-    if modifier.name in held:
-        return tuple(digit == "1" for digit in held[modifier.name])
+    them: they are cleared in evaluated copies that deform through shape keys."""
     original = ob.original.modifiers[modifier.name]
     return tuple(getattr(original, name) for name in BINDS)

@@ -22,15 +22,14 @@ def write_positions(mesh, positions):
         mesh.vertices.foreach_set("co", flat)
         mesh.update()
     else:
-        attribute.data.foreach_set("vector", flat)
-        positions_written(mesh, positions)
-
-
-def positions_written(mesh, positions):
-    """Tells Blender that its positions (3.5 and later) were changed. 4.3's bounding box stays stale
-    after all other ways of saying so, this setter looks after it and all else."""
-    if len(positions):
-        mesh.vertices[0].co = positions[0]
+        numbers = memory.attribute_vectors(attribute, len(positions))
+        if numbers is None:
+            attribute.data.foreach_set("vector", flat)
+        else:
+            numbers[:] = positions
+        # 4.3's bounding box stays stale after all other ways of saying so; this setter looks after it and all else.
+        if len(positions):
+            mesh.vertices[0].co = positions[0]
 
 
 def read_topology(mesh):
@@ -75,6 +74,19 @@ def remove_attribute(mesh, name):
     attribute = mesh.attributes.get(name)
     if attribute:
         mesh.attributes.remove(attribute)
+
+
+def copy_geometry(mesh, target, without):
+    """Vertices, edges, faces and all attributes but one, and shape keys, of a mesh, in place of the target's."""
+    bm = bmesh.new()
+    try:
+        bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
+        layer = bm.verts.layers.float_vector.get(without)
+        if layer is not None:
+            bm.verts.layers.float_vector.remove(layer)
+        bm.to_mesh(target)
+    finally:
+        bm.free()
 
 
 def new_mesh(name, positions, face_offsets, face_vertices):

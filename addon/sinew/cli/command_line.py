@@ -16,7 +16,7 @@ import sys
 import bpy
 import numpy as np
 
-from ..binding import bind, mesh_output
+from ..binding import bind
 from ..rigs import rig_export, rig_import
 from ..session import characters
 from . import bench, command_options
@@ -36,7 +36,7 @@ def run(arguments):
         return stop.code or 0
     try:
         document, text = COMMANDS[options.command](options)
-    except (ValueError, OSError, bind.BindingError, mesh_output.OutputError) as error:
+    except (ValueError, OSError, bind.BindingError, bind.OutputError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
     flush_blender()

@@ -93,7 +93,7 @@ def add_file_options(command):
 
 def add_output_kind(command, **default):
     command.add_argument("--output-kind", dest="output", choices=("modifier", "mesh"), **default,
-                         help="where the shape goes: through a modifier (the default), or into the mesh")
+                         help="where the shape goes: through a modifier (the default), or into a copy of the mesh as well")
 
 
 def blend_path(word):

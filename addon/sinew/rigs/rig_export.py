@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from ..binding import bind, mesh_output
+from ..binding import bind
 from ..blender import armatures, meshes, values
 from ..deform.clips import transformed
 from ..native import sinew_native
@@ -53,13 +53,11 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
         raise ValueError(f"{folder} has {left[0]} of another rig, which would be read with this one; remove it, "
                          "or choose another folder")
     mesh = ob.data
-    positions = (mesh_output.rest_positions(ob) if bind.shows_in_mesh(ob)
-                 else meshes.read_positions(mesh))
     face_offsets, face_vertices, face_materials = meshes.read_faces(mesh)
     material_names = [material.name if material else "none" for material in mesh.materials]
     library = "mesh.mtl" if material_names else ""
     rig = sinew_native.Rig(
-        transformed(files_from_mesh, positions), face_offsets, face_vertices, skeleton,
+        transformed(files_from_mesh, meshes.read_positions(mesh)), face_offsets, face_vertices, skeleton,
         dense_weights(ob, names, skeleton.weight_columns), poses, matrices,
         np.minimum(face_materials, len(material_names) - 1) if material_names else None, material_names, library)
     sinew_native.write_rig(folder, rig, skeleton=skeleton_name)

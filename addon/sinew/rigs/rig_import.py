@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..binding import bind
+from ..binding import bind, deformed_copy
 from ..blender import meshes, nodes
 from ..native import sinew_native
 from ..ui import progress
@@ -80,6 +80,8 @@ def remove(created):
     if bpy.context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for data in reversed(created):
+        if isinstance(data, bpy.types.Object):
+            deformed_copy.remove(data)
         bpy.data.batch_remove([data])
     nodes.forget_unused_groups()
 

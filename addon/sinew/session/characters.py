@@ -5,8 +5,10 @@ edited mesh, weights, shape keys or bones. Data-blocks are known by key and name
 when Blender replaces the block.
 """
 
+import itertools
 import logging
 import threading
+import time
 from dataclasses import dataclass, field
 
 import bpy
@@ -80,7 +82,10 @@ class Character:
     _lacks: tuple | None = None  # the situation in which the file lacks something
     _given_up: tuple | None = None  # the one that cannot be mended
     _rebuilds: int = 0  # of layers since the last edit
-    last_poses: list | None = None  # of the output Mesh: what its shape was made with
+    edition: int = 0  # a number that no other edition of this mesh has had; 0: not known
+    is_deforming: bool = False  # in the last pass; else Blender did
+    is_copy_known: bool = False  # the deformed copy was looked at
+    copy_stays: bool = False  # the shape was not to be had for it
 
     # --- which way it goes ------------------------------------------------------------------------
 
@@ -153,7 +158,12 @@ class Character:
         """Weights, rest positions and shape keys are to be read anew."""
         self.layers, self.deformer, self.keys = [], None, None
         self.stages = stages.Stages()
-        self.weights = self._rest = self.last_poses = None
+        self.weights = self._rest = None
+
+    def forget_keys(self):
+        """Somebody has taken them away."""
+        if self.keys is not None:
+            self.keys = self.deformer = None
 
     def read_weights(self, mesh, names):
         """names: of its vertex groups. What has not changed is kept."""
@@ -227,6 +237,8 @@ class Character:
 # --- all of them ----------------------------------------------------------------------------------
 
 _characters = {}  # key of the mesh object -> Character
+_editions = {}  # key of the mesh object -> the edition of its mesh, kept through undo
+_edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 _gathering = threading.Lock()
 
@@ -259,7 +271,7 @@ def of(ob):
     entry = _characters.get(key)
     if entry is None:
         with _gathering:
-            entry = _characters.setdefault(key, Character(key, _name(ob.original)))
+            entry = _characters.setdefault(key, _new(key, _name(ob.original)))
     return entry
 
 
@@ -268,21 +280,24 @@ def character(ob):
     return _characters.get(values.key_of(ob)) if ob.sinew.is_bound else None
 
 
-def forget():
+def _new(key, name):
+    return Character(key, name, edition=_editions.get(key, 0))
+
+
+def new_edition():
+    return next(_edition_numbers)
+
+
+def forget(is_undo=False):
     """Drop everything that is cached, as after load."""
     global _object_count
+    _editions.clear()
+    if is_undo:
+        _editions.update((key, entry.edition) for key, entry in _characters.items())
     _characters.clear()
     layers.forget_editions()
     mail.forget()
     _object_count = -1
-
-
-def all_by_key():
-    return dict(_characters)
-
-
-def keep(entries):
-    _characters.update(entries)
 
 
 def forget_object(ob):
@@ -328,7 +343,7 @@ def _gather():
     for ob in bpy.data.objects:
         if ob.type == "MESH" and ob.sinew.is_bound:
             key = values.key_of(ob)
-            _characters[key] = old.get(key) or Character(key, _name(ob))
+            _characters[key] = old.get(key) or _new(key, _name(ob))
             _characters[key].name = _name(ob)
             sharer_count = count_sharers(ob)
             if _characters[key].sharer_count != sharer_count:

@@ -1,17 +1,17 @@
-"""Blender's callbacks. Deforming needs none of them, but for the output Mesh: they see to edits, and pose the
-armatures of clips before a frame is evaluated."""
+"""Blender's callbacks. Deforming needs none of them: they see to edits and to the deformed copies of the output Mesh,
+and pose the armatures of clips before a frame is evaluated."""
 
 import threading
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ..binding import bind, old_files, ways, wiring
+from ..binding import bind, deformed_copy, old_files, ways, wiring
 from ..blender import layout, nodes, values
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..ui import notice
-from . import characters, mail, mesh_output, whole_frames
+from . import characters, deformed_copies, mail, whole_frames
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
@@ -27,26 +27,25 @@ def before_frame(scene, *_):
 def after_frame(scene, depsgraph):
     objects = characters.bound_objects()
     posing.pose_anew(_clip_armatures(objects), scene, depsgraph)
-    shown = mesh_output.those_of(objects)
-    if shown:
-        mesh_output.note_edits(shown, _changed(depsgraph))
-        mesh_output.deform(shown, depsgraph)
+    copied = deformed_copies.those_of(objects)
+    if copied:
+        deformed_copies.follow(copied, depsgraph, _changed(depsgraph))
     mail.deliver()
 
 
 @persistent
 def on_depsgraph_update(_scene, depsgraph):
-    if mesh_output.is_asleep():
-        return
     take_over_open_file()
     receive_strangers(depsgraph)
     objects = characters.bound_objects()
     if objects:
         changed = _changed(depsgraph)
         _note_edits(objects, changed)
-        shown = mesh_output.those_of(objects)
-        mesh_output.note_edits(shown, changed)
-        mesh_output.deform([ob for ob in shown if not changed.isdisjoint(_what_it_hangs_on(ob))], depsgraph)
+        copied = deformed_copies.those_of([ob for ob in objects if ob.sinew.is_bound])
+        deformed_copies.follow(copied, depsgraph, changed)
+    else:
+        copied = []
+    deformed_copies.tidy(copied, depsgraph)
     mail.deliver()
 
 
@@ -62,15 +61,12 @@ def on_load(*_):
 
 @persistent
 def on_undo_redo(*_):
-    """In Edit Mode only the edited mesh went back: how its shape came about before it was entered stays known."""
-    edited = {key: entry for key, entry in characters.all_by_key().items()
-              if (ob := characters.find(key)) is not None and ob.data.is_editmode}
-    forget()
-    characters.keep(edited)
+    forget(is_undo=True)
 
 
-def forget():
-    characters.forget()
+def forget(is_undo=False):
+    characters.forget(is_undo)
+    deformed_copies.forget()
     posing.forget()
 
 
@@ -112,6 +108,8 @@ def receive_strangers(depsgraph):
         if not isinstance(update.id, bpy.types.Object) or update.id.type != "MESH":
             continue
         ob = update.id.original
+        if ob.sinew.copy_of is not None:
+            deformed_copy.let_go_of_duplicate(ob)
         if ob.sinew.is_bound:
             if characters.character(ob) is None:
                 characters.gather_again()

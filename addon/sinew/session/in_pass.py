@@ -27,7 +27,6 @@ def deform_now(ob):
         start = perf_counter()
         with entry.lock:  # the same object may be evaluated for a render meanwhile
             work = _prepare(entry, ob) if entry.is_at_work(ob) else None
-            is_done = entry.way.kind == ways.MESH  # the mesh itself has the shape
         if work is not None:
             prepared = perf_counter()
             deformer, poses, out, key_values, in_order = work
@@ -36,7 +35,8 @@ def deform_now(ob):
             deformer.deform(poses, out, key_values, stages=in_order, milliseconds=milliseconds)
             entry.timings.take(prepared - start, milliseconds)
             entry.error = ""
-        entry.switch(ob, work is not None or is_done)
+        entry.is_deforming = work is not None
+        entry.switch(ob, entry.is_deforming)
         if work is None:
             _give_keys_back(entry, ob)
         else:
@@ -50,6 +50,7 @@ def deform_now(ob):
 
 def _stand_back(entry, ob):
     """After an error: Blender's own modifiers deform."""
+    entry.is_deforming = False
     try:
         entry.switch(ob, False)
         _give_keys_back(entry, ob)
@@ -61,7 +62,10 @@ def _prepare(entry, ob):
     """What the frame needs: input, pose, and where the shape goes."""
     mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
     key_values = addresses = None
-    is_fresh = not memory.take_mark(mesh, "MESH") or not entry.is_read()
+    is_edited = not memory.take_mark(mesh, "MESH")
+    if is_edited or not entry.edition:
+        entry.edition = characters.new_edition()
+    is_fresh = is_edited or not entry.is_read()
     if is_fresh:
         entry.read_weights(mesh, _group_names(ob))
     if entry.way.kind == ways.KEYS:
@@ -69,6 +73,7 @@ def _prepare(entry, ob):
         _read_keys(entry, ob, mesh)
         key_values = memory.silence_keys(addresses)
     elif is_fresh:
+        entry.forget_keys()
         entry.take_rest(meshes.read_positions(mesh))
     count = len(mesh.vertices)
     poses = entry.poses(ob, [ob.modifiers[name] for name in entry.taken],

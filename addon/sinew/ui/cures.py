@@ -6,10 +6,10 @@ import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..binding import bind, mesh_output
+from ..binding import bind
 from ..blender import materials, meshes
 from ..rigs import clip_store
-from ..session import characters
+from ..session import characters, deformed_copies
 from . import display
 from .operators import Unbind
 
@@ -33,6 +33,7 @@ def warnings(ob):
         else:
             cures = ((KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
             found.append(Warning(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", cures))
+    found += _about_copy(ob)
     found += about_generated(ob)
     for modifier in doubles(ob):
         found.append(Warning(f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
@@ -63,10 +64,15 @@ def warnings(ob):
     return found
 
 
+def _about_copy(ob):
+    copy, why = ob.sinew.deformed, deformed_copies.why_it_stays(ob)
+    return [Warning(f"{copy.name} keeps its last shape {why}", ())] if copy is not None and why else []
+
+
 def about_generated(ob):
     """Of a mesh, bound or to be bound, whose material would swim."""
     material = materials.user_of_generated(ob) if ob.data.shape_keys is None else None
-    if material is None or bind.shows_in_mesh(ob):
+    if material is None:
         return []
     return [Warning(f"{material} uses Generated coordinates, which move with the shape on a mesh without shape keys",
                     ((KeepGenerated.bl_idname, "Keep Generated"),))]
@@ -180,7 +186,7 @@ class FillWeights(_Cure, bpy.types.Operator):
     def execute(self, context):
         ob = context.active_object
         weights = bone_weights(ob)
-        rest = mesh_output.rest_positions(ob) if bind.shows_in_mesh(ob) else meshes.read_positions(ob.data)
+        rest = meshes.read_positions(ob.data)
         weighted = [vertex for vertex, entries in enumerate(weights) if entries]
         if not weighted:
             self.report({"ERROR"}, f"No vertex of {ob.name} follows a bone: parent it with automatic weights")

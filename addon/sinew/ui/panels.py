@@ -10,7 +10,7 @@ from ..session import characters, whole_frames
 from . import cures, display, notice
 from .operators import Bind, ClipToKeyframes, ImportRig, MeasureFrames, Unbind, meshes_of
 
-WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier", "MESH": "its own vertices"}
+WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}
 MOST_MESHES = 10  # of an armature, that are listed
 
 
@@ -46,6 +46,9 @@ def draw_main(layout, context):
     elif ob is None or ob.type != "MESH":
         layout.label(text="Select a mesh or its armature", icon="INFO")
         layout.operator(ImportRig.bl_idname, icon="IMPORT")
+    elif ob.sinew.copy_of is not None:
+        layout.label(text=f"Deformed copy of {ob.sinew.copy_of.name}", icon="MESH_DATA")
+        draw_hiding(layout, ob)
     elif ob.sinew.is_bound:
         draw_bound(layout, context, ob)
     else:
@@ -115,11 +118,22 @@ def draw_switches(column, ob):
     """Whether the shape is shown, in the viewport and in renders."""
     row = named_row(column, "Show").row(align=True)
     row.use_property_split = False
-    if ob.sinew.installed_output == "MESH":
-        row.prop(ob.sinew, "show_shape", toggle=True)
-    for modifier in ob.sinew.modifiers[:1] if ob.sinew.installed_output != "MESH" else ():
+    for modifier in ob.sinew.modifiers[:1]:
         row.prop(modifier, "show_viewport", text="")
         row.prop(modifier, "show_render", text="")
+    copy = ob.sinew.deformed
+    if copy is not None:
+        draw_value(column, "Copy", copy.name)
+        row = draw_hiding(column, copy)
+        row.prop(ob.sinew, "show_shape", toggle=True)
+
+
+def draw_hiding(layout, copy):
+    row = named_row(layout, "Show Copy").row(align=True)
+    row.use_property_split = False
+    row.prop(copy, "hide_viewport", text="")
+    row.prop(copy, "hide_render", text="")
+    return row
 
 
 def draw_display(layout, ob):

@@ -1,0 +1,122 @@
+"""The output Mesh: what the evaluation of a viewport has made of a bound mesh is put into its deformed copy, in a
+handler that runs after it. A render's evaluation is left alone."""
+
+import logging
+import threading
+
+import bpy
+
+from ..binding import deformed_copy, ways, wiring
+from ..blender import memory, meshes, nodes, values
+from . import characters
+
+log = logging.getLogger("sinew")
+_object_count = -1  # of the file when orphans were last looked for
+
+
+def forget():
+    global _object_count
+    _object_count = -1
+    deformed_copy.forget()
+
+
+def those_of(objects):
+    """The bound objects that have this output and may be written."""
+    return [ob for ob in objects if ob.sinew.installed_output == "MESH" and ob.library is None]
+
+
+def follow(objects, depsgraph, changed):
+    """Those of the objects that were evaluated or edited. changed: keys of the updated data-blocks."""
+    if not _is_ours(depsgraph):
+        return
+    for ob in objects:
+        entry = characters.of(ob)
+        if not entry.is_copy_known or values.key_of(ob) in changed:
+            try:
+                _follow_one(entry, ob, depsgraph)
+            except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
+                _say_once(ob, error)
+
+
+def tidy(objects, depsgraph):
+    """After objects were moved between collections, or deleted. objects: as `those_of` gives them."""
+    global _object_count
+    if not _is_ours(depsgraph):
+        return
+    if any(isinstance(update.id, bpy.types.Collection) for update in depsgraph.updates):
+        for ob in objects:
+            copy = deformed_copy.find(ob)
+            if copy is not None:
+                deformed_copy.keep_in_collections(copy, ob)
+    if len(bpy.data.objects) != _object_count:
+        deformed_copy.clear_orphans()
+        _object_count = len(bpy.data.objects)
+
+
+def _is_ours(depsgraph):
+    return depsgraph.mode != "RENDER" and threading.current_thread() is threading.main_thread()
+
+
+def why_it_stays(ob):
+    """What keeps the copy from following, as the end of a sentence, or an empty string."""
+    if ob.mode in characters.EDITING:
+        return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
+    if not ob.visible_get():
+        return f"while {ob.name} is hidden, for Blender does not evaluate it"
+    if characters.of(ob).copy_stays:
+        return (f"while Blender's own modifier deforms {ob.name} among others, for the shape between them is not to be "
+                "had")
+    return ""
+
+
+def _follow_one(entry, ob, depsgraph):
+    copy = deformed_copy.find(ob)
+    if copy is None:
+        if not ob.users_collection:
+            return  # it was deleted
+        copy = deformed_copy.make(ob)
+    deformed_copy.keep_in_place(copy, ob)
+    evaluated = ob.evaluated_get(depsgraph)
+    if ob.mode in characters.EDITING or not evaluated.is_evaluated:
+        return
+    shape = _shape_of(entry, ob, evaluated)
+    entry.copy_stays = shape is None
+    if shape is None:
+        return
+    # What is painted may wait: vertices are where they were.
+    is_stale = copy.sinew.copied_edition != entry.edition and ob.mode == "OBJECT"
+    if is_stale or copy.data.library is not None or len(copy.data.vertices) != len(shape):
+        deformed_copy.renew(copy, ob, entry.edition)
+    entry.is_copy_known = True
+    meshes.write_positions(copy.data, shape)
+
+
+def _shape_of(entry, ob, evaluated):
+    """(V, 3) float32, to be used at once: as the viewport shows it after Sinew's stage; None: it is not to be had."""
+    if not ob.sinew.show_shape or entry.shown and not entry.shown[0][0]:
+        return meshes.read_positions(ob.data)
+    if not entry.is_deforming:
+        shape = meshes.read_positions(evaluated.data) if _ends_with_armature(ob) else ()
+        return shape if len(shape) == len(ob.data.vertices) else None
+    mesh = wiring.waits_for(entry.hook_of(evaluated), "mesh")
+    count = len(mesh.vertices)
+    if count == 0:
+        return meshes.read_positions(ob.data)
+    if entry.way.kind == ways.KEYS:
+        return memory.key_positions(memory.key_addresses(mesh.shape_keys)[0], count)
+    return memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+
+
+def _ends_with_armature(ob):
+    """Whether what Blender's own modifiers make is the shape after Sinew's stage."""
+    shown = [modifier for modifier in ob.modifiers if modifier.show_viewport and not nodes.is_sinew(modifier)]
+    return not shown or shown[-1] in wiring.taken_modifiers(ob)
+
+
+_said = set()
+
+
+def _say_once(ob, error):
+    if str(error) not in _said:
+        _said.add(str(error))
+        log.error("the deformed copy of %s could not be written", ob.name, exc_info=error)
