@@ -179,3 +179,24 @@ def test_preferences_without_a_module():
     import sys
     here = f"sinew_native.cpython-{sys.version_info.major}{sys.version_info.minor}-x86_64-linux-gnu.so"
     assert problem(ImportError("GLIBC_9 not found"), [here]).endswith("does not load: GLIBC_9 not found")
+
+
+def test_the_chain_stage_by_stage(fresh_scene):
+    """What Sinew stands in for, and where and why Blender goes on."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    for name, kind in (("Soft", "CORRECTIVE_SMOOTH"), ("Even", "SMOOTH"), ("Finer", "SUBSURF"), ("Late", "SMOOTH")):
+        ob.modifiers.new(name, kind)
+    pose(armature, 1, False)
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    said = draw()
+    chain = said[said.index("Pose", said.index("Method")):said.index("Vertices")]
+    assert [text for text in chain if not text.endswith(" ms")][:6] == [
+        "Pose", "Armature", "Soft", "Even", "Finer", "in Blender"]
+    assert sum(text.endswith(" ms") for text in chain) == 4 and "Late" not in chain
+    assert "Finer goes on in Blender: only Blender knows what it does" in " ".join(chain[8:])
+    ob.shape_key_add(name="Basis")
+    fresh_scene.frame_set(3)
+    fresh_scene.frame_set(4)
+    assert "Shape Keys + Armature" in draw()

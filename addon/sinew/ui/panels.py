@@ -182,6 +182,19 @@ def draw_influence(layout, ob):
         layout.prop(modifier, "use_bone_envelopes", text="Bone Envelopes")
 
 
+def draw_chain(layout, entry):
+    """What Sinew stands in for, stage by stage, and where Blender goes on."""
+    timings, column = entry.timings, layout.column(align=True)
+    skinned = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken
+    draw_value(column, "Pose", f"{timings.pose:.2f} ms")
+    draw_value(column, " + ".join(skinned), f"{timings.skin:.2f} ms")
+    for name, milliseconds in zip(entry.run.stages, timings.stages):
+        draw_value(column, name, f"{milliseconds:.2f} ms")
+    if entry.run.end:
+        draw_value(column, entry.run.end, "in Blender")
+        notice.draw_sentence(column, bpy.context, f"{entry.run.end} goes on in Blender: {entry.run.reason}", False)
+
+
 def draw_statistics(layout, scene, entry):
     skin, influences, timings = entry.layers[0].skin, entry.layers[0].influences, entry.timings
     column = layout.column(align=True)
@@ -199,8 +212,6 @@ def draw_statistics(layout, scene, entry):
     column.operator(MeasureFrames.bl_idname, icon="TIME")
     column.separator()
     draw_value(column, "Sinew's Part", f"{timings.total:.2f} ms")
-    for name, value in (("Pose", timings.pose), ("Skin", timings.skin)):
-        draw_value(column, name, f"{value:.2f} ms")
     column.separator()
     draw_value(column, "Instructions", sinew_native.instruction_set())
     draw_value(column, "Threads", str(sinew_native.thread_count()))
@@ -249,14 +260,32 @@ class Influence:
         draw_influence(layout_of(self), bound_mesh(context))
 
 
+def deformed_character(context):
+    """Of a bound mesh that Sinew has deformed, or None."""
+    ob = bound_mesh(context)
+    entry = ob and characters.character(ob)
+    return entry if entry and entry.layers else None
+
+
+class Chain:
+    bl_label = "Chain"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        entry = deformed_character(context)
+        return entry is not None and entry.way.in_pass
+
+    def draw(self, context):
+        draw_chain(layout_of(self), deformed_character(context))
+
+
 class Statistics:
     bl_label = "Statistics"
 
     @classmethod
     def poll(cls, context):
-        ob = bound_mesh(context)
-        entry = ob and characters.character(ob)
-        return bool(entry and entry.layers)
+        return deformed_character(context) is not None
 
     def draw(self, context):
         draw_statistics(layout_of(self), context.scene, characters.character(bound_mesh(context)))
@@ -272,6 +301,10 @@ class SidebarPoses(Poses, InSidebar, bpy.types.Panel):
 
 class SidebarInfluence(Influence, InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_influence", "VIEW3D_PT_sinew"
+
+
+class SidebarChain(Chain, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_chain", "VIEW3D_PT_sinew"
 
 
 class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
@@ -295,6 +328,10 @@ class ModifiersInfluence(Influence, InModifiers, bpy.types.Panel):
     bl_idname, bl_parent_id = "DATA_PT_sinew_influence", "DATA_PT_sinew"
 
 
+class ModifiersChain(Chain, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_chain", "DATA_PT_sinew"
+
+
 class ModifiersStatistics(Statistics, InModifiers, bpy.types.Panel):
     bl_idname, bl_parent_id = "DATA_PT_sinew_statistics", "DATA_PT_sinew"
 
@@ -311,6 +348,6 @@ class ArmatureMain(Main, bpy.types.Panel):
         return context.object is not None and context.object.type == "ARMATURE"
 
 
-CLASSES = (SidebarMain, SidebarPoses, SidebarInfluence, SidebarStatistics, ModifiersMain, ModifiersPoses,
-           ModifiersInfluence, ModifiersStatistics, ArmatureMain)
+CLASSES = (SidebarMain, SidebarPoses, SidebarInfluence, SidebarChain, SidebarStatistics, ModifiersMain, ModifiersPoses,
+           ModifiersInfluence, ModifiersChain, ModifiersStatistics, ArmatureMain)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)
