@@ -28,9 +28,10 @@ else:
     from .binding import properties
     from .cli import command_line
     from .session import handlers
-    from .ui import cures, display, menus, operators, panels, preferences
+    from .ui import cures, display, menus, operators, panels, preferences, profile
 
-    MODULES = (properties, preferences, operators, cures, display, menus, panels, handlers, command_line)
+    MODULES = (properties, preferences, operators, cures, display, menus, panels, profile, handlers,
+               command_line)
 
 
 def register():

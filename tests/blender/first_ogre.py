@@ -14,8 +14,8 @@ from mathutils import Euler
 sys.path.insert(0, str(Path(__file__).parent))
 from helpers import RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, select  # noqa: E402
 from windowed import (  # noqa: E402
-    FOLDER, area, areas, close_other_windows, in_area, middle_of, outside, picture, playing, region, run, screen,
-    window, windows)
+    FOLDER, area, areas, close_other_windows, in_area, middle_of, note_drawing, open_sidebar, outside, picture, playing,
+    region, run, screen, window, windows)
 
 FRAMES = 100  # that are played
 SECONDS = 8.0  # of playing to compare
@@ -63,36 +63,6 @@ def import_by_file_browser():
         yield 0.5
         if "ogre" in bpy.data.objects:
             break
-
-
-def open_sidebar():
-    """N, and a click on the tab."""
-    view = area("VIEW_3D")
-    yield from outside(f"xdotool mousemove {screen(*middle_of(region(view)))}")
-    yield from outside("xdotool key n")
-    yield 0.8
-    side = region(view, "UI")
-    assert side.width > 10, "N opens no sidebar"
-    drawn = note_drawing(addon_module("ui.panels").SidebarMain)
-    for down in range(100, 500, 25):  # a tab's place differs with the version's texts
-        if drawn:
-            break
-        x, y = side.x + side.width - 8, side.y + side.height - down
-        yield from outside(f"xdotool mousemove {screen(x, y)} click 1")
-        yield 0.4
-    assert drawn, "there is no tab of Sinew's"
-
-
-def note_drawing(panel):
-    """A list that grows whenever the panel is drawn."""
-    drawn, draw = [], panel.draw
-
-    def noting(self, context):
-        drawn.append(True)
-        draw(self, context)
-
-    panel.draw = noting
-    return drawn
 
 
 def look_from_the_front_left():

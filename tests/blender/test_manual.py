@@ -28,12 +28,12 @@ def properties_of(group):
 def classes():
     operators, properties = addon_module("ui.operators"), addon_module("binding.properties")
     return (operators.ImportRig, operators.ExportRig, operators.Bind, properties.SinewObjectSettings,
-            properties.SinewClipSettings,
+            properties.SinewClipSettings, addon_module("ui.profile").MeasureProfile,
             addon_module("ui.preferences").SinewPreferences)
 
 
 def all_operators():
-    return [cls for name in ("operators", "cures", "display", "preferences")
+    return [cls for name in ("operators", "cures", "display", "preferences", "profile")
             for cls in addon_module(f"ui.{name}").CLASSES if issubclass(cls, bpy.types.Operator)]
 
 
@@ -41,7 +41,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(7))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -51,7 +51,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", range(6))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):

@@ -11,6 +11,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from helpers import addon_module
+
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 SECONDS = 400  # at most, for a whole file of steps
 
@@ -108,6 +110,36 @@ def screen(x, y):
 
 def middle_of(region):
     return region.x + region.width / 2, region.y + region.height / 2
+
+
+def open_sidebar():
+    """N, and a click on the tab."""
+    view = area("VIEW_3D")
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(view)))}")
+    yield from outside("xdotool key n")
+    yield 0.8
+    side = region(view, "UI")
+    assert side.width > 10, "N opens no sidebar"
+    drawn = note_drawing(addon_module("ui.panels").SidebarMain)
+    for down in range(100, 500, 25):  # a tab's place differs with the version's texts
+        if drawn:
+            break
+        x, y = side.x + side.width - 8, side.y + side.height - down
+        yield from outside(f"xdotool mousemove {screen(x, y)} click 1")
+        yield 0.4
+    assert drawn, "there is no tab of Sinew's"
+
+
+def note_drawing(panel):
+    """A list that grows whenever the panel is drawn."""
+    drawn, draw = [], panel.draw
+
+    def noting(self, context):
+        drawn.append(True)
+        draw(self, context)
+
+    panel.draw = noting
+    return drawn
 
 
 def picture(name):

@@ -13,7 +13,7 @@ MODULES = sorted(ADDON.rglob("*.py"))
 
 BLENDER = {"addon_utils", "bgl", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 # Which files outside of blender/, ui/ and cli/ talk to Blender; all others work on arrays and on what those give them.
-MAY_IMPORT_BLENDER = {"binding/bind", "binding/deformed_copy", "binding/old_files", "binding/properties", "binding/wiring", "rigs/clip_keyframes", "rigs/rig_import",
+MAY_IMPORT_BLENDER = {"binding/bind", "binding/deformed_copy", "binding/old_files", "binding/properties", "binding/wiring", "profiling/measure", "rigs/clip_keyframes", "rigs/rig_import",
                       "session/characters", "session/deformed_copies", "session/handlers", "without_native"}
 
 
@@ -78,7 +78,8 @@ def test_only_native_imports_the_compiled_module(path):
 
 
 @pytest.mark.parametrize("room, may_know", [
-    ("blender", {"native"}), ("deform", {"native"}), ("cli", {"binding", "blender", "rigs", "session"})])
+    ("blender", {"native"}), ("deform", {"native"}), ("profiling", {"binding", "blender", "session"}),
+    ("cli", {"binding", "blender", "profiling", "rigs", "session"})])
 def test_who_may_know_whom(room, may_know):
     for path in (ADDON / room).glob("*.py"):
         assert rooms_known(path) <= may_know, path.name

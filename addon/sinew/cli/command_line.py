@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 
 from ..binding import bind
+from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
 from ..session import characters
 from . import bench, command_options
@@ -58,10 +59,22 @@ def flush_blender():
 # --- commands: options -> JSON document, text -----------------------------------------------------
 
 def info(options):
+    if options.profile:
+        return profile(options)
+    if options.frames:
+        raise ValueError("--frames belongs to --profile")
     if options.path.endswith(".blend"):
         open_blend(options.path)
         return report_meshes(options.path, bench.deformed_meshes(bpy.data.objects))
     return report_rig(skeleton_path(options.path), import_options(options))
+
+
+def profile(options):
+    if not options.path.endswith(".blend"):
+        raise ValueError(f"--profile wants a .blend, which {options.path} is not")
+    open_blend(options.path)
+    found = measure.run(bpy.context, *(options.frames or costs.frames_of(bpy.context.scene)))
+    return report_profile(options.path, found)
 
 
 def import_(options):
@@ -244,6 +257,14 @@ def problem_of(ob):
     if not was_bound:
         bind.unbind(ob)
     return problem or None
+
+
+def report_profile(path, profile):
+    computer = {"blender": bpy.app.version_string, "cores": os.cpu_count()}
+    text = [f"{path}, {costs.heading(profile)}; Blender {bpy.app.version_string}, {os.cpu_count()} cores", "",
+            table([("object", "a frame", "Accelerate"), *costs.rows(profile)])]
+    remarks = costs.remarks(profile)
+    return {"path": path, **computer, **profile.document()}, "\n".join(text + ([""] + remarks if remarks else []))
 
 
 def report_bench(options, contest, results):

@@ -3,6 +3,8 @@
 import argparse
 import os
 
+from ..profiling import costs
+
 METHODS = ("linear", "dual-quaternion")
 
 
@@ -30,6 +32,12 @@ def add_info(commands):
         commands, "info", "what is in a rig folder, or which meshes of a .blend an armature deforms")
     command.add_argument("path", metavar="PATH", type=os.path.abspath,
                          help="a rig folder, its skeleton file, or a .blend")
+    command.add_argument("--profile", action="store_true",
+                         help="of a .blend: play its scene and list what evaluating each object costs, dearest first, "
+                         "and what Accelerate would save; nothing is saved")
+    command.add_argument("--frames", metavar="A-B", type=frame_range,
+                         help=f"those to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
+                         "(the scene's; --frames=-5-10 from a negative one on)")
     add_file_options(command)
 
 
@@ -100,6 +108,13 @@ def blend_path(word):
     if not word.endswith(".blend"):
         raise argparse.ArgumentTypeError(f"{word} does not end in .blend")
     return os.path.abspath(word)
+
+
+def frame_range(word):
+    try:
+        return costs.parse_frames(word)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def positive_integer(word):

@@ -27,8 +27,8 @@ class Part:
 
 
 class _Shown:
-    def __init__(self, context):
-        self._context, self._start, self._said = context, perf_counter(), False
+    def __init__(self, context, draws):
+        self._context, self._draws, self._start, self._said = context, draws, perf_counter(), False
 
     def step(self, share, text):
         self._context.window_manager.progress_update(100 * share)
@@ -36,7 +36,8 @@ class _Shown:
             return
         self._said = True
         self._context.workspace.status_text_set(f"Sinew: {text} ({100 * share:.0f} %)")
-        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)  # Blender draws nothing by itself now
+        if self._draws:
+            bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
 
     def close(self):
         if self._said:
@@ -45,12 +46,13 @@ class _Shown:
 
 
 @contextmanager
-def shown(context):
-    """`with shown(context) as progress: progress.step(0.5, "reading weights")`. Nothing without a window."""
+def shown(context, draws=True):
+    """`with shown(context) as progress: progress.step(0.5, "reading weights")`. Nothing without a window. draws: Blender
+    draws nothing by itself meanwhile; a modal operator lets it."""
     if bpy.app.background or context.window is None:
         yield SILENT
         return
-    progress = _Shown(context)
+    progress = _Shown(context, draws)
     context.window_manager.progress_begin(0, 100)
     try:
         yield progress

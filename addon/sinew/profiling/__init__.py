@@ -1,0 +1,1 @@
+"""What evaluating a scene costs, object by object."""

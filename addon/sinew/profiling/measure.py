@@ -1,0 +1,328 @@
+"""Plays frames of the open scene and measures what its objects cost.
+
+Where Blender has a clock for each modifier (4.x and later), that is read. Whatever else is known by its absence: a few
+frames are played with it, without it, and with it again; all of it without the modifiers
+that do not matter there, next to which it would be lost in the noise. Each absence ends with the block of frames for which
+it was made, so between two steps of `steps` the file is as it was.
+"""
+
+from contextlib import contextmanager
+from functools import partial
+from statistics import median
+from time import perf_counter
+
+import bpy
+
+from ..binding import bind
+from ..blender import animation, nodes, values
+from ..session import characters
+from . import costs
+from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
+
+# What is played: everything, or what Sinew may take over without what follows that, or keys and Armature modifiers alone.
+WHOLE, DEFORMED, BARE = range(3)
+BLOCK = 10  # frames in a row that one absence lasts
+HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
+
+
+def run(context, first, last):
+    """All at once. Returns a Profile, or raises ValueError."""
+    work = steps(context, first, last)
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            return end.value
+
+
+def steps(context, first, last):
+    """A generator of (share that is done, what comes next); returns a costs.Profile. Closing it early is safe. Raises
+    ValueError if there is nothing to measure."""
+    costs.check_frames(first, last)
+    scene = context.scene
+    before = scene.frame_current, scene.frame_subframe
+    try:
+        return (yield from _measure(context, scene, costs.spread(first, last)))
+    finally:
+        scene.frame_set(before[0], subframe=before[1])
+
+
+def _measure(context, scene, frames):
+    scene.frame_set(frames[0])
+    subjects = _subjects(context)
+    if not subjects:
+        raise ValueError("the scene shows nothing that has bones, shape keys or modifiers")
+    rounds = [_Round(stage, subjects) for stage in (WHOLE, DEFORMED, BARE)]
+    rounds = [each for each in rounds if each is rounds[0] or each.absences]
+    blocks = costs.blocks(frames, BLOCK)
+    count = len(blocks) * sum(len(each.absences) + 2 for each in rounds)
+    done = 0
+    for block in blocks:
+        for each in rounds:
+            for text, step in each.steps(context, scene, block, subjects if each is rounds[0] else ()):
+                yield done / count, text
+                step()
+                done += 1
+    for each in rounds:
+        for absence in each.absences:
+            absence.conclude(each.before, each.after)
+    for subject in subjects:
+        subject.conclude()
+    whole = rounds[0]
+    return costs.Profile(frames, median(whole.before + whole.after), costs.noise(whole.before, whole.after),
+                         costs.order([subject.cost for subject in subjects]))
+
+
+class _Round:
+    """Absences that are compared with the same."""
+
+    def __init__(self, stage, subjects):
+        self.absences = [absence for subject in subjects for absence in subject.absences if absence.stage == stage]
+        self.before, self.after = [], []
+        self._off = [modifier for subject in subjects for modifier in subject.off[stage]]
+
+    def steps(self, context, scene, frames, subjects):
+        """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
+        def play(times, subjects=()):
+            with _switched_off(self._off):
+                times += _play(context, scene, frames, subjects)
+
+        def play_without(absence):
+            with absence.made():
+                play(absence.times)
+
+        yield "playing", partial(play, self.before, subjects)
+        for absence in self.absences:
+            yield f"playing without {absence.part.name} of {absence.name}", partial(play_without, absence)
+        yield "playing", partial(play, self.after, subjects)
+
+
+def _play(context, scene, frames, subjects=()):
+    """Milliseconds of each frame; the subjects read their clocks on each. A frame before them warms up."""
+    changed = set()
+
+    def look(_scene, depsgraph):
+        changed.update(values.key_of(update.id) for update in depsgraph.updates if update.is_updated_geometry)
+
+    scene.frame_set(frames[-1])
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        times = []
+        for frame in frames:
+            changed.clear()
+            start = perf_counter()
+            scene.frame_set(frame)
+            times.append(1e3 * (perf_counter() - start))
+            for subject in subjects:
+                subject.read_clocks(context.view_layer.depsgraph, values.key_of(subject.ob) in changed)
+        return times
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+
+
+def _subjects(context):
+    """The objects on show, also in instances, and the armatures that they hang on."""
+    depsgraph = context.evaluated_depsgraph_get()
+    shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
+    armatures = dict.fromkeys(block.original for block in depsgraph.ids
+                              if isinstance(block, bpy.types.Object) and block.type == "ARMATURE")
+    found = [_Subject(ob, depsgraph) for ob in {**shown, **armatures}]
+    _share_keys(found)
+    for subject in found:
+        if subject.ob.type == "MESH" and not subject.ob.sinew.is_bound:
+            subject.try_accelerate()
+    return [subject for subject in found if subject.cost.parts or subject.absences]
+
+
+def _share_keys(subjects):
+    """One measurement of shape keys that several objects have."""
+    sharers = {}
+    for subject in subjects:
+        keys = getattr(subject.ob.data, "shape_keys", None)
+        if keys is not None and len(keys.key_blocks) > 1 and not subject.is_deformed_by_sinew:
+            sharers.setdefault(keys, []).append(subject)
+    for keys, together in sharers.items():
+        reason = _why_not_muted(together[0].ob, keys)
+        parts = [Part("Shape Keys", "KEYS", None, reason or DIFFERENCE) for _ in together]
+        for subject, part in zip(together, parts):
+            subject.cost.parts.insert(0, part)
+        if not reason:
+            together[0].absences.insert(0, _Absence(together[0].ob, parts, _muted, keys, BARE))
+
+
+class _Subject:
+    """One object."""
+
+    def __init__(self, ob, depsgraph):
+        self.ob = ob
+        self.cost = ObjectCost((ob.name, ob.library.filepath if ob.library else None), ob.type)
+        self.absences = []
+        self.off = {WHOLE: [], DEFORMED: [], BARE: []}  # modifiers that are switched off while that is played
+        self._clocked = {}  # {name of a modifier: (part, milliseconds of each frame)}
+        self._own = None  # the same of Sinew itself
+        self.is_deformed_by_sinew = False
+        evaluated = ob.evaluated_get(depsgraph)
+        if ob.type == "ARMATURE":
+            self._add_absence(Part("Pose", "POSE", None, DIFFERENCE), _at_rest, ob.data,
+                              _is_animated(ob.data, "pose_position"), BARE)
+        if ob.type == "MESH" and ob.sinew.is_bound:
+            self._add_own()
+        self._add_modifiers(evaluated)
+
+    def _add_own(self):
+        entry = characters.character(self.ob)
+        self.cost.is_bound = True
+        self.cost.reason = entry.error or entry.way.reason if entry else ""
+        if entry and not self.cost.reason:
+            self.is_deformed_by_sinew = True
+            self._own = (Part("Sinew", "SINEW", None, OWN_CLOCK), [])
+            self.cost.parts.append(self._own[0])
+
+    def _add_modifiers(self, evaluated):
+        """Those that Blender runs: where Sinew stands in for some, it has switched them off in the evaluated copy."""
+        shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
+        kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
+        tail = costs.after_deforming(kinds)
+        for modifier in shown:
+            original = self.ob.modifiers[modifier.name]
+            is_animated = "show_viewport" in animation.animated_properties(self.ob, original)
+            if modifier.name in tail and not is_animated:
+                self.off[DEFORMED].append(original)
+            if modifier.type not in {"ARMATURE", *costs.SIMULATIONS} and not is_animated and not nodes.is_sinew(modifier):
+                self.off[BARE].append(original)
+            part = Part(modifier.name, modifier.type, None, CLOCK)
+            if HAS_CLOCK and self.ob.type == "MESH":
+                self.cost.parts.append(part)
+                self._clocked[modifier.name] = (part, [])
+            elif modifier.type in costs.SIMULATIONS:
+                part.how = "a simulation is not switched off"
+                self.cost.parts.append(part)
+            elif not nodes.is_sinew(modifier):
+                part.how = DIFFERENCE
+                self._add_absence(part, _switched_off, [original], is_animated,
+                                  WHOLE if modifier.name in tail else DEFORMED)
+        if getattr(bpy.context.preferences.system, "use_gpu_subdivision", False):
+            self.cost.remarks += costs.about_subdivision(kinds)
+
+    def _add_absence(self, part, absent, what, is_animated, stage):
+        self.cost.parts.append(part)
+        if is_animated:
+            part.how = "its switch is animated"
+        else:
+            self.absences.append(_Absence(self.ob, [part], absent, what, stage))
+
+    def try_accelerate(self):
+        """Binding alone says whether Sinew can follow the mesh."""
+        if bind.armature_modifier(self.ob) is None:
+            self.cost.reason = "no Armature modifier deforms it"
+            return
+        try:
+            with bound_for_now(self.ob) as entry:
+                self.cost.reason = entry.error or entry.way.reason
+        except bind.BindingError as error:
+            self.cost.reason = str(error)
+        if not self.cost.reason:
+            self.cost.saves = Part("Blender's deformation", "SAVES", None, DIFFERENCE)
+            self.absences.append(_Absence(self.ob, [self.cost.saves], bound_for_now, self.ob, DEFORMED))
+
+    def read_clocks(self, depsgraph, was_evaluated):
+        """Of one frame. A clock goes on showing an old time on frames on which nothing was evaluated."""
+        modifiers = self.ob.evaluated_get(depsgraph).modifiers if self._clocked else ()
+        for name, (_, times) in self._clocked.items():
+            modifier = modifiers.get(name)
+            times.append(1e3 * modifier.execution_time if was_evaluated and modifier is not None else 0.0)
+        if self._own:
+            entry = characters.character(self.ob)
+            self._own[1].append(entry.timings.total if was_evaluated and entry else 0.0)
+
+    def conclude(self):
+        for part, times in (*self._clocked.values(), *([self._own] if self._own else ())):
+            part.ms = median(times)
+
+
+class _Absence:
+    """Something of an object that is not there while frames are played."""
+
+    def __init__(self, ob, parts, absent, what, stage):
+        """parts: they share the outcome evenly; absent(what): a context manager; stage: what is played."""
+        self.name, self.part, self.stage, self.times = ob.name, parts[0], stage, []
+        self._parts, self._absent, self._what = parts, absent, what
+
+    def made(self):
+        return self._absent(self._what)
+
+    def conclude(self, before, after):
+        costs.set_difference(self._parts, before, self.times, after)
+
+
+# --- absences: context managers that leave nothing behind ------------------------------------------
+
+@contextmanager
+def _at_rest(armature):
+    """armature: the data-block."""
+    before = armature.pose_position
+    armature.pose_position = "REST"
+    try:
+        yield
+    finally:
+        armature.pose_position = before
+
+
+@contextmanager
+def _switched_off(modifiers):
+    try:
+        for modifier in modifiers:
+            modifier.show_viewport = False
+        yield
+    finally:
+        for modifier in modifiers:
+            modifier.show_viewport = True
+
+
+@contextmanager
+def _muted(keys):
+    before = [block.mute for block in keys.key_blocks]
+    try:
+        for block in keys.key_blocks:
+            block.mute = True
+        yield
+    finally:
+        for block, was_muted in zip(keys.key_blocks, before):
+            block.mute = was_muted
+
+
+@contextmanager
+def bound_for_now(ob):
+    """Yields the runtime side of a mesh that is bound meanwhile. Raises BindingError."""
+    settings = ob.sinew
+    kept = {name: getattr(settings, name) if settings.is_property_set(name) else None
+            for name, setting in settings.bl_rna.properties.items() if not setting.is_readonly}
+    active = ob.modifiers.active
+    active = active and active.name
+    bind.bind(ob, bind.find_armature(ob))
+    try:
+        yield characters.of(ob)
+    finally:
+        bind.unbind(ob)
+        for name, value in kept.items():
+            if value is None:
+                settings.property_unset(name)
+            elif getattr(settings, name) != value:
+                setattr(settings, name, value)
+        if active:
+            ob.modifiers.active = ob.modifiers[active]
+
+
+def _is_animated(block, path):
+    return path in animation.animated_paths(block)
+
+
+def _why_not_muted(ob, keys):
+    """Why their absence says nothing, or ""."""
+    if not keys.use_relative:
+        return "absolute keys cannot be muted"
+    if ob.show_only_shape_key:
+        return "one key alone is shown"
+    if any(path.endswith(".mute") for path in animation.animated_paths(keys)):
+        return "their muting is animated"
+    return ""

@@ -1,0 +1,185 @@
+"""Where the time goes: the profile of the open scene, in the sidebar."""
+
+from contextlib import ExitStack
+
+import bpy
+from bpy.app.handlers import persistent
+from bpy.props import IntProperty, StringProperty
+
+from ..binding import bind
+from ..profiling import costs, measure
+from . import notice, progress
+from .panels import InSidebar
+
+MOST_OBJECTS = 12  # that are listed
+SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
+ICONS = {"MESH": "MESH_DATA", "ARMATURE": "ARMATURE_DATA"}
+_last = []  # the profile on show, of the open file; names, never references
+
+
+class MeasureProfile(bpy.types.Operator):
+    """Play the scene and measure what evaluating each object costs, and what Accelerate would save. Nothing in the
+    file changes, but what was changed by hand and not keyed goes back to its keyframes, as with all playing. Esc
+    stops it"""
+
+    bl_idname = "scene.sinew_profile"
+    bl_label = "Measure"
+    bl_options = {"REGISTER"}
+
+    frame_start: IntProperty(name="First Frame", description="The first frame to play; without it the scene's")
+    frame_end: IntProperty(name="Last Frame", description="The last frame to play; without it the scene's")
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and not (
+            context.screen and context.screen.is_animation_playing)
+
+    def execute(self, context):
+        try:
+            self._show(context, measure.run(context, *self._frames(context)))
+        except ValueError as error:
+            return self._fail(error)
+        return {"FINISHED"}
+
+    def invoke(self, context, _event):
+        if context.window is None:
+            return self.execute(context)
+        self._steps = measure.steps(context, *self._frames(context))
+        self._stack = ExitStack()
+        self._stack.callback(self._steps.close)
+        self._progress = self._stack.enter_context(progress.shown(context, draws=False))
+        manager = context.window_manager
+        timer = manager.event_timer_add(SECONDS_BETWEEN_STEPS, window=context.window)
+        self._stack.callback(manager.event_timer_remove, timer)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self.cancel(context)
+            self.report({"INFO"}, "Stopped: nothing was measured, and nothing has changed")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        try:
+            share, text = next(self._steps)
+            self._progress.step(share, f"{text}, Esc stops it")
+            return {"RUNNING_MODAL"}
+        except StopIteration as end:
+            self.cancel(context)
+            self._show(context, end.value)
+            return {"FINISHED"}
+        except ValueError as error:
+            self.cancel(context)
+            return self._fail(error)
+        except BaseException:
+            self.cancel(context)
+            raise
+
+    def cancel(self, _context):
+        self._stack.close()
+
+    def _frames(self, context):
+        first, last = costs.frames_of(context.scene)
+        return (self.frame_start if self.properties.is_property_set("frame_start") else first,
+                self.frame_end if self.properties.is_property_set("frame_end") else last)
+
+    def _fail(self, error):
+        self.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+
+    def _show(self, context, profile):
+        _last[:] = [profile]
+        for area in context.screen.areas if context.screen else ():
+            area.tag_redraw()
+
+
+class AccelerateOne(bpy.types.Operator):
+    """Let Sinew deform this mesh, by the armature that it hangs on"""
+
+    bl_idname = "object.sinew_accelerate_one"
+    bl_label = "Accelerate"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    name: StringProperty(options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"}
+
+    def execute(self, _context):
+        ob = bpy.data.objects.get((self.name, None))
+        try:
+            if ob is None:
+                raise bind.BindingError(f"There is no object {self.name} any more: measure again")
+            bind.bind(ob, bind.find_armature(ob))
+        except bind.BindingError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class SidebarProfile(InSidebar, bpy.types.Panel):
+    bl_idname = "VIEW3D_PT_sinew_profile"
+    bl_label = "Where the Time Goes"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.layout.operator(MeasureProfile.bl_idname, icon="TIME")
+        for profile in _last:
+            draw_profile(self.layout, context, profile)
+
+
+def draw_profile(layout, context, profile):
+    notice.draw_sentence(layout, context, costs.heading(profile), False)
+    for cost in profile.objects[:MOST_OBJECTS]:
+        ob = bpy.data.objects.get(cost.name)
+        if ob is not None:  # else it was deleted or renamed
+            draw_object(layout.box().column(align=True), context, ob, cost)
+    if len(profile.objects) > MOST_OBJECTS:
+        layout.label(text=f"and {len(profile.objects) - MOST_OBJECTS} more that cost less")
+
+
+def draw_object(column, context, ob, cost):
+    draw_row(column, cost.name[0], f"{cost.ms:.2f} ms", ICONS.get(cost.type, "OBJECT_DATA"))
+    for part in cost.parts:
+        draw_row(column, part.name, costs.part_text(part), "BLANK1")
+    if ob.type == "MESH" and ob.sinew.is_bound and not cost.is_bound:
+        column.label(text="Accelerated since: measure again", icon="CHECKMARK")
+    elif cost.saves is not None:
+        draw_row(column, "Accelerate", costs.verdict(cost), "BLANK1")
+        column.operator(AccelerateOne.bl_idname, icon="LINKED").name = ob.name
+    elif costs.verdict(cost):
+        notice.draw_sentence(column, context, costs.verdict(cost), False)
+    for remark in cost.remarks:
+        notice.draw_sentence(column, context, remark, False)
+
+
+def draw_row(column, name, value, icon):
+    row = column.split(factor=0.6)
+    row.label(text=name, icon=icon)
+    right = row.row()
+    right.alignment = "RIGHT"
+    right.label(text=value)
+
+
+@persistent
+def forget(*_):
+    """Another file."""
+    _last.clear()
+
+
+CLASSES = (MeasureProfile, AccelerateOne, SidebarProfile)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.app.handlers.load_post.append(forget)
+
+
+def unregister():
+    bpy.app.handlers.load_post.remove(forget)
+    forget()
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

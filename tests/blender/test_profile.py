@@ -1,0 +1,490 @@
+"""Where the time goes: what is listed, and that measuring changes nothing. Never how long anything took."""
+
+import json
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from helpers import addon_module, data_counts, make_fail, select, traces, twin_of
+from test_panel import Notes
+
+HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
+# Not of the file; and the last changes when somebody reads the attribute, as this test does.
+PASSING = {"is_evaluated", "execution_time", "bl_rna", "rna_type", "storage_type"}
+
+
+@pytest.fixture
+def figure():
+    """(mesh, armature): shape keys, an Armature modifier, Corrective Smooth; animated over frames 1 to 10."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    add_shape_keys(ob)
+    ob.modifiers.new("Corrective", "CORRECTIVE_SMOOTH")
+    for frame in (1, 4, 7, 10):
+        pose(armature, frame, False)
+    bpy.context.scene.frame_set(3)
+    return ob, armature
+
+
+def measure(first=1, last=4):
+    return addon_module("profiling.measure").run(bpy.context, first, last)
+
+
+def costs_of(profile):
+    return {cost.name[0]: cost for cost in profile.objects}
+
+
+def parts_of(cost):
+    return [(part.name, part.kind) for part in cost.parts]
+
+
+def report(**options):
+    """What the operator leaves for the panel."""
+    assert bpy.ops.scene.sinew_profile(**options) == {"FINISHED"}
+    profile, = addon_module("ui.profile")._last
+    return profile
+
+
+# --- what is in the file, all of it ---------------------------------------------------------------
+
+def content(value, depth=0):
+    """Plain values of a data-block or a part of it; of other data-blocks the names."""
+    if isinstance(value, bpy.types.bpy_prop_collection):
+        found = [content(each, depth) for each in value] if len(value) < 3000 else len(value)
+        active = getattr(value, "active", None)
+        return found, getattr(active, "name", None), getattr(value, "active_index", None)
+    if isinstance(value, bpy.types.bpy_struct):
+        if isinstance(value, bpy.types.ID) and depth or depth > 3:
+            return getattr(value, "name", "")
+        return {name: content(getattr(value, name), depth + 1) for name in value.bl_rna.properties.keys()
+                if name not in PASSING}
+    return str(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+
+
+def everything():
+    kinds = ("objects", "meshes", "armatures", "shape_keys", "node_groups", "actions")
+    found = {(kind, block.name_full): (content(block), {name: str(value) for name, value in own_properties(block)})
+             for kind in kinds for block in getattr(bpy.data, kind)}
+    return found | {"frame": (bpy.context.scene.frame_current, bpy.context.scene.frame_subframe)}
+
+
+def own_properties(block):
+    """Also those of the add-on, and whether they were ever set."""
+    settings = getattr(block, "sinew", None)
+    if settings is not None:
+        yield from ((name, settings.is_property_set(name)) for name in settings.bl_rna.properties.keys())
+    yield from ((name, block[name]) for name in block.keys() if name not in ("sinew", "sinew_clip", "cycles"))
+
+
+def assert_unchanged(before):
+    after = everything()
+    assert after.keys() == before.keys()
+    assert [(name, key, value, after[name][0][key]) for name in before if name != "frame"
+            for key, value in before[name][0].items() if value != after[name][0][key]] == []
+    assert after == before
+    assert traces() == []
+
+
+def test_content_notices_what_changes(figure):
+    ob, armature = figure
+    for change in (lambda: setattr(ob.modifiers["Corrective"], "show_viewport", False),
+                   lambda: setattr(ob.data.shape_keys.key_blocks["Wide"], "mute", True),
+                   lambda: setattr(armature.data, "pose_position", "REST"),
+                   lambda: setattr(ob.sinew, "source", "ARMATURE"),
+                   lambda: bpy.context.scene.frame_set(4, subframe=0.5),
+                   lambda: setattr(ob.modifiers, "active", ob.modifiers["Corrective"]) or
+                   setattr(ob.modifiers, "active", ob.modifiers["Armature"])):
+        before = everything()
+        change()
+        assert everything() != before
+
+
+# --- what is listed -------------------------------------------------------------------------------
+
+def test_each_part_of_a_character_is_listed(figure):
+    ob, armature = figure
+    profile = measure()
+    found = costs_of(profile)
+    assert set(found) == {ob.name, armature.name}
+    assert parts_of(found[ob.name]) == [
+        ("Shape Keys", "KEYS"), ("Armature", "ARMATURE"), ("Corrective", "CORRECTIVE_SMOOTH")]
+    assert parts_of(found[armature.name]) == [("Pose", "POSE")]
+    ways = [part.how for part in found[ob.name].parts]
+    assert ways == ["difference", *(["Blender's clock"] * 2 if HAS_CLOCK else ["difference"] * 2)]
+    assert profile.frames == [1, 2, 3, 4]
+
+
+def test_the_sums_are_right_and_the_dearest_comes_first(figure):
+    make_mesh(figure[1], True)
+    profile = measure()
+    for cost in profile.objects:
+        assert cost.ms == pytest.approx(sum(part.ms for part in cost.parts))
+        assert all(part.ms >= 0 for part in cost.parts)
+    times = [cost.ms for cost in profile.objects]
+    assert times == sorted(times, reverse=True) and len(times) == 3
+    assert profile.frame_ms > 0 and profile.noise_ms > 0
+
+
+@pytest.mark.skipif(not HAS_CLOCK, reason="this Blender has no clock for modifiers")
+def test_blenders_clock_is_read_on_frames_that_evaluate_the_mesh_alone(figure):
+    ob, _ = figure
+    still = twin_of(ob)
+    still.modifiers.remove(still.modifiers["Armature"])
+    still.shape_key_clear()
+    found = costs_of(measure())
+    assert [part.ms for part in found[still.name].parts] == [0.0], "an old time counts again"
+    assert all(part.ms > 0 for part in found[ob.name].parts[1:])
+
+
+def test_what_is_hidden_or_switched_off_is_not_listed(figure):
+    ob, armature = figure
+    hidden = twin_of(ob)
+    hidden.hide_viewport = True
+    ob.modifiers["Corrective"].show_viewport = False
+    found = costs_of(measure())
+    assert set(found) == {ob.name, armature.name}
+    assert "Corrective" not in [part.name for part in found[ob.name].parts]
+
+
+def test_objects_in_instances_are_listed(figure):
+    ob, armature = figure
+    collection = bpy.data.collections.new("Figure")
+    for each in figure:
+        bpy.context.scene.collection.objects.unlink(each)
+        collection.objects.link(each)
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection
+    bpy.context.scene.collection.objects.link(empty)
+    assert set(costs_of(measure())) == {ob.name, armature.name}
+
+
+def test_keys_of_several_objects_are_measured_once_and_shared(figure):
+    ob, _ = figure
+    other = ob.copy()
+    bpy.context.scene.collection.objects.link(other)
+    found = costs_of(measure())
+    keys = [next(part for part in found[each.name].parts if part.kind == "KEYS") for each in (ob, other)]
+    assert keys[0].ms == keys[1].ms
+
+
+def test_a_bound_mesh_shows_sinews_own_time(figure):
+    ob, _ = figure
+    ob.modifiers.remove(ob.modifiers["Corrective"])
+    accelerate(ob)
+    cost = costs_of(measure())[ob.name]
+    assert cost.is_bound and cost.saves is None and cost.reason == ""
+    assert ("Sinew", "SINEW") in parts_of(cost)
+    assert not {("Shape Keys", "KEYS"), ("Armature", "ARMATURE")} & set(parts_of(cost))
+    assert ob.sinew.is_bound
+
+
+def test_a_bound_mesh_that_blender_deforms_says_so_and_lists_the_modifier(figure):
+    ob, _ = figure
+    accelerate(ob)
+    ob.data.shape_keys.use_relative = False
+    bpy.context.view_layer.update()
+    cost = costs_of(measure())[ob.name]
+    assert cost.is_bound and "absolute" in cost.reason
+    assert ("Armature", "ARMATURE") in parts_of(cost)
+
+
+def test_accelerate_is_tried_and_what_it_saves_is_a_number(figure):
+    ob, armature = figure
+    found = costs_of(measure())
+    assert found[ob.name].saves.ms >= 0 and found[ob.name].saves.noise_ms > 0 and found[ob.name].reason == ""
+    assert found[armature.name].saves is None and found[armature.name].reason == ""
+
+
+# --- sentences ------------------------------------------------------------------------------------
+
+def reason_of(ob):
+    cost = costs_of(measure())[ob.name]
+    assert cost.saves is None
+    return cost.reason
+
+
+def test_why_a_mesh_cannot_be_bound_is_said(figure):
+    ob, _ = figure
+    for group in list(ob.vertex_groups):
+        group.name = f"no {group.name}"
+    assert "No vertex group of Tube has the name of a deforming bone" in reason_of(ob)
+
+
+def test_why_blender_would_go_on_deforming_is_said(figure):
+    ob, _ = figure
+    ob.data.shape_keys.use_relative = False
+    assert "absolute ones" in reason_of(ob)
+
+
+def test_a_mesh_without_armature_says_so(figure):
+    ob, _ = figure
+    ob.modifiers.remove(ob.modifiers["Armature"])
+    assert reason_of(ob) == "no Armature modifier deforms it"
+
+
+def test_keys_that_cannot_be_muted_say_why(figure):
+    ob, _ = figure
+    keys = ob.data.shape_keys
+    keys.key_blocks["Wide"].keyframe_insert("mute", frame=1)
+    part = costs_of(measure())[ob.name].parts[0]
+    assert (part.ms, part.how) == (None, "their muting is animated")
+    ob.show_only_shape_key = True
+    keys.use_relative = False
+    assert costs_of(measure())[ob.name].parts[0].how == "absolute keys cannot be muted"
+
+
+def test_a_pose_whose_switch_is_animated_says_so(figure):
+    armature = figure[1]
+    armature.data.keyframe_insert("pose_position", frame=1)
+    part, = costs_of(measure())[armature.name].parts
+    assert (part.ms, part.how) == (None, "its switch is animated")
+
+
+def test_a_modifier_after_subdivision_is_said(figure):
+    ob, _ = figure
+    bpy.context.preferences.system.use_gpu_subdivision = True
+    ob.modifiers.new("Sub", "SUBSURF").levels = 1
+    ob.modifiers.new("Late", "SMOOTH")
+    remark, = costs_of(measure())[ob.name].remarks
+    assert remark.startswith("Late comes after Sub, so the processor has to subdivide")
+    ob.modifiers["Late"].show_viewport = False
+    remark, = costs_of(measure())[ob.name].remarks
+    assert remark.startswith("Sub is left to the graphics card")
+
+
+def test_nothing_is_said_of_subdivision_where_the_preferences_leave_it_to_the_processor(figure):
+    ob, _ = figure
+    ob.modifiers.new("Sub", "SUBSURF").levels = 1
+    ob.modifiers.new("Late", "SMOOTH")
+    bpy.context.preferences.system.use_gpu_subdivision = False
+    try:
+        assert costs_of(measure())[ob.name].remarks == []
+    finally:
+        bpy.context.preferences.system.use_gpu_subdivision = True
+
+
+# --- nothing changes ------------------------------------------------------------------------------
+
+def test_nothing_changes_in_the_file(figure):
+    ob, armature = figure
+    plain = make_mesh(armature, True)  # goes through an attribute
+    plain.modifiers.new("Sub", "SUBSURF").levels = 1
+    plain.modifiers.new("Late", "SMOOTH")
+    for each in (ob, plain):
+        each.modifiers.active = each.modifiers["Armature"]
+    bpy.context.scene.frame_set(3, subframe=0.25)
+    select(plain)
+    before, counts = everything(), data_counts()
+    measure()
+    assert_unchanged(before)
+    assert data_counts() == counts
+    assert bpy.context.active_object == plain and bpy.context.selected_objects == [plain]
+
+
+def test_a_mesh_that_was_bound_once_keeps_what_it_knows_of_that(figure):
+    ob, armature = figure
+    accelerate(ob)
+    bpy.ops.object.sinew_unbind()
+    assert ob.sinew.last_armature == armature
+    before = everything()
+    measure()
+    assert_unchanged(before)
+
+
+def test_stopping_at_any_step_changes_nothing(figure):
+    figure[0].modifiers.new("Sub", "SUBSURF").levels = 1
+    figure[0].modifiers.active = figure[0].modifiers["Armature"]
+    bpy.context.view_layer.update()
+    before = everything()
+    steps = addon_module("profiling.measure").steps
+    count = sum(1 for _ in steps(bpy.context, 1, 4))
+    assert count > 4
+    for stop in range(1, count):
+        work = steps(bpy.context, 1, 4)
+        for _ in range(stop):
+            next(work)
+        work.close()
+        assert_unchanged(before)
+
+
+def test_simulations_are_not_switched_off(figure, monkeypatch):
+    """They would lose the frames that they have in memory."""
+    ob, _ = figure
+    ob.modifiers.new("Cloth", "CLOTH")
+    ob.modifiers.new("Sub", "SUBSURF").levels = 1
+    module, seen = addon_module("profiling.measure"), []
+    play = module._play
+
+    def noting(*arguments):
+        seen.append((ob.modifiers["Cloth"].show_viewport, ob.modifiers["Sub"].show_viewport))
+        return play(*arguments)
+
+    monkeypatch.setattr(module, "_play", noting)
+    cost = costs_of(measure())[ob.name]
+    assert set(seen) == {(True, True), (True, False)}
+    assert ob.modifiers["Sub"].show_viewport
+    part = next(part for part in cost.parts if part.name == "Cloth")
+    assert part.how == ("Blender's clock" if HAS_CLOCK else "a simulation is not switched off")
+
+
+@pytest.mark.parametrize("absent", ["_at_rest", "_muted", "_switched_off", "bound_for_now"])
+def test_an_error_while_something_is_absent_changes_nothing(figure, monkeypatch, absent):
+    module = addon_module("profiling.measure")
+    if absent == "_switched_off" and HAS_CLOCK:
+        pytest.skip("this Blender has a clock for modifiers")
+    before = everything()
+    play, running = module._play, []
+
+    def note(original):
+        def wrapped(what):
+            running.append(True)
+            return original(what)
+        return wrapped
+
+    def fail(*arguments):
+        if running[1:] or running and absent != "bound_for_now":  # it is tried once without playing
+            raise RuntimeError("told to fail")
+        return play(*arguments)
+
+    monkeypatch.setattr(module, absent, note(getattr(module, absent)))
+    monkeypatch.setattr(module, "_play", fail)
+    with pytest.raises(RuntimeError, match="told to fail"):
+        measure()
+    assert_unchanged(before)
+
+
+def test_a_linked_character_is_measured_and_stays_as_it_is(figure, tmp_path):
+    ob, armature = figure
+    path = tmp_path / "library.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.objects = ["Tube", "Rig"]
+    for each in wanted.objects:
+        bpy.context.scene.collection.objects.link(each)
+    bpy.context.scene.frame_set(2)
+    before = everything()
+    profile = measure()
+    cost = costs_of(profile)["Tube"]
+    assert cost.name[1] is not None and "linked from another file" in cost.reason and cost.saves is None
+    assert parts_of(cost)[0] == ("Shape Keys", "KEYS")
+    assert_unchanged(before)
+
+
+# --- operators ------------------------------------------------------------------------------------
+
+def test_the_operator_plays_what_playing_shows(figure):
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 2, 6
+    assert report().frames == [2, 3, 4, 5, 6]
+    scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 4, 5
+    assert report().frames == [4, 5]
+    assert report(frame_start=1, frame_end=3).frames == [1, 2, 3]
+    assert scene.frame_current == 3
+
+
+def drawn():
+    notes = Notes()
+    addon_module("ui.profile").SidebarProfile.draw(SimpleNamespace(layout=notes), bpy.context)
+    return notes.said
+
+
+def test_the_panel_lists_them_with_a_button_or_the_reason(figure):
+    ob, armature = figure
+    assert drawn() == ["scene.sinew_profile"]
+    bare = twin_of(ob)
+    bare.modifiers.remove(bare.modifiers["Armature"])
+    report(frame_start=1, frame_end=2)
+    said = drawn()
+    for text in (ob.name, armature.name, "Shape Keys", "Corrective", "Pose", "Accelerate",
+                 "no Armature modifier deforms it"):
+        assert text in said
+    assert said.count("object.sinew_accelerate_one") == 1
+    accelerate(ob)
+    assert "Accelerated since: measure again" in drawn() and "object.sinew_accelerate_one" not in drawn()
+    bpy.data.objects.remove(bare)
+    assert "no Armature modifier deforms it" not in drawn()
+
+
+def test_the_panel_lists_the_dearest(figure, monkeypatch):
+    monkeypatch.setattr(addon_module("ui.profile"), "MOST_OBJECTS", 1)
+    report(frame_start=1, frame_end=2)
+    assert drawn()[-1] == "and 1 more that cost less"
+
+
+def test_another_file_has_no_profile(figure):
+    report(frame_start=1, frame_end=2)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert addon_module("ui.profile")._last == []
+
+
+def test_bad_input_is_said(figure):
+    with pytest.raises(RuntimeError, match=r"the last frame \(1\) comes before the first \(9\)"):
+        bpy.ops.scene.sinew_profile(frame_start=9, frame_end=1)
+    with pytest.raises(RuntimeError, match="There is no object Nobody any more: measure again"):
+        bpy.ops.object.sinew_accelerate_one(name="Nobody")
+    for ob in list(bpy.data.objects):
+        bpy.data.objects.remove(ob)
+    with pytest.raises(RuntimeError, match="the scene shows nothing that has bones, shape keys or modifiers"):
+        bpy.ops.scene.sinew_profile()
+
+
+def test_a_scene_without_meshes_is_measured():
+    armature = make_armature()
+    assert list(costs_of(measure())) == [armature.name]
+
+
+def test_the_button_accelerates_the_mesh_of_its_row(figure):
+    ob, armature = figure
+    select(armature)
+    assert bpy.ops.object.sinew_accelerate_one(name=ob.name) == {"FINISHED"}
+    assert ob.sinew.is_bound
+    with pytest.raises(RuntimeError, match="is not a mesh"):
+        bpy.ops.object.sinew_accelerate_one(name=armature.name)
+
+
+@pytest.mark.says_errors
+def test_a_mesh_that_sinew_fails_on_says_so(figure, monkeypatch):
+    ob, _ = figure
+    accelerate(ob)
+    make_fail(monkeypatch, ob.name)
+    bpy.context.scene.frame_set(5)
+    assert costs_of(measure())[ob.name].reason == "It was told to fail"
+
+
+# --- the command line -----------------------------------------------------------------------------
+
+@pytest.fixture
+def sinew(capsys):
+    def run(*words):
+        capsys.readouterr()
+        return addon_module("cli.command_line").run([str(word) for word in words]), *capsys.readouterr()
+    return run
+
+
+def test_the_command_line_lists_them(figure, sinew, tmp_path):
+    path = tmp_path / "figure.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    saved = path.read_bytes()
+    code, out, err = sinew("info", "--profile", path, "--frames", "2-5")
+    assert (code, err) == (0, "")
+    assert f"{path}, 4 frames from 2 to 5: " in out and "Tube" in out and "  Shape Keys" in out and "  Pose" in out
+    code, out, err = sinew("info", path, "--profile", "--json")
+    document = json.loads(out.splitlines()[-1])
+    assert (code, len(document["frames"])) == (0, 40)
+    assert {each["name"] for each in document["objects"]} == {"Tube", "Rig"}
+    assert path.read_bytes() == saved
+
+
+def test_the_command_line_says_what_is_wrong(sinew, tmp_path):
+    path = tmp_path / "empty.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert sinew("info", "--profile", path, "--frames", "9-1")[0] == 2
+    assert sinew("info", "--profile", path, "--frames", "all")[0] == 2
+    assert sinew("info", "--profile", path)[::2] == (
+        1, "sinew: the scene shows nothing that has bones, shape keys or modifiers\n")
+    assert sinew("info", path, "--frames", "1-2")[::2] == (1, "sinew: --frames belongs to --profile\n")
+    code, _, err = sinew("info", "--profile", tmp_path)
+    assert code == 1 and "--profile wants a .blend" in err
