@@ -155,6 +155,8 @@ def test_a_file_plays_without_the_addon(fresh_scene, tmp_path, keys, hidden):
     ob = make_mesh(armature, True)
     if keys:
         add_shape_keys(ob)
+    ob.modifiers.new("Corrective", "CORRECTIVE_SMOOTH").vertex_group = "bone2"
+    ob.modifiers.new("Smooth", "SMOOTH").vertex_group = "bone3"
     twin = twin_of(ob)
     for frame in (1, 7, 14, 20):
         pose(armature, frame, True)
