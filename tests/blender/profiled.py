@@ -10,7 +10,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from helpers import addon_module, import_rig, select  # noqa: E402
-from windowed import FOLDER, area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen, windows  # noqa: E402
+from windowed import FOLDER, area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen  # noqa: E402
 
 KEYS = 20
 FRAMES = range(1, 21)
@@ -20,7 +20,7 @@ def steps():
     scene = bpy.context.scene
     for each in list(bpy.data.objects):
         bpy.data.objects.remove(each)
-    ui = addon_module("ui.profile")
+    ui, costs = addon_module("ui.profile"), addon_module("profiling.costs")
     ui.SidebarProfile.bl_options = set()  # open
     bpy.utils.unregister_class(ui.SidebarProfile)
     bpy.utils.register_class(ui.SidebarProfile)
@@ -41,15 +41,15 @@ def steps():
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(view)))}")
     yield from outside("xdotool key Escape")
     yield 1.0
-    assert not ui._last and (scene.frame_current, scene.frame_subframe) == (9, 0.5)
+    assert not costs.last and (scene.frame_current, scene.frame_subframe) == (9, 0.5)
     print("window: Esc stops measuring, and the frame is the same")
 
     start()
     for _ in range(300):
-        if ui._last:
+        if costs.last:
             break
         yield 0.5
-    profile, = ui._last
+    profile, = costs.last
     assert profile.frames == list(FRAMES) and profile.objects[0].name == ("ogre", None)
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5) and not ob.sinew.is_bound
     yield from picture("profile")

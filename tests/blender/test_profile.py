@@ -43,7 +43,7 @@ def parts_of(cost):
 def report(**options):
     """What the operator leaves for the panel."""
     assert bpy.ops.scene.sinew_profile(**options) == {"FINISHED"}
-    profile, = addon_module("ui.profile")._last
+    profile, = addon_module("profiling.costs").last
     return profile
 
 
@@ -417,7 +417,7 @@ def test_the_panel_lists_the_dearest(figure, monkeypatch):
 def test_another_file_has_no_profile(figure):
     report(frame_start=1, frame_end=2)
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert addon_module("ui.profile")._last == []
+    assert addon_module("profiling.costs").last == []
 
 
 def test_bad_input_is_said(figure):

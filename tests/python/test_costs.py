@@ -150,7 +150,7 @@ def test_the_report_has_a_row_for_each_object_and_each_part():
         ("dear", "3.00 ms", "saves 1.00 ms"), ("  part 0", "2.00 ms", ""), ("  part 1", "1.00 ms", ""),
         ("cheap", "0.50 ms", "no"), ("  part 0", "0.50 ms", "")]
     assert costs.remarks(profile) == ["dear: It is dear."]
-    assert costs.heading(profile) == "3 frames from 1 to 9: 4.00 ms a frame, to about 0.10 ms"
+    assert costs.heading(profile) == "3 frames from 1 to 9: 4.00 ms a frame, give or take 0.10 ms"
     assert costs.heading(costs.Profile([4], 4.0, 0.1, [])).startswith("frame 4: ")
 
 

@@ -19,6 +19,8 @@ DEFORMING = {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
 SIMULATIONS = {"CLOTH", "COLLISION", "DYNAMIC_PAINT", "EXPLODE", "FLUID", "OCEAN", "PARTICLE_INSTANCE", "PARTICLE_SYSTEM",
                "SOFT_BODY"}
 
+last = []  # the Profile that the panel shows, of the open file: names, never references
+
 
 @dataclass
 class Part:
@@ -157,7 +159,7 @@ def about_subdivision(modifiers):
 def heading(profile):
     frames = profile.frames
     which = f"frame {frames[0]}" if len(frames) == 1 else f"{len(frames)} frames from {frames[0]} to {frames[-1]}"
-    return f"{which}: {profile.frame_ms:.2f} ms a frame, to about {profile.noise_ms:.2f} ms"
+    return f"{which}: {profile.frame_ms:.2f} ms a frame, give or take {profile.noise_ms:.2f} ms"
 
 
 def rows(profile):

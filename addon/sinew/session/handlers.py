@@ -8,6 +8,7 @@ from bpy.app.handlers import persistent
 
 from ..binding import bind, deformed_copy, old_files, ways, wiring
 from ..blender import layout, nodes, values
+from ..profiling import costs
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..ui import notice
@@ -54,6 +55,7 @@ def on_load(*_):
     global _is_file_unknown
     _is_file_unknown = True
     notice.forget()
+    costs.last.clear()
     whole_frames.forget()
     forget()
     take_over_open_file()

@@ -3,7 +3,6 @@
 from contextlib import ExitStack
 
 import bpy
-from bpy.app.handlers import persistent
 from bpy.props import IntProperty, StringProperty
 
 from ..binding import bind
@@ -14,7 +13,6 @@ from .panels import InSidebar
 MOST_OBJECTS = 12  # that are listed
 SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
 ICONS = {"MESH": "MESH_DATA", "ARMATURE": "ARMATURE_DATA"}
-_last = []  # the profile on show, of the open file; names, never references
 
 
 class MeasureProfile(bpy.types.Operator):
@@ -89,7 +87,7 @@ class MeasureProfile(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _show(self, context, profile):
-        _last[:] = [profile]
+        costs.last[:] = [profile]
         for area in context.screen.areas if context.screen else ():
             area.tag_redraw()
 
@@ -126,7 +124,7 @@ class SidebarProfile(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         self.layout.operator(MeasureProfile.bl_idname, icon="TIME")
-        for profile in _last:
+        for profile in costs.last:
             draw_profile(self.layout, context, profile)
 
 
@@ -163,23 +161,5 @@ def draw_row(column, name, value, icon):
     right.label(text=value)
 
 
-@persistent
-def forget(*_):
-    """Another file."""
-    _last.clear()
-
-
 CLASSES = (MeasureProfile, AccelerateOne, SidebarProfile)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.app.handlers.load_post.append(forget)
-
-
-def unregister():
-    bpy.app.handlers.load_post.remove(forget)
-    forget()
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
