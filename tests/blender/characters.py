@@ -2,7 +2,7 @@
 
 import bpy
 import numpy as np
-from mathutils import Euler, Vector
+from mathutils import Euler, Matrix, Vector
 
 from helpers import select
 
@@ -31,6 +31,15 @@ def make_armature(connected=True):
 
 def make_mesh(armature, preserve_volume):
     """A tube of 1,200 vertices with random weights that are not normalised, by that armature."""
+    ob = make_tube([bone.name for bone in armature.data.bones])
+    modifier = ob.modifiers.new("Armature", "ARMATURE")
+    modifier.object = armature
+    modifier.use_deform_preserve_volume = preserve_volume
+    return ob
+
+
+def make_tube(names=(*(f"bone{i}" for i in range(BONES)), "side")):
+    """The same without a modifier. names: of its vertex groups."""
     random = np.random.default_rng(3)
     rings, around = 60, 20
     height, angle = np.meshgrid(np.linspace(-0.2, 5.2, rings),
@@ -43,15 +52,11 @@ def make_mesh(armature, preserve_volume):
     mesh.from_pydata(points.tolist(), [], faces)
     ob = bpy.data.objects.new("Tube", mesh)
     bpy.context.collection.objects.link(ob)
-    names = [bone.name for bone in armature.data.bones]
     groups = [ob.vertex_groups.new(name=name) for name in names]
     for v, (_, _, z) in enumerate(points):
         near = int(np.clip(z, 0, BONES - 1))
         for bone in random.permutation([near, max(near - 1, 0), 5 if 1 < z < 3 else near]):
             groups[bone].add([v], float(random.uniform(0.1, 1)), "ADD")
-    modifier = ob.modifiers.new("Armature", "ARMATURE")
-    modifier.object = armature
-    modifier.use_deform_preserve_volume = preserve_volume
     return ob
 
 
@@ -75,6 +80,35 @@ def add_shape_keys(ob):
 def with_bendy_bones(ob):
     for bone, segments in zip(ob.modifiers["Armature"].object.data.bones, (4, 8, 1, 3, 5)):
         bone.bbone_segments = segments
+
+
+def smoothed(ob, name="Corrective", kind="CORRECTIVE_SMOOTH", **settings):
+    modifier = ob.modifiers.new(name, kind)
+    for setting, value in settings.items():
+        setattr(modifier, setting, value)
+    return modifier
+
+
+def animate(modifier, **settings):
+    """Two keyframes a setting."""
+    for name, values in settings.items():
+        for frame, value in zip((1, 15), values):
+            setattr(modifier, name, value)
+            modifier.id_data.modifiers[modifier.name].keyframe_insert(name, frame=frame)
+
+
+def hook(ob, name="Hook", bone="", **settings):
+    target = ob.modifiers["Armature"].object if bone else bpy.data.objects.get("Target")
+    if target is None:
+        target = bpy.data.objects.new("Target", None)
+        bpy.context.collection.objects.link(target)
+        for frame, place in ((1, (1, 0, 0)), (15, (-1, 2, 1))):
+            target.location = target.rotation_euler = place
+            target.keyframe_insert("location", frame=frame)
+            target.keyframe_insert("rotation_euler", frame=frame)
+    modifier = smoothed(ob, name, "HOOK", object=target, subtarget=bone, **settings)
+    modifier.matrix_inverse = Euler((0.1, 0.2, 0.3)).to_matrix().to_4x4() @ Matrix.Translation((-0.5, 0, 0))
+    return modifier
 
 
 def pose(armature, frame, scaled):

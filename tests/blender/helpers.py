@@ -2,6 +2,7 @@
 
 import importlib
 import shutil
+import subprocess
 from pathlib import Path
 
 import bpy
@@ -97,6 +98,50 @@ def assert_same_shape(ob, reference, tolerance=1e-5):
     ours, theirs = evaluated(ob), evaluated(reference)
     error = float(np.abs(ours - theirs).max()) / diagonal(theirs)
     assert error < tolerance, f"{error:.3g} of the diagonal"
+
+
+def stages(ob):
+    """Names of the modifiers of the run that Sinew stands in for, but for Armature modifiers."""
+    return list(addon_module("session.characters").character(ob).run.stages)
+
+
+def end(ob):
+    """(name of the modifier at which the run ends, why)."""
+    run = addon_module("session.characters").character(ob).run
+    return run.end, run.reason
+
+
+def assert_same_on_all_frames(scene, ob, twin, frames=range(1, 21)):
+    for frame in frames:
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+def assert_plays_without_the_addon(path, ob, twin):
+    """That file: ob as its twin, on frames 1 to 20, and without a word. Asks for a Blender program."""
+    script = path.with_suffix(".py")
+    script.write_text(
+        "import bpy, numpy as np\n"
+        f"ob, twin = bpy.data.objects[{ob.name!r}], bpy.data.objects[{twin.name!r}]\n"
+        "assert not hasattr(ob, 'sinew')\n"
+        "def shape(ob):\n"
+        "    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data\n"
+        "    co = np.empty(3 * len(mesh.vertices), np.float32)\n"
+        "    mesh.vertices.foreach_get('co', co)\n"
+        "    return co\n"
+        "shapes = []\n"
+        "for frame in (9, *range(1, 21)):\n"
+        "    if shapes:\n"
+        "        bpy.context.scene.frame_set(frame)\n"
+        "    shapes.append(shape(ob))\n"
+        "    assert np.array_equal(shapes[-1], shape(twin)), frame\n"
+        "assert np.ptp(shapes, axis=0).max() > 0.1\n")
+    result = subprocess.run(
+        [bpy.app.binary_path, "-b", "--factory-startup", str(path), "--python-exit-code", "1",
+         "--python", str(script)], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    # Debian's 5.2 prints a traceback of its own extension manager; ours would name us.
+    assert "sinew" not in (result.stdout + result.stderr).replace(str(path.parent), "")
 
 
 def make_fail(monkeypatch, name):

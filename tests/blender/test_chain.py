@@ -4,27 +4,12 @@ judge."""
 import bpy
 import numpy as np
 import pytest
-from mathutils import Euler, Matrix
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones
-from helpers import addon_module, assert_same_shape, depsgraph, diagonal, evaluated, select, twin_of, way
-
-FRAMES = range(1, 21)
-
-
-def smoothed(ob, name="Corrective", kind="CORRECTIVE_SMOOTH", **settings):
-    modifier = ob.modifiers.new(name, kind)
-    for setting, value in settings.items():
-        setattr(modifier, setting, value)
-    return modifier
-
-
-def animate(modifier, **settings):
-    """Two keyframes a setting."""
-    for name, values in settings.items():
-        for frame, value in zip((1, 15), values):
-            setattr(modifier, name, value)
-            modifier.id_data.modifiers[modifier.name].keyframe_insert(name, frame=frame)
+from characters import (
+    accelerate, add_shape_keys, animate, hook, make_armature, make_mesh, pose, smoothed, with_bendy_bones)
+from helpers import (
+    addon_module, assert_same_on_all_frames, assert_same_shape, depsgraph, diagonal, end, evaluated, select, stages,
+    twin_of, way)
 
 
 def simple(ob):
@@ -71,20 +56,6 @@ def plain_smooth(ob):
 def against_it(ob):
     smoothed(ob, "Smooth", "SMOOTH", factor=-0.3, iterations=2)
     smoothed(ob, "Part", "SMOOTH", factor=-0.3, iterations=2, vertex_group="bone3")
-
-
-def hook(ob, name="Hook", bone="", **settings):
-    target = ob.modifiers["Armature"].object if bone else bpy.data.objects.get("Target")
-    if target is None:
-        target = bpy.data.objects.new("Target", None)
-        bpy.context.collection.objects.link(target)
-        for frame, place in ((1, (1, 0, 0)), (15, (-1, 2, 1))):
-            target.location = target.rotation_euler = place
-            target.keyframe_insert("location", frame=frame)
-            target.keyframe_insert("rotation_euler", frame=frame)
-    modifier = smoothed(ob, name, "HOOK", object=target, subtarget=bone, **settings)
-    modifier.matrix_inverse = Euler((0.1, 0.2, 0.3)).to_matrix().to_4x4() @ Matrix.Translation((-0.5, 0, 0))
-    return modifier
 
 
 def hooks(ob):
@@ -136,21 +107,6 @@ def make(fresh_scene):
             accelerate(ob)
         return ob, twin
     return make
-
-
-def stages(ob):
-    return list(addon_module("session.characters").character(ob).run.stages)
-
-
-def end(ob):
-    run = addon_module("session.characters").character(ob).run
-    return run.end, run.reason
-
-
-def assert_same_on_all_frames(scene, ob, twin, frames=FRAMES):
-    for frame in frames:
-        scene.frame_set(frame)
-        assert_same_shape(ob, twin)
 
 
 @pytest.mark.parametrize("before", (nothing, add_shape_keys, by_two_armatures, with_bendy_bones),
