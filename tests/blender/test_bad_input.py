@@ -123,7 +123,7 @@ def test_no_file_chosen(tmp_path):
 def test_what_cannot_be_bound_is_said():
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.active_object
-    with pytest.raises(RuntimeError, match="Cube has no armature"):
+    with pytest.raises(RuntimeError, match="Cube has no armature, shape keys or smoothing"):
         bpy.ops.object.sinew_bind()
     _, armature = import_rig("capsule")
     select(cube, armature)

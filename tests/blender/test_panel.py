@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
+from characters import accelerate, make_armature, make_mesh, make_tube, pose, smoothed
 from helpers import addon_module, depsgraph, evaluated, import_rig, make_fail, select
 
 
@@ -67,6 +67,29 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
         assert text in said
     select(armature)
     assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", display[1]]
+
+
+def test_mesh_without_an_armature(fresh_scene):
+    ob = make_tube()
+    select(ob)
+    assert draw() == ["Not bound", "object.sinew_bind", "object.sinew_show_weights"]
+    smoothed(ob, "Smooth", "SMOOTH")
+    assert draw() == ["Deformed without an armature", "Accelerate", "object.sinew_show_weights"]
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    said = draw()
+    for text in ("Output", "Vertices", "1,200", "Sinew's Part", "object.sinew_unbind"):
+        assert text in said
+    assert not {"Method", "Pose", "Armature", "Show", "Bones", "Mask"}.intersection(said[:said.index("Sinew's Part")])
+    copy = ob.copy()
+    bpy.context.collection.objects.link(copy)
+    ob.modifiers.remove(ob.modifiers["Smooth"])
+    bpy.context.view_layer.update()
+    said = draw()
+    assert ("Blender's own modifier deforms it: it has no armature, shape keys or smoothing that Sinew could take "
+            "over") in said
+    assert "2 objects share this mesh" in said
+    assert bpy.ops.object.sinew_make_single_user.poll() and not bpy.ops.object.sinew_fill_weights.poll()
 
 
 def test_whole_frames_with_and_without(fresh_scene, monkeypatch):

@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from characters import (
+    accelerate, add_shape_keys, animate, make_armature, make_mesh, make_tube, pose, smoothed)
 from helpers import (
     addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of, way)
 
@@ -93,6 +94,23 @@ def with_all_of_it(scene):
     with_motion_blur(scene)
     with_view_layers(scene)
     with_persistent_data(scene)
+
+
+@pytest.mark.parametrize("keys", (False, True), ids=("smoothing", "keys"))
+def test_rendered_frames_without_an_armature(fresh_scene, tmp_path, keys):
+    """Rendered alone, so that what the viewport is switched to does not matter."""
+    ob = make_tube()
+    smoothed(ob, "Smooth", "SMOOTH", iterations=20)
+    if keys:
+        add_shape_keys(ob)
+        ob.data.shape_keys.key_blocks["Wide"].slider_max = 10
+        ob.data.shape_keys.key_blocks["Wide"].driver_add("value")
+    add_camera(fresh_scene)
+    animate(ob.modifiers["Smooth"], factor=(0, 1))
+    twin = twin_of(ob)
+    accelerate(ob)
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, ob, twin))
+    assert addon_module("session.characters").character(ob).is_deforming
 
 
 @pytest.mark.parametrize(

@@ -48,21 +48,45 @@ def find_armature(ob):
     return None
 
 
+def armature_to_bind(ob):
+    """The armature that a mesh is to be bound to if nobody chooses one: that which it hangs on. None: shape keys and
+    smoothing are all that deforms it."""
+    armature = find_armature(ob)
+    if armature is None or ob.sinew.is_bound:
+        return armature
+    modifier = armature_modifier(ob, armature)
+    is_deformed = wiring.is_shown(modifier) if modifier else has_group_of(ob, armature)
+    return armature if is_deformed or ways.why_idle(ob) else None
+
+
+def has_group_of(ob, armature):
+    """Whether a vertex group of the mesh has the name of a deforming bone."""
+    bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
+    return any(group.name in bone_names for group in ob.vertex_groups)
+
+
+def modifiers_to_take(ob, armature):
+    """The Armature modifiers that Sinew is to stand in for if the mesh is bound to that armature; None: to none."""
+    modifier = armature and armature_modifier(ob, armature)
+    return wiring.mixed_modifiers(ob, modifier) if modifier else []
+
+
 def check_bindable(ob, armature):
-    """Raises BindingError with the reason if the mesh cannot be bound to the armature."""
+    """Raises BindingError with the reason if the mesh cannot be bound to the armature; None: without one."""
     if ob.type != "MESH":
         raise BindingError(f"{ob.name} is not a mesh")
     if ob.sinew.copy_of is not None:
         raise BindingError(f"{ob.name} is the deformed copy of {ob.sinew.copy_of.name}: bind that one")
-    if armature is None:
-        raise BindingError(
-            f"{ob.name} has no armature: select one with it, parent it to one or give it an "
-            "Armature modifier")
     if ob.library:
         raise BindingError(
             f"{ob.name} is linked from another file; make a library override of it first, or bind it there")
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
+    if armature is None:
+        idle = ways.why_idle(ob)
+        if idle:
+            raise BindingError(f"{ob.name} {idle}")
+        return
     if ob.parent == armature and ob.parent_type == "ARMATURE":
         raise BindingError(
             f"{ob.name} is deformed by its parent {armature.name} itself (parent type Armature), which Sinew cannot "
@@ -73,7 +97,7 @@ def check_bindable(ob, armature):
             f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
             f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
     held = {*wiring.SHOWS, wiring.CARRIER}
-    for modifier in wiring.mixed_modifiers(ob, replaced) if replaced else ():
+    for modifier in modifiers_to_take(ob, armature):
         animated = held.intersection(animation.animated_properties(ob, modifier))
         if animated and modifier not in wiring.taken_modifiers(ob):
             raise BindingError(
@@ -81,8 +105,7 @@ def check_bindable(ob, armature):
                 "and Sinew has to switch it itself: remove these first")
     if replaced and replaced.use_bone_envelopes:
         return
-    bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
-    if not any(group.name in bone_names for group in ob.vertex_groups):
+    if not has_group_of(ob, armature):
         raise BindingError(
             f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
 
@@ -90,28 +113,26 @@ def check_bindable(ob, armature):
 def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=True):
     """Let Sinew deform the mesh in place of its Armature modifier on that armature (and those that Multi Modifier
     mixes with it), which stays as it is but for its switches, and goes on saying how: method, groups, envelopes,
-    mask. A mesh that has none gets one. Without `source` a mesh that was bound to that armature before has its own
-    again, and another one a clip if there is one. is_shown: have Blender evaluate it at once, which must not be asked for
-    in a handler. Raises BindingError."""
+    mask. A mesh that has none gets one. armature None: in place of its shape keys and smoothing alone. Without `source`
+    a mesh that was bound to that armature before has its own again, and another one a clip if there is one. is_shown:
+    have Blender evaluate it at once, which must not be asked for in a handler. Raises BindingError."""
     check_bindable(ob, armature)
     settings = ob.sinew
-    replaced = armature_modifier(ob, armature)
-    taken = wiring.mixed_modifiers(ob, replaced) if replaced else []
+    taken = modifiers_to_take(ob, armature)
     if output == "MESH":
         try:
-            deformed_copy.check(ob, taken, characters.count_sharers(ob))
+            deformed_copy.check(ob, taken, characters.count_sharers(ob), armature is not None and not taken)
         except OutputError as error:
             raise BindingError(str(error)) from error
     was_bound_to = settings.last_armature
     if settings.is_bound:
-        if replaced is None and settings.modifier is not None:
+        if armature is not None and not taken and settings.modifier is not None:
             settings.armature = armature  # in place of the one that it was bound to
         unbind(ob)
-        replaced = armature_modifier(ob, armature)
-        taken = wiring.mixed_modifiers(ob, replaced) if replaced else []
+        taken = modifiers_to_take(ob, armature)
     else:
         nodes.remove_modifiers(ob)  # what came with a copy of another mesh's modifiers
-    if not taken:
+    if armature is not None and not taken:
         modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
         modifier.object = armature
         try:
@@ -121,15 +142,17 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
             raise BindingError(str(error)) from error
         settings.has_added_modifier = True
         taken = [modifier]
-    if source is None and was_bound_to != armature:
+    if armature is None:
+        source = "ARMATURE"
+    elif source is None and was_bound_to != armature:
         source = "CLIP" if has_poses(armature.data) else "ARMATURE"
     settings.source = source or settings.source
     settings.last_armature = armature
     settings.property_unset("show_shape")
-    if method:
+    if method and taken:
         taken[0].use_deform_preserve_volume = method == "DUAL_QUATERNION"
     settings.output = settings.installed_output = output
-    wiring.wire(ob, taken[0])
+    wiring.wire(ob, taken[0] if taken else nodes.add_modifier(ob, len(ob.modifiers)))
     memory.clear_mark(ob.data, "MESH")
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
@@ -157,44 +180,80 @@ def bind_anew(ob):
         notice.show(f"{error} (it was bound by Sinew 0.1, and Blender's own modifier deforms it now)")
 
 
+_adapting = set()  # keys of objects: before 3.5 moving a modifier has Blender evaluate, and so deliver mail
+
+
 def adapt(ob):
     """Sees to it that the .blend has what the mesh's way needs, and no more."""
-    if not ob.sinew.is_bound or ob.library is not None:
+    key = values.key_of(ob)
+    if not ob.sinew.is_bound or ob.library is not None or key in _adapting:
         return
-    first = wiring.first_taken(ob)
+    _adapting.add(key)
+    try:
+        _adapt(ob)
+    finally:
+        _adapting.discard(key)
+
+
+def _adapt(ob):
+    carrier = wiring.carrier_of(ob)
     entry = characters.of(ob)
     entry.look_again()
     entry.look(ob)
-    if first is not None:
-        wiring.wire(ob, first, runs.hooks(ob, entry.run), waits=entry.way.kind != ways.BLENDER)
+    if carrier is not None:
+        wiring.wire(ob, carrier, runs.hooks(ob, entry.run), waits=entry.way.kind != ways.BLENDER)
     if entry.way.kind == ways.ATTRIBUTE:
-        if nodes.find_modifier(ob) is None:
-            try:
-                nodes.add_modifier(ob, ob.modifiers.find(first.name))
-            except ValueError as error:
-                characters.report(ob, str(error))
-                return
+        try:
+            put_own_modifier_first(ob, entry)
+        except ValueError as error:
+            characters.report(ob, str(error))
+            return
         if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:
             meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
     else:
         displaced = displaced_modifiers(ob)
-        remove_own_modifier(ob)
+        if carrier is not None and nodes.is_sinew(carrier):  # out of the way
+            nodes.move_modifier_back(ob, carrier)
+            remove_attribute(ob)
+        else:
+            remove_own_modifier(ob)
         for modifier in reversed(displaced):
             nodes.move_modifier_back(ob, modifier)
     entry.look(ob)
 
 
-def displaced_modifiers(ob):
-    """Those that people have added, and Blender has put before Sinew's modifier and so before the armature's, since it
-    lets them stand behind deforming ones alone."""
+def put_own_modifier_first(ob, entry):
+    """Sinew's, before all that it stands in for. Raises ValueError where Blender does not let it go there."""
     own = nodes.find_modifier(ob)
-    before = list(ob.modifiers)[:ob.modifiers.find(own.name)] if own else []
+    index = ob.modifiers.find(entry.taken[0]) if entry.taken else 0
+    if own is None:
+        nodes.add_modifier(ob, index)
+        return
+    try:
+        nodes.move_modifier(ob, own, min(index, ob.modifiers.find(own.name)))
+    except ValueError:
+        if not runs.is_in_place(ob, own.name, entry.taken, entry.run):
+            raise
+
+
+def displaced_modifiers(ob):
+    """Those that people have added, and Blender has put before Sinew's modifier and so before all that deforms, since
+    it lets them stand behind deforming ones alone."""
+    own = nodes.find_modifier(ob)
+    if own is None or meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:  # it did not come first
+        return []
+    before = list(ob.modifiers)[:ob.modifiers.find(own.name)]
     return [modifier for modifier in before if modifier.type in ways.WANTS_DEFORM_ONLY]
 
 
 def remove_own_modifier(ob):
     """Sinew's, and its attribute."""
     nodes.remove_modifiers(ob)
+    remove_attribute(ob)
+
+
+def remove_attribute(ob):
+    """Unless another object with the same mesh needs it."""
     if not any(other.sinew.is_bound and nodes.find_modifier(other) for other in sharers(ob)):
         meshes.remove_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
 
@@ -209,7 +268,7 @@ def sharers(ob):
 def rewire(key):
     """Of the object with that key, after somebody has edited it."""
     ob = characters.find(key)
-    if ob is None or release_if_undone(ob):
+    if ob is None or key in _adapting or release_if_undone(ob):
         return
     adapt(ob)
     entry = characters.of(ob)
@@ -234,8 +293,8 @@ def unbind(ob):
     if settings.installed_output == "MESH":
         deformed_copy.remove(ob)
     taken = wiring.taken_modifiers(ob)
-    remove_own_modifier(ob)
     wiring.unwire(ob)
+    remove_own_modifier(ob)
     if settings.has_added_modifier:
         settings.has_added_modifier = False
         for modifier in taken[:1]:
@@ -253,18 +312,20 @@ def is_deleted(armature):
 
 
 def release_if_undone(ob):
-    """Releases a mesh whose modifiers somebody has applied or removed, and returns whether. Armature modifiers that
-    it still has are switched off if Sinew's was applied, for they would deform the mesh again."""
-    taken = wiring.taken_modifiers(ob)
+    """Releases a mesh whose modifiers somebody has applied or removed, and returns whether. Modifiers that Sinew stood
+    in for are switched off if its own was applied, for they would deform the mesh again."""
+    has_hook, taken = wiring.carrier_of(ob) is not None, [modifier.name for modifier in wiring.taken_modifiers(ob)]
     attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
     if (ob.data.is_editmode or ob.library or ob.override_library
-            or old_files.is_old(ob) or taken and (attribute is None or nodes.find_modifier(ob))):
+            or old_files.is_old(ob) or has_hook and (attribute is None or nodes.find_modifier(ob))):
         return False
-    was_applied = bool(taken) and characters.of(ob).has_taken(
+    may_be_applied = attribute is not None and (taken or ob.sinew.last_armature is None)
+    was_applied = may_be_applied and characters.of(ob).has_taken(
         meshes.read_positions(ob.data), meshes.read_attribute(attribute))
+    stood_in_for = (*taken, *runs.of(ob, taken).stages)
     unbind(ob)
-    for modifier in taken if was_applied else ():
-        modifier.show_viewport = modifier.show_render = False
+    for name in stood_in_for if was_applied else ():
+        ob.modifiers[name].show_viewport = ob.modifiers[name].show_render = False
     notice.show(f"{ob.name} has taken its shape for good and is no longer bound to Sinew" if was_applied else
                 f"{ob.name} has lost the modifier that Sinew needs and is no longer bound to it")
     return True

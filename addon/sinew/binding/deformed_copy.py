@@ -20,10 +20,11 @@ class OutputError(Exception):
     """The object cannot have the output Mesh; the message says why. Nothing was changed."""
 
 
-def check(ob, taken, sharer_count):
+def check(ob, taken, sharer_count, gets_armature=False):
     """Raises OutputError if Blender's own modifier would have to deform the mesh. taken: the Armature modifiers that
-    Sinew stands in for, or is to; sharer_count: how many objects have its mesh."""
-    way = ways.foresee(ob, ob.data, taken, sharer_count)
+    Sinew stands in for, or is to; sharer_count: how many objects have its mesh; gets_armature: as ways.foresee has
+    it."""
+    way = ways.foresee(ob, ob.data, taken, sharer_count, gets_armature=gets_armature)
     if not way.in_pass:
         raise OutputError(f"{ob.name} cannot have the output Mesh, for Blender's own modifier deforms it: "
                           f"{way.reason}. Mend that first, or use the output Modifier")

@@ -15,7 +15,7 @@ def is_old(ob):
     settings, own = ob.sinew, nodes.find_modifier(ob)
     if not settings.is_bound or ob.library is not None:
         return False
-    return bool(settings.held) or wiring.first_taken(ob) is None and bool(
+    return bool(settings.held) or wiring.carrier_of(ob) is None and bool(
         len(settings.replaced) or ANCHOR in ob
         or settings.last_armature is None and meshes.point_attribute(ob.data, REST_ATTRIBUTE)
         or own and own.node_group[nodes.VERSION_PROPERTY] < nodes.NODE_GROUP_VERSION)

@@ -1,11 +1,12 @@
-"""The run: which modifiers behind its Armature modifier Sinew stands in for as well, and where it ends.
+"""The run: which modifiers behind its Armature modifier, or without one from the beginning of the stack, Sinew stands
+in for as well, and where it ends.
 
 What Sinew does not know goes on in Blender, with Sinew's shape as its input.
 """
 
 from dataclasses import dataclass
 
-from ..blender import animation, memory
+from ..blender import animation, memory, nodes
 from . import wiring
 
 STAGES = {"CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
@@ -16,32 +17,55 @@ class Run:
     stages: tuple = ()  # names of modifiers, in their order
     end: str = ""  # name of the first that goes on in Blender
     reason: str = ""  # why, a sentence for people
+    shown: tuple = (True, True)  # (in the viewport, in renders): as all of it is, Armature modifiers included
 
 
 def of(ob, taken):
     """ob: a mesh object, original or evaluated; taken: names of its Armature modifiers that Sinew stands in for, in
-    their order, at least one."""
+    their order."""
     original = ob.original
-    modifiers = original.modifiers
-    first, stages = modifiers[taken[0]], []
-    for modifier in list(modifiers)[modifiers.find(taken[-1]) + 1:]:
-        if not wiring.is_shown(modifier) or modifier.type == "HOOK" and modifier.object is None:
+    # What the others have to be shown like: Armature modifiers, else shape keys, else the first of them.
+    like, shown = None, (True, True)
+    if taken:
+        like, shown = taken[0], wiring.shown_of(ob, original.modifiers[taken[0]])
+    elif original.data.shape_keys is not None:
+        like = "the mesh"
+    start = original.modifiers.find(taken[-1]) + 1 if taken else 0
+    stages, end = [], ("", "")
+    for modifier in list(original.modifiers)[start:]:
+        if nodes.is_sinew(modifier) or _does_nothing(modifier):
             continue
-        reason = _why_not(original, modifier, first)
+        if like is None:
+            like, shown = modifier.name, wiring.shown_of(ob, modifier)
+        reason = _why_not(original, modifier, like, shown)
+        if modifier.type == "ARMATURE" and not taken and not stages:
+            reason = "it was not there at binding: unbind the mesh and accelerate it again"
         if reason:
-            return Run(tuple(stages), modifier.name, reason)
+            end = modifier.name, reason
+            break
         stages.append(modifier.name)
-    return Run(tuple(stages))
+    return Run(tuple(stages), *end, shown)
 
 
-def _why_not(ob, modifier, first):
-    """Why Sinew cannot stand in for a modifier, or ""."""
+def is_in_place(ob, own, taken, run):
+    """Whether Sinew's modifier of that name, which puts the shape in place, has nothing before it but what Sinew
+    stands in for. ob: original; taken: names of Armature modifiers; run: the Run behind them."""
+    before = list(ob.modifiers)[:ob.modifiers.find(own)]
+    return all(modifier.name in taken or modifier.name in run.stages or _does_nothing(modifier) for modifier in before)
+
+
+def _does_nothing(modifier):
+    return not wiring.is_shown(modifier) or modifier.type in {"ARMATURE", "HOOK"} and modifier.object is None
+
+
+def _why_not(ob, modifier, like, shown):
+    """Why Sinew cannot stand in for a modifier, or "". shown: as wiring.shown_of has it, of what is named `like`."""
     if modifier.type not in STAGES:
         return "only Blender knows what it does"
     if set(wiring.SHOWS).intersection(animation.animated_properties(ob, modifier)):
         return "it is switched by drivers or keyframes"
-    if [getattr(modifier, name) for name in wiring.SHOWS] != [getattr(first, name) for name in wiring.SHOWS]:
-        return f"it is not shown where {first.name} is"
+    if wiring.shown_of(ob, modifier) != shown:
+        return f"it is not shown where {like} is"
     driven = wiring.driven_settings(ob, [modifier])
     if driven:
         return f"its {driven[0]} is driven, and may not be there in time"

@@ -8,11 +8,13 @@ before.
 from dataclasses import dataclass
 
 from ..blender import animation, armatures, nodes
-from . import wiring
+from . import runs, wiring
 
 ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
 # Blender lets nothing but deforming modifiers stand before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
+# Ways to hang on a parent that say where the mesh is; the others deform it.
+PLACING_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 
 
 @dataclass(frozen=True)
@@ -29,21 +31,25 @@ class Way:
 def choose(ob, mesh, sharer_count, moves_against_armature=False):
     """ob: a bound mesh object, original or evaluated; mesh: its own; sharer_count: how many objects have that mesh;
     moves_against_armature: whether mesh and armature were seen to move against each other, frame by frame."""
-    taken = [ob.original.modifiers[modifier.name] for modifier in wiring.taken_modifiers(ob)]
-    if not taken or taken[0].object is None:
+    carrier = wiring.carrier_of(ob)
+    if carrier is None or carrier.type == "ARMATURE" and ob.original.modifiers[carrier.name].object is None:
         return Way(BLENDER, "Its armature is gone: choose another one, or unbind")
+    taken = [ob.original.modifiers[modifier.name] for modifier in wiring.taken_modifiers(ob)]
     return foresee(ob, mesh, taken, sharer_count, moves_against_armature)
 
 
-def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False):
-    """The same of a mesh that is to be bound. taken: the Armature modifiers that Sinew is to stand in for; none: it
-    is to get one, the first of all."""
+def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_armature=False):
+    """The same of a mesh that is to be bound. taken: the Armature modifiers that Sinew is to stand in for;
+    gets_armature: it has none, but is to get one, the first of all."""
     for modifier in ob.original.modifiers:
         if modifier in taken[:1] or not taken:
             break
         if not nodes.is_sinew(modifier) and wiring.is_shown(modifier):
             return Way(BLENDER, f"{modifier.name} comes before {taken[0].name}, and only Blender knows what it "
                                 "does to the shape")
+    idle = "" if taken or gets_armature else why_idle(ob.original)
+    if idle:
+        return Way(BLENDER, f"It {idle}")
     driven = wiring.driven_settings(ob, taken)
     if driven:
         return Way(BLENDER, f"{driven[0]} of its Armature modifier is driven, and may not be there in time")
@@ -59,6 +65,18 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False):
             return Way(BLENDER, f"{modifier.name} lets only deforming modifiers stand before it: give the mesh a "
                                 "shape key, and Sinew goes through that", wants_keys=True)
     return Way(ATTRIBUTE)
+
+
+def why_idle(ob):
+    """Why Sinew can take over nothing of a mesh object without an armature, a sentence without its subject; or ""."""
+    if ob.parent is not None and ob.parent_type not in PLACING_PARENTS:
+        return f"is deformed by its parent {ob.parent.name} itself, before all modifiers"
+    run = runs.of(ob, ())
+    keys = ob.data.shape_keys
+    if run.stages or keys is not None and len(keys.key_blocks) > 1:
+        return ""
+    nothing = "has no armature, shape keys or smoothing that Sinew could take over"
+    return f"{nothing} ({run.end} comes first, and {run.reason})" if run.end else nothing
 
 
 def hangs_on_shape(ob, taken):

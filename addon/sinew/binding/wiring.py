@@ -1,7 +1,8 @@
 """The hook: the driver of a bound mesh by which Blender calls Sinew in its own evaluation.
 
-It drives a property of the first Armature modifier that Sinew stands in for: one that means nothing on a mesh, but
-has Blender wait for the driver before it evaluates the mesh. Its first variable reads `sinew.deform_now`, whose `get`
+It drives a property of a modifier, the carrier: one that means nothing on a mesh, but has Blender wait for the driver
+before it evaluates the mesh. The carrier is the first Armature modifier that Sinew stands in for; where there is none,
+Sinew's own modifier. Its first variable reads `sinew.deform_now`, whose `get`
 deforms the mesh; the others name what has to be there by then: the mesh, its shape keys, places, and the bones. There
 is no scripted expression in it, so it works where scripts of files may not run; and where the add-on is not there,
 the property does not exist, and nothing happens.
@@ -34,19 +35,18 @@ def _is_hook(curve):
                for variable in curve.driver.variables)
 
 
-def first_taken(ob):
-    """The Armature modifier with the hook, the first that Sinew stands in for; None: there is none. ob: original or
-    evaluated."""
+def carrier_of(ob):
+    """The modifier with the hook, or None. ob: original or evaluated."""
     if not ob.animation_data:
         return None
     return next((modifier for modifier in ob.modifiers
-                 if modifier.type == "ARMATURE" and hook_of(ob, modifier) is not None), None)
+                 if modifier.type in {"ARMATURE", "NODES"} and hook_of(ob, modifier) is not None), None)
 
 
 def taken_modifiers(ob):
-    """All that Sinew stands in for, in their order."""
-    first = first_taken(ob)
-    return mixed_modifiers(ob, first) if first is not None else []
+    """The Armature modifiers that Sinew stands in for, in their order; none, if it is keys and smoothing alone."""
+    carrier = carrier_of(ob)
+    return mixed_modifiers(ob, carrier) if carrier is not None and carrier.type == "ARMATURE" else []
 
 
 def mixed_modifiers(ob, modifier):
@@ -79,22 +79,21 @@ SHOWS = ("show_viewport", "show_render")
 OFF = (False, False)
 
 
-def switch(ob, taken, shown, binds, stages, own, deforms, through_keys):
+def switch(ob, taken, shown, binds, run, own, deforms, through_keys):
     """Who deforms an evaluated object in the pass that goes on. taken: names of the Armature modifiers; shown, binds:
-    of each, as `shown_of` and `binds_of` give them; stages: names of the modifiers of the run behind them, which are
-    shown as the first of them is; own: name of Sinew's, or None; deforms: Sinew does, else Blender's own modifiers
-    do; through_keys: the evaluated keys have the shape, so that whoever asks for the Armature modifier
-    and them (Save as Shape Key) must not get it twice."""
+    of each, as `shown_of` and `binds_of` give them; run: the runs.Run behind them; own: name of Sinew's, or None;
+    deforms: Sinew does, else Blender's own modifiers do; through_keys: the evaluated keys have the shape, so that
+    whoever asks for the Armature modifier and them (Save as Shape Key) must not get it twice."""
     modifiers = ob.modifiers
     for number, name in enumerate(taken):
         evaluated = modifiers[name]
         memory.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
         if through_keys:
             memory.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
-    for name in stages:
-        memory.switch_modifier(modifiers[name], *(OFF if deforms else shown[0]))
+    for name in run.stages:
+        memory.switch_modifier(modifiers[name], *(OFF if deforms else run.shown))
     if own is not None:
-        memory.switch_modifier(modifiers[own], *(shown[0] if deforms else OFF))
+        memory.switch_modifier(modifiers[own], *(run.shown if deforms and not through_keys else OFF))
 
 
 def shown_of(ob, modifier):
@@ -161,9 +160,10 @@ def wire(ob, modifier, targets=(), waits=True):
     """Gives the object the hook, on that modifier, with what it has to wait for as things stand. targets: as
     `hook_variables` takes them."""
     for other in ob.modifiers:
-        if other.type == "ARMATURE" and other != modifier and hook_of(ob, other):
+        if other != modifier and hook_of(ob, other):
             animation.remove_driver(ob, path_of(other))
-    armatures = dict.fromkeys(each.object for each in mixed_modifiers(ob, modifier) if each.object is not None)
+    mixed = mixed_modifiers(ob, modifier) if modifier.type == "ARMATURE" else ()
+    armatures = dict.fromkeys(each.object for each in mixed if each.object is not None)
     wanted = hook_variables(ob, list(armatures), targets, waits)
     hook = hook_of(ob, modifier)
     if hook is not None and _present(hook) == [variable[1:] for variable in wanted]:
@@ -198,10 +198,11 @@ def waits_for(hook, name):
 
 def revive(ob):
     """A hook that was found invalid, for the add-on was not there, is tried again."""
-    for modifier in ob.modifiers:
-        if modifier.type == "ARMATURE" and hook_of(ob, modifier) and not hook_of(ob, modifier).driver.is_valid:
-            hook_of(ob, modifier).driver.is_valid = True
-            ob.update_tag()
+    carrier = carrier_of(ob)
+    hook = carrier and hook_of(ob, carrier)
+    if hook and not hook.driver.is_valid:
+        hook.driver.is_valid = True
+        ob.update_tag()
 
 
 BINDS = ("use_vertex_groups", "use_bone_envelopes")

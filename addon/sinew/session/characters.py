@@ -63,7 +63,7 @@ class Character:
     binds: tuple = ()  # of each, as wiring.binds_of has them
     shown: tuple = ()  # of each, as wiring.shown_of has them
     hook_path: str = ""  # what the hook drives
-    run: runs.Run = runs.Run()  # what Sinew stands in for behind them
+    run: runs.Run = runs.Run()  # what Sinew stands in for behind them, or without them
     own: str | None = None  # name of Sinew's modifier
     waits_for: frozenset = frozenset()  # the B-bones that the hook waits for, as wiring.bendy_bones_of has them
     error: str = ""
@@ -97,7 +97,8 @@ class Character:
         self.taken = tuple(modifier.name for modifier in taken)
         self.binds = tuple(wiring.binds_of(ob, modifier) for modifier in taken)
         self.shown = tuple(wiring.shown_of(ob, modifier) for modifier in taken)
-        self.hook_path = wiring.path_of(taken[0]) if taken else ""
+        carrier = wiring.carrier_of(ob)
+        self.hook_path = wiring.path_of(carrier) if carrier is not None else ""
         if self.sharer_count is None:
             self.sharer_count = count_sharers(original)
         self.way = ways.choose(ob, original.data, self.sharer_count, self.moves_against_armature)
@@ -107,9 +108,7 @@ class Character:
         self.own = own and own.name
         self.is_wired = self.way.in_pass and self._has_what_it_needs(ob, original.data)
         self._is_known = True
-        is_useless = own is not None and self.way.kind != ways.ATTRIBUTE
-        lacks = self.way.in_pass != self.is_wired or is_useless and nodes.is_removable(
-            original, original.modifiers[own.name])
+        lacks = self.way.in_pass != self.is_wired or self._has_too_much(original)
         self._lacks = (self.way, self.taken, values.key_of(original.data)) if lacks else None
         if lacks and self._lacks != self._given_up:
             mail.post(rewire, self.key)
@@ -119,7 +118,7 @@ class Character:
         self._given_up = self._lacks
 
     def _has_what_it_needs(self, ob, mesh):
-        hook = wiring.hook_of(ob, ob.modifiers[self.taken[0]])
+        hook = self.hook_of(ob)
         hooked = wiring.waits_for(hook, "mesh"), wiring.waits_for(hook, "keys")
         if [each and each.original for each in hooked] != [mesh, mesh.shape_keys]:
             return False
@@ -128,11 +127,21 @@ class Character:
         if not targets <= wiring.targets_of(hook):
             return False
         return self.way.kind == ways.KEYS or (
-            self.own is not None and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None)
+            self.own is not None and runs.is_in_place(ob.original, self.own, self.taken, self.run)
+            and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None)
+
+    def _has_too_much(self, original):
+        """Whether the file has what is there for the way through an attribute alone."""
+        if self.own is None or self.way.kind == ways.ATTRIBUTE:
+            return False
+        own = original.modifiers[self.own]
+        if self.hook_path == wiring.path_of(own):
+            return meshes.point_attribute(original.data, nodes.POSITION_ATTRIBUTE) is not None
+        return nodes.is_removable(original, own)
 
     def switch(self, ob, deforms):
         """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
-        wiring.switch(ob, self.taken, self.shown, self.binds, self.run.stages, self.own, deforms,
+        wiring.switch(ob, self.taken, self.shown, self.binds, self.run, self.own, deforms,
                       self.way.kind == ways.KEYS)
 
     def hook_of(self, ob):
@@ -215,8 +224,16 @@ class Character:
         del self.layers[len(modifiers):]
         if self.deformer is None or len(found) != len(self.layers):
             self.deformer = sinew_native.Deformer(
-                [layer.native for layer in self.layers], self.keys and self.keys.native)
+                [layer.native for layer in self.layers], self.keys and self.keys.native,
+                vertex_count=len(self._rest) if self.is_of_stages_alone() else None)
         return found
+
+    def is_of_stages_alone(self):
+        return not self.layers and self.keys is None
+
+    def rest_of_stages(self):
+        """(V, 3): what stages start from that have nothing before them; else None."""
+        return self._rest if self.is_of_stages_alone() else None
 
     def _check_wires(self, armature, were_edited):
         """Bones may have come, or become B-bones."""

@@ -93,7 +93,8 @@ def _follow_one(entry, ob, depsgraph):
 
 def _shape_of(entry, ob, evaluated):
     """(V, 3) float32, to be used at once: as the viewport shows it after Sinew's stage; None: it is not to be had."""
-    if not ob.sinew.show_shape or entry.shown and not entry.shown[0][0]:
+    is_shown, _in_renders = entry.shown[0] if entry.shown else entry.run.shown
+    if not ob.sinew.show_shape or not is_shown:
         return meshes.read_positions(ob.data)
     if not entry.is_deforming:
         shape = meshes.read_positions(evaluated.data) if _ends_with_armature(ob) else ()

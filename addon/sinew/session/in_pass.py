@@ -29,10 +29,10 @@ def deform_now(ob):
             work = _prepare(entry, ob) if entry.is_at_work(ob) else None
         if work is not None:
             prepared = perf_counter()
-            deformer, poses, out, key_values, in_order = work
+            deformer, poses, out, key_values, rest, in_order = work
             milliseconds = np.empty(len(in_order) + 1)
             # Other threads of Python go on meanwhile.
-            deformer.deform(poses, out, key_values, stages=in_order, milliseconds=milliseconds)
+            deformer.deform(poses, out, key_values, rest, in_order, milliseconds)
             entry.timings.take(prepared - start, milliseconds)
             entry.error = ""
         entry.is_deforming = work is not None
@@ -87,7 +87,7 @@ def _prepare(entry, ob):
         out = np.empty((count, 3), np.float32)  # no vertex
     in_order = entry.stages.at(ob, entry.run.stages,
                                lambda: stages.Source(mesh, meshes.read_positions(mesh), entry.weights))
-    return entry.deformer, poses, out, key_values, in_order
+    return entry.deformer, poses, out, key_values, entry.rest_of_stages(), in_order
 
 
 def _group_names(ob):

@@ -35,7 +35,7 @@ class Shortcut:
         for modifier in behind:
             watched += stages.watched(modifier)
         switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in (*modifiers, *behind)]
-        switches.append(memory.mode_switch(ob.modifiers[entry.own], *entry.shown[0]))
+        switches.append(memory.mode_switch(ob.modifiers[entry.own], *entry.run.shown))
         poses = [(memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
                  for layer, armature in zip(entry.layers, self.armatures)]
         self.native = memory.host.Shortcut(self.deformer, watched, poses, memory.posed_layout(), switches)
@@ -78,7 +78,7 @@ def learn(entry, ob):
 
 def _is_plain(entry, ob):
     mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
-    return (entry.way.kind == ways.ATTRIBUTE and len(mesh.vertices) > 0 and ob.sinew.source != "CLIP"
+    return (entry.way.kind == ways.ATTRIBUTE and entry.taken and len(mesh.vertices) > 0 and ob.sinew.source != "CLIP"
             and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
             and all(not layer.influences.hang_on_shape for layer in entry.layers)
             and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken))

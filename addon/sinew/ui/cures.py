@@ -28,7 +28,7 @@ def warnings(ob):
     if entry is not None and entry.error:
         found.append(Warning(entry.error, (), True))
     elif entry is not None and entry.way.reason:
-        if armature is None:
+        if armature is None and ob.sinew.modifiers:
             found.append(Warning(entry.way.reason, (), True))
         else:
             cures = ((KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
@@ -89,7 +89,7 @@ def doubles(ob):
 
 def _lower(sentence):
     first = sentence.split(maxsplit=1)[0]
-    return sentence[0].lower() + sentence[1:] if first in {"Its"} else sentence
+    return sentence[0].lower() + sentence[1:] if first in {"It", "Its"} else sentence
 
 
 def _vertices(count):
@@ -109,11 +109,13 @@ def bone_weights(ob):
 
 class _Cure:
     bl_options = {"REGISTER", "UNDO"}
+    wants_armature = True
 
     @classmethod
     def poll(cls, context):
         ob = context.active_object
-        return (ob is not None and ob.type == "MESH" and ob.sinew.is_bound and ob.sinew.armature is not None
+        return (ob is not None and ob.type == "MESH" and ob.sinew.is_bound
+                and (ob.sinew.armature is not None or not cls.wants_armature)
                 and ob.library is None and ob.data.library is None
                 and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
 
@@ -227,6 +229,7 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
 
     bl_idname = "object.sinew_make_single_user"
     bl_label = "Make Mesh Single User"
+    wants_armature = False
 
     def execute(self, context):
         ob = context.active_object

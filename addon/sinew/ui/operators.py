@@ -201,8 +201,8 @@ def selected_armature(context):
 
 
 class Bind(bpy.types.Operator):
-    """Let Sinew deform the selected meshes, by the selected armature or the one they hang on; with an
-    armature alone selected, all meshes that hang on it"""
+    """Let Sinew deform the selected meshes, by the selected armature or the one they hang on, else by shape keys and
+    smoothing alone; with an armature alone selected, all meshes that hang on it"""
 
     bl_idname = "object.sinew_bind"
     bl_label = "Bind with Sinew"
@@ -222,7 +222,7 @@ class Bind(bpy.types.Operator):
         with progress.shown(context) as shown:
             for number, ob in enumerate(meshes):
                 shown.step(number / len(meshes), f"binding {ob.name}")
-                armature = selected_armature(context) or bind.find_armature(ob)
+                armature = selected_armature(context) or bind.armature_to_bind(ob)
                 try:
                     bind.bind(ob, armature, self.output)
                     bound += 1

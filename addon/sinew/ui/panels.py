@@ -3,7 +3,7 @@ nothing else."""
 
 import bpy
 
-from ..binding import bind
+from ..binding import bind, ways
 from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import characters, whole_frames
@@ -57,11 +57,14 @@ def draw_main(layout, context):
 
 def draw_free(layout, context, ob):
     modifier = bind.armature_modifier(ob)
-    if modifier is None:
+    if modifier is None and ways.why_idle(ob):
         layout.label(text="Not bound", icon="UNLINKED")
         layout.operator(Bind.bl_idname, icon="LINKED")
     else:
-        layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
+        if modifier is not None:
+            layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
+        else:
+            layout.label(text="Deformed without an armature", icon="MOD_SMOOTH")
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
         for warning in cures.about_generated(ob):
             draw_warning(layout, context, warning)
@@ -95,8 +98,8 @@ def draw_bound(layout, context, ob):
     column = layout.column()
     for modifier in settings.modifiers[:1]:
         column.prop(modifier, "object", text="Armature")
-    column.prop(settings, "source")
-    column.prop(settings, "method")
+        column.prop(settings, "source")
+        column.prop(settings, "method")
     column.prop(settings, "output")
     draw_switches(column, ob)
     draw_display(layout, ob)
@@ -116,9 +119,9 @@ def draw_warning(layout, context, warning):
 
 def draw_switches(column, ob):
     """Whether the shape is shown, in the viewport and in renders."""
-    row = named_row(column, "Show").row(align=True)
-    row.use_property_split = False
     for modifier in ob.sinew.modifiers[:1]:
+        row = named_row(column, "Show").row(align=True)
+        row.use_property_split = False
         row.prop(modifier, "show_viewport", text="")
         row.prop(modifier, "show_render", text="")
     copy = ob.sinew.deformed
@@ -185,9 +188,10 @@ def draw_influence(layout, ob):
 def draw_chain(layout, entry):
     """What Sinew stands in for, stage by stage, and where Blender goes on."""
     timings, column = entry.timings, layout.column(align=True)
-    skinned = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken
-    draw_value(column, "Pose", f"{timings.pose:.2f} ms")
-    draw_value(column, " + ".join(skinned), f"{timings.skin:.2f} ms")
+    before = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken
+    draw_value(column, "Pose" if entry.taken else "Settings", f"{timings.pose:.2f} ms")
+    if before:
+        draw_value(column, " + ".join(before), f"{timings.skin:.2f} ms")
     for name, milliseconds in zip(entry.run.stages, timings.stages):
         draw_value(column, name, f"{milliseconds:.2f} ms")
     if entry.run.end:
@@ -196,13 +200,14 @@ def draw_chain(layout, entry):
 
 
 def draw_statistics(layout, scene, entry):
-    skin, influences, timings = entry.layers[0].skin, entry.layers[0].influences, entry.timings
+    timings = entry.timings
     column = layout.column(align=True)
-    draw_value(column, "Vertices", f"{skin.vertex_count:,}")
-    draw_value(column, "Bones", str(len(entry.layers[0].bones.names)))
-    mean = skin.influence_count / max(skin.vertex_count, 1)
-    draw_value(column, "Influences", f"{mean:.2f}, at most {skin.most_influences}")
-    draw_value(column, "Unweighted", f"{influences.unweighted_count:,}")
+    draw_value(column, "Vertices", f"{entry.deformer.vertex_count:,}")
+    for layer in entry.layers[:1]:
+        draw_value(column, "Bones", str(len(layer.bones.names)))
+        mean = layer.skin.influence_count / max(layer.skin.vertex_count, 1)
+        draw_value(column, "Influences", f"{mean:.2f}, at most {layer.skin.most_influences}")
+        draw_value(column, "Unweighted", f"{layer.influences.unweighted_count:,}")
     draw_value(column, "Goes Through", WAYS[entry.way.kind])
     column.separator()
     measured = whole_frames.last(scene)
@@ -254,7 +259,7 @@ class Influence:
 
     @classmethod
     def poll(cls, context):
-        return bound_mesh(context) is not None
+        return bool(bound_mesh(context) and bound_mesh(context).sinew.modifiers)
 
     def draw(self, context):
         draw_influence(layout_of(self), bound_mesh(context))
@@ -264,7 +269,7 @@ def deformed_character(context):
     """Of a bound mesh that Sinew has deformed, or None."""
     ob = bound_mesh(context)
     entry = ob and characters.character(ob)
-    return entry if entry and entry.layers else None
+    return entry if entry and entry.deformer else None
 
 
 class Chain:
