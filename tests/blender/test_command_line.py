@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
+from characters import accelerate, animate, make_armature, make_mesh, make_tube, pose, smoothed
 from helpers import RIGS, addon_module, copied_rig, evaluated, needs_program, own_positions
 
 CAPSULE = str(RIGS["capsule"].parent)
@@ -103,8 +103,11 @@ def test_info_says_what_deforms_a_mesh_and_what_sinew_cannot(document, tmp_path)
     refused.vertex_groups.clear()
     accelerate(bound)
     bpy.ops.mesh.primitive_cube_add()
+    smoothed(make_tube(), iterations=2).id_data.name = "Free"
     found = document("info", save(tmp_path))["meshes"]
     assert {mesh["name"]: mesh for mesh in found} == {
+        "Free": {"name": "Free", "vertices": 1200, "armature": None, "bones": 0, "deformed_by": "Blender",
+                 "method": None, "source": None, "output": None, "problem": None},
         "Tube": {"name": "Tube", "vertices": 1200, "armature": "Rig", "bones": 6,
                  "deformed_by": "Sinew", "method": "dual-quaternion", "source": "armature",
                  "output": "modifier", "problem": None},
@@ -235,6 +238,13 @@ def test_bench_of_a_scene_of_several_meshes(document, tmp_path):
     assert {mesh["name"] for mesh in found["meshes"]} == {"Tube", "Tube.001", "Tube.002"}
     assert list(found["skipped"]) == ["Tube.003"]
     assert "No vertex group of Tube.003" in found["skipped"]["Tube.003"]
+
+
+def test_bench_of_a_mesh_without_an_armature(document, tmp_path):
+    animate(smoothed(make_tube(), "Smooth", "SMOOTH", iterations=30), factor=(0, 9))
+    found = document("bench", save(tmp_path), "--frames", 4, "--method", "linear")
+    assert_times(found, ["linear"])
+    assert found["meshes"] == [{"name": "Tube", "vertices": 1200, "bones": 0}]
 
 
 def test_bench_does_not_hang_on_the_preferences_of_duplication(document, capsule_blend):

@@ -7,7 +7,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from ..binding import bind
+from ..binding import bind, ways
 from ..blender import meshes
 from ..rigs import clip_keyframes, clip_store
 from ..session import characters, handlers
@@ -29,9 +29,9 @@ class Contest:
 
 
 def deformed_meshes(objects):
-    """Those that Sinew or an Armature modifier deforms."""
+    """Those that Sinew deforms, or an Armature modifier, or what Sinew could take over without one."""
     return [ob for ob in objects if ob.type == "MESH" and (
-        ob.sinew.is_bound or any(modifier.type == "ARMATURE" for modifier in ob.modifiers))]
+        ob.sinew.is_bound or any(modifier.type == "ARMATURE" for modifier in ob.modifiers) or not ways.why_idle(ob))]
 
 
 def set_up(output, frame_count):
@@ -40,7 +40,7 @@ def set_up(output, frame_count):
     scene, layer = bpy.context.scene, bpy.context.view_layer
     meshes = [ob for ob in deformed_meshes(layer.objects) if ob.visible_get()]
     if not meshes:
-        raise ValueError("there is no mesh on show that Sinew or an Armature modifier deforms")
+        raise ValueError("there is no mesh on show that Sinew deforms or could deform")
     linked = [ob for ob in meshes if ob.library]
     skipped = {ob.name_full: f"{ob.name} is linked from another file" for ob in linked}
     sources = {ob: release(ob) for ob in meshes if ob not in linked}
@@ -48,7 +48,7 @@ def set_up(output, frame_count):
     pairs = []
     for (ob, source), copy in zip(sources.items(), copies):
         try:
-            bind.bind(ob, bind.find_armature(ob), output, source=source)
+            bind.bind(ob, bind.armature_to_bind(ob), output, source=source)
             pairs.append((ob, copy))
         except bind.BindingError as error:
             skipped[ob.name_full] = str(error)

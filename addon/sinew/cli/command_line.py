@@ -224,7 +224,7 @@ def report_meshes(path, objects):
         "name", "vertices", "bones", "deformed_by", "method", "source", "output")) for mesh in meshes]
     problems = [f"Sinew cannot deform {mesh['name']}: {mesh['problem']}"
                 for mesh in meshes if mesh["problem"]]
-    text = table(rows) if meshes else "No mesh is deformed by an armature."
+    text = table(rows) if meshes else "No mesh is deformed by an armature, shape keys or smoothing."
     return {"path": path, "meshes": meshes}, "\n".join([path, "", text, *problems])
 
 
@@ -234,13 +234,16 @@ def describe_mesh(ob):
     mesh = {"name": ob.name_full, "vertices": len(ob.data.vertices),
             "armature": armature and armature.name, "bones": len(armature.data.bones) if armature else 0}
     if settings.is_bound:
-        mesh |= {"deformed_by": "Sinew", "method": word(settings.method),
-                 "source": word(settings.source), "output": word(settings.installed_output)}
+        mesh |= {"deformed_by": "Sinew", "method": word(settings.method) if settings.modifiers else None,
+                 "source": word(settings.source) if settings.modifiers else None,
+                 "output": word(settings.installed_output)}
     else:
-        modifier = next(m for m in ob.modifiers if m.type == "ARMATURE")
-        preserves = (bind.armature_modifier(ob) or modifier).use_deform_preserve_volume
-        mesh |= {"deformed_by": f"modifier {modifier.name}", "method": command_options.METHODS[preserves],
-                 "source": "armature", "output": None}
+        modifier = bind.armature_modifier(ob) or next((m for m in ob.modifiers if m.type == "ARMATURE"), None)
+        mesh |= {"deformed_by": "Blender", "method": None, "source": None, "output": None}
+        if modifier is not None:
+            preserves = modifier.use_deform_preserve_volume
+            mesh |= {"deformed_by": f"modifier {modifier.name}", "method": command_options.METHODS[preserves],
+                     "source": "armature"}
     return mesh | {"problem": problem_of(ob)}
 
 
@@ -249,7 +252,7 @@ def problem_of(ob):
     was_bound = ob.sinew.is_bound
     try:
         if not was_bound:
-            bind.bind(ob, bind.find_armature(ob))
+            bind.bind(ob, bind.armature_to_bind(ob))
     except bind.BindingError as error:
         return str(error)
     entry = characters.character(ob)
@@ -269,7 +272,7 @@ def report_profile(path, profile):
 
 def report_bench(options, contest, results):
     meshes = [{"name": ob.name, "vertices": len(ob.data.vertices),
-               "bones": len(ob.sinew.armature.data.bones)} for ob, _ in contest.pairs]
+               "bones": len(ob.sinew.armature.data.bones) if ob.sinew.armature else 0} for ob, _ in contest.pairs]
     document = {
         "path": options.path, "blender": bpy.app.version_string, "cores": os.cpu_count(),
         "frames": len(contest.frames), "output": options.output, "meshes": meshes,
