@@ -54,12 +54,10 @@ def remove_driver(ob, path):
 
 
 def remove_curve(ob, curve):
-    """A driver, even of a property that is gone."""
+    """A driver, even of a property that is gone. (`driver_remove` has 5.2 play the object's keyframes anew, so what was
+    moved by hand and not keyed would go back.)"""
     data = ob.animation_data
-    try:
-        ob.driver_remove(curve.data_path)  # has the dependency graph made anew
-    except TypeError:
-        data.drivers.remove(curve)
+    data.drivers.remove(curve)
     if not (data.action or data.drivers or data.nla_tracks):
         ob.animation_data_clear()
 
