@@ -72,8 +72,14 @@ def all_of_them(ob):
     smoothed(ob, "Last", smooth_type="LENGTH_WEIGHTED")
 
 
+def hooks_of_vertices_that_are_gone(ob):
+    hook(ob).vertex_indices_set(range(0, 2400, 7))
+    hook(ob, "Nothing").vertex_indices_set((5000, 6000))
+    simple(ob)
+
+
 CHAINS = (simple, length_weighted, part, all_but_a_part, no_such_group, only_smooth, out_of_range, animated,
-          plain_smooth, against_it, hooks, all_of_them)
+          plain_smooth, against_it, hooks, hooks_of_vertices_that_are_gone, all_of_them)
 
 
 def by_two_armatures(ob):

@@ -81,7 +81,9 @@ class Hook:
     @staticmethod
     def arrays(modifier, source):
         indices = np.array(modifier.vertex_indices, np.int32)
-        return source.group(modifier), indices if len(indices) else None
+        if len(indices) == 0:
+            return source.group(modifier), None
+        return source.group(modifier), indices[indices < len(source.positions)]  # those of vertices that are gone
 
     @staticmethod
     def make(modifier, topology, weights, indices):
