@@ -417,6 +417,32 @@ def test_save_and_reload(fresh_scene, make, tmp_path, keys):
     assert_it_is_sinew(ob)
 
 
+@pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+@pytest.mark.parametrize("when", ("linked", "overridden", "bound as an override"))
+def test_from_a_library(fresh_scene, make, tmp_path, keys, when):
+    ob, twin = make(keys, all_of_them, bind=when != "bound as an override")
+    names = ob.name, twin.name
+    collection = bpy.data.collections.new("Character")
+    fresh_scene.collection.children.link(collection)
+    for each in (ob, twin, bpy.data.objects["Target"]):
+        collection.objects.link(each)
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    with bpy.data.libraries.load(path, link=True) as (_, to):
+        to.collections = ["Character"]
+    if when == "linked":
+        scene.collection.children.link(to.collections[0])
+    else:
+        to.collections[0].override_hierarchy_create(scene, bpy.context.view_layer)
+    ob, twin = (next(each for each in scene.objects if each.name == name) for name in names)
+    if when == "bound as an override":
+        accelerate(ob)
+    assert_same_on_all_frames(scene, ob, twin, (1, 5, 9))
+    assert_it_is_sinew(ob)
+
+
 @needs_program
 @pytest.mark.parametrize("keys, behind", ((nothing, all_of_them), (add_shape_keys, nothing), (add_shape_keys, plain)),
                          ids=lambda part: part.__name__)
