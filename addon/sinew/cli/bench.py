@@ -7,7 +7,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from ..binding import bind, ways
+from ..binding import bind, bindable, ways
 from ..blender import meshes
 from ..rigs import clip_keyframes, clip_store
 from ..session import characters, handlers
@@ -48,15 +48,15 @@ def set_up(output, frame_count):
     pairs = []
     for (ob, source), copy in zip(sources.items(), copies):
         try:
-            bind.bind(ob, bind.armature_to_bind(ob), output, source=source)
+            bind.bind(ob, bindable.armature_to_bind(ob), output, source=source)
             pairs.append((ob, copy))
-        except bind.BindingError as error:
+        except bindable.BindingError as error:
             skipped[ob.name_full] = str(error)
     if not pairs:
         raise ValueError("; ".join(skipped.values()))
     length = scene.frame_end - scene.frame_start + 1
     frames = [scene.frame_start + i % length for i in range(frame_count)]
-    for armature in {bind.find_armature(copy) for ob, copy in pairs if ob.sinew.source == "CLIP"}:
+    for armature in {bindable.find_armature(copy) for ob, copy in pairs if ob.sinew.source == "CLIP"}:
         if clip_store.has_poses(armature.data):
             clip_keyframes.insert(copied_scene, armature, min(frames), max(frames))
     return Contest((scene, copied_scene), layer.name, pairs, skipped, frames)

@@ -16,7 +16,7 @@ import sys
 import bpy
 import numpy as np
 
-from ..binding import bind
+from ..binding import bind, bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
 from ..session import characters
@@ -37,7 +37,7 @@ def run(arguments):
         return stop.code or 0
     try:
         document, text = COMMANDS[options.command](options)
-    except (ValueError, OSError, bind.BindingError, bind.OutputError) as error:
+    except (ValueError, OSError, bindable.BindingError, bind.OutputError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
     flush_blender()
@@ -95,7 +95,7 @@ def export(options):
     """Reports the folder as it reads back."""
     open_blend(options.path)
     ob = chosen_mesh(options.object)
-    if bind.find_armature(ob) is None:
+    if bindable.find_armature(ob) is None:
         raise ValueError(f"{ob.name} is bound to no armature")
     os.makedirs(options.folder, exist_ok=True)
     path = os.path.join(options.folder, "skeleton.bf")
@@ -230,7 +230,7 @@ def report_meshes(path, objects):
 
 def describe_mesh(ob):
     """What deforms it, and `problem`: why Sinew does not or could not, or None."""
-    settings, armature = ob.sinew, bind.find_armature(ob)
+    settings, armature = ob.sinew, bindable.find_armature(ob)
     mesh = {"name": ob.name_full, "vertices": len(ob.data.vertices),
             "armature": armature and armature.name, "bones": len(armature.data.bones) if armature else 0}
     if settings.is_bound:
@@ -238,7 +238,7 @@ def describe_mesh(ob):
                  "source": word(settings.source) if settings.modifiers else None,
                  "output": word(settings.installed_output)}
     else:
-        modifier = bind.armature_modifier(ob) or next((m for m in ob.modifiers if m.type == "ARMATURE"), None)
+        modifier = bindable.armature_modifier(ob) or next((m for m in ob.modifiers if m.type == "ARMATURE"), None)
         mesh |= {"deformed_by": "Blender", "method": None, "source": None, "output": None}
         if modifier is not None:
             preserves = modifier.use_deform_preserve_volume
@@ -252,8 +252,8 @@ def problem_of(ob):
     was_bound = ob.sinew.is_bound
     try:
         if not was_bound:
-            bind.bind(ob, bind.armature_to_bind(ob))
-    except bind.BindingError as error:
+            bind.bind(ob, bindable.armature_to_bind(ob))
+    except bindable.BindingError as error:
         return str(error)
     entry = characters.character(ob)
     problem = entry and (entry.error or entry.way.reason)

@@ -13,7 +13,7 @@ from time import perf_counter
 
 import bpy
 
-from ..binding import bind
+from ..binding import bind, bindable
 from ..blender import animation, nodes, values
 from ..session import characters
 from . import costs
@@ -213,13 +213,13 @@ class _Subject:
 
     def try_accelerate(self):
         """Binding alone says whether Sinew can follow the mesh."""
-        if bind.armature_modifier(self.ob) is None:
+        if bindable.armature_modifier(self.ob) is None:
             self.cost.reason = "no Armature modifier deforms it"
             return
         try:
             with bound_for_now(self.ob) as entry:
                 self.cost.reason = entry.error or entry.way.reason
-        except bind.BindingError as error:
+        except bindable.BindingError as error:
             self.cost.reason = str(error)
         if not self.cost.reason:
             self.cost.saves = Part("Blender's deformation", "SAVES", None, DIFFERENCE)
@@ -299,7 +299,7 @@ def bound_for_now(ob):
             for name, setting in settings.bl_rna.properties.items() if not setting.is_readonly}
     active = ob.modifiers.active
     active = active and active.name
-    bind.bind(ob, bind.find_armature(ob))
+    bind.bind(ob, bindable.find_armature(ob))
     try:
         yield characters.of(ob)
     finally:

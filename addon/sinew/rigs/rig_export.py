@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from ..binding import bind
+from ..binding import bindable
 from ..blender import armatures, meshes, values
 from ..deform.clips import transformed
 from ..native import sinew_native
@@ -20,7 +20,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
     mesh's Z axis, "Y" or "Z"; a rig that was imported goes back into the axes of its files. Raises ValueError with
     the reason.
     """
-    armature = bind.find_armature(ob)
+    armature = bindable.find_armature(ob)
     if armature is None:
         raise ValueError(f"{ob.name} is bound to no armature")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))

@@ -5,7 +5,7 @@ import colorsys
 import bpy
 import numpy as np
 
-from ..binding import bind
+from ..binding import bindable
 from ..blender import meshes
 
 COLORS = "Sinew Weights"  # the colour attribute, while weights are shown
@@ -71,7 +71,7 @@ def hide_weights(ob, views):
 def _entries_of_bones(ob):
     """The weights in groups of deforming bones; all, if no armature is known."""
     offsets, groups, weights = meshes.read_object_weights(ob)
-    armature = bind.find_armature(ob)
+    armature = bindable.find_armature(ob)
     if armature is not None:
         bones = armature.data.bones
         deforming = np.array([group.name in bones and bones[group.name].use_deform
@@ -155,7 +155,7 @@ class ToggleSkeleton(bpy.types.Operator):
 
 
 def armature_of(ob):
-    return ob if ob.type == "ARMATURE" else bind.find_armature(ob)
+    return ob if ob.type == "ARMATURE" else bindable.find_armature(ob)
 
 
 CLASSES = (ToggleWeights, ToggleSkeleton)

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..binding import bind, properties
+from ..binding import bind, bindable, properties
 from ..rigs import clip_keyframes, rig_export, rig_import
 from ..session import characters, whole_frames
 from . import progress
@@ -121,7 +121,7 @@ class ImportRig(bpy.types.Operator, ImportHelper):
                     *objects, remark = rig_import.import_rig(context, path, self.import_options(), part)
                     imported.append(objects)
                     problems += [remark] if remark else []
-                except (ValueError, OSError, bind.BindingError) as error:
+                except (ValueError, OSError, bindable.BindingError) as error:
                     problems.append(str(error))
         for problem in problems:
             self.report({"WARNING" if imported else "ERROR"}, problem)
@@ -190,7 +190,7 @@ def meshes_of(context, armature):
     """The meshes of the view layer that an armature deforms, through Blender or through Sinew."""
     return [ob for ob in context.view_layer.objects if ob.type == "MESH" and (
         ob.sinew.armature == armature if ob.sinew.is_bound
-        else bind.armature_modifier(ob, armature) is not None)]
+        else bindable.armature_modifier(ob, armature) is not None)]
 
 
 def selected_armature(context):
@@ -222,11 +222,11 @@ class Bind(bpy.types.Operator):
         with progress.shown(context) as shown:
             for number, ob in enumerate(meshes):
                 shown.step(number / len(meshes), f"binding {ob.name}")
-                armature = selected_armature(context) or bind.armature_to_bind(ob)
+                armature = selected_armature(context) or bindable.armature_to_bind(ob)
                 try:
                     bind.bind(ob, armature, self.output)
                     bound += 1
-                except bind.BindingError as error:
+                except bindable.BindingError as error:
                     problems.append(str(error))
         for problem in problems:
             self.report({"WARNING" if bound else "ERROR"}, problem)

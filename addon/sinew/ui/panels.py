@@ -3,7 +3,7 @@ nothing else."""
 
 import bpy
 
-from ..binding import bind, ways
+from ..binding import bindable, ways
 from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import characters, whole_frames
@@ -56,7 +56,7 @@ def draw_main(layout, context):
 
 
 def draw_free(layout, context, ob):
-    modifier = bind.armature_modifier(ob)
+    modifier = bindable.armature_modifier(ob)
     if modifier is None and ways.why_idle(ob):
         layout.label(text="Not bound", icon="UNLINKED")
         layout.operator(Bind.bl_idname, icon="LINKED")

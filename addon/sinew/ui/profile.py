@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..binding import bind
+from ..binding import bind, bindable
 from ..profiling import costs, measure
 from . import notice, progress
 from .panels import InSidebar
@@ -109,9 +109,9 @@ class AccelerateOne(bpy.types.Operator):
         ob = bpy.data.objects.get((self.name, None))
         try:
             if ob is None:
-                raise bind.BindingError(f"There is no object {self.name} any more: measure again")
-            bind.bind(ob, bind.find_armature(ob))
-        except bind.BindingError as error:
+                raise bindable.BindingError(f"There is no object {self.name} any more: measure again")
+            bind.bind(ob, bindable.find_armature(ob))
+        except bindable.BindingError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}

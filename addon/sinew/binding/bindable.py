@@ -1,0 +1,101 @@
+"""What a mesh can be bound to, and why it cannot."""
+
+from ..blender import animation
+from . import ways, wiring
+
+
+class BindingError(Exception):
+    """The mesh cannot be bound as asked; the message says why and nothing was changed."""
+
+
+def armature_modifier(ob, armature=None):
+    """The mesh's first Armature modifier (on this armature), or None."""
+    for modifier in ob.modifiers:
+        if (modifier.type == "ARMATURE" and modifier.object is not None
+                and armature in (None, modifier.object)):
+            return modifier
+    return None
+
+
+def first_of_mix(ob, modifier):
+    """The modifier with which the mix begins that `modifier` is part of, or itself."""
+    before = list(ob.modifiers)[:ob.modifiers.find(modifier.name)]
+    first = modifier
+    while before and first.use_multi_modifier and before[-1].type == "ARMATURE":
+        first = before.pop()
+    return first if modifier in wiring.mixed_modifiers(ob, first) else modifier
+
+
+def find_armature(ob):
+    """The armature that a mesh hangs on: its binding's, that of its Armature modifier, else its
+    parent, else None."""
+    if ob.sinew.is_bound and ob.sinew.armature is not None:
+        return ob.sinew.armature
+    modifier = armature_modifier(ob)
+    if modifier:
+        return modifier.object
+    if ob.parent and ob.parent.type == "ARMATURE":
+        return ob.parent
+    return None
+
+
+def armature_to_bind(ob):
+    """The armature that a mesh is to be bound to if nobody chooses one: that which it hangs on. None: shape keys and
+    smoothing are all that deforms it."""
+    armature = find_armature(ob)
+    if armature is None or ob.sinew.is_bound:
+        return armature
+    modifier = armature_modifier(ob, armature)
+    is_deformed = wiring.is_shown(modifier) if modifier else has_group_of(ob, armature)
+    return armature if is_deformed or ways.why_idle(ob) else None
+
+
+def has_group_of(ob, armature):
+    """Whether a vertex group of the mesh has the name of a deforming bone."""
+    bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
+    return any(group.name in bone_names for group in ob.vertex_groups)
+
+
+def modifiers_to_take(ob, armature):
+    """The Armature modifiers that Sinew is to stand in for if the mesh is bound to that armature; None: to none."""
+    modifier = armature and armature_modifier(ob, armature)
+    return wiring.mixed_modifiers(ob, modifier) if modifier else []
+
+
+def check_bindable(ob, armature):
+    """Raises BindingError with the reason if the mesh cannot be bound to the armature; None: without one."""
+    if ob.type != "MESH":
+        raise BindingError(f"{ob.name} is not a mesh")
+    if ob.sinew.copy_of is not None:
+        raise BindingError(f"{ob.name} is the deformed copy of {ob.sinew.copy_of.name}: bind that one")
+    if ob.library:
+        raise BindingError(
+            f"{ob.name} is linked from another file; make a library override of it first, or bind it there")
+    if ob.data.is_editmode:
+        raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
+    if armature is None:
+        idle = ways.why_idle(ob)
+        if idle:
+            raise BindingError(f"{ob.name} {idle}")
+        return
+    if ob.parent == armature and ob.parent_type == "ARMATURE":
+        raise BindingError(
+            f"{ob.name} is deformed by its parent {armature.name} itself (parent type Armature), which Sinew cannot "
+            "stand in for: parent it to the object and give it an Armature modifier")
+    replaced = armature_modifier(ob, armature)
+    if replaced and first_of_mix(ob, replaced) != replaced:
+        raise BindingError(
+            f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
+            f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
+    held = {*wiring.SHOWS, wiring.CARRIER}
+    for modifier in modifiers_to_take(ob, armature):
+        animated = held.intersection(animation.animated_properties(ob, modifier))
+        if animated and modifier not in wiring.taken_modifiers(ob):
+            raise BindingError(
+                f"{modifier.name} of {ob.name} is switched by drivers or keyframes ({', '.join(sorted(animated))}), "
+                "and Sinew has to switch it itself: remove these first")
+    if replaced and replaced.use_bone_envelopes:
+        return
+    if not has_group_of(ob, armature):
+        raise BindingError(
+            f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
