@@ -302,10 +302,15 @@ def test_sinews_modifier_is_moved_or_removed(fresh_scene, make, keys):
     assert not ob.sinew.is_bound and traces() == []
 
 
-def test_sinews_modifier_is_applied(fresh_scene, make):
-    ob, twin = make(corrective, bind=False)
-    smoothed(ob, "Smooth", "SMOOTH")
-    accelerate(ob)
+def posed(ob):
+    smoothed(ob, "Armature", "ARMATURE", object=make_armature())
+    pose(ob.modifiers["Armature"].object, 1, False)
+
+
+@pytest.mark.parametrize("before", (nothing, posed), ids=lambda part: part.__name__)
+def test_sinews_modifier_is_applied(fresh_scene, make, before):
+    """Nothing of what it stood in for deforms the mesh once more."""
+    ob, _twin = make(before, corrective, plain)
     fresh_scene.frame_set(3)
     shape = evaluated(ob)
     select(ob)
