@@ -199,6 +199,15 @@ def test_accelerate_is_tried_and_what_it_saves_is_a_number(figure):
 
 # --- sentences ------------------------------------------------------------------------------------
 
+NOTHING = "nothing deforms it that Sinew could take over"
+
+
+def only_solid(ob):
+    ob.modifiers.clear()
+    ob.shape_key_clear()
+    ob.modifiers.new("Solid", "SOLIDIFY")
+
+
 def reason_of(ob):
     cost = costs_of(measure())[ob.name]
     assert cost.saves is None
@@ -220,8 +229,17 @@ def test_why_blender_would_go_on_deforming_is_said(figure):
 
 def test_a_mesh_without_armature_says_so(figure):
     ob, _ = figure
+    only_solid(ob)
+    assert reason_of(ob) == NOTHING
+
+
+def test_a_mesh_without_armature_is_tried_as_well(figure):
+    ob, _ = figure
     ob.modifiers.remove(ob.modifiers["Armature"])
-    assert reason_of(ob) == "no Armature modifier deforms it"
+    cost = costs_of(measure())[ob.name]
+    assert cost.saves.ms >= 0 and cost.reason == "" and not ob.sinew.is_bound
+    assert bpy.ops.object.sinew_accelerate_one(name=ob.name) == {"FINISHED"}
+    assert ob.sinew.is_bound and ob.sinew.armature is None
 
 
 def test_keys_that_cannot_be_muted_say_why(figure):
@@ -395,17 +413,17 @@ def test_the_panel_lists_them_with_a_button_or_the_reason(figure):
     ob, armature = figure
     assert drawn() == ["scene.sinew_profile"]
     bare = twin_of(ob)
-    bare.modifiers.remove(bare.modifiers["Armature"])
+    only_solid(bare)
     report(frame_start=1, frame_end=2)
     said = drawn()
     for text in (ob.name, armature.name, "Shape Keys", "Corrective", "Pose", "Accelerate",
-                 "no Armature modifier deforms it"):
+                 NOTHING):
         assert text in said
     assert said.count("object.sinew_accelerate_one") == 1
     accelerate(ob)
     assert "Accelerated since: measure again" in drawn() and "object.sinew_accelerate_one" not in drawn()
     bpy.data.objects.remove(bare)
-    assert "no Armature modifier deforms it" not in drawn()
+    assert NOTHING not in drawn()
 
 
 def test_the_panel_lists_the_dearest(figure, monkeypatch):

@@ -127,7 +127,7 @@ def saving(ms, noise_ms=0.2):
 @pytest.mark.parametrize("found, words", [
     (cost("a", saves=saving(2.5)), "saves 2.50 ms"),
     (cost("a", saves=saving(0.0)), "saves below 0.20 ms"),
-    (cost("a", reason="no Armature modifier deforms it"), "no Armature modifier deforms it"),
+    (cost("a", reason="nothing deforms it that Sinew could take over"), "nothing deforms it that Sinew could take over"),
     (cost("a", is_bound=True), "accelerated"),
     (cost("a", is_bound=True, reason="Its armature is gone"), "Its armature is gone"),
     (cost("a"), "")])

@@ -13,7 +13,7 @@ from time import perf_counter
 
 import bpy
 
-from ..binding import bind, bindable
+from ..binding import bind, bindable, ways
 from ..blender import animation, nodes, values
 from ..session import characters
 from . import costs
@@ -213,8 +213,10 @@ class _Subject:
 
     def try_accelerate(self):
         """Binding alone says whether Sinew can follow the mesh."""
-        if bindable.armature_modifier(self.ob) is None:
-            self.cost.reason = "no Armature modifier deforms it"
+        armature = bindable.armature_to_bind(self.ob)
+        is_deformed = not ways.why_idle(self.ob) if armature is None else bindable.armature_modifier(self.ob, armature)
+        if not is_deformed:
+            self.cost.reason = "nothing deforms it that Sinew could take over"
             return
         try:
             with bound_for_now(self.ob) as entry:
@@ -299,7 +301,7 @@ def bound_for_now(ob):
             for name, setting in settings.bl_rna.properties.items() if not setting.is_readonly}
     active = ob.modifiers.active
     active = active and active.name
-    bind.bind(ob, bindable.find_armature(ob))
+    bind.bind(ob, bindable.armature_to_bind(ob))
     try:
         yield characters.of(ob)
     finally:

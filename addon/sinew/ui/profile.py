@@ -93,7 +93,7 @@ class MeasureProfile(bpy.types.Operator):
 
 
 class AccelerateOne(bpy.types.Operator):
-    """Let Sinew deform this mesh, by the armature that it hangs on"""
+    """Let Sinew deform this mesh, by the armature that it hangs on if there is one"""
 
     bl_idname = "object.sinew_accelerate_one"
     bl_label = "Accelerate"
@@ -110,7 +110,7 @@ class AccelerateOne(bpy.types.Operator):
         try:
             if ob is None:
                 raise bindable.BindingError(f"There is no object {self.name} any more: measure again")
-            bind.bind(ob, bindable.find_armature(ob))
+            bind.bind(ob, bindable.armature_to_bind(ob))
         except bindable.BindingError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
