@@ -115,6 +115,15 @@ def test_output_mesh(fresh_scene, make):
         assert_it_is_sinew(ob)
 
 
+def test_bound_again(fresh_scene, make):
+    """An Armature modifier that is off still does not count."""
+    ob, twin = make(add_shape_keys, hidden_first)
+    accelerate(ob, "MESH")
+    assert_same_on_all_frames(fresh_scene, ob, twin, (3, 7))
+    assert_it_is_sinew(ob)
+    assert ob.sinew.armature is None and ob.sinew.deformed is not None
+
+
 def in_renders_alone(ob):
     smoothed(ob, "First", show_viewport=False)
     smoothed(ob, "Second", show_viewport=False)
@@ -271,7 +280,7 @@ def test_an_armature_modifier_is_added(fresh_scene, make, keys, behind, first):
             to_front(each, "Armature")
     assert_same_on_all_frames(fresh_scene, ob, twin, (3, 4, 5))
     entry = addon_module("session.characters").character(ob)
-    said = "Armature comes first, and it was not there at binding: unbind the mesh and accelerate it again"
+    said = "Armature comes first, and the mesh was bound without it: unbind it, and accelerate it again"
     if keys is nothing and first:
         assert said in entry.way.reason and not entry.is_deforming
     else:

@@ -43,7 +43,7 @@ def armature_to_bind(ob):
     """The armature that a mesh is to be bound to if nobody chooses one: that which it hangs on. None: shape keys and
     smoothing are all that deforms it."""
     armature = find_armature(ob)
-    if armature is None or ob.sinew.is_bound:
+    if armature is None or ob.sinew.is_bound and ob.sinew.armature is not None:
         return armature
     modifier = armature_modifier(ob, armature)
     is_deformed = wiring.is_shown(modifier) if modifier else has_group_of(ob, armature)

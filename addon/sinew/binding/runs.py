@@ -39,7 +39,7 @@ def of(ob, taken):
             like, shown = modifier.name, wiring.shown_of(ob, modifier)
         reason = _why_not(original, modifier, like, shown)
         if modifier.type == "ARMATURE" and not taken and not stages:
-            reason = "it was not there at binding: unbind the mesh and accelerate it again"
+            reason = "the mesh was bound without it: unbind it, and accelerate it again"
         if reason:
             end = modifier.name, reason
             break
