@@ -61,7 +61,8 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw(mesh_panel)
-    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Sinew's Part", "object.sinew_measure", "Threads", "an attribute",
+    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Sinew's Part", "object.sinew_measure",
+                 "Threads", "an attribute",
                  "Instructions", addon_module("native").sinew_native.instruction_set(), "object.sinew_unbind",
                  "Mask", "Bone Envelopes", *display):
         assert text in said

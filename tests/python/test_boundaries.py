@@ -13,8 +13,9 @@ MODULES = sorted(ADDON.rglob("*.py"))
 
 BLENDER = {"addon_utils", "bgl", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 # Which files outside of blender/, ui/ and cli/ talk to Blender; all others work on arrays and on what those give them.
-MAY_IMPORT_BLENDER = {"binding/bind", "binding/deformed_copy", "binding/old_files", "binding/properties", "binding/wiring", "profiling/measure", "rigs/clip_keyframes", "rigs/rig_import",
-                      "session/characters", "session/deformed_copies", "session/handlers", "without_native"}
+MAY_IMPORT_BLENDER = {"binding/bind", "binding/deformed_copy", "binding/old_files", "binding/properties",
+                      "binding/wiring", "profiling/measure", "rigs/clip_keyframes", "rigs/rig_import", "session/characters",
+                      "session/deformed_copies", "session/handlers", "without_native"}
 
 
 def imported(path):

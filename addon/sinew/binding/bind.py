@@ -5,7 +5,7 @@ import bpy
 from ..blender import memory, meshes, nodes, values
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from ..session import characters, deformed_copies
+from ..session import character, characters, deformed_copies
 from ..ui import notice
 from . import deformed_copy, old_files, runs, ways, wiring
 from .bindable import BindingError, check_bindable, modifiers_to_take
@@ -25,7 +25,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     taken = modifiers_to_take(ob, armature)
     if output == "MESH":
         try:
-            deformed_copy.check(ob, taken, characters.count_sharers(ob), armature is not None and not taken)
+            deformed_copy.check(ob, taken, meshes.count_sharers(ob), armature is not None and not taken)
         except OutputError as error:
             raise BindingError(str(error)) from error
     was_bound_to = settings.last_armature
@@ -180,7 +180,7 @@ def rewire(key):
     ob.update_tag()
 
 
-characters.rewire = rewire
+character.rewire = rewire
 
 
 def show(ob):
@@ -252,7 +252,7 @@ def switch_output(ob):
         return
     if new == "MESH":
         try:
-            deformed_copy.check(ob, wiring.taken_modifiers(ob), characters.count_sharers(ob))
+            deformed_copy.check(ob, wiring.taken_modifiers(ob), meshes.count_sharers(ob))
         except OutputError:
             settings.output = old
             raise

@@ -185,3 +185,16 @@ def write_weights(mesh, dense):
         bm.free()
 
 
+def count_sharers(ob):
+    """How many objects that Blender may evaluate have this one's mesh."""
+    if ob.data.users - ob.data.use_fake_user < 2:
+        return 1
+    return sum(other == ob or _may_be_evaluated(other, ob) for other in bpy.data.objects if other.data == ob.data)
+
+
+def _may_be_evaluated(other, ob):
+    """A linked object that is only there as what an override is made from is not."""
+    reference = ob.override_library.reference if ob.override_library else None
+    return other != reference or bool(other.users_scene) or any(
+        each.instance_collection is not None and other.name in each.instance_collection.all_objects
+        for each in bpy.data.objects)

@@ -8,7 +8,7 @@ import bpy
 
 from ..binding import deformed_copy, ways, wiring
 from ..blender import memory, meshes, nodes, values
-from . import characters
+from . import character, characters
 
 log = logging.getLogger("sinew")
 _object_count = -1  # of the file when orphans were last looked for
@@ -59,7 +59,7 @@ def _is_ours(depsgraph):
 
 def why_it_stays(ob):
     """What keeps the copy from following, as the end of a sentence, or an empty string."""
-    if ob.mode in characters.EDITING:
+    if ob.mode in character.EDITING:
         return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
     if not ob.visible_get():
         return f"while {ob.name} is hidden, for Blender does not evaluate it"
@@ -77,7 +77,7 @@ def _follow_one(entry, ob, depsgraph):
         copy = deformed_copy.make(ob)
     deformed_copy.keep_in_place(copy, ob)
     evaluated = ob.evaluated_get(depsgraph)
-    if ob.mode in characters.EDITING or not evaluated.is_evaluated:
+    if ob.mode in character.EDITING or not evaluated.is_evaluated:
         return
     shape = _shape_of(entry, ob, evaluated)
     entry.copy_stays = shape is None

@@ -12,7 +12,7 @@ import numpy as np
 from ..binding import ways, wiring
 from ..blender import memory, meshes, nodes, values
 from ..rigs import posing
-from . import characters, shape_keys, shortcuts, stages
+from . import character, characters, shape_keys, shortcuts, stages
 
 
 def deform_now(ob):
@@ -41,7 +41,7 @@ def deform_now(ob):
             _give_keys_back(entry, ob)
         else:
             shortcuts.learn(entry, ob)
-    except (characters.NotYetWired, values.Flat):  # flat: each version of Blender has its own way with that
+    except (character.NotYetWired, values.Flat):  # flat: each version of Blender has its own way with that
         _stand_back(entry, ob)
     except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
         characters.keep_error(entry, error)

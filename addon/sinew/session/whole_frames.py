@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from . import characters
+from . import character, characters
 
 BLOCK = 10  # frames in a row that one of the two has
 MOST_FRAMES = 40  # of each
@@ -50,7 +50,7 @@ def measure(scene, progress):
             progress.step(first / MOST_FRAMES, "measuring frames")
             block = frames[first:first + BLOCK]
             sinew += _play(scene, block)
-            with characters.StandAside():
+            with character.StandAside():
                 blender += _play(scene, block)
     finally:
         for ob in characters.bound_objects():
