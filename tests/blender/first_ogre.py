@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from helpers import RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, select  # noqa: E402
 from windowed import (  # noqa: E402
     FOLDER, area, areas, close_other_windows, in_area, middle_of, note_drawing, open_sidebar, outside, picture, playing,
-    region, run, screen, window, windows)
+    region, run, screen, when_allowed, window, windows)
 
 FRAMES = 100  # that are played
 SECONDS = 8.0  # of playing to compare
@@ -217,7 +217,7 @@ def render():
     assert pixels.std() > 0.02, "the picture is empty"
     yield from picture("rendered")
     print("window: rendered with F12")
-    close_other_windows()
+    yield from when_allowed(close_other_windows)
     yield 0.5
 
 
@@ -257,7 +257,7 @@ def pictures_of_properties_and_preferences():
 def an_error():
     """A sentence pops up, once, and Blender's own modifier goes on deforming."""
     ob, notice = bpy.data.objects["ogre"], addon_module("ui.notice")
-    close_other_windows()
+    yield from when_allowed(close_other_windows)
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)

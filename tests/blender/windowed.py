@@ -15,6 +15,7 @@ from helpers import addon_module
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 SECONDS = 400  # at most, for a whole file of steps
+SECONDS_TO_WAIT = 30  # for Blender to let Python write
 
 
 def run(steps):
@@ -37,16 +38,18 @@ def run(steps):
 def when_allowed(write):
     """Calls write() as soon as Blender lets Python write. It forbids that while it draws, by one flag for all threads;
     and where a render's thread calls a property's `get` just then, the flag stays until Blender draws again."""
-    for _ in range(100):
+    for attempt in range(SECONDS_TO_WAIT * 20):
         try:
             return write()
-        except AttributeError as error:
-            if "not allowed" not in str(error):
+        except (AttributeError, RuntimeError) as error:
+            if "not allowed" not in str(error) and "drawing/rendering" not in str(error):
                 raise
             for each in areas():
                 each.tag_redraw()
             yield 0.05
-    raise TimeoutError("Blender did not let Python write for five seconds")
+            if attempt % 20 == 19:  # what is under the mouse is drawn in any case
+                yield from outside("xdotool mousemove_relative 3 0 mousemove_relative -- -3 0")
+    raise TimeoutError(f"Blender did not let Python write for {SECONDS_TO_WAIT} seconds")
 
 
 def leave(code):
