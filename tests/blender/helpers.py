@@ -158,6 +158,22 @@ def make_fail(monkeypatch, name):
     monkeypatch.setattr(addon_module("session.shortcuts"), "take", lambda *_: False)
 
 
+def into_a_shot(folder, overridden):
+    """Saves the open file as a library, and in an empty one links its collection "Character" or overrides it.
+    Returns the scene."""
+    path = str(folder / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scene = bpy.context.scene
+    with bpy.data.libraries.load(path, link=True) as (_, to):
+        to.collections = ["Character"]
+    if overridden:
+        to.collections[0].override_hierarchy_create(scene, bpy.context.view_layer)
+    else:
+        scene.collection.children.link(to.collections[0])
+    return scene
+
+
 def select(*objects):
     for ob in bpy.context.selected_objects:
         ob.select_set(False)

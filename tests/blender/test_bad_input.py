@@ -3,7 +3,6 @@
 import struct
 
 import bpy
-import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose

@@ -7,7 +7,8 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import (
-    addon_module, assert_same_shape, data_counts, evaluated, make_fail, own_positions, select, traces, twin_of, way)
+    addon_module, assert_same_shape, data_counts, evaluated, into_a_shot, make_fail, own_positions, select, traces,
+    twin_of, way)
 from test_safety import put_away
 
 
@@ -390,16 +391,7 @@ def test_of_a_library(tube, tmp_path, overridden):
         bpy.context.scene.collection.objects.unlink(ob)
     bpy.context.scene.collection.children.link(collection)
     bpy.context.scene.frame_set(2)
-    path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    scene = bpy.context.scene
-    with bpy.data.libraries.load(path, link=True) as (_, to):
-        to.collections = ["Character"]
-    if overridden:
-        to.collections[0].override_hierarchy_create(scene, bpy.context.view_layer)
-    else:
-        scene.collection.children.link(to.collections[0])
+    scene = into_a_shot(tmp_path, overridden)
     for _ in range(2):
         ob = next(ob for ob in scene.objects if ob.sinew.is_bound)
         shown = next(ob for ob in copies() if ob.library is not None)

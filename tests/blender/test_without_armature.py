@@ -7,7 +7,7 @@ import pytest
 from characters import accelerate, add_shape_keys, animate, hook, make_armature, make_tube, pose, smoothed
 from helpers import (
     addon_module, assert_plays_without_the_addon, assert_same_on_all_frames, assert_same_shape, data_counts,
-    diagonal, end, evaluated, needs_program, own_positions, select, stages, traces, twin_of, way)
+    diagonal, end, evaluated, into_a_shot, needs_program, own_positions, select, stages, traces, twin_of, way)
 
 
 def nothing(ob):
@@ -440,16 +440,7 @@ def test_from_a_library(fresh_scene, make, tmp_path, keys, when):
     fresh_scene.collection.children.link(collection)
     for each in (ob, twin, bpy.data.objects["Target"]):
         collection.objects.link(each)
-    path = str(tmp_path / "library.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    scene = bpy.context.scene
-    with bpy.data.libraries.load(path, link=True) as (_, to):
-        to.collections = ["Character"]
-    if when == "linked":
-        scene.collection.children.link(to.collections[0])
-    else:
-        to.collections[0].override_hierarchy_create(scene, bpy.context.view_layer)
+    scene = into_a_shot(tmp_path, overridden=when != "linked")
     ob, twin = (next(each for each in scene.objects if each.name == name) for name in names)
     if when == "bound as an override":
         accelerate(ob)

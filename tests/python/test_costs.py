@@ -117,7 +117,7 @@ def test_what_keeps_subdivision_on_the_processor(modifiers, sentence):
     ([ARMATURE, SMOOTH], set()), ([], set()), ([ARMATURE, SUBSURF, SMOOTH], {"Sub", "Smooth"}),
     ([ARMATURE, ("Cloth", "CLOTH"), SUBSURF], {"Sub"}), ([("Mirror", "MIRROR"), ARMATURE], {"Mirror", "Rig"})])
 def test_what_follows_the_deforming_modifiers_may_be_switched_off_but_for_simulations(modifiers, names):
-    assert costs.after_deforming(modifiers) == names
+    assert costs.after_deforming(modifiers, {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}) == names
 
 
 def saving(ms, noise_ms=0.2):

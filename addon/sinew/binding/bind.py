@@ -62,9 +62,10 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     settings.is_bound = True
     characters.forget_object(ob)
     adapt(ob)
-    ob.update_tag()
     if is_shown:
         show(ob)
+    else:
+        ob.update_tag()
 
 
 def bind_anew(ob):

@@ -7,9 +7,8 @@ What Sinew does not know goes on in Blender, with Sinew's shape as its input.
 from dataclasses import dataclass
 
 from ..blender import animation, memory, nodes
+from ..session.stages import KINDS
 from . import wiring
-
-STAGES = {"CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def _does_nothing(modifier):
 
 def _why_not(ob, modifier, like, shown):
     """Why Sinew cannot stand in for a modifier, or "". shown: as wiring.shown_of has it, of what is named `like`."""
-    if modifier.type not in STAGES:
+    if modifier.type not in KINDS:
         return "only Blender knows what it does"
     if set(wiring.SHOWS).intersection(animation.animated_properties(ob, modifier)):
         return "it is switched by drivers or keyframes"

@@ -94,7 +94,7 @@ def _through_keys(ob, keys, taken):
         return Way(BLENDER, "Its shape keys are absolute ones, which only Blender blends")
     if ob.show_only_shape_key:
         return Way(BLENDER, "One shape key alone is shown")
-    if any(path.endswith(".mute") for path in animation.animated_paths(keys)):
+    if animation.is_muting_animated(keys):
         return Way(BLENDER, "The muting of a shape key is animated")
     if any(modifier.show_viewport != modifier.show_render for modifier in taken):
         return Way(BLENDER, "Its Armature modifier is not shown alike in viewport and render, which cannot be told "

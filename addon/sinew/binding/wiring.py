@@ -192,8 +192,14 @@ def unwire(ob):
 def waits_for(hook, name):
     """The data-block that the hook waits for under that name, "mesh" or "keys": of an evaluated object an evaluated
     copy, the mesh as it is before all modifiers (the object's own `data` is still the last result)."""
+    target = target_of(hook, name)
+    return target and target.id
+
+
+def target_of(hook, name):
+    """The hook's target of that name, or None."""
     variable = hook.driver.variables.get(name)
-    return variable and variable.targets[0].id
+    return variable and variable.targets[0]
 
 
 def revive(ob):

@@ -19,6 +19,11 @@ def animated_paths(block):
         curve.data_path for action in actions for curve in action_curves(action)}
 
 
+def is_muting_animated(keys):
+    """Whether that of some shape key is. keys: the data-block."""
+    return any(path.endswith(".mute") for path in animated_paths(keys))
+
+
 def action_curves(action):
     if hasattr(action, "fcurves"):  # before 5.0
         return list(action.fcurves)

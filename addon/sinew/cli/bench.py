@@ -2,7 +2,6 @@
 turns, for a machine's pace drifts."""
 
 from dataclasses import dataclass
-from time import perf_counter
 
 import bpy
 import numpy as np
@@ -11,6 +10,7 @@ from ..binding import bind, bindable, ways
 from ..blender import meshes
 from ..rigs import clip_keyframes, clip_store
 from ..session import characters, handlers
+from ..session.whole_frames import frame_times
 
 BLOCK = 10  # frames in a row that one of the two has
 STAGES = ("pose", "skin")
@@ -120,12 +120,9 @@ def play(scene, frames, entries=()):
     """A row a frame, milliseconds: the whole call of frame_set, and if there are entries the stages. A
     frame before them warms up."""
     bpy.context.window.scene = scene
-    scene.frame_set(frames[-1])
     rows = []
-    for frame in frames:
-        start = perf_counter()
-        scene.frame_set(frame)
-        row = [1e3 * (perf_counter() - start)]
+    for milliseconds in frame_times(scene, frames):
+        row = [milliseconds]
         if entries:
             row += [sum(getattr(entry.timings, stage) for entry in entries) for stage in STAGES]
         rows.append(row)

@@ -13,8 +13,6 @@ LEAST_NOISE = 0.01  # below that no clock of a whole frame can be trusted
 # The median of differences of N frames is off by less than so many median deviations / sqrt(N), 19 times of 20: two
 # standard errors of a median of normal numbers, of which each difference has one and a half.
 NOISE_FACTOR = 3.2
-# What Sinew may take over, before whatever else a character has.
-DEFORMING = {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
 # What has a memory of the frames before is left alone.
 SIMULATIONS = {"CLOTH", "COLLISION", "DYNAMIC_PAINT", "EXPLODE", "FLUID", "OCEAN", "PARTICLE_INSTANCE", "PARTICLE_SYSTEM",
                "SOFT_BODY"}
@@ -134,10 +132,10 @@ def verdict(cost):
     return cost.reason
 
 
-def after_deforming(modifiers):
+def after_deforming(modifiers, deforming):
     """Names of what follows the deforming ones and can be switched off for a while. modifiers: (name, type) of those
-    that are shown, in their order."""
-    kinds = [kind in DEFORMING for _, kind in modifiers]
+    that are shown, in their order; deforming: the types that Sinew may take over."""
+    kinds = [kind in deforming for _, kind in modifiers]
     tail = modifiers[kinds.index(False):] if False in kinds else []
     return {name for name, kind in tail if kind not in SIMULATIONS}
 

@@ -16,6 +16,7 @@ import bpy
 from ..binding import bind, bindable, ways
 from ..blender import animation, nodes, values
 from ..session import characters
+from ..session.stages import KINDS
 from . import costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
@@ -182,7 +183,7 @@ class _Subject:
         """Those that Blender runs: where Sinew stands in for some, it has switched them off in the evaluated copy."""
         shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
         kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
-        tail = costs.after_deforming(kinds)
+        tail = costs.after_deforming(kinds, {"ARMATURE", *KINDS})
         for modifier in shown:
             original = self.ob.modifiers[modifier.name]
             is_animated = "show_viewport" in animation.animated_properties(self.ob, original)
@@ -325,6 +326,6 @@ def _why_not_muted(ob, keys):
         return "absolute keys cannot be muted"
     if ob.show_only_shape_key:
         return "one key alone is shown"
-    if any(path.endswith(".mute") for path in animation.animated_paths(keys)):
+    if animation.is_muting_animated(keys):
         return "their muting is animated"
     return ""

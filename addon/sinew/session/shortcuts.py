@@ -22,9 +22,9 @@ class Shortcut:
         self.stages = entry.stages.at(ob, entry.run.stages, None)
         self.editions = [layer.edition for layer in entry.layers]
         self.armatures = [modifier.object for modifier in modifiers]
-        self.mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
+        target = wiring.target_of(entry.hook_of(ob), "mesh")
+        self.mesh = target.id
         self.count = len(self.mesh.vertices)
-        target = entry.hook_of(ob).driver.variables["mesh"].targets[0]
         watched = [memory.mark_region(ob, "OBJECT"), memory.region(ob, "Object", "mode"),
                    memory.region(target, "DriverTarget", "*id"), memory.mark_region(self.mesh, "MESH")]
         for modifier, armature in zip(modifiers, self.armatures):
@@ -77,8 +77,8 @@ def learn(entry, ob):
 
 
 def _is_plain(entry, ob):
-    mesh = wiring.waits_for(entry.hook_of(ob), "mesh")
-    return (entry.way.kind == ways.ATTRIBUTE and entry.taken and len(mesh.vertices) > 0 and ob.sinew.source != "CLIP"
+    return (entry.way.kind == ways.ATTRIBUTE and entry.taken and entry.deformer.vertex_count > 0
+            and ob.sinew.source != "CLIP"
             and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
             and all(not layer.influences.hang_on_shape for layer in entry.layers)
             and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken))

@@ -33,6 +33,7 @@ class Source:
 
 class CorrectiveSmooth:
     SETTINGS = "vertex_group", "invert_vertex_group", "use_pin_boundary", "rest_source", "use_only_smooth"
+    STRUCT = "CorrectiveSmoothModifierData"
     WATCHED = "lambda", "scale", "repeat", "flag", "smooth_type", "rest_source", "defgrp_name"
 
     @staticmethod
@@ -57,6 +58,7 @@ class CorrectiveSmooth:
 
 class Smooth:
     SETTINGS = "vertex_group", "invert_vertex_group"
+    STRUCT = "SmoothModifierData"
     WATCHED = "fac", "repeat", "flag", "defgrp_name"
 
     @staticmethod
@@ -103,7 +105,6 @@ class Hook:
 
 
 KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
-STRUCTS = {"CORRECTIVE_SMOOTH": "CorrectiveSmoothModifierData", "SMOOTH": "SmoothModifierData"}
 
 
 @dataclass
@@ -161,9 +162,9 @@ class Stages:
 
 
 def watched(modifier):
-    """[(address, size)] of what decides on the stage of an evaluated modifier, or None if that cannot be watched."""
-    names = KINDS[modifier.type].WATCHED
-    return names and [memory.region(modifier, STRUCTS[modifier.type], name) for name in names]
+    """[(address, size)] of what decides on the stage of an evaluated modifier, of a kind that can be watched."""
+    kind = KINDS[modifier.type]
+    return [memory.region(modifier, kind.STRUCT, name) for name in kind.WATCHED]
 
 
 def _settings(kind, modifier):

@@ -49,9 +49,9 @@ def measure(scene, progress):
                 break
             progress.step(first / MOST_FRAMES, "measuring frames")
             block = frames[first:first + BLOCK]
-            sinew += _play(scene, block)
+            sinew += frame_times(scene, block)
             with character.StandAside():
-                blender += _play(scene, block)
+                blender += frame_times(scene, block)
     finally:
         for ob in characters.bound_objects():
             ob.update_tag()
@@ -60,12 +60,10 @@ def measure(scene, progress):
     return _last
 
 
-def _play(scene, frames):
-    """Milliseconds of each. A frame before them warms up."""
+def frame_times(scene, frames):
+    """A generator of milliseconds: of each frame the whole call that sets it. A frame before them warms up."""
     scene.frame_set(frames[-1])
-    milliseconds = []
     for frame in frames:
         start = perf_counter()
         scene.frame_set(frame)
-        milliseconds.append(1e3 * (perf_counter() - start))
-    return milliseconds
+        yield 1e3 * (perf_counter() - start)
