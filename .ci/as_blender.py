@@ -10,7 +10,7 @@ import sys
 
 import bpy
 
-arguments = sys.argv[1:sys.argv.index("--")] if "--" in sys.argv else sys.argv[1:]
+arguments = sys.argv[1 : sys.argv.index("--")] if "--" in sys.argv else sys.argv[1:]
 if "--version" in arguments:
     print(f"Blender {bpy.app.version_string} (Python module)")
     sys.exit()

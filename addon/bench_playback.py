@@ -20,14 +20,17 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import CHAIN, RIGS, VARIANTS, make_characters, select  # noqa: E402
+from bench_rigs import CHAIN, RIGS, VARIANTS, make_characters, select
 
 FRAMES = range(2, 42)
 SIZES, LARGE = (30_000, 180_000), 1_000_000
 ROUNDS = 3
 TOLERANCE = 1e-5  # a share of the diagonal
-ADDON = next(name for name in bpy.context.preferences.addons.keys()  # however this Blender names it
-             if name.rpartition(".")[2] == "sinew")
+ADDON = next(
+    name
+    for name in bpy.context.preferences.addons.keys()  # however this Blender names it
+    if name.rpartition(".")[2] == "sinew"
+)
 
 
 @contextlib.contextmanager
@@ -113,20 +116,36 @@ def measure(rig, vertices, count=1, variant="", preserve_volume=False, outputs=(
             worst = max(worst, difference(shapes(meshes), wanted))
             bpy.ops.object.sinew_unbind()
     assert worst < TOLERANCE, f"Sinew's shape is {worst:.3g} of the diagonal off the modifier's"
-    return row_of({name: statistics.median(each) for name, each in times.items()}, {
-        "rig": rig, "bones": len(meshes[0].parent.data.bones), "vertices": len(meshes[0].data.vertices),
-        "characters": count, "with": variant, "method": "preserve volume" if preserve_volume else "linear",
-        "sinew_extremes_ms": (min(times["MODIFIER"]), max(times["MODIFIER"])),
-        "accelerate_s": bound["MODIFIER"], "difference": worst})
+    return row_of(
+        {name: statistics.median(each) for name, each in times.items()},
+        {
+            "rig": rig,
+            "bones": len(meshes[0].parent.data.bones),
+            "vertices": len(meshes[0].data.vertices),
+            "characters": count,
+            "with": variant,
+            "method": "preserve volume" if preserve_volume else "linear",
+            "sinew_extremes_ms": (min(times["MODIFIER"]), max(times["MODIFIER"])),
+            "accelerate_s": bound["MODIFIER"],
+            "difference": worst,
+        },
+    )
 
 
 def row_of(medians, about):
     rig, modifier, sinew = (medians[name] for name in ("rig", "modifier", "MODIFIER"))
     added, ours = modifier - rig, sinew - rig
-    return {**about, "rig_ms": rig, "modifier_ms": modifier, "sinew_ms": sinew,
-            "sinew_mesh_ms": medians.get("MESH"), "times_faster": modifier / sinew,
-            "modifier_adds_ms": added, "sinew_adds_ms": ours,
-            "adds_times_less": added / ours if ours > 0 else None}
+    return {
+        **about,
+        "rig_ms": rig,
+        "modifier_ms": modifier,
+        "sinew_ms": sinew,
+        "sinew_mesh_ms": medians.get("MESH"),
+        "times_faster": modifier / sinew,
+        "modifier_adds_ms": added,
+        "sinew_adds_ms": ours,
+        "adds_times_less": added / ours if ours > 0 else None,
+    }
 
 
 def rows(options):
@@ -149,11 +168,26 @@ def number(value, unit=""):
 
 def line(row):
     count = f"{row['characters']} x " if row["characters"] > 1 else ""
-    return "| " + " | ".join((
-        f"{row['rig']} ({row['bones']})", f"{count}{row['vertices']:,}", row["with"] or "-", row["method"],
-        number(row["rig_ms"]), number(row["modifier_ms"]), number(row["sinew_ms"]), number(row["sinew_mesh_ms"]),
-        number(row["modifier_adds_ms"]), number(row["sinew_adds_ms"]), number(row["adds_times_less"], "x"),
-        number(row["accelerate_s"]))) + " |"
+    return (
+        "| "
+        + " | ".join(
+            (
+                f"{row['rig']} ({row['bones']})",
+                f"{count}{row['vertices']:,}",
+                row["with"] or "-",
+                row["method"],
+                number(row["rig_ms"]),
+                number(row["modifier_ms"]),
+                number(row["sinew_ms"]),
+                number(row["sinew_mesh_ms"]),
+                number(row["modifier_adds_ms"]),
+                number(row["sinew_adds_ms"]),
+                number(row["adds_times_less"], "x"),
+                number(row["accelerate_s"]),
+            )
+        )
+        + " |"
+    )
 
 
 def parsed(arguments):
@@ -174,8 +208,10 @@ def parsed(arguments):
 def main(arguments):
     options = parsed(arguments)
     print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
-    print("| rig (bones) | vertices | with | method | rig alone | modifier | Sinew | output Mesh "
-          "| modifier adds | Sinew adds | less | accelerate, s |")
+    print(
+        "| rig (bones) | vertices | with | method | rig alone | modifier | Sinew | output Mesh "
+        "| modifier adds | Sinew adds | less | accelerate, s |"
+    )
     print("|" + "---|" * 12)
     results = []
     for row in rows(options):
@@ -183,7 +219,8 @@ def main(arguments):
         print(line(row), flush=True)
     if options.json:
         Path(options.json).write_text(
-            json.dumps({"blender": bpy.app.version_string, "results": results}, indent=1) + "\n")
+            json.dumps({"blender": bpy.app.version_string, "results": results}, indent=1) + "\n"
+        )
 
 
-main(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else [])
+main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])

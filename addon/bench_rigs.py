@@ -50,6 +50,7 @@ def duplicate(ob):
 
 # --- armatures ------------------------------------------------------------------------------------
 
+
 def make_chain():
     data = bpy.data.armatures.new("Rig")
     armature = bpy.data.objects.new("Rig", data)
@@ -87,7 +88,8 @@ def animate(armature, seed):
         if not moves:
             bone.rotation_mode = "XYZ"
         turned = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
-            bone.rotation_mode, "rotation_euler")
+            bone.rotation_mode, "rotation_euler"
+        )
         for frame in KEYED_FRAMES:
             turn = Euler(random.uniform(-0.2, 0.2, 3))
             if turned == "rotation_quaternion":
@@ -103,6 +105,7 @@ def animate(armature, seed):
 
 
 # --- meshes ---------------------------------------------------------------------------------------
+
 
 def make_mesh(armature, vertices, one_tube):
     """Tubes of quads, `vertices` in all or a few less, bound as Blender's own Parent > Armature Deform does."""
@@ -142,20 +145,21 @@ def make_mesh(armature, vertices, one_tube):
 
 def tube(head, tail, radius, vertices):
     """(points, corners of quads) around a bone, by at most so many vertices."""
-    around = max(4, 4 * round(vertices ** 0.5 / 4))
+    around = max(4, 4 * round(vertices**0.5 / 4))
     rings = vertices // around
     along = tail - head
     side = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     side /= np.linalg.norm(side)
     other = np.cross(along / np.linalg.norm(along), side)
-    way, angle = np.meshgrid(np.linspace(0, 1, rings), np.linspace(0, 2 * np.pi, around, endpoint=False),
-                             indexing="ij")
-    points = head + way[..., None] * along + radius * (
-        np.cos(angle)[..., None] * side + np.sin(angle)[..., None] * other)
+    way, angle = np.meshgrid(np.linspace(0, 1, rings), np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij")
+    points = (
+        head + way[..., None] * along + radius * (np.cos(angle)[..., None] * side + np.sin(angle)[..., None] * other)
+    )
     row, column = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
     after = (column + 1) % around
-    corners = np.stack([row * around + column, row * around + after,
-                        (row + 1) * around + after, (row + 1) * around + column], -1)
+    corners = np.stack(
+        [row * around + column, row * around + after, (row + 1) * around + after, (row + 1) * around + column], -1
+    )
     return points.reshape(-1, 3), corners.reshape(-1)
 
 
@@ -164,10 +168,10 @@ def nearest(points, heads, tails):
     along = tails - heads
     bones, weights = [], []
     for start in range(0, len(points), CHUNK):
-        offset = points[start:start + CHUNK, None] - heads
+        offset = points[start : start + CHUNK, None] - heads
         way = np.clip((offset * along).sum(-1) / (along * along).sum(-1), 0, 1)
         distances = np.linalg.norm(offset - way[..., None] * along, axis=-1)
-        order = np.argsort(distances, axis=1)[:, :INFLUENCES + 1]
+        order = np.argsort(distances, axis=1)[:, : INFLUENCES + 1]
         near = np.take_along_axis(distances, order, axis=1)
         bones.append(order[:, :INFLUENCES])
         weights.append(np.maximum(1 - near[:, :INFLUENCES] / np.maximum(near[:, INFLUENCES:], 1e-9), 0.01))
@@ -187,6 +191,7 @@ def write_weights(mesh, bones, weights):
 
 
 # --- what the mesh has besides ----------------------------------------------------------------------
+
 
 def add_variant(ob, variant):
     if "keys" in variant:
@@ -211,7 +216,7 @@ def add_keys(ob):
     for number in range(KEYS):
         shape = rest.copy()
         start = 3 * random.integers(len(rest) // 3 - moved // 3)
-        shape[start:start + moved] += random.uniform(-far, far, moved).astype(np.float32)
+        shape[start : start + moved] += random.uniform(-far, far, moved).astype(np.float32)
         key = ob.shape_key_add(name=f"Key {number:02}")
         key.data.foreach_set("co", shape)
         key.value = 0.3
@@ -223,7 +228,7 @@ def animate_keys(ob, variant, seed):
         return
     random = np.random.default_rng(seed)
     armature = ob.parent
-    for key in ob.data.shape_keys.key_blocks[1:KEYS // 2 + 1]:
+    for key in ob.data.shape_keys.key_blocks[1 : KEYS // 2 + 1]:
         if variant == "driven-keys":
             key.driver_remove("value")
             bones = ob.vertex_groups

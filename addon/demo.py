@@ -36,8 +36,7 @@ def import_rig(folder, pose):
     if not skeletons:
         sys.exit(f"there is neither skeleton.bf nor a .tgf file in {folder}")
     try:
-        bpy.ops.import_scene.sinew_rig(
-            filepath=str(skeletons[0]), pose=pose if (folder / pose).exists() else "")
+        bpy.ops.import_scene.sinew_rig(filepath=str(skeletons[0]), pose=pose if (folder / pose).exists() else "")
     except RuntimeError as error:
         sys.exit(str(error).strip())
     return bpy.context.active_object
@@ -51,8 +50,12 @@ def shape(ob, scene):
     return positions.reshape(-1, 3)
 
 
-ROWS = {"pose + forward kinematics": "pose", "skinning": "skin",
-        "scene.frame_set, Sinew": "sinew", "scene.frame_set, Armature modifier": "modifier"}
+ROWS = {
+    "pose + forward kinematics": "pose",
+    "skinning": "skin",
+    "scene.frame_set, Sinew": "sinew",
+    "scene.frame_set, Armature modifier": "modifier",
+}
 
 
 def print_table(mesh_object):
@@ -70,14 +73,18 @@ def print_table(mesh_object):
 
     mesh, bones = mesh_object.data, len(mesh_object.sinew.armature.pose.bones)
     diagonal = float(np.linalg.norm(np.ptp(shape(mesh_object, bpy.context.scene), axis=0)))
-    print(f"\n{mesh_object.name}: {len(mesh.vertices):,} vertices, {bones} bones; "
-          f"Blender {bpy.app.version_string}, {os.cpu_count()} cores; medians of {FRAMES} frames\n")
+    print(
+        f"\n{mesh_object.name}: {len(mesh.vertices):,} vertices, {bones} bones; "
+        f"Blender {bpy.app.version_string}, {os.cpu_count()} cores; medians of {FRAMES} frames\n"
+    )
     print(f"{'milliseconds a frame':36}{'linear':>12}{'dual quaternion':>18}")
     for name, key in ROWS.items():
         print(f"{name:36}{times['LINEAR'][key]:12.3f}{times['DUAL_QUATERNION'][key]:18.3f}")
-    print(f"{'largest distance of the two results':36}"
-          + "".join(f"{distances[method]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
-          + f"   (the mesh measures {diagonal:.3g})\n")
+    print(
+        f"{'largest distance of the two results':36}"
+        + "".join(f"{distances[method]:{width}.2g}" for method, width in zip(METHODS, (12, 18)))
+        + f"   (the mesh measures {diagonal:.3g})\n"
+    )
     if len(mesh.vertices) < SMALL:
         print("Small meshes gain nothing: what Blender itself does in a frame takes longest.\n")
 
@@ -111,13 +118,17 @@ def backdrop(center, size):
     """A floor that bends up behind the character, so that no horizon cuts the picture."""
     radius = 2 * size
     profile = [(-8 * size, 0.0)]
-    profile += [(2 * size + radius * math.sin(a), radius - radius * math.cos(a))
-                for a in np.linspace(0, math.pi / 2, 24)]
+    profile += [
+        (2 * size + radius * math.sin(a), radius - radius * math.cos(a)) for a in np.linspace(0, math.pi / 2, 24)
+    ]
     profile.append((profile[-1][0], 12 * size))
     away = -Vector((CAMERA_DIRECTION.x, CAMERA_DIRECTION.y, 0)).normalized()
     side = Vector((-away.y, away.x, 0)) * 14 * size
-    points = [center + away * distance + sign * side + Vector((0, 0, height))
-              for distance, height in profile for sign in (-1, 1)]
+    points = [
+        center + away * distance + sign * side + Vector((0, 0, height))
+        for distance, height in profile
+        for sign in (-1, 1)
+    ]
     faces = [(2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2) for i in range(len(profile) - 1)]
     mesh = bpy.data.meshes.new("backdrop")
     mesh.from_pydata(points, [], faces)
@@ -145,9 +156,11 @@ def build_stage(mesh_object, points):
         mesh_object.data.materials.append(plain_material("clay", (0.62, 0.36, 0.24)))
 
     for name, direction, power, width in (
-            ("key", (-1.2, -1.5, 1.8), 130, 0.5), ("fill", (1.8, -1.2, 0.6), 25, 1.5),
-            ("rim", (0.8, 1.8, 1.6), 150, 0.6)):
-        add_light(name, middle + Vector(direction) * size, middle, power * size ** 2, width * size)
+        ("key", (-1.2, -1.5, 1.8), 130, 0.5),
+        ("fill", (1.8, -1.2, 0.6), 25, 1.5),
+        ("rim", (0.8, 1.8, 1.6), 150, 0.6),
+    ):
+        add_light(name, middle + Vector(direction) * size, middle, power * size**2, width * size)
     world = bpy.data.worlds.new("studio")
     scene.world = world
     if world.node_tree is None:
@@ -194,8 +207,9 @@ def render_sheet(mesh_object, pictures, path):
         pixels = np.empty(width * height * 4, np.float32)
         tile.pixels.foreach_get(pixels)
         row, column = 1 - i // 3, i % 3  # Blender's pictures start at the bottom
-        sheet[row * height:(row + 1) * height, column * width:(column + 1) * width] = (
-            pixels.reshape(height, width, 4))
+        sheet[row * height : (row + 1) * height, column * width : (column + 1) * width] = pixels.reshape(
+            height, width, 4
+        )
         bpy.data.images.remove(tile)
     tile_path.unlink()
     image = bpy.data.images.new("sheet", 3 * width, 2 * height)
@@ -206,7 +220,7 @@ def render_sheet(mesh_object, pictures, path):
 
 
 def main():
-    folder, output, pose = sys.argv[sys.argv.index("--") + 1:]
+    folder, output, pose = sys.argv[sys.argv.index("--") + 1 :]
     folder, output = Path(folder), Path(output)
     output.mkdir(parents=True, exist_ok=True)
     for ob in list(bpy.data.objects):

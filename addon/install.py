@@ -1,6 +1,6 @@
 """Installs and enables the add-on's zip in the Blender that runs this, for good.
 
-    blender -b --python-exit-code 1 --python addon/install.py -- ZIP
+blender -b --python-exit-code 1 --python addon/install.py -- ZIP
 """
 
 import sys
@@ -9,8 +9,7 @@ import bpy
 
 zip_path = sys.argv[sys.argv.index("--") + 1]
 if bpy.app.version >= (4, 2, 0):
-    bpy.ops.extensions.package_install_files(
-        filepath=zip_path, repo="user_default", enable_on_install=True)
+    bpy.ops.extensions.package_install_files(filepath=zip_path, repo="user_default", enable_on_install=True)
     module = "bl_ext.user_default.sinew"
 else:
     bpy.ops.preferences.addon_install(filepath=zip_path, overwrite=True)

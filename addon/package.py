@@ -34,8 +34,11 @@ def stamped(init):
 
 def contents(modules, licenses):
     """{name in the zip: bytes}"""
-    files = {path.relative_to(SOURCE).as_posix(): path.read_bytes()
-             for path in SOURCE.rglob("*") if path.suffix in {".py", ".toml"}}
+    files = {
+        path.relative_to(SOURCE).as_posix(): path.read_bytes()
+        for path in SOURCE.rglob("*")
+        if path.suffix in {".py", ".toml"}
+    }
     files["__init__.py"] = stamped(files["__init__.py"].decode()).encode()
     files["LICENSE"] = (ROOT / "LICENSE").read_bytes()
     files |= {f"licenses/{path.name}": path.read_bytes() for path in licenses.iterdir()}

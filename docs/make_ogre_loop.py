@@ -1,8 +1,8 @@
 """The walking ogre on the README's first screen: a picture a pose of the demo's scene.
 
-    ./dev demo ogre
-    blender -b build/demo/ogre.blend --python docs/make_ogre_loop.py -- build/demo/loop
-    convert -delay 4 -loop 0 build/demo/loop/*.png -colors 96 docs/walk.gif
+./dev demo ogre
+blender -b build/demo/ogre.blend --python docs/make_ogre_loop.py -- build/demo/loop
+convert -delay 4 -loop 0 build/demo/loop/*.png -colors 96 docs/walk.gif
 """
 
 import sys

@@ -29,7 +29,7 @@ MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings:
 def source(function, above=""):
     """The stub's lines of a function, without its docstring."""
     first = min(node.lineno for node in (function, *function.decorator_list))
-    lines = STUB.splitlines()[first - 1:function.body[0].lineno - 1]
+    lines = STUB.splitlines()[first - 1 : function.body[0].lineno - 1]
     indent = 0 if above else function.col_offset
     return "```python\n" + above + "\n".join(line[indent:] for line in lines).rstrip(":") + "\n```\n"
 
@@ -38,7 +38,7 @@ def prose(docstring, function=None):
     """Markdown, a list of what is said of parameters; without pybind11's first line, a function's types."""
     names = {a.arg for a in function.args.args + function.args.kwonlyargs} if function else set()
     blocks = [[]]
-    for line in filter(None, docstring.splitlines()[1 if function else 0:]):
+    for line in filter(None, docstring.splitlines()[1 if function else 0 :]):
         said_of, _, what = line.partition(": ")
         if what and names.issuperset(said_of.split(", ")):
             blocks[-1].append(f"* `{said_of}`: {what}")
@@ -77,8 +77,9 @@ def body(module):
         for name in filter(names.split().__contains__, nodes):
             node, live = nodes[name], getattr(module, name)
             yield f"\n### {name}\n\n"
-            yield from (class_text(node, live) if isinstance(node, ast.ClassDef)
-                        else (source(node), prose(live.__doc__, node)))
+            yield from (
+                class_text(node, live) if isinstance(node, ast.ClassDef) else (source(node), prose(live.__doc__, node))
+            )
 
 
 def page(module):

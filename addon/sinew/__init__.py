@@ -30,8 +30,7 @@ else:
     from .session import handlers
     from .ui import cures, display, menus, operators, panels, preferences, profile
 
-    MODULES = (properties, preferences, operators, cures, display, menus, panels, profile, handlers,
-               command_line)
+    MODULES = (properties, preferences, operators, cures, display, menus, panels, profile, handlers, command_line)
 
 
 def register():

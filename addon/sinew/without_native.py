@@ -2,8 +2,8 @@
 
 import bpy
 
-from .ui import notice
 from .native import problem
+from .ui import notice
 
 
 class SinewPreferences(bpy.types.AddonPreferences):

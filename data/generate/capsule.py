@@ -3,19 +3,20 @@
 Linear blending visibly collapses on it (candy wrapper, pinched bend); dual quaternions do not.
 Run: /usr/bin/python3 data/generate/capsule.py
 """
+
 import os
 import sys
 
 import numpy as np
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))   # Blender does not do it
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # Blender does not do it
 
 import posing
 import rig_files
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "capsule")
 RADIUS = 0.25
-STRAIGHT = 2.0              # length of the cylinder, metres; the capsule stands on y = 0
+STRAIGHT = 2.0  # length of the cylinder, metres; the capsule stands on y = 0
 SIDES = 48
 CAP_RINGS, SIDE_RINGS = 12, 60
 JOINT_HEIGHTS = np.array([0.25, 0.85, 1.45, 2.05])
@@ -61,7 +62,7 @@ def chain_weights(heights):
     for knot in range(-1, len(NAMES) + 1):
         away = np.abs(along - knot)
         outer = np.clip(1.5 - away, 0, None) ** 2 / 2
-        spline = np.where(away < 0.5, 0.75 - away ** 2, outer)
+        spline = np.where(away < 0.5, 0.75 - away**2, outer)
         weights[:, np.clip(knot, 0, len(NAMES) - 1)] += spline
     return weights
 
@@ -82,8 +83,7 @@ def dance():
         bend = (8, 28, 42, 38)[joint] * np.sin(lag)
         sway = (4, 14, 20, 24)[joint] * np.sin(2 * lag + 0.6)
         twist = (0, 30, 75, 40)[joint] * np.sin(phase - 0.5 * joint)
-        turn = posing.multiply(posing.axis_quaternion([0, 0, 1], bend),
-                               posing.axis_quaternion([1, 0, 0], sway))
+        turn = posing.multiply(posing.axis_quaternion([0, 0, 1], bend), posing.axis_quaternion([1, 0, 0], sway))
         poses[:, joint] = posing.multiply(turn, posing.axis_quaternion([0, 1, 0], twist))
     return posing.same_hemisphere(poses)
 
@@ -96,8 +96,7 @@ def main():
     offsets[:, 1] = np.diff(JOINT_HEIGHTS, prepend=0)
     rows = [(j, j - 1, offsets[j], NAMES[j]) for j in range(len(NAMES))]
     weights = rig_files.round_convex(chain_weights(vertices[:, 1]))
-    rig_files.write_obj(os.path.join(FOLDER, "mesh.obj"), vertices, [(None, faces)],
-                        "Sinew capsule, CC0")
+    rig_files.write_obj(os.path.join(FOLDER, "mesh.obj"), vertices, [(None, faces)], "Sinew capsule, CC0")
     rig_files.write_bf(os.path.join(FOLDER, "skeleton.bf"), rows)
     rig_files.write_dmat(os.path.join(FOLDER, "weights.dmat"), weights)
     rig_files.write_eulers(os.path.join(FOLDER, "pose.dmat"), target_pose())

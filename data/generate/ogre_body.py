@@ -3,34 +3,50 @@
 All lengths in metres, in file space. Only the left half is written down: points are folded on
 to it. Tags are the weight columns of the bones, so that each lump of clay knows its bone.
 """
+
 import functools
 
 import numpy as np
-
 import sculpt
-from ogre_skeleton import (ANKLE, BALL, COLUMN, ELBOW, FINGER_POINTS, FINGERS, HAND_ALONG,
-                           HAND_BACK, HAND_THUMB, HIP, KNEE, SHOULDER, WRIST, hand_point)
+from ogre_skeleton import (
+    ANKLE,
+    BALL,
+    COLUMN,
+    ELBOW,
+    FINGER_POINTS,
+    FINGERS,
+    HAND_ALONG,
+    HAND_BACK,
+    HAND_THUMB,
+    HIP,
+    KNEE,
+    SHOULDER,
+    WRIST,
+    hand_point,
+)
 from sculpt import Sculpt, smooth_max, smooth_min
 from surface_nets import Zoom, unwarp
 
 BOX = (np.array([-1.85, -0.06, -0.60]), np.array([1.85, 2.50, 0.80]))
 EYE = np.array([0.072, 2.112, 0.404])
 EYE_RADIUS = 0.028
-TOE_ROOTS = [(0.302, 0.059, 0.194), (0.370, 0.055, 0.217),
-             (0.433, 0.051, 0.205), (0.486, 0.046, 0.176)]
-TOE_TIPS = [(0.309, 0.047, 0.341), (0.396, 0.040, 0.339),
-            (0.472, 0.037, 0.308), (0.533, 0.033, 0.261)]
+TOE_ROOTS = [(0.302, 0.059, 0.194), (0.370, 0.055, 0.217), (0.433, 0.051, 0.205), (0.486, 0.046, 0.176)]
+TOE_TIPS = [(0.309, 0.047, 0.341), (0.396, 0.040, 0.339), (0.472, 0.037, 0.308), (0.533, 0.033, 0.261)]
 TOE_RADII = [0.056, 0.043, 0.040, 0.036]
-MOUTH_CORNER = 0.128        # half the width of the mouth
+MOUTH_CORNER = 0.128  # half the width of the mouth
 
 
 def zooms():
     """Where the mesh is finer than on the belly."""
     hand = hand_point(0.24, 0.02, 0)
     foot = np.array([0.41, 0.05, 0.20])
-    wanted = [(foot * [-1, 1, 1], 0.17, 1.2, 0.2), (foot, 0.17, 1.2, 0.2),
-              (hand * [-1, 1, 1], 0.23, 2.0, 0.22), (hand, 0.23, 2.0, 0.22),
-              (np.array([0, 2.02, 0.41]), 0.16, 3.5, 0.15)]
+    wanted = [
+        (foot * [-1, 1, 1], 0.17, 1.2, 0.2),
+        (foot, 0.17, 1.2, 0.2),
+        (hand * [-1, 1, 1], 0.23, 2.0, 0.22),
+        (hand, 0.23, 2.0, 0.22),
+        (np.array([0, 2.02, 0.41]), 0.16, 3.5, 0.15),
+    ]
     chain = []
     # The last zoom of the chain is the nearest to the world; the centres of those before it
     # have to be given in the space that it starts from.
@@ -42,7 +58,7 @@ def zooms():
 def fold(points):
     """Points on the left half; rounded at the middle plane, so that no crease appears there."""
     folded = points.copy()
-    folded[:, 0] = np.sqrt(points[:, 0] ** 2 + 0.006 ** 2)
+    folded[:, 0] = np.sqrt(points[:, 0] ** 2 + 0.006**2)
     return folded
 
 
@@ -70,9 +86,11 @@ def add_torso(body):
     body.ball((0.24, 1.74, -0.27), (0.15, 0.19, 0.10), 0.05, chest)
     body.carve_cone((0, 1.30, -0.345), 0.02, (0, 1.78, -0.44), 0.03, 0.07)
     # Creases: under the breast, and where the belly folds when he slouches.
-    for a, b in (((0.03, 1.535, 0.285), (0.20, 1.500, 0.275)),
-                 ((0.20, 1.500, 0.275), (0.36, 1.545, 0.13)),
-                 ((0.0, 1.375, 0.430), (0.22, 1.355, 0.385))):
+    for a, b in (
+        ((0.03, 1.535, 0.285), (0.20, 1.500, 0.275)),
+        ((0.20, 1.500, 0.275), (0.36, 1.545, 0.13)),
+        ((0.0, 1.375, 0.430), (0.22, 1.355, 0.385)),
+    ):
         body.carve_cone(a, 0.010, b, 0.010, 0.05)
     body.carve_ball((0, 1.15, 0.505), (0.032, 0.020, 0.055), 0.03)
 
@@ -96,17 +114,13 @@ def add_arm(body):
     body.ball(SHOULDER + (-0.03, 0.0, 0.0), (0.20, 0.18, 0.21), 0.08, clavicle)
     body.ball(SHOULDER + 0.11 * along + 0.055 * out, (0.190, 0.140, 0.235), 0.045, upper, limb)
     body.cone(SHOULDER, 0.16, ELBOW, 0.115, 0.05, upper)
-    body.ball(SHOULDER + 0.33 * along + (0.0, -0.01, 0.085), (0.085, 0.085, 0.165), 0.03, upper,
-              limb)
-    body.ball(SHOULDER + 0.29 * along + (-0.01, -0.02, -0.090), (0.085, 0.090, 0.19), 0.03, upper,
-              limb)
+    body.ball(SHOULDER + 0.33 * along + (0.0, -0.01, 0.085), (0.085, 0.085, 0.165), 0.03, upper, limb)
+    body.ball(SHOULDER + 0.29 * along + (-0.01, -0.02, -0.090), (0.085, 0.090, 0.19), 0.03, upper, limb)
     down = (WRIST - ELBOW) / np.linalg.norm(WRIST - ELBOW)
     muscle = sculpt.frame_along(down, out)
     body.cone(ELBOW, 0.112, WRIST, 0.092, 0.05, fore)
-    body.ball(ELBOW + 0.16 * down + 0.045 * out + (0, 0, 0.04), (0.130, 0.110, 0.20), 0.035, fore,
-              muscle)
-    body.ball(ELBOW + 0.18 * down - 0.045 * out - (0, 0, 0.02), (0.125, 0.100, 0.20), 0.035,
-              fore, muscle)
+    body.ball(ELBOW + 0.16 * down + 0.045 * out + (0, 0, 0.04), (0.130, 0.110, 0.20), 0.035, fore, muscle)
+    body.ball(ELBOW + 0.18 * down - 0.045 * out - (0, 0, 0.02), (0.125, 0.100, 0.20), 0.035, fore, muscle)
     body.ball(ELBOW + (0.0, 0.02, -0.095), 0.055, 0.05, fore)
 
 
@@ -115,9 +129,13 @@ def finger_chain(finger):
     return [hand_point(*point) for point in FINGER_POINTS[finger]]
 
 
-FINGER_RADII = {"thumb": (0.047, 0.043, 0.038), "index": (0.039, 0.038, 0.034),
-                "middle": (0.040, 0.039, 0.035), "ring": (0.039, 0.037, 0.033),
-                "pinky": (0.035, 0.033, 0.030)}
+FINGER_RADII = {
+    "thumb": (0.047, 0.043, 0.038),
+    "index": (0.039, 0.038, 0.034),
+    "middle": (0.040, 0.039, 0.035),
+    "ring": (0.039, 0.037, 0.033),
+    "pinky": (0.035, 0.033, 0.030),
+}
 
 
 def hand(points):
@@ -130,8 +148,14 @@ def hand(points):
         if finger == "thumb":
             palm.cone(hand_point(0.0, 0.035, -0.01), 0.066, base, 0.060, 0.03, tag)
         else:
-            palm.cone(hand_point(0.01, 0.25 * FINGER_POINTS[finger][0][1], -0.004), 0.074,
-                      base - 0.012 * HAND_BACK, 0.052, 0.03, tag)
+            palm.cone(
+                hand_point(0.01, 0.25 * FINGER_POINTS[finger][0][1], -0.004),
+                0.074,
+                base - 0.012 * HAND_BACK,
+                0.052,
+                0.03,
+                tag,
+            )
         fingers.cone(base, thick, middle, mid, 0.008, COLUMN[f"{finger}1.L"])
         fingers.cone(middle, mid, tip, thin, 0.008, COLUMN[f"{finger}2.L"])
         fingers.ball(middle + 0.012 * HAND_BACK, mid, 0.012, COLUMN[f"{finger}1.L"])
@@ -164,8 +188,7 @@ def foot(points):
     tag, toe_tag = COLUMN["foot.L"], COLUMN["toes.L"]
     whole.cone(ANKLE + (-0.005, -0.06, -0.085), 0.095, ANKLE, 0.100, 0.05, tag)
     whole.cone(ANKLE + (0, -0.01, 0.03), 0.100, BALL + (-0.02, 0.020, 0.0), 0.075, 0.05, tag)
-    whole.cone(ANKLE + (0.012, -0.075, -0.06), 0.085, BALL + (0.055, -0.01, -0.01), 0.060, 0.05,
-               tag)
+    whole.cone(ANKLE + (0.012, -0.075, -0.06), 0.085, BALL + (0.055, -0.01, -0.01), 0.060, 0.05, tag)
     whole.cone(ANKLE + (-0.02, -0.07, -0.05), 0.080, BALL + (-0.08, 0.0, 0.0), 0.066, 0.05, tag)
     for root, tip, radius in zip(TOE_ROOTS, TOE_TIPS, TOE_RADII):
         root, tip = np.array(root), np.array(tip)
@@ -195,10 +218,8 @@ def add_head(body):
         body.carve_cone((side, 2.165, 0.478), 0.004, (side * 1.3, 2.200, 0.452), 0.003, 0.012)
     # Wrinkles across the forehead.
     for height, depth in ((2.222, 0.417), (2.252, 0.386)):
-        body.carve_cone((0, height - 0.008, depth + 0.008), 0.005, (0.055, height, depth - 0.014),
-                        0.005, 0.02)
-        body.carve_cone((0.055, height, depth - 0.014), 0.005,
-                        (0.095, height - 0.014, depth - 0.05), 0.003, 0.02)
+        body.carve_cone((0, height - 0.008, depth + 0.008), 0.005, (0.055, height, depth - 0.014), 0.005, 0.02)
+        body.carve_cone((0.055, height, depth - 0.014), 0.005, (0.095, height - 0.014, depth - 0.05), 0.003, 0.02)
     # Eye sockets below the ridge, then lids around the eyes.
     body.carve_ball(EYE + (0.0, -0.006, 0.030), (0.044, 0.030, 0.038), 0.025)
     # Fills the socket behind the lids; the eyeball hides it.
@@ -216,9 +237,10 @@ def add_head(body):
 def add_lids(body, tag):
     """A thick upper and a thinner lower lid, hugging the eyeball, and a bag below."""
     for height, lift, radius in ((0.017, 0.008, 0.014), (-0.021, -0.004, 0.012)):
-        inner, middle, outer = (EYE + (dx, height + dy, dz) for dx, dy, dz in
-                                ((-0.034, -0.55 * height, 0.016), (0.0, lift, 0.025),
-                                 (0.036, -0.35 * height, 0.004)))
+        inner, middle, outer = (
+            EYE + (dx, height + dy, dz)
+            for dx, dy, dz in ((-0.034, -0.55 * height, 0.016), (0.0, lift, 0.025), (0.036, -0.35 * height, 0.004))
+        )
         body.cone(inner, radius * 0.8, middle, radius, 0.010, tag)
         body.cone(middle, radius, outer, radius * 0.8, 0.010, tag)
     body.carve_cone(EYE + (-0.03, -0.044, 0.030), 0.004, EYE + (0.036, -0.040, 0.014), 0.004, 0.012)
@@ -283,8 +305,7 @@ WARTS = [
     ((-0.30, 0.70, 0.04), (-0.9, -0.5, 0.6), 0.018),
 ]
 # A scar over the right brow and cheek: points on the face.
-SCAR = [(-0.118, 2.235, 0.385), (-0.098, 2.180, 0.455),
-        (-0.088, 2.060, 0.430), (-0.108, 2.015, 0.415)]
+SCAR = [(-0.118, 2.235, 0.385), (-0.098, 2.180, 0.455), (-0.088, 2.060, 0.430), (-0.108, 2.015, 0.415)]
 
 
 @functools.cache
@@ -331,15 +352,21 @@ def clay(points, warts=True):
     if near_hand.any():
         part = Sculpt(folded[near_hand])
         part.distance, part.nearest, part.owner = (
-            body.distance[near_hand], body.nearest[near_hand], body.owner[near_hand])
+            body.distance[near_hand],
+            body.nearest[near_hand],
+            body.owner[near_hand],
+        )
         part.merge(hand(folded[near_hand]), 0.04)
         body.distance[near_hand], body.nearest[near_hand], body.owner[near_hand] = (
-            part.distance, part.nearest, part.owner)
+            part.distance,
+            part.nearest,
+            part.owner,
+        )
     body.merge(foot(folded), 0.04)
     cut_face(body, folded)
     if warts:
         add_blemishes(body, points)
-        calmer = np.clip((2.0 - points[:, 1]) / 0.2, 0.3, 1)       # on the face
+        calmer = np.clip((2.0 - points[:, 1]) / 0.2, 0.3, 1)  # on the face
         body.distance += 0.0026 * calmer * lumps(points / 0.022)
     return body
 
@@ -354,8 +381,13 @@ def in_mouth(points):
     folded = fold(points)
     x, y, z = folded.T
     lips_end = 0.452 - 5.0 * x * x
-    return (np.abs(y - mouth_line(x)) < 0.05) & (x < MOUTH_CORNER) & (z < lips_end) & (
-        z > 0.28) & inside_closed_face(folded)
+    return (
+        (np.abs(y - mouth_line(x)) < 0.05)
+        & (x < MOUTH_CORNER)
+        & (z < lips_end)
+        & (z > 0.28)
+        & inside_closed_face(folded)
+    )
 
 
 def inside_closed_face(folded):

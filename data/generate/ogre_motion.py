@@ -5,18 +5,32 @@ kinematics instead, with the feet on a ground at y = 0 that slides below as on a
 Sides: +1 left, -1 right. Angles in degrees; positive about X pitches the front down, positive
 about Y turns to the left, positive about Z tilts to the right.
 """
-import numpy as np
 
+import numpy as np
 import posing
-from ogre_skeleton import (ANKLE, BALL, ELBOW, FINGERS, HAND_ALONG, HAND_THUMB, HIP, INDEX, KNEE,
-                           NAMES, PARENTS, POSITIONS, SHOULDER, WRIST)
+from ogre_skeleton import (
+    ANKLE,
+    BALL,
+    ELBOW,
+    FINGERS,
+    HAND_ALONG,
+    HAND_THUMB,
+    HIP,
+    INDEX,
+    KNEE,
+    NAMES,
+    PARENTS,
+    POSITIONS,
+    SHOULDER,
+    WRIST,
+)
 
 POSES = 32
-STANCE = 0.60                           # share of the cycle that a foot is on the ground
-STEP_FRONT, STEP_BACK = 0.31, 0.33      # of the flat foot from its rest place, metres
+STANCE = 0.60  # share of the cycle that a foot is on the ground
+STEP_FRONT, STEP_BACK = 0.31, 0.33  # of the flat foot from its rest place, metres
 STEP_LIFT = 0.10
-HEEL = np.array([-0.005, -0.13, -0.14])             # from the ankle to the heel's edge, at rest
-PUSH_OFF = BALL - ANKLE - (0, BALL[1], 0)           # from the ankle to the ground below the ball
+HEEL = np.array([-0.005, -0.13, -0.14])  # from the ankle to the heel's edge, at rest
+PUSH_OFF = BALL - ANKLE - (0, BALL[1], 0)  # from the ankle to the ground below the ball
 
 
 def turn(axis, degrees):
@@ -75,8 +89,7 @@ class Pose:
         rest = [point * mirror for point in (HIP, KNEE, ANKLE)]
         _, hip = self.world("hip" + suffix)
         pole = posing.to_matrices(turn("y", side * splay)) @ (rest[1] - (rest[0] + rest[2]) / 2)
-        knee, ankle = two_bones(hip, ankle, pole, np.linalg.norm(rest[1] - rest[0]),
-                                np.linalg.norm(rest[2] - rest[1]))
+        knee, ankle = two_bones(hip, ankle, pole, np.linalg.norm(rest[1] - rest[0]), np.linalg.norm(rest[2] - rest[1]))
         bent, straight = leg_frames(hip, knee, ankle), leg_frames(*rest)
         for name, new, old in zip(("thigh", "shin"), bent, straight):
             self.set_world(name + suffix, new @ old.T)
@@ -91,8 +104,8 @@ def two_bones(hip, ankle, pole, upper, lower):
     along = line / np.linalg.norm(line)
     outward = pole - (pole @ along) * along
     outward /= np.linalg.norm(outward)
-    down = (upper ** 2 - lower ** 2 + reach ** 2) / (2 * reach)
-    knee = hip + down * along + np.sqrt(upper ** 2 - down ** 2) * outward
+    down = (upper**2 - lower**2 + reach**2) / (2 * reach)
+    knee = hip + down * along + np.sqrt(upper**2 - down**2) * outward
     return knee, hip + reach * along
 
 
@@ -139,8 +152,7 @@ def swing_arm(pose, side, swing):
     """A heavy arm, held away from the belly; swing -1 (back) to 1 (forward)."""
     elbow = 24 + 13 * swing
     pose.set_side("clavicle", side, turn("y", -6 * swing), turn("z", -3))
-    pose.set_side("upper_arm", side, turn("x", 4 - 25 * swing), turn("z", -23 + 3 * swing),
-                  turn(SHOULDER - ELBOW, 18))
+    pose.set_side("upper_arm", side, turn("x", 4 - 25 * swing), turn("z", -23 + 3 * swing), turn(SHOULDER - ELBOW, 18))
     pose.set_side("forearm", side, turn(np.cross(WRIST - ELBOW, [0, 0, 1]), elbow))
     pose.set_side("hand", side, turn(HAND_THUMB, -8 - 8 * swing))
     curl_fingers(pose, side, 22)
@@ -164,16 +176,14 @@ def walk_pose(phase):
     pose.set("spine", turn("y", 5 * wave), turn("z", -5 * quarter), turn("x", 3 + 2.0 * double))
     pose.set("chest", turn("y", 8 * wave), turn("z", 1.5 * quarter), turn("x", 2 - 1.5 * double))
     pose.set("neck", turn("y", -6 * wave), turn("z", 3 * quarter), turn("x", -4 - 2.5 * double))
-    pose.set("head", turn("y", -6 * wave), turn("z", 3 * quarter),
-             turn("x", -3 + 3 * np.cos(2 * cycle - 0.9)))
+    pose.set("head", turn("y", -6 * wave), turn("z", 3 * quarter), turn("x", -3 + 3 * np.cos(2 * cycle - 0.9)))
     pose.set("jaw", turn("x", 5 + 4 * np.cos(2 * cycle - 1.3)))
     pose.set("topknot", turn("x", 10 * np.cos(2 * cycle - 1.6)), turn("z", 9 * np.sin(cycle - 0.7)))
     thigh_pitch = []
     for side, lag in ((1, 0.0), (-1, 0.5)):
         pitch, toes, way = foot_path((phase + lag) % 1)
-        inward = np.array([-0.03 * side, 0, 0])     # feet come under the body, not too far
-        pose.plant(side, ANKLE * [side, 1, 1] + way + inward,
-                   (turn("y", 4 * side), turn("x", pitch)), toes)
+        inward = np.array([-0.03 * side, 0, 0])  # feet come under the body, not too far
+        pose.plant(side, ANKLE * [side, 1, 1] + way + inward, (turn("y", 4 * side), turn("x", pitch)), toes)
         swing_arm(pose, side, -side * np.cos(cycle - 0.25))
         _, knee = pose.world("thigh.L" if side > 0 else "thigh.R")
         thigh_pitch.append(knee[2] - KNEE[2])

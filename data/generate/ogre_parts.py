@@ -3,10 +3,10 @@
 Each part is a Shell: vertices in metres in file space, faces, a material a face, and either the
 name of the bone that carries it or None, when its weights are copied from the skin below it.
 """
-import numpy as np
 
+import numpy as np
 import ogre_body
-from ogre_skeleton import (ELBOW, FINGERS, HAND_BACK, WRIST)
+from ogre_skeleton import ELBOW, FINGERS, HAND_BACK, WRIST
 from sculpt import frame_along
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -20,22 +20,25 @@ class Shell:
         self.faces = faces
         self.materials = [materials] * len(faces) if isinstance(materials, str) else materials
         self.bone = bone
-        self.blend = blend          # (V,) share of `bone`; the skin's weights get the rest
+        self.blend = blend  # (V,) share of `bone`; the skin's weights get the rest
 
 
 def mirrored(shell):
     """The same shell on the right side."""
     bone = shell.bone[:-2] + ".R" if shell.bone and shell.bone.endswith(".L") else shell.bone
-    return Shell(shell.vertices * [-1, 1, 1], [face[::-1] for face in shell.faces],
-                 list(shell.materials), bone, shell.blend)
+    return Shell(
+        shell.vertices * [-1, 1, 1], [face[::-1] for face in shell.faces], list(shell.materials), bone, shell.blend
+    )
 
 
 def ring_faces(rings, sides):
     """Quads between successive closed rings of vertices, outward for rings that turn
     counter-clockwise seen from the end."""
-    return [(r * sides + s, r * sides + (s + 1) % sides,
-             (r + 1) * sides + (s + 1) % sides, (r + 1) * sides + s)
-            for r in range(rings - 1) for s in range(sides)]
+    return [
+        (r * sides + s, r * sides + (s + 1) % sides, (r + 1) * sides + (s + 1) % sides, (r + 1) * sides + s)
+        for r in range(rings - 1)
+        for s in range(sides)
+    ]
 
 
 def tube(path, radii, sides, material, bone, flatten=1.0, flat_axis=UP):
@@ -43,13 +46,12 @@ def tube(path, radii, sides, material, bone, flatten=1.0, flat_axis=UP):
     path, radii = np.asarray(path, float), np.asarray(radii, float)
     tangents = np.gradient(path, axis=0)
     if abs(tangents[len(path) // 2] @ flat_axis) > 0.9 * np.linalg.norm(tangents[len(path) // 2]):
-        flat_axis = np.array([0.0, 0.0, 1.0])       # any axis serves that is not the tube's own
+        flat_axis = np.array([0.0, 0.0, 1.0])  # any axis serves that is not the tube's own
     turn = 2 * np.pi * np.arange(sides) / sides
     rings = []
     for point, radius, tangent in zip(path, radii, tangents):
         side, up, _ = frame_along(tangent, flat_axis)
-        rings.append(point + radius * (np.cos(turn)[:, None] * side
-                                       + flatten * np.sin(turn)[:, None] * up))
+        rings.append(point + radius * (np.cos(turn)[:, None] * side + flatten * np.sin(turn)[:, None] * up))
     count = len(path)
     vertices = np.vstack(rings + [path[:1], path[-1:]])
     faces = ring_faces(count, sides)
@@ -73,8 +75,9 @@ def eye():
     polar = np.radians([0, 15, 33, 38, 52, 75, 100, 130, 155])[1:]
     sides = 16
     turn = 2 * np.pi * np.arange(sides) / sides
-    rings = [np.cos(a) * forward + np.sin(a) * (np.cos(turn)[:, None] * side
-                                                + np.sin(turn)[:, None] * up) for a in polar]
+    rings = [
+        np.cos(a) * forward + np.sin(a) * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * up) for a in polar
+    ]
     vertices = np.vstack(rings + [forward[None], -forward[None]])
     count = len(polar)
     front, back, low = count * sides, count * sides + 1, (count - 1) * sides
@@ -107,8 +110,9 @@ def teeth():
         z = front - 4.0 * x * x
         y = ogre_body.mouth_line(x)
         size = 0.0125 + 0.002 * np.sin(311 * x)
-        path = np.array([(x, y - way * 0.024, z), (x, y - way * 0.006, z), (x, y + way * 0.007, z),
-                         (x, y + way * 0.014, z - 0.001)])
+        path = np.array(
+            [(x, y - way * 0.024, z), (x, y - way * 0.006, z), (x, y + way * 0.007, z), (x, y + way * 0.014, z - 0.001)]
+        )
         shells.append(tube(path, size * np.array([1.0, 1.0, 0.85, 0.45]), 8, "tusk", bone))
     return shells
 
@@ -117,10 +121,12 @@ def nail(point, direction, normal, width, bone):
     """A flat shell on the back of a finger or toe tip."""
     direction = direction / np.linalg.norm(direction)
     along = np.array([-1.0, -0.75, -0.1, 0.6, 1.0])
-    path = point + np.outer(along * 0.95 * width, direction) - np.outer(
-        0.30 * width * np.clip(along, 0, None) ** 2, normal)
-    return tube(path, width * np.array([0.35, 0.72, 0.85, 0.80, 0.45]), 6, "nail",
-                bone, 0.35, normal)
+    path = (
+        point
+        + np.outer(along * 0.95 * width, direction)
+        - np.outer(0.30 * width * np.clip(along, 0, None) ** 2, normal)
+    )
+    return tube(path, width * np.array([0.35, 0.72, 0.85, 0.80, 0.45]), 6, "nail", bone, 0.35, normal)
 
 
 def nails():
@@ -137,8 +143,9 @@ def nails():
     for root, tip, radius in zip(ogre_body.TOE_ROOTS, ogre_body.TOE_TIPS, ogre_body.TOE_RADII):
         root, tip = np.array(root), np.array(tip)
         direction = (tip - root) / np.linalg.norm(tip - root)
-        shells.append(nail(tip + 0.74 * radius * UP + 0.38 * radius * direction, direction,
-                           UP, 0.62 * radius, "toes.L"))
+        shells.append(
+            nail(tip + 0.74 * radius * UP + 0.38 * radius * direction, direction, UP, 0.62 * radius, "toes.L")
+        )
     return shells
 
 
@@ -161,19 +168,29 @@ def band(centre, axis, start, half_height, thickness, sides, material, taut=4, l
     turn = 2 * np.pi * np.arange(sides) / sides
     outward = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * up
     # Around the strap's section; the inner side sinks in, or it would show in hollows.
-    profile = [(0.0, -1.5), (-1.0, -0.6), (-1.0, 0.7), (-0.8, 1.0), (-0.3, 1.0), (0.3, 1.0),
-               (0.8, 1.0), (1.0, 0.7), (1.0, -0.6)]
+    profile = [
+        (0.0, -1.5),
+        (-1.0, -0.6),
+        (-1.0, 0.7),
+        (-0.8, 1.0),
+        (-0.3, 1.0),
+        (0.3, 1.0),
+        (0.8, 1.0),
+        (1.0, 0.7),
+        (1.0, -0.6),
+    ]
     rings = []
     for height, out in profile:
         origins = np.broadcast_to(centre + height * half_height * axis, (sides, 3))
         reach = np.linalg.norm(march(origins, outward, start, lift) - origins, axis=1)
-        for _ in range(taut):                       # leather spans hollows
+        for _ in range(taut):  # leather spans hollows
             reach = np.maximum(reach, (np.roll(reach, 1) + np.roll(reach, -1)) / 2)
         rings.append(origins + (reach + out * thickness)[:, None] * outward)
     count = len(profile)
     faces = ring_faces(count, sides)
-    faces += [((count - 1) * sides + s, (count - 1) * sides + (s + 1) % sides, (s + 1) % sides, s)
-              for s in range(sides)]
+    faces += [
+        ((count - 1) * sides + s, (count - 1) * sides + (s + 1) % sides, (s + 1) % sides, s) for s in range(sides)
+    ]
     return Shell(np.vstack(rings), faces, material)
 
 
@@ -185,8 +202,13 @@ def belt():
     strap = band(BELT_CENTRE, BELT_AXIS, 0.9, 0.046, 0.018, 64, "leather")
     front = strap.vertices[np.argmax(strap.vertices[:, 2])] * [0, 1, 1] - (0, 0.018, 0)
     lean = np.array([0, -0.35, 1.0])
-    disc = tube([front + depth * lean for depth in (-0.035, 0.012, 0.020, 0.014, 0.026)],
-                [0.078, 0.082, 0.066, 0.050, 0.018], 20, "metal", None)
+    disc = tube(
+        [front + depth * lean for depth in (-0.035, 0.012, 0.020, 0.014, 0.026)],
+        [0.078, 0.082, 0.066, 0.050, 0.018],
+        20,
+        "metal",
+        None,
+    )
     return [strap, disc]
 
 
@@ -203,8 +225,9 @@ def baldric():
         out = np.cross(outer[(at + 1) % 72] - outer[at - 1], STRAP_AXIS)
         out /= np.linalg.norm(out)
         out *= np.sign(out @ (outer[at] - STRAP_CENTRE))
-        shells.append(tube([outer[at] + depth * out for depth in (-0.006, 0.004, 0.010)],
-                           [0.019, 0.018, 0.009], 7, "metal", None))
+        shells.append(
+            tube([outer[at] + depth * out for depth in (-0.006, 0.004, 0.010)], [0.019, 0.018, 0.009], 7, "metal", None)
+        )
     return shells
 
 
@@ -284,18 +307,31 @@ def earring():
     for point in ring:
         out = (point - centre) / 0.030
         axis = np.array([0.86, 0, 0.5])
-        rings.append(point + 0.0065 * (np.cos(around)[:, None] * out
-                                       + np.sin(around)[:, None] * axis))
+        rings.append(point + 0.0065 * (np.cos(around)[:, None] * out + np.sin(around)[:, None] * axis))
     count = len(ring)
-    faces = [(r * sides + s, ((r + 1) % count) * sides + s,
-              ((r + 1) % count) * sides + (s + 1) % sides, r * sides + (s + 1) % sides)
-             for r in range(count) for s in range(sides)]
+    faces = [
+        (
+            r * sides + s,
+            ((r + 1) % count) * sides + s,
+            ((r + 1) % count) * sides + (s + 1) % sides,
+            r * sides + (s + 1) % sides,
+        )
+        for r in range(count)
+        for s in range(sides)
+    ]
     return Shell(np.vstack(rings), faces, "metal", "head")
 
 
 def all_parts():
     """Every shell of both sides."""
     left = [eye()] + nails() + bracer()
-    return (left + [mirrored(shell) for shell in left] + teeth() + belt() + baldric()
-            + [flap(1), flap(-1)]
-            + topknot() + [earring()])
+    return (
+        left
+        + [mirrored(shell) for shell in left]
+        + teeth()
+        + belt()
+        + baldric()
+        + [flap(1), flap(-1)]
+        + topknot()
+        + [earring()]
+    )

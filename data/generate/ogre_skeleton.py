@@ -2,11 +2,12 @@
 
 Positions in metres: Y up, facing +Z, the character's left at +X.
 """
+
 import numpy as np
 
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 
-CENTRE = [      # name, parent, position, carries weights
+CENTRE = [  # name, parent, position, carries weights
     ("root", None, (0, 1.02, -0.03), False),
     ("pelvis", "root", (0, 0.88, -0.01), True),
     ("spine", "root", (0, 1.32, -0.03), True),
@@ -34,9 +35,9 @@ TOES = np.array([0.46, 0.04, 0.35])
 
 HAND_ALONG = np.array([0.72, -0.66, 0.20]) / np.linalg.norm([0.72, -0.66, 0.20])
 HAND_BACK = np.cross(HAND_ALONG, [0, 0, 1])
-HAND_BACK /= -np.linalg.norm(HAND_BACK)             # out of the back of the hand: up and outward
+HAND_BACK /= -np.linalg.norm(HAND_BACK)  # out of the back of the hand: up and outward
 HAND_THUMB = np.cross(HAND_ALONG, HAND_BACK)
-HAND_THUMB *= np.sign(HAND_THUMB[2])                # toward the thumb: forward
+HAND_THUMB *= np.sign(HAND_THUMB[2])  # toward the thumb: forward
 
 
 def hand_point(along, thumbward, back):
@@ -69,18 +70,24 @@ def left_limbs():
     ]
     for finger in FINGERS:
         knuckle, middle, tip = (hand_point(*point) for point in FINGER_POINTS[finger])
-        rows += [(f"{finger}_base.L", "hand.L", knuckle, False),
-                 (f"{finger}1.L", f"{finger}_base.L", middle, True),
-                 (f"{finger}2.L", f"{finger}1.L", tip, True)]
+        rows += [
+            (f"{finger}_base.L", "hand.L", knuckle, False),
+            (f"{finger}1.L", f"{finger}_base.L", middle, True),
+            (f"{finger}2.L", f"{finger}1.L", tip, True),
+        ]
     return rows
 
 
 def mirrored(rows):
     """The right side of left rows."""
+
     def other(name):
         return name[:-2] + ".R" if name.endswith(".L") else name
-    return [(other(name), other(parent), np.array(position) * [-1, 1, 1], carries)
-            for name, parent, position, carries in rows]
+
+    return [
+        (other(name), other(parent), np.array(position) * [-1, 1, 1], carries)
+        for name, parent, position, carries in rows
+    ]
 
 
 ROWS = CENTRE + left_limbs() + mirrored(left_limbs())
@@ -92,7 +99,7 @@ POSITIONS = np.round(np.array([row[2] for row in ROWS], float), 5)
 OFFSETS = np.where(PARENTS[:, None] >= 0, POSITIONS - POSITIONS[np.maximum(PARENTS, 0)], POSITIONS)
 WEIGHT_INDEX = np.cumsum([row[3] for row in ROWS]) - 1
 WEIGHT_INDEX[[not row[3] for row in ROWS]] = -1
-BONES = [row[0] for row in ROWS if row[3]]          # in the order of the weight columns
+BONES = [row[0] for row in ROWS if row[3]]  # in the order of the weight columns
 COLUMN = {name: column for column, name in enumerate(BONES)}
 
 

@@ -3,18 +3,33 @@
 The segmentation comes from the sculpt itself, and diffusion follows the surface, so nothing
 leaks through the air from a hand to a belly or from lip to lip.
 """
-import numpy as np
 
+import numpy as np
 import ogre_body
 from ogre_skeleton import BONES, COLUMN, INDEX, POSITIONS
 from surface_nets import edge_list
 
 # How far a bone's influence fades into its neighbour, metres.
-SPREAD = {"pelvis": 0.085, "spine": 0.11, "chest": 0.09, "neck": 0.055, "head": 0.030, "jaw": 0.026,
-          "brow": 0.024, "topknot": 0.02, "clavicle": 0.075, "upper_arm": 0.065, "forearm": 0.05,
-          "hand": 0.028, "thigh": 0.07, "shin": 0.05, "foot": 0.035, "toes": 0.022}
+SPREAD = {
+    "pelvis": 0.085,
+    "spine": 0.11,
+    "chest": 0.09,
+    "neck": 0.055,
+    "head": 0.030,
+    "jaw": 0.026,
+    "brow": 0.024,
+    "topknot": 0.02,
+    "clavicle": 0.075,
+    "upper_arm": 0.065,
+    "forearm": 0.05,
+    "hand": 0.028,
+    "thigh": 0.07,
+    "shin": 0.05,
+    "foot": 0.035,
+    "toes": 0.022,
+}
 FINGER_SPREAD = 0.014
-SMALLEST = 0.004            # weights below this are dropped
+SMALLEST = 0.004  # weights below this are dropped
 
 
 def spread_of(bone):
@@ -26,8 +41,7 @@ def spread_of(bone):
 def owners(vertices):
     """Weight column (V,) of the bone whose clay is nearest, both sides."""
     owner = ogre_body.clay(vertices).owner
-    right = np.array([COLUMN[name[:-2] + ".R"] if name.endswith(".L") else COLUMN[name]
-                      for name in BONES])
+    right = np.array([COLUMN[name[:-2] + ".R"] if name.endswith(".L") else COLUMN[name] for name in BONES])
     owner = np.where(vertices[:, 0] < 0, right[owner], owner)
     return split_head(vertices, owner)
 
@@ -111,5 +125,9 @@ def skin_weights(vertices, quads):
 
 def nearest_rows(points, vertices, batch=500):
     """Index (N,) of the vertex nearest to each point."""
-    return np.concatenate([((part[:, None] - vertices[None]) ** 2).sum(-1).argmin(1)
-                           for part in np.array_split(points, len(points) // batch + 1)])
+    return np.concatenate(
+        [
+            ((part[:, None] - vertices[None]) ** 2).sum(-1).argmin(1)
+            for part in np.array_split(points, len(points) // batch + 1)
+        ]
+    )

@@ -2,6 +2,7 @@
 
 J skeleton rows, P poses, V vertices, B weight columns. Quaternions are w x y z.
 """
+
 import numpy as np
 
 
@@ -16,10 +17,15 @@ def multiply(a, b):
     """Hamilton product of (..., 4) quaternions: b turns first, then a."""
     aw, ax, ay, az = np.moveaxis(np.asarray(a, float), -1, 0)
     bw, bx, by, bz = np.moveaxis(np.asarray(b, float), -1, 0)
-    return np.stack([aw * bw - ax * bx - ay * by - az * bz,
-                     aw * bx + ax * bw + ay * bz - az * by,
-                     aw * by - ax * bz + ay * bw + az * bx,
-                     aw * bz + ax * by - ay * bx + az * bw], axis=-1)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
 
 
 def conjugate(q):
@@ -37,25 +43,39 @@ def from_eulers(degrees):
 def to_eulers(q):
     """Unit quaternions (J, 4) -> degrees (J, 3) about X, then Y, then Z."""
     m = to_matrices(q)
-    return np.degrees(np.stack([np.arctan2(m[:, 2, 1], m[:, 2, 2]),
-                                np.arcsin(np.clip(-m[:, 2, 0], -1, 1)),
-                                np.arctan2(m[:, 1, 0], m[:, 0, 0])], axis=-1))
+    return np.degrees(
+        np.stack(
+            [
+                np.arctan2(m[:, 2, 1], m[:, 2, 2]),
+                np.arcsin(np.clip(-m[:, 2, 0], -1, 1)),
+                np.arctan2(m[:, 1, 0], m[:, 0, 0]),
+            ],
+            axis=-1,
+        )
+    )
 
 
 def to_matrices(q):
     """Unit quaternions (..., 4) -> rotation matrices (..., 3, 3)."""
     w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
-    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    rows = [
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    ]
     return np.stack(rows, axis=-1).reshape(np.shape(q)[:-1] + (3, 3))
 
 
 def from_matrix(m):
     """Rotation matrix (3, 3) -> quaternion (4,) with w >= 0; half turns are not needed here."""
     w = np.sqrt(max(1 + np.trace(m), 1e-12)) / 2
-    return np.array([w, (m[2, 1] - m[1, 2]) / (4 * w), (m[0, 2] - m[2, 0]) / (4 * w),
-                     (m[1, 0] - m[0, 1]) / (4 * w)])
+    return np.array([w, (m[2, 1] - m[1, 2]) / (4 * w), (m[0, 2] - m[2, 0]) / (4 * w), (m[1, 0] - m[0, 1]) / (4 * w)])
 
 
 def same_hemisphere(poses):
@@ -85,8 +105,7 @@ def skinning_matrices(parents, origins, quaternions):
     rotations = to_matrices(quaternions)
     result = np.empty((len(parents), 3, 4))
     for joint, parent in enumerate(parents):
-        local = np.column_stack([rotations[joint],
-                                 origins[joint] - rotations[joint] @ origins[joint]])
+        local = np.column_stack([rotations[joint], origins[joint] - rotations[joint] @ origins[joint]])
         if parent >= 0:
             local[:, 3] = result[parent, :, :3] @ local[:, 3] + result[parent, :, 3]
             local[:, :3] = result[parent, :, :3] @ local[:, :3]

@@ -3,6 +3,7 @@
 Arrays: V vertices, J skeleton rows, B weight columns (bones), P poses.
 File space: metres, Y up, facing +Z, the character's left at +X.
 """
+
 import os
 
 import numpy as np
@@ -39,8 +40,7 @@ def write_mtl(path, colours):
 
 def write_bf(path, rows):
     """rows: list of (weight index, parent, offset (3) in metres, joint name)."""
-    lines = ["%d %d %.5f %.5f %.5f %s" % (weight, parent, *offset, name)
-             for weight, parent, offset, name in rows]
+    lines = ["%d %d %.5f %.5f %.5f %s" % (weight, parent, *offset, name) for weight, parent, offset, name in rows]
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -54,8 +54,7 @@ def write_dmat(path, matrix):
 def write_quaternions(path, poses):
     """poses (P, J, 4), w x y z, more digits than weights have, so that they stay unit."""
     lines = [f"{poses.shape[0]} {poses.shape[1] * 4}"]
-    lines += [" ".join("%.9g" % value for value in quaternion)
-              for pose in poses for quaternion in pose]
+    lines += [" ".join("%.9g" % value for value in quaternion) for pose in poses for quaternion in pose]
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -68,7 +67,7 @@ def write_eulers(path, poses):
 
 def round_convex(weights, digits=6):
     """Rounds each row of weights (V, B) so that the written numbers still sum to one."""
-    unit = 10 ** digits
+    unit = 10**digits
     steps = np.rint(weights * unit).astype(np.int64)
     rows = np.arange(len(steps))
     steps[rows, steps.argmax(axis=1)] += unit - steps.sum(axis=1)
@@ -96,9 +95,12 @@ def read_bf(path):
     """Returns weight indices (J,), parents (J,), offsets (J, 3), names."""
     with open(path, encoding="ascii") as file:
         rows = [line.split() for line in file if line.strip()]
-    return (np.array([int(row[0]) for row in rows]), np.array([int(row[1]) for row in rows]),
-            np.array([[float(value) for value in row[2:5]] for row in rows]),
-            [row[5] for row in rows])
+    return (
+        np.array([int(row[0]) for row in rows]),
+        np.array([int(row[1]) for row in rows]),
+        np.array([[float(value) for value in row[2:5]] for row in rows]),
+        [row[5] for row in rows],
+    )
 
 
 def read_dmat(path):

@@ -4,6 +4,7 @@ A Sculpt is a heap of clay evaluated at N points at once: every call adds or car
 primitive. Distances are in metres, negative inside. Blends are polynomial smooth minima
 (Quilez, "Smooth minimum"): k is the width of the blend in metres.
 """
+
 import numpy as np
 
 FAR = 1.0
@@ -36,8 +37,7 @@ def round_cone(p, a, b, ra, rb):
     side = (np.sqrt(x2 * height2 / length2) + y * slope) / length2 - ra
     past_b = np.sign(z) * height2 * z2 > k
     before_a = np.sign(y) * height2 * y2 < k
-    return np.where(past_b, np.sqrt(x2 + z2) / length2 - rb,
-                    np.where(before_a, np.sqrt(x2 + y2) / length2 - ra, side))
+    return np.where(past_b, np.sqrt(x2 + z2) / length2 - rb, np.where(before_a, np.sqrt(x2 + y2) / length2 - ra, side))
 
 
 def ellipsoid(p, centre, radii, frame=None):

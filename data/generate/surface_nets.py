@@ -4,9 +4,10 @@ Gibson, "Constrained elastic surface nets" (1998), one vertex a cell, one quad a
 The grid is regular in a warped space: each Zoom shrinks the cells around its centre, so that a
 face or a hand gets more quads than a belly, with no seam between the densities.
 """
+
 import numpy as np
 
-BLOCK = 8                   # cells a side of the blocks that are skipped when far from the surface
+BLOCK = 8  # cells a side of the blocks that are skipped when far from the surface
 
 
 class Zoom:
@@ -20,9 +21,9 @@ class Zoom:
         """Grid space (N, 3) -> world space (N, 3): a radial map with slope 1/factor, then 1."""
         away = points - self.centre
         r = np.linalg.norm(away, axis=1)
-        inner = self.radius / self.shrink           # the zone's radius before it is shrunk
+        inner = self.radius / self.shrink  # the zone's radius before it is shrunk
         s = np.clip((r - inner) / self.fade, 0, 1)
-        rising = self.fade * (s ** 3 - s ** 4 / 2) + np.maximum(r - inner - self.fade, 0)
+        rising = self.fade * (s**3 - s**4 / 2) + np.maximum(r - inner - self.fade, 0)
         mapped = self.shrink * r + (1 - self.shrink) * rising
         return self.centre + away * (mapped / np.maximum(r, 1e-9))[:, None]
 
@@ -56,6 +57,7 @@ def unwarp(points, zooms):
 
 def sample(distance, low, cell, counts, zooms):
     """Distances at the corners of a grid, coarse first: blocks far from the surface keep a sign."""
+
     def at(indices):
         return distance(warp(low + cell * indices, zooms))
 
@@ -63,12 +65,13 @@ def sample(distance, low, cell, counts, zooms):
     coarse = np.stack(np.meshgrid(*[np.arange(n) for n in coarse_counts], indexing="ij"), -1)
     rough = at((coarse.reshape(-1, 3) * BLOCK + BLOCK / 2).astype(float)).reshape(coarse_counts)
     values = np.repeat(np.repeat(np.repeat(rough, BLOCK, 0), BLOCK, 1), BLOCK, 2)
-    values = values[:counts[0], :counts[1], :counts[2]].copy()
+    values = values[: counts[0], : counts[1], : counts[2]].copy()
     # 1.3 allows for blended distances, which are not quite true distances.
     close = np.abs(values) < 1.3 * cell * BLOCK * np.sqrt(3) / 2 + cell
     indices = np.argwhere(close)
-    values[close] = np.concatenate([at(part.astype(float)) for part in
-                                    np.array_split(indices, len(indices) // 400000 + 1)])
+    values[close] = np.concatenate(
+        [at(part.astype(float)) for part in np.array_split(indices, len(indices) // 400000 + 1)]
+    )
     return values
 
 
@@ -79,12 +82,11 @@ def without_ambiguity(values):
         inside = values < 0
         fill = np.zeros_like(inside)
         for a, b in ((0, 1), (0, 2), (1, 2)):
-            c00, c10, c01, c11 = (_shifted(inside, {a: i, b: j})
-                                  for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)))
+            c00, c10, c01, c11 = (_shifted(inside, {a: i, b: j}) for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)))
             first = c00 & c11 & ~c10 & ~c01
             second = ~c00 & ~c11 & c10 & c01
             fill |= _placed(first, inside.shape, {a: 1}) | _placed(second, inside.shape, {})
-        for corner in np.ndindex(2, 2, 2):          # two opposite corners of a cube
+        for corner in np.ndindex(2, 2, 2):  # two opposite corners of a cube
             cube = {key: _shifted(inside, dict(enumerate(key))) for key in np.ndindex(2, 2, 2)}
             opposite = tuple(1 - c for c in corner)
             alone = sum(v.astype(int) for v in cube.values())
@@ -109,8 +111,7 @@ def _shifted(array, offsets):
 def _placed(mask, shape, offsets):
     """A mask over cells put back at the corner at offsets of a full grid."""
     full = np.zeros(shape, bool)
-    window = tuple(slice(offsets.get(axis, 0), offsets.get(axis, 0) + mask.shape[axis])
-                   for axis in range(3))
+    window = tuple(slice(offsets.get(axis, 0), offsets.get(axis, 0) + mask.shape[axis]) for axis in range(3))
     full[window] = mask
     return full
 
@@ -129,7 +130,7 @@ def surface_net(values):
         where = edges + (a / (a - b))[:, None] * along
         du, dv = np.eye(3, dtype=int)[u], np.eye(3, dtype=int)[v]
         around = np.stack([edges - du - dv, edges - dv, edges, edges - du], axis=1)
-        outward = a < 0                             # inside at the start: the normal is +axis
+        outward = a < 0  # inside at the start: the normal is +axis
         around[~outward] = around[~outward][:, ::-1]
         cells_of_quads.append(around)
         points.append(np.repeat(where[:, None], 4, axis=1))
@@ -142,17 +143,23 @@ def surface_net(values):
 
 def edge_list(quads):
     """Each undirected edge (E, 2) of the faces once."""
-    pairs = np.concatenate([np.stack([quads[:, i], quads[:, (i + 1) % quads.shape[1]]], axis=1)
-                            for i in range(quads.shape[1])])
+    pairs = np.concatenate(
+        [np.stack([quads[:, i], quads[:, (i + 1) % quads.shape[1]]], axis=1) for i in range(quads.shape[1])]
+    )
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def neighbour_mean(values, edges):
     """Mean of the neighbours' values (V, C)."""
     count = np.bincount(edges.ravel(), minlength=len(values))
-    total = np.stack([np.bincount(edges[:, 0], column[edges[:, 1]], len(values))
-                      + np.bincount(edges[:, 1], column[edges[:, 0]], len(values))
-                      for column in values.T], axis=1)
+    total = np.stack(
+        [
+            np.bincount(edges[:, 0], column[edges[:, 1]], len(values))
+            + np.bincount(edges[:, 1], column[edges[:, 0]], len(values))
+            for column in values.T
+        ],
+        axis=1,
+    )
     return total / np.maximum(count, 1)[:, None]
 
 
@@ -171,14 +178,15 @@ def largest_piece(vertices, quads):
 
 def gradient(distance, points, step=0.0015):
     """Central differences of a distance (N, 3)."""
-    return np.stack([(distance(points + step * axis) - distance(points - step * axis)) / (2 * step)
-                     for axis in np.eye(3)], axis=1)
+    return np.stack(
+        [(distance(points + step * axis) - distance(points - step * axis)) / (2 * step) for axis in np.eye(3)], axis=1
+    )
 
 
 def project(points, distance, limit):
     """One Newton step on to the surface, no longer than limit (metres, (N,) or a number)."""
     slope = gradient(distance, points)
-    length2 = np.maximum((slope ** 2).sum(axis=1), 0.05)
+    length2 = np.maximum((slope**2).sum(axis=1), 0.05)
     move = distance(points) / length2
     step = np.linalg.norm(slope, axis=1) * np.abs(move)
     move *= np.minimum(1, limit / np.maximum(step, 1e-12))

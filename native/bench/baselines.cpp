@@ -14,8 +14,7 @@ template <class Body>
 void deal(int threads, std::ptrdiff_t count, const Body& body) {
   if (threads <= 1) return body(0, count);
   // More threads than cores, if that is what is asked for.
-  static const oneapi::tbb::global_control allowed(
-      oneapi::tbb::global_control::max_allowed_parallelism, 64);
+  static const oneapi::tbb::global_control allowed(oneapi::tbb::global_control::max_allowed_parallelism, 64);
   static std::map<int, oneapi::tbb::task_arena> arenas;
   arenas.try_emplace(threads, threads).first->second.execute([&] {
     oneapi::tbb::parallel_for(oneapi::tbb::blocked_range<std::ptrdiff_t>(0, count),
@@ -24,8 +23,7 @@ void deal(int threads, std::ptrdiff_t count, const Body& body) {
 }
 
 /// Reads one block's points and weights, 16 sums of them, and writes them three times.
-void move_block(const float* points, const float* weights, std::size_t joints, bool stream,
-                float* out) {
+void move_block(const float* points, const float* weights, std::size_t joints, bool stream, float* out) {
   __m128 sum[4] = {};
   for (std::size_t row = 0; row < 3 + joints; ++row) {
     const float* in = row < 3 ? points + kBlock * row : weights + kBlock * (row - 3);
@@ -38,8 +36,7 @@ void move_block(const float* points, const float* weights, std::size_t joints, b
 
 }  // namespace
 
-void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::MatrixXd& positions,
-                 int threads) {
+void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::MatrixXd& positions, int threads) {
   const std::ptrdiff_t joints = character.skin.joint_count();
   const Matrix4<double>* transforms = character.transforms.data() + frame * joints;
   deal(threads, character.rest.rows(), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -56,24 +53,21 @@ void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::Matrix
 
 void move_bytes(const BlockedSkin& skin, bool stream, int threads, float* positions) {
   const auto vertices = static_cast<std::ptrdiff_t>(skin.vertex_count());
-  deal(threads, static_cast<std::ptrdiff_t>(skin.blocks.size()),
-       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-         for (std::ptrdiff_t b = begin; b < end; ++b) {
-           const Block& block = skin.blocks[b];
-           const JointSet set = skin.sets[block.joint_set];
-           if ((b + 1) * kBlock > vertices) continue;
-           move_block(skin.points.get() + b * kBlockFloats,
-                      skin.packed_weights.get() + block.weights, set.is_rigid ? 0 : set.count,
-                      stream, positions + b * kBlockFloats);
-         }
-       });
+  deal(threads, static_cast<std::ptrdiff_t>(skin.blocks.size()), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    for (std::ptrdiff_t b = begin; b < end; ++b) {
+      const Block& block = skin.blocks[b];
+      const JointSet set = skin.sets[block.joint_set];
+      if ((b + 1) * kBlock > vertices) continue;
+      move_block(skin.points.get() + b * kBlockFloats, skin.packed_weights.get() + block.weights,
+                 set.is_rigid ? 0 : set.count, stream, positions + b * kBlockFloats);
+    }
+  });
   if (stream) _mm_sfence();
 }
 
 void move_numbers(std::span<const float> in, std::span<float> out, int threads) {
   constexpr std::ptrdiff_t kPieces = 256;
-  const std::ptrdiff_t read = std::ssize(in) / kPieces & ~15,
-                       written = std::ssize(out) / kPieces & ~15;
+  const std::ptrdiff_t read = std::ssize(in) / kPieces & ~15, written = std::ssize(out) / kPieces & ~15;
   deal(threads, kPieces, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (std::ptrdiff_t piece = begin; piece < end; ++piece) {
       __m128 sum[4] = {};

@@ -11,8 +11,7 @@ namespace sinew::bench {
 /// The student report's skinning: every joint for every vertex, zero weight or not, in double, by
 /// 4x4 products. positions (V, 3) out. With `threads` > 0 as its parallel version: vertices dealt
 /// by tbb::parallel_for.
-void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::MatrixXd& positions,
-                 int threads);
+void report_skin(const Character& character, std::ptrdiff_t frame, Eigen::MatrixXd& positions, int threads);
 
 /// Moves the bytes that skinning has to move and computes nothing: reads all of the packed skin,
 /// writes V x 3 numbers made of what was read (not zeros: memory of zeros is faster). No skinning

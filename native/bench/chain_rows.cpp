@@ -35,8 +35,7 @@ struct Tube {
         edges.insert(edges.end(), {at(ring, k), at(ring, k + 1)});
         if (ring + 1 == rings) continue;
         edges.insert(edges.end(), {at(ring, k), at(ring + 1, k)});
-        corners.insert(corners.end(),
-                       {at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)});
+        corners.insert(corners.end(), {at(ring, k), at(ring, k + 1), at(ring + 1, k + 1), at(ring + 1, k)});
         offsets.push_back(static_cast<std::int32_t>(corners.size()));
       }
     }
@@ -87,8 +86,8 @@ constexpr Traffic kCorners{4 + 4 * (2 + 3), 0};       // points, the corners' en
 /// One row and its bound. share  of the vertices that move any bytes.
 void add(const std::string& what, const Tube& tube, double share, int threads, int steps,
          const std::vector<Traffic>& traffic, std::function<void(std::span<float>)> run) {
-  const std::string name = "|" + what + "|" + std::to_string(tube.vertices) + "|" +
-                           std::to_string(threads) + "|" + std::to_string(steps);
+  const std::string name =
+      "|" + what + "|" + std::to_string(tube.vertices) + "|" + std::to_string(threads) + "|" + std::to_string(steps);
   const auto time = [=, &tube](benchmark::State& state) {
     set_thread_count(threads);
     std::vector<float> positions = tube.shape;
@@ -99,9 +98,7 @@ void add(const std::string& what, const Tube& tube, double share, int threads, i
   const auto bound = [=, &tube](benchmark::State& state) {
     std::vector<std::pair<std::vector<float>, std::vector<float>>> memory;
     for (const Traffic& one : traffic) {
-      const auto count = [&](double numbers) {
-        return static_cast<std::size_t>(numbers * share * tube.vertices);
-      };
+      const auto count = [&](double numbers) { return static_cast<std::size_t>(numbers * share * tube.vertices); };
       memory.emplace_back(std::vector<float>(count(one.read), 0.1f), count(one.written));
     }
     for (auto _ : state) {
@@ -133,18 +130,16 @@ void add_rows(const Tube& tube, int threads) {
   corrective("Corrective Smooth", *tube.corrective, 1, {});
   corrective("Corrective Smooth, length weighted", *tube.corrective, 1, length);
   corrective("Corrective Smooth, 20 % have weight", *tube.partly, 0.2, {});
-  add("Smooth", tube, 1, threads, kIterations, {kIn, kSteps, kOut},
-      [&tube](std::span<float> positions) {
-        tube.smooth->apply({0.5f, kIterations}, positions);
-      });
-  add("Hook, smooth falloff", tube, 1, threads, 1, {{3 + 2, 3}},
-      [&tube](std::span<float> positions) {
-        Hook::Settings settings;
-        settings.matrix(0, 3) = 1e-6f;
-        settings.falloff = Falloff::smooth;
-        settings.radius = 10;
-        tube.hook->apply(settings, positions);
-      });
+  add("Smooth", tube, 1, threads, kIterations, {kIn, kSteps, kOut}, [&tube](std::span<float> positions) {
+    tube.smooth->apply({0.5f, kIterations}, positions);
+  });
+  add("Hook, smooth falloff", tube, 1, threads, 1, {{3 + 2, 3}}, [&tube](std::span<float> positions) {
+    Hook::Settings settings;
+    settings.matrix(0, 3) = 1e-6f;
+    settings.falloff = Falloff::smooth;
+    settings.radius = 10;
+    tube.hook->apply(settings, positions);
+  });
   const std::vector<float> values(kKeys + 1, 0.5f);
   add("50 keys of 5 %", tube, 1, threads, 1, {{3 + 3 * kKeys / 20.0, 3}},
       [&tube, values](std::span<float> positions) { tube.keys->deform({}, positions, values); });

@@ -34,8 +34,7 @@ struct WeightedMesh {
 WeightedMesh weighted_mesh(const Rig& rig) {
   WeightedMesh mesh;
   for (std::ptrdiff_t v = 0; v < rig.mesh.vertex_count(); ++v) {
-    mesh.positions.emplace_back(
-        Eigen::Map<const Eigen::Vector3f>(rig.mesh.positions.data() + 3 * v).cast<double>());
+    mesh.positions.emplace_back(Eigen::Map<const Eigen::Vector3f>(rig.mesh.positions.data() + 3 * v).cast<double>());
     Influences own;
     for (std::ptrdiff_t c = 0; c < rig.weights.cols(); ++c) {
       if (rig.weights(v, c) != 0) own.emplace_back(static_cast<std::int32_t>(c), rig.weights(v, c));
@@ -71,15 +70,12 @@ void subdivide(WeightedMesh& mesh) {
 }
 
 /// Keeps the `most` largest, after filling up to `at_least` with the nearest joints.
-void limit_influences(WeightedMesh& mesh, const Eigen::MatrixX3d& joints, std::size_t most,
-                      std::size_t at_least) {
+void limit_influences(WeightedMesh& mesh, const Eigen::MatrixX3d& joints, std::size_t most, std::size_t at_least) {
   std::vector<std::int32_t> nearest(joints.rows());
   for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
     Influences& own = mesh.influences[v];
     if (own.size() < at_least) {
-      const auto distance = [&](std::int32_t j) {
-        return (joints.row(j).transpose() - mesh.positions[v]).norm();
-      };
+      const auto distance = [&](std::int32_t j) { return (joints.row(j).transpose() - mesh.positions[v]).norm(); };
       std::iota(nearest.begin(), nearest.end(), 0);
       std::partial_sort(nearest.begin(), nearest.begin() + at_least, nearest.end(),
                         [&](auto a, auto b) { return distance(a) < distance(b); });
@@ -131,8 +127,8 @@ std::vector<std::int32_t> joints_of_columns(const Rig& rig) {
   return joints;
 }
 
-Character read_character(const std::filesystem::path& folder, int subdivisions, int influences,
-                         int at_least, int frames) {
+Character read_character(const std::filesystem::path& folder, int subdivisions, int influences, int at_least,
+                         int frames) {
   const Rig rig = read_walking_rig(folder);
   const std::vector<std::int32_t> joint_of = joints_of_columns(rig);
   const std::ptrdiff_t columns = rig.weights.cols();
@@ -142,8 +138,7 @@ Character read_character(const std::filesystem::path& folder, int subdivisions, 
   for (int i = 0; i < subdivisions; ++i) subdivide(mesh);
   if (influences > 0) {
     Eigen::MatrixX3d heads(columns, 3);
-    for (std::ptrdiff_t c = 0; c < columns; ++c)
-      heads.row(c) = rig.skeleton.heads().row(joint_of[c]);
+    for (std::ptrdiff_t c = 0; c < columns; ++c) heads.row(c) = rig.skeleton.heads().row(joint_of[c]);
     limit_influences(mesh, heads, influences, at_least);
   }
 

@@ -19,13 +19,10 @@ struct Character {
   std::vector<Matrix4<double>> transforms;    ///< F x J, F(j)
   std::vector<Matrix4<double>> inverse_rest;  ///< J, A(j)^-1
 
-  std::ptrdiff_t frame_count() const {
-    return static_cast<std::ptrdiff_t>(matrices.size()) / skin.joint_count();
-  }
+  std::ptrdiff_t frame_count() const { return static_cast<std::ptrdiff_t>(matrices.size()) / skin.joint_count(); }
   /// One frame's skinning matrices.
   MatrixStack<const float> frame(std::ptrdiff_t f) const {
-    return MatrixStack<const float>::of(matrices.data() + f * skin.joint_count(), 1,
-                                        skin.joint_count());
+    return MatrixStack<const float>::of(matrices.data() + f * skin.joint_count(), 1, skin.joint_count());
   }
 };
 
@@ -44,7 +41,7 @@ std::vector<std::int32_t> joints_of_columns(const Rig& rig);
 ///               that has fewer gets the nearest joints, the less the farther. 0: as subdivision
 ///               leaves them.
 /// at_least      so many influences has every vertex at least (see influences); 0 or `influences`.
-Character read_character(const std::filesystem::path& folder, int subdivisions, int influences,
-                         int at_least, int frames);
+Character read_character(const std::filesystem::path& folder, int subdivisions, int influences, int at_least,
+                         int frames);
 
 }  // namespace sinew::bench

@@ -44,8 +44,7 @@ Parents bushy(std::int32_t count) {
 
 /// A spine of five, two arms and two legs of four, a neck and a head; a crowd of them.
 Parents humanoids(std::int32_t count) {
-  constexpr std::int32_t kOne[] = {-1, 0, 1, 2,  3,  3,  5, 6,  7,  3,  9, 10,
-                                   11, 4, 0, 14, 15, 16, 0, 18, 19, 20, 13};
+  constexpr std::int32_t kOne[] = {-1, 0, 1, 2, 3, 3, 5, 6, 7, 3, 9, 10, 11, 4, 0, 14, 15, 16, 0, 18, 19, 20, 13};
   Parents parents;
   for (std::int32_t i = 0; i < count; ++i) {
     for (const std::int32_t parent : kOne) parents.push_back(parent < 0 ? -1 : 23 * i + parent);
@@ -106,8 +105,8 @@ struct Motion {
 void add(const Tree& tree, std::ptrdiff_t frames, int cores) {
   const auto joints = std::to_string(tree.parents.size());
   const auto row = [&](const std::string& what, int threads, void (Motion::*pose)()) {
-    const std::string name = what + "|" + tree.name + "|" + joints + "|" + std::to_string(frames) +
-                             "|" + std::to_string(threads);
+    const std::string name =
+        what + "|" + tree.name + "|" + joints + "|" + std::to_string(frames) + "|" + std::to_string(threads);
     benchmark::RegisterBenchmark(name.c_str(), [=, &tree](benchmark::State& state) {
       Motion motion(tree.parents, frames);
       set_thread_count(threads);

@@ -54,8 +54,7 @@ Subject subject(const std::string& mesh, Character character) {
   const auto size = static_cast<std::size_t>(character.skin.vertex_count()) * 3 * kFrames;
   const bool many = character.skin.vertex_count() < 200'000;
   return {mesh, std::move(character), std::vector<float>((many ? size : size / kFrames) + 16),
-          static_cast<double>(joints) / static_cast<double>(blocks),
-          (joints + 3 * blocks) * kBlock * sizeof(float)};
+          static_cast<double>(joints) / static_cast<double>(blocks), (joints + 3 * blocks) * kBlock * sizeof(float)};
 }
 
 void between_calls(Between what) {
@@ -69,42 +68,39 @@ void between_calls(Between what) {
 
 /// One row: `run(frame)` skins `frames` frames. The time of a vertex and frame is reckoned from
 /// the call alone.
-void add(const Subject& subject, const std::string& what, const std::string& set, int threads,
-         Between between, std::ptrdiff_t frames, std::function<void(std::ptrdiff_t)> run) {
+void add(const Subject& subject, const std::string& what, const std::string& set, int threads, Between between,
+         std::ptrdiff_t frames, std::function<void(std::ptrdiff_t)> run) {
   const char* states[] = {"warm", "cold", "asleep"};
   const auto vertices = subject.character.skin.vertex_count();
-  const std::string name = what + "|" + subject.mesh + "|" + std::to_string(vertices) + "|" + set +
-                           "|" + std::to_string(threads) + "|" + states[static_cast<int>(between)] +
-                           "|" + std::to_string(frames);
-  auto* const row =
-      benchmark::RegisterBenchmark(name.c_str(), [=, &subject](benchmark::State& state) {
-        set_thread_count(threads);
-        set_instruction_set(set == "-" ? "auto" : set);
-        run(0);
-        std::ptrdiff_t call = 0;
-        for (auto _ : state) {
-          between_calls(between);
-          const auto begin = Clock::now();
-          run(call++ % kFrames);
-          state.SetIterationTime(std::chrono::duration<double>(Clock::now() - begin).count());
-        }
-        set_thread_count(0);
-        set_instruction_set("auto");
-        state.counters["vertices"] = static_cast<double>(vertices);
-        state.counters["frames"] = static_cast<double>(frames);
-        state.counters["joints_a_block"] = subject.union_size;
-        state.counters["influences"] =
-            static_cast<double>(subject.character.skin.influence_count()) /
-            static_cast<double>(vertices);
-        state.counters["bytes_a_vertex"] =
-            static_cast<double>(subject.packed_bytes) / static_cast<double>(vertices) + 12;
-      });
+  const std::string name = what + "|" + subject.mesh + "|" + std::to_string(vertices) + "|" + set + "|" +
+                           std::to_string(threads) + "|" + states[static_cast<int>(between)] + "|" +
+                           std::to_string(frames);
+  auto* const row = benchmark::RegisterBenchmark(name.c_str(), [=, &subject](benchmark::State& state) {
+    set_thread_count(threads);
+    set_instruction_set(set == "-" ? "auto" : set);
+    run(0);
+    std::ptrdiff_t call = 0;
+    for (auto _ : state) {
+      between_calls(between);
+      const auto begin = Clock::now();
+      run(call++ % kFrames);
+      state.SetIterationTime(std::chrono::duration<double>(Clock::now() - begin).count());
+    }
+    set_thread_count(0);
+    set_instruction_set("auto");
+    state.counters["vertices"] = static_cast<double>(vertices);
+    state.counters["frames"] = static_cast<double>(frames);
+    state.counters["joints_a_block"] = subject.union_size;
+    state.counters["influences"] =
+        static_cast<double>(subject.character.skin.influence_count()) / static_cast<double>(vertices);
+    state.counters["bytes_a_vertex"] = static_cast<double>(subject.packed_bytes) / static_cast<double>(vertices) + 12;
+  });
   row->UseManualTime();
   if (between == Between::caches_cold) row->Iterations(kColdCalls);
 }
 
-void add_skinning(Subject& subject, const std::string& method, SkinFunction skin,
-                  const std::string& set, int threads, Between between) {
+void add_skinning(Subject& subject, const std::string& method, SkinFunction skin, const std::string& set, int threads,
+                  Between between) {
   add(subject, method, set, threads, between, 1, [&subject, skin](std::ptrdiff_t frame) {
     skin(subject.character.skin, subject.character.frame(frame), subject.out(1));
   });
@@ -126,8 +122,7 @@ void add_deformer(Subject& subject, const std::string& set, int keys, Between be
   // The subject outlives the benchmark; the layer's pointer does not own the skin.
   const std::shared_ptr<const Skin> borrowed(std::shared_ptr<const Skin>(), &skin);
   const auto deformer = std::make_shared<const Deformer>(
-      std::vector<std::shared_ptr<const Layer>>{
-          std::make_shared<Layer>(borrowed, SkinningMethod::linear)},
+      std::vector<std::shared_ptr<const Layer>>{std::make_shared<Layer>(borrowed, SkinningMethod::linear)},
       keys > 0 ? std::make_shared<const ShapeKeys>(positions, relative_to) : nullptr);
   const std::vector<float> values(keys > 0 ? keys + 1 : 0, 0.5f);
   const std::string what = "deformer" + (keys > 0 ? ", " + std::to_string(keys) + " keys" : "");
@@ -167,8 +162,7 @@ void add_many_frames(Subject& subject, const std::string& set, int threads) {
 void add_build(Subject& subject, int threads) {
   add(subject, "build", "-", threads, Between::nothing, 1, [&subject](std::ptrdiff_t) {
     const Skin& skin = subject.character.skin;
-    const Skin again(skin.rest_positions(), skin.offsets(), skin.joints(), skin.weights(),
-                     skin.joint_count());
+    const Skin again(skin.rest_positions(), skin.offsets(), skin.joints(), skin.weights(), skin.joint_count());
     benchmark::DoNotOptimize(&again);
   });
 }
@@ -226,8 +220,7 @@ int main(int count, char** arguments) {
   std::vector<Subject> subjects;
   subjects.reserve(8);
   for (int subdivisions = 0; subdivisions < 4; ++subdivisions) {
-    subjects.push_back(
-        subject("2 to 4 influences", read_character(arguments[1], subdivisions, 4, 2, kFrames)));
+    subjects.push_back(subject("2 to 4 influences", read_character(arguments[1], subdivisions, 4, 2, kFrames)));
   }
   subjects.push_back(subject("8 influences", read_character(arguments[1], 0, 8, 8, kFrames)));
   const int cores = static_cast<int>(std::thread::hardware_concurrency());

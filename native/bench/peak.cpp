@@ -38,8 +38,8 @@ double one_try() {
     i = hn::MulAdd(i, factor, term), j = hn::MulAdd(j, factor, term);
   }
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  const auto sum = hn::Add(hn::Add(hn::Add(hn::Add(a, b), hn::Add(c, d)), hn::Add(e, f)),
-                           hn::Add(hn::Add(g, h), hn::Add(i, j)));
+  const auto sum =
+      hn::Add(hn::Add(hn::Add(hn::Add(a, b), hn::Add(c, d)), hn::Add(e, f)), hn::Add(hn::Add(g, h), hn::Add(i, j)));
   // The sum is read, so the loop is not dropped.
   const bool positive = hn::GetLane(sum) > 0;
   return positive * static_cast<double>(hn::Lanes(tag)) * kAtOnce * kRounds / took.count();

@@ -74,8 +74,7 @@ struct Stage {
     if (program.is_sinew) {
       MatrixStack<const float> matrices = character.frame(first % kFrames);
       matrices.frames = frames;
-      skin_linear(character.skin, matrices,
-                  std::span(positions).first(3 * frames * character.skin.vertex_count()));
+      skin_linear(character.skin, matrices, std::span(positions).first(3 * frames * character.skin.vertex_count()));
     } else {
       report_skin(character, first % kFrames, dense_positions, program.is_parallel ? threads : 0);
     }
@@ -92,10 +91,10 @@ Times skin_calls(Stage& stage, const Program& program, int threads, std::ptrdiff
   });
 }
 
-void print(const char* experiment, const Stage& stage, const Program& program, int threads,
-           std::ptrdiff_t calls, const char* what, const Times& times) {
-  std::printf("%s,%s,\"%s\",%d,%td,%s,%.6f,%.6f\n", experiment, stage.name.c_str(), program.name,
-              threads, calls, what, times.wall, times.cpu);
+void print(const char* experiment, const Stage& stage, const Program& program, int threads, std::ptrdiff_t calls,
+           const char* what, const Times& times) {
+  std::printf("%s,%s,\"%s\",%d,%td,%s,%.6f,%.6f\n", experiment, stage.name.c_str(), program.name, threads, calls, what,
+              times.wall, times.cpu);
   std::fflush(stdout);
 }
 
@@ -122,11 +121,9 @@ void whole_loop(Stage& stage, const Program& program, int cores) {
         }));
     add(kinematics, measured([&] {
           if (program.is_sinew) {
-            forward_kinematics<double>(skeleton,
-                                       MatrixStack<const double>::of(local.data(), 1, joints),
+            forward_kinematics<double>(skeleton, MatrixStack<const double>::of(local.data(), 1, joints),
                                        MatrixStack<double>::of(world.data(), 1, joints));
-            skinning_matrices<double>(skeleton,
-                                      MatrixStack<const double>::of(world.data(), 1, joints),
+            skinning_matrices<double>(skeleton, MatrixStack<const double>::of(world.data(), 1, joints),
                                       MatrixStack<float>::of(matrices.data(), 1, joints));
           } else {
             for (const std::int32_t j : skeleton.order()) {
@@ -139,8 +136,7 @@ void whole_loop(Stage& stage, const Program& program, int cores) {
     add(skinning, measured([&] {
           if (program.is_sinew) {
             for (std::size_t c = 0; c < used.size(); ++c) used[c] = matrices[stage.joint_of[c]];
-            skin_linear(stage.character.skin,
-                        MatrixStack<const float>::of(used.data(), 1, std::ssize(used)),
+            skin_linear(stage.character.skin, MatrixStack<const float>::of(used.data(), 1, std::ssize(used)),
                         std::span(stage.positions).first(3 * stage.character.skin.vertex_count()));
           } else {
             for (std::size_t c = 0; c < used.size(); ++c) {
@@ -161,8 +157,7 @@ void run(Stage& stage, int cores, int largest_power, std::ptrdiff_t strong_calls
     const int threads = program.is_parallel ? cores : 1;
     for (int n = 1; n <= largest_power; ++n) {
       const std::ptrdiff_t calls = std::ptrdiff_t{1} << n;
-      print("weak", stage, program, threads, calls, "skinning",
-            skin_calls(stage, program, threads, calls));
+      print("weak", stage, program, threads, calls, "skinning", skin_calls(stage, program, threads, calls));
     }
   }
   for (const Program& program : kPrograms) {

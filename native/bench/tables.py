@@ -1,7 +1,7 @@
 """Turns what the benchmarks wrote into tables, plots and one JSON file.
 
-    tables.py kernel|joints RESULT.json [SUMMARY.json]
-    tables.py report RESULT.csv FOLDER
+tables.py kernel|joints RESULT.json [SUMMARY.json]
+tables.py report RESULT.csv FOLDER
 """
 
 import csv
@@ -32,14 +32,16 @@ def runs(path):
         times[name].append(run["real_time"] * NANOSECONDS[run["time_unit"]])
         counters[name] = run
     return result["context"], {
-        name: dict(counters[name], median=statistics.median(t), low=min(t), high=max(t))
-        for name, t in times.items()}
+        name: dict(counters[name], median=statistics.median(t), low=min(t), high=max(t)) for name, t in times.items()
+    }
 
 
 def machine(context):
-    return (f"{context['num_cpus']} cores, {context['instruction_set']}, "
-            f"{float(context['multiply_adds_a_second']) / 1e9:.1f} thousand million multiply-adds a "
-            f"second at most ({platform.machine()})")
+    return (
+        f"{context['num_cpus']} cores, {context['instruction_set']}, "
+        f"{float(context['multiply_adds_a_second']) / 1e9:.1f} thousand million multiply-adds a "
+        f"second at most ({platform.machine()})"
+    )
 
 
 def kernel(path, summary=None):
@@ -51,26 +53,42 @@ def kernel(path, summary=None):
         what, mesh, vertices, target, threads, state, frames = name.split("|")
         per_vertex = {key: run[key] / run["vertices"] / run["frames"] for key in ("median", "low", "high")}
         figures[what, mesh, int(vertices), target, int(threads), state, int(frames)] = {
-            **per_vertex, "influences": run["influences"], "joints_a_block": run["joints_a_block"],
-            "bytes": run["bytes_a_vertex"]}
+            **per_vertex,
+            "influences": run["influences"],
+            "joints_a_block": run["joints_a_block"],
+            "bytes": run["bytes_a_vertex"],
+        }
 
     def of(*key):
         return figures.get(key, {}).get("median")
 
     rows, records = [], []
     for (what, mesh, vertices, target, threads, state, frames), own in sorted(
-            figures.items(), key=lambda item: (item[0][0] == "build", item[0][1:3], item[0][4:], item[0])):
+        figures.items(), key=lambda item: (item[0][0] == "build", item[0][1:3], item[0][4:], item[0])
+    ):
         if what.startswith(("bound", "report")):
             continue
-        bound = [of(b, mesh, vertices, "-", threads, "warm" if state == "asleep" else state, 1)
-                 for b in ("bound", "bound, streamed")]
+        bound = [
+            of(b, mesh, vertices, "-", threads, "warm" if state == "asleep" else state, 1)
+            for b in ("bound", "bound, streamed")
+        ]
         bound = min((b for b in bound if b), default=None)
         report = of("report", mesh, min(v for w, m, v, *_ in figures if m == mesh), "-", 1, "warm", 1)
         units = 12 * own["joints_a_block"] / (float(context["multiply_adds_a_second"]) / 1e9)
-        record = {"what": what, "influences": own["influences"], "vertices": vertices,
-                  "instruction_set": target, "threads": threads, "state": state, "frames_a_call": frames,
-                  "ns_a_vertex": own["median"], "low": own["low"], "high": own["high"],
-                  "joints_a_block": own["joints_a_block"], "bytes_a_vertex": own["bytes"]}
+        record = {
+            "what": what,
+            "influences": own["influences"],
+            "vertices": vertices,
+            "instruction_set": target,
+            "threads": threads,
+            "state": state,
+            "frames_a_call": frames,
+            "ns_a_vertex": own["median"],
+            "low": own["low"],
+            "high": own["high"],
+            "joints_a_block": own["joints_a_block"],
+            "bytes_a_vertex": own["bytes"],
+        }
         if what != "build":
             if bound:
                 record["of_memory_bound"] = bound / own["median"]
@@ -79,21 +97,51 @@ def kernel(path, summary=None):
             if report:
                 record["times_faster_than_report"] = report / own["median"]
         records.append(record)
-        percent = lambda key: f"{100 * record[key]:.0f} %" if key in record else ""
-        rows.append((what, f"{own['influences']:.2f}", f"{vertices:,}", target, threads,
-                     state + (f", {frames} frames a call" if frames > 1 else ""),
-                     f"{own['median']:.2f} ({own['low']:.2f}-{own['high']:.2f})",
-                     percent("of_memory_bound"), percent("of_multiply_add_bound"),
-                     f"{record['times_faster_than_report']:.0f}x" if "times_faster_than_report" in record
-                     else ""))
+        rows.append(
+            (
+                what,
+                f"{own['influences']:.2f}",
+                f"{vertices:,}",
+                target,
+                threads,
+                state + (f", {frames} frames a call" if frames > 1 else ""),
+                f"{own['median']:.2f} ({own['low']:.2f}-{own['high']:.2f})",
+                percent(record, "of_memory_bound"),
+                percent(record, "of_multiply_add_bound"),
+                f"{record['times_faster_than_report']:.0f}x" if "times_faster_than_report" in record else "",
+            )
+        )
     print(f"{machine(context)}\n")
-    print(markdown(("what", "influences", "vertices", "set", "threads", "state", "ns a vertex (extremes)",
-                    "of memory bound", "of multiply-add bound", "report's loop"), rows))
+    print(
+        markdown(
+            (
+                "what",
+                "influences",
+                "vertices",
+                "set",
+                "threads",
+                "state",
+                "ns a vertex (extremes)",
+                "of memory bound",
+                "of multiply-add bound",
+                "report's loop",
+            ),
+            rows,
+        )
+    )
     chain_rows, chain_records = chain(results)
     print("\nBefore and after skinning\n")
-    print(markdown(("what", "vertices", "threads", "milliseconds", "ns a vertex (and iteration)",
-                    "of memory bound"), chain_rows))
+    print(
+        markdown(
+            ("what", "vertices", "threads", "milliseconds", "ns a vertex (and iteration)", "of memory bound"),
+            chain_rows,
+        )
+    )
     write_summary(summary, context, records + chain_records)
+
+
+def percent(record, key):
+    return f"{100 * record[key]:.0f} %" if key in record else ""
 
 
 def chain(results):
@@ -105,12 +153,26 @@ def chain(results):
         _, what, vertices, threads, steps = name.split("|")
         vertices, threads, steps = int(vertices), int(threads), int(steps)
         bound = results["chain bound" + name.removeprefix("chain")]["median"]
-        record = {"what": what, "vertices": vertices, "threads": threads, "iterations": steps,
-                  "milliseconds": run["median"] / 1e6, "ns_a_vertex": run["median"] / vertices / steps,
-                  "of_memory_bound": bound / run["median"]}
+        record = {
+            "what": what,
+            "vertices": vertices,
+            "threads": threads,
+            "iterations": steps,
+            "milliseconds": run["median"] / 1e6,
+            "ns_a_vertex": run["median"] / vertices / steps,
+            "of_memory_bound": bound / run["median"],
+        }
         records.append(record)
-        rows.append((what, f"{vertices:,}", threads, f"{record['milliseconds']:.3f}",
-                     f"{record['ns_a_vertex']:.2f}", f"{100 * record['of_memory_bound']:.0f} %"))
+        rows.append(
+            (
+                what,
+                f"{vertices:,}",
+                threads,
+                f"{record['milliseconds']:.3f}",
+                f"{record['ns_a_vertex']:.2f}",
+                f"{100 * record['of_memory_bound']:.0f} %",
+            )
+        )
     return rows, records
 
 
@@ -122,21 +184,40 @@ def joints(path, summary=None):
         key = (tree, int(count), int(frames))
         by_tree[key][what, int(threads)] = run["median"] / run["joints"] / run["frames"]
     most = max(threads for row in by_tree.values() for _, threads in row)
-    records = [{"tree": tree, "joints": count, "frames": frames, "plain_loop_ns_a_joint": row["plain loop", 1],
-                "one_thread": row["plain loop", 1] / row["sinew", 1],
-                "all_threads": row["plain loop", 1] / row["sinew", most]}
-               for (tree, count, frames), row in sorted(by_tree.items(), key=lambda i: (i[0][1:], i[0]))]
+    records = [
+        {
+            "tree": tree,
+            "joints": count,
+            "frames": frames,
+            "plain_loop_ns_a_joint": row["plain loop", 1],
+            "one_thread": row["plain loop", 1] / row["sinew", 1],
+            "all_threads": row["plain loop", 1] / row["sinew", most],
+        }
+        for (tree, count, frames), row in sorted(by_tree.items(), key=lambda i: (i[0][1:], i[0]))
+    ]
     print(f"{machine(context)}; speed over the plain loop\n")
-    print(markdown(("tree", "joints", "frames", "plain loop, ns a joint", "one thread", f"{most} threads"),
-                   [(r["tree"], f"{r['joints']:,}", f"{r['frames']:,}", f"{r['plain_loop_ns_a_joint']:.1f}",
-                     f"{r['one_thread']:.2f}x", f"{r['all_threads']:.2f}x") for r in records]))
+    print(
+        markdown(
+            ("tree", "joints", "frames", "plain loop, ns a joint", "one thread", f"{most} threads"),
+            [
+                (
+                    r["tree"],
+                    f"{r['joints']:,}",
+                    f"{r['frames']:,}",
+                    f"{r['plain_loop_ns_a_joint']:.1f}",
+                    f"{r['one_thread']:.2f}x",
+                    f"{r['all_threads']:.2f}x",
+                )
+                for r in records
+            ],
+        )
+    )
     write_summary(summary, context, records)
 
 
 def write_summary(path, context, records):
     if path:
-        about = {key: context[key] for key in ("date", "num_cpus", "instruction_set",
-                                               "multiply_adds_a_second")}
+        about = {key: context[key] for key in ("date", "num_cpus", "instruction_set", "multiply_adds_a_second")}
         Path(path).write_text(json.dumps({"machine": about, "results": records}, indent=1) + "\n")
 
 
@@ -147,22 +228,32 @@ STAGES = ["pose", "forward kinematics", "skinning"]
 
 def report(path, folder):
     import matplotlib
+
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with open(path) as file:
-        rows = [dict(row, threads=int(row["threads"]), calls=int(row["calls"]), wall=float(row["wall"]),
-                     cpu=float(row["cpu"])) for row in csv.DictReader(file)]
+        rows = [
+            dict(
+                row,
+                threads=int(row["threads"]),
+                calls=int(row["calls"]),
+                wall=float(row["wall"]),
+                cpu=float(row["cpu"]),
+            )
+            for row in csv.DictReader(file)
+        ]
     rigs = list(dict.fromkeys(row["rig"] for row in rows))
     cores = max(row["threads"] for row in rows if row["experiment"] == "weak")
 
     def pick(**wanted):
         return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
 
-    plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
-                         "axes.grid": True, "grid.alpha": 0.3})
+    plt.rcParams.update(
+        {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.3}
+    )
     for experiment, axis, label in [("weak", "calls", "calls of skinning"), ("strong", "threads", "threads")]:
         figure, axes = plt.subplots(1, len(rigs), figsize=(4.6 * len(rigs), 3.6), layout="constrained")
         for ax, rig in zip(axes, rigs):
@@ -207,16 +298,34 @@ def report(path, folder):
             weak = max(pick(experiment="weak", rig=rig, program=program), key=lambda r: r["calls"])
             strong = pick(experiment="strong", rig=rig, program=program)
             one, best = strong[0], min(strong, key=lambda r: r["wall"])
-            row = [program, f"{1e3 * weak['wall'] / weak['calls']:.4f}", f"{1e3 * weak['cpu'] / weak['calls']:.4f}",
-                   f"{one['wall']:.3f}", f"{best['wall']:.3f} ({best['threads']})"]
+            row = [
+                program,
+                f"{1e3 * weak['wall'] / weak['calls']:.4f}",
+                f"{1e3 * weak['cpu'] / weak['calls']:.4f}",
+                f"{one['wall']:.3f}",
+                f"{best['wall']:.3f} ({best['threads']})",
+            ]
             for figure_of in ("wall", "cpu"):
                 parts = [pick(experiment="loop", rig=rig, program=program, stage=stage) for stage in STAGES]
                 total = sum(part[0][figure_of] for part in parts if part)
                 row.append(f"{100 * parts[2][0][figure_of] / total:.0f} %" if parts[2] else "")
             table.append(row)
         calls = pick(experiment="strong")[0]["calls"]
-        lines.append(markdown(("program", "a call: wall, ms", "a call: CPU, ms", f"{calls:,} calls, 1 thread, s",
-                               "best of 1 to 8 threads, s", "skinning's share, wall", "share, CPU"), table) + "\n")
+        lines.append(
+            markdown(
+                (
+                    "program",
+                    "a call: wall, ms",
+                    "a call: CPU, ms",
+                    f"{calls:,} calls, 1 thread, s",
+                    "best of 1 to 8 threads, s",
+                    "skinning's share, wall",
+                    "share, CPU",
+                ),
+                table,
+            )
+            + "\n"
+        )
     text = "\n".join(lines)
     (folder / "report.md").write_text(text)
     print(text)

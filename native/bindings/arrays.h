@@ -31,10 +31,8 @@ inline std::string shape_text(const py::array& array) {
 
 inline std::string dtype_text(const py::array& array) { return py::str(array.dtype()); }
 
-[[noreturn]] inline void wrong_shape(const char* name, const py::array& array,
-                                     const std::string& expected) {
-  throw InputError(std::string(name) + " has shape " + shape_text(array) + "; expected " +
-                   expected);
+[[noreturn]] inline void wrong_shape(const char* name, const py::array& array, const std::string& expected) {
+  throw InputError(std::string(name) + " has shape " + shape_text(array) + "; expected " + expected);
 }
 
 template <class T>
@@ -56,8 +54,7 @@ inline void require_aligned(const char* name, const py::array& array) {
 /// caller never sees written to.
 inline py::array given_array(const char* name, const py::object& object) {
   if (!py::isinstance<py::array>(object)) {
-    throw InputError(std::string(name) + " is a " +
-                     std::string(py::str(py::type::of(object).attr("__name__"))) +
+    throw InputError(std::string(name) + " is a " + std::string(py::str(py::type::of(object).attr("__name__"))) +
                      "; expected a numpy array");
   }
   return py::reinterpret_borrow<py::array>(object);
@@ -73,9 +70,7 @@ MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
     wrong_shape(name, array, "(J, 4, 4) or (F, J, 4, 4)");
   }
   require_aligned(name, array);
-  const auto stride = [&](py::ssize_t axis) {
-    return array.strides(axis) / static_cast<py::ssize_t>(sizeof(T));
-  };
+  const auto stride = [&](py::ssize_t axis) { return array.strides(axis) / static_cast<py::ssize_t>(sizeof(T)); };
   MatrixStack<T> stack;
   stack.frames = axes == 4 ? array.shape(0) : 1;
   stack.joints = array.shape(axes - 3);
@@ -96,8 +91,7 @@ MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
 template <class T>
 std::vector<T> copied(const char* name, const py::array& array) {
   const char kind = array.dtype().kind();
-  if (std::is_integral_v<T> ? (kind != 'i' && kind != 'u')
-                            : (kind != 'f' && kind != 'i' && kind != 'u')) {
+  if (std::is_integral_v<T> ? (kind != 'i' && kind != 'u') : (kind != 'f' && kind != 'i' && kind != 'u')) {
     throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected " +
                      (std::is_integral_v<T> ? "integers" : "real numbers"));
   }
@@ -109,8 +103,7 @@ std::vector<T> copied(const char* name, const py::array& array) {
       const Wide number = wide.data()[i];
       if constexpr (std::is_integral_v<T>) {
         if (!std::in_range<T>(number)) {
-          throw InputError(std::string(name) + " holds " + std::to_string(number) +
-                           ", which is out of range");
+          throw InputError(std::string(name) + " holds " + std::to_string(number) + ", which is out of range");
         }
       }
       result.push_back(static_cast<T>(number));
@@ -180,24 +173,22 @@ Numbers<T> points_of(const char* name, const py::array& array) {
 
 /// The flat numbers of an array that is written to.
 template <class T>
-std::span<T> written_span(const char* name, const py::array& array,
-                          const std::vector<py::ssize_t>& shape) {
+std::span<T> written_span(const char* name, const py::array& array, const std::vector<py::ssize_t>& shape) {
   require_dtype<T>(name, array);
-  const bool fits = static_cast<std::size_t>(array.ndim()) == shape.size() &&
-                    std::equal(shape.begin(), shape.end(), array.shape());
+  const bool fits =
+      static_cast<std::size_t>(array.ndim()) == shape.size() && std::equal(shape.begin(), shape.end(), array.shape());
   if (!fits) wrong_shape(name, array, shape_text(py::array(py::dtype::of<bool>(), shape)));
   if (!(array.flags() & py::array::c_style)) {
     throw InputError(std::string(name) + " is not C-contiguous");
   }
   require_aligned(name, array);
   if (!array.writeable()) throw InputError(std::string(name) + " is read-only");
-  return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()),
-          static_cast<std::size_t>(array.size())};
+  return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()), static_cast<std::size_t>(array.size())};
 }
 
 /// What a frame function reads in place: float32, C-contiguous. `expected`: its shape, in words.
-inline std::span<const float> numbers_span(const char* name, const py::array& array,
-                                           py::ssize_t axes, const char* expected) {
+inline std::span<const float> numbers_span(const char* name, const py::array& array, py::ssize_t axes,
+                                           const char* expected) {
   if (array.ndim() != axes || (axes == 2 && array.shape(1) != 3)) {
     wrong_shape(name, array, expected);
   }
@@ -210,8 +201,7 @@ inline std::span<const float> numbers_span(const char* name, const py::array& ar
 }
 
 /// (J, 4, 4) or (F, J, 4, 4) matrices.
-inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::array& array,
-                                                    py::ssize_t axes) {
+inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::array& array, py::ssize_t axes) {
   if (array.ndim() != axes || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
     wrong_shape(name, array, axes == 3 ? "(J, 4, 4)" : "(F, J, 4, 4)");
   }
@@ -244,8 +234,7 @@ inline py::array view_matrices(std::span<const Matrix4<double>> matrices, const 
   return view(data, {static_cast<py::ssize_t>(matrices.size()), 4, 4}, {16, 1, 4}, owner);
 }
 
-inline py::array view_matrix(const Eigen::Ref<const Eigen::MatrixXd>& matrix,
-                             const py::object& owner) {
+inline py::array view_matrix(const Eigen::Ref<const Eigen::MatrixXd>& matrix, const py::object& owner) {
   return view(matrix.data(), {matrix.rows(), matrix.cols()}, {1, matrix.outerStride()}, owner);
 }
 

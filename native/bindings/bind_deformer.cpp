@@ -12,25 +12,20 @@
 namespace sinew::bindings {
 namespace {
 
-std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& offsets,
-                                  const py::array& bones, const py::array& weights,
-                                  const py::array& first_joints, const py::array& segments,
+std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& offsets, const py::array& bones,
+                                  const py::array& weights, const py::array& first_joints, const py::array& segments,
                                   const py::array& axes) {
   if (axes.ndim() != 2 || axes.shape(1) != 4) wrong_shape("axes", axes, "(B, 4)");
   const Numbers<double> rows("axes", axes);
-  return std::make_shared<Bends>(
-      list_of<std::int64_t>("vertices", vertices), list_of<std::int64_t>("offsets", offsets),
-      list_of<std::int32_t>("bones", bones), list_of<float>("weights", weights),
-      list_of<std::int32_t>("first_joints", first_joints),
-      list_of<std::int32_t>("segments", segments), rows);
+  return std::make_shared<Bends>(list_of<std::int64_t>("vertices", vertices), list_of<std::int64_t>("offsets", offsets),
+                                 list_of<std::int32_t>("bones", bones), list_of<float>("weights", weights),
+                                 list_of<std::int32_t>("first_joints", first_joints),
+                                 list_of<std::int32_t>("segments", segments), rows);
 }
 
-std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method,
-                                  const std::string& stretch,
-                                  const std::optional<py::array>& rest_frames,
-                                  const std::optional<py::array>& mask,
-                                  const std::optional<py::array>& share,
-                                  std::shared_ptr<Bends> bends,
+std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method, const std::string& stretch,
+                                  const std::optional<py::array>& rest_frames, const std::optional<py::array>& mask,
+                                  const std::optional<py::array>& share, std::shared_ptr<Bends> bends,
                                   const std::optional<py::array>& split_space) {
   std::vector<Matrix4<double>> frames;
   if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
@@ -42,14 +37,13 @@ std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string&
     const std::vector<double> numbers = copied<double>("split_space", *split_space);
     space = Matrix4<double>::Map(numbers.data()).transpose();
   }
-  return std::make_shared<Layer>(
-      std::move(skin), method_named(method), StretchRule{stretch_named(stretch), frames},
-      OptionalNumbers("mask", mask), OptionalNumbers("share", share), std::move(bends), space);
+  return std::make_shared<Layer>(std::move(skin), method_named(method), StretchRule{stretch_named(stretch), frames},
+                                 OptionalNumbers("mask", mask), OptionalNumbers("share", share), std::move(bends),
+                                 space);
 }
 
-std::shared_ptr<ShapeKeys> make_keys(
-    const std::vector<py::array>& positions, const py::object& relative_to,
-    const std::optional<std::vector<std::optional<py::array>>>& weights) {
+std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, const py::object& relative_to,
+                                     const std::optional<std::vector<std::optional<py::array>>>& weights) {
   std::vector<Numbers<float>> shapes;
   std::vector<std::span<const float>> spans;
   shapes.reserve(positions.size());
@@ -105,13 +99,11 @@ LayerPose pose_of(const py::handle& given, std::size_t i) {
 }
 
 void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
-            const std::optional<py::array>& key_values,
-            const std::optional<py::array>& rest_positions, const py::sequence& stages,
-            const std::optional<py::array>& milliseconds) {
+            const std::optional<py::array>& key_values, const std::optional<py::array>& rest_positions,
+            const py::sequence& stages, const std::optional<py::array>& milliseconds) {
   std::vector<LayerPose> layer_poses;
   for (const py::handle pose : poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
-  const std::span<float> positions =
-      written_span<float>("out", given_array("out", out), {deformer.vertex_count(), 3});
+  const std::span<float> positions = written_span<float>("out", given_array("out", out), {deformer.vertex_count(), 3});
   std::span<const float> values, rest;
   if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
   if (rest_positions) rest = numbers_span("rest_positions", *rest_positions, 2, "(V, 3)");
@@ -135,50 +127,47 @@ void bind_deformer(py::module_& module) {
       "Influences of bones with segments, which are split over the two ends of the segment at "
       "which "
       "a vertex is: N vertices with M influences of B bones. Immutable.")
-      .def(
-          py::init(&make_bends), py::arg("vertices"), py::arg("offsets"), py::arg("bones"),
-          py::arg("weights"), py::arg("first_joints"), py::arg("segments"), py::arg("axes"),
-          "vertices: (N,) integers, ascending: the vertices with an influence of a bone with "
-          "segments.\n"
-          "offsets: (N + 1,) integers: vertices[i] has the influences offsets[i] to "
-          "offsets[i + 1].\n"
-          "bones: (M,) integers in 0..B-1: all influences of these vertices, whole, in stored "
-          "order.\n"
-          "weights: (M,) float32.\n"
-          "first_joints: (B,) integers, the first joint of each bone.\n"
-          "segments: (B,) integers: 1 is an ordinary bone with one joint, n > 1 one with n + 1.\n"
-          "axes: (B, 4) float64: a point p of the armature's space lies at share axes[b, :3] . p + "
-          "axes[b, 3] of the bone's length, 0 the head and 1 the tail; what is beyond counts as "
-          "them.\n"
-          "All are copied. Raises ValueError for sizes that do not fit and for numbers that are "
-          "out of range or not finite.")
+      .def(py::init(&make_bends), py::arg("vertices"), py::arg("offsets"), py::arg("bones"), py::arg("weights"),
+           py::arg("first_joints"), py::arg("segments"), py::arg("axes"),
+           "vertices: (N,) integers, ascending: the vertices with an influence of a bone with "
+           "segments.\n"
+           "offsets: (N + 1,) integers: vertices[i] has the influences offsets[i] to "
+           "offsets[i + 1].\n"
+           "bones: (M,) integers in 0..B-1: all influences of these vertices, whole, in stored "
+           "order.\n"
+           "weights: (M,) float32.\n"
+           "first_joints: (B,) integers, the first joint of each bone.\n"
+           "segments: (B,) integers: 1 is an ordinary bone with one joint, n > 1 one with n + 1.\n"
+           "axes: (B, 4) float64: a point p of the armature's space lies at share axes[b, :3] . p + "
+           "axes[b, 3] of the bone's length, 0 the head and 1 the tail; what is beyond counts as "
+           "them.\n"
+           "All are copied. Raises ValueError for sizes that do not fit and for numbers that are "
+           "out of range or not finite.")
       .def_property_readonly(
           "vertex_count", [](const Bends& self) { return std::ssize(self.vertices()); }, "N.")
       .def_property_readonly("influence_count", &Bends::influence_count, "M.");
 
   py::class_<Layer, std::shared_ptr<Layer>>(
       module, "Layer", "One armature's say in a mesh. Immutable, but for what is done to its skin.")
-      .def(
-          py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
-          py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(),
-          py::arg("share") = py::none(), py::arg("bends") = py::none(),
-          py::arg("split_space") = py::none(),
-          "skin: a Skin of V vertices and J joints; several layers may share it.\n"
-          "method: \"linear\" or \"dual_quaternion\".\n"
-          "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
-          "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
-          "mask: (V,), how much of the motion each vertex takes part in: "
-          "p' = p + mask (skinned(p) - p). None: all of it.\n"
-          "share: (V,), of a layer that is mixed in: shape += share (own - shape). The first layer "
-          "of a deformer has none, every other one has one.\n"
-          "bends: a Bends: influences that the skin has split as they are at its rest positions "
-          "and "
-          "in split_space. In each frame, vertices of it that shape keys move are split anew where "
-          "they are, and all of them on other rest positions or in another space.\n"
-          "split_space: (4, 4), the space of the pose for which the skin was split, None if they "
-          "are one.\n"
-          "All are copied but skin and bends. Raises ValueError for sizes that do not fit and for "
-          "numbers that are not finite.")
+      .def(py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
+           py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(), py::arg("share") = py::none(),
+           py::arg("bends") = py::none(), py::arg("split_space") = py::none(),
+           "skin: a Skin of V vertices and J joints; several layers may share it.\n"
+           "method: \"linear\" or \"dual_quaternion\".\n"
+           "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
+           "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
+           "mask: (V,), how much of the motion each vertex takes part in: "
+           "p' = p + mask (skinned(p) - p). None: all of it.\n"
+           "share: (V,), of a layer that is mixed in: shape += share (own - shape). The first layer "
+           "of a deformer has none, every other one has one.\n"
+           "bends: a Bends: influences that the skin has split as they are at its rest positions "
+           "and "
+           "in split_space. In each frame, vertices of it that shape keys move are split anew where "
+           "they are, and all of them on other rest positions or in another space.\n"
+           "split_space: (4, 4), the space of the pose for which the skin was split, None if they "
+           "are one.\n"
+           "All are copied but skin and bends. Raises ValueError for sizes that do not fit and for "
+           "numbers that are not finite.")
       .def_property_readonly(
           "vertex_count", [](const Layer& self) { return self.skin().vertex_count(); }, "V.")
       .def_property_readonly(
@@ -189,8 +178,7 @@ void bind_deformer(py::module_& module) {
       "Relative shape keys, as Blender adds them, to the bit. Of each key only what differs is "
       "kept. "
       "Immutable.")
-      .def(py::init(&make_keys), py::arg("positions"), py::arg("relative_to"),
-           py::arg("weights") = py::none(),
+      .def(py::init(&make_keys), py::arg("positions"), py::arg("relative_to"), py::arg("weights") = py::none(),
            "positions: K arrays (V, 3), the first of which is the base. Read once, nothing of them "
            "is kept.\n"
            "relative_to: (K,) integers, the key that each one is relative to; a key that is "
@@ -210,48 +198,44 @@ void bind_deformer(py::module_& module) {
           },
           "(V, 3) float32, read-only: the first key.");
 
-  py::class_<Deformer>(
-      module, "Deformer",
-      "All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their "
-      "mix, stages after them. Immutable; several threads may use one at once.")
-      .def(
-          py::init([](const std::vector<std::shared_ptr<Layer>>& layers,
-                      std::shared_ptr<ShapeKeys> keys, std::optional<std::ptrdiff_t> vertex_count) {
-            if (!vertex_count) return Deformer({layers.begin(), layers.end()}, std::move(keys));
-            if (!layers.empty() || keys) {
-              throw InputError("there is a vertex_count beside layers or keys; expected one");
-            }
-            return Deformer(*vertex_count);
-          }),
-          py::arg("layers") = py::list(), py::arg("keys") = py::none(),
-          py::arg("vertex_count") = py::none(),
-          "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
-          "keys: ShapeKeys, or None: then what is deformed is the rest positions of the first "
-          "layer's skin.\n"
-          "vertex_count: V, in place of both, for stages alone.\n"
-          "Raises ValueError if they have different numbers of vertices, or for a share where "
-          "none belongs or none where one does.")
+  py::class_<Deformer>(module, "Deformer",
+                       "All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their "
+                       "mix, stages after them. Immutable; several threads may use one at once.")
+      .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers, std::shared_ptr<ShapeKeys> keys,
+                       std::optional<std::ptrdiff_t> vertex_count) {
+             if (!vertex_count) return Deformer({layers.begin(), layers.end()}, std::move(keys));
+             if (!layers.empty() || keys) {
+               throw InputError("there is a vertex_count beside layers or keys; expected one");
+             }
+             return Deformer(*vertex_count);
+           }),
+           py::arg("layers") = py::list(), py::arg("keys") = py::none(), py::arg("vertex_count") = py::none(),
+           "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
+           "keys: ShapeKeys, or None: then what is deformed is the rest positions of the first "
+           "layer's skin.\n"
+           "vertex_count: V, in place of both, for stages alone.\n"
+           "Raises ValueError if they have different numbers of vertices, or for a share where "
+           "none belongs or none where one does.")
       .def_property_readonly("vertex_count", &Deformer::vertex_count, "V.")
-      .def(
-          "deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
-          py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
-          py::arg("milliseconds") = py::none(),
-          "One frame.\n\n"
-          "poses: (matrices, space) a layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
-          "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are "
-          "one.\n"
-          "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
-          "key_values: (K,) float32, how much of each key, 0 for those that are muted; None: 0 for "
-          "all.\n"
-          "rest_positions: (V, 3) float32, C-contiguous, in place of the skin's own and of the "
-          "keys; no part of out.\n"
-          "stages: Stage objects, which work on the result in this order.\n"
-          "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: where to write "
-          "what "
-          "keys and layers took, then each stage; None: nowhere.\n"
-          "A space that a method cannot carry (dual quaternions: one that shears or scales "
-          "unevenly) is gone through point by point; one without an inverse has zeros for it, as "
-          "in Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
+      .def("deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
+           py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
+           py::arg("milliseconds") = py::none(),
+           "One frame.\n\n"
+           "poses: (matrices, space) a layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
+           "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are "
+           "one.\n"
+           "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
+           "key_values: (K,) float32, how much of each key, 0 for those that are muted; None: 0 for "
+           "all.\n"
+           "rest_positions: (V, 3) float32, C-contiguous, in place of the skin's own and of the "
+           "keys; no part of out.\n"
+           "stages: Stage objects, which work on the result in this order.\n"
+           "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: where to write "
+           "what "
+           "keys and layers took, then each stage; None: nowhere.\n"
+           "A space that a method cannot carry (dual quaternions: one that shears or scales "
+           "unevenly) is gone through point by point; one without an inverse has zeros for it, as "
+           "in Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
 }
 
 }  // namespace sinew::bindings

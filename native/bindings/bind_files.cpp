@@ -17,9 +17,7 @@ std::optional<Convention> convention_of(const std::optional<std::string>& name) 
   throw InputError("the convention is \"" + *name + "\"; expected \"bone\" or \"joint\"");
 }
 
-const char* convention_name(Convention convention) {
-  return convention == Convention::bone ? "bone" : "joint";
-}
+const char* convention_name(Convention convention) { return convention == Convention::bone ? "bone" : "joint"; }
 
 QuaternionOrder order_of(const std::string& name) {
   if (name == "wxyz") return QuaternionOrder::wxyz;
@@ -44,18 +42,14 @@ py::array moved(Eigen::MatrixXd&& matrix) {
   auto* owned = new Eigen::MatrixXd(std::move(matrix));
   const py::capsule owner(owned, [](void* p) { delete static_cast<Eigen::MatrixXd*>(p); });
   return py::array(py::dtype::of<double>(), {owned->rows(), owned->cols()},
-                   {static_cast<py::ssize_t>(sizeof(double)),
-                    static_cast<py::ssize_t>(sizeof(double)) * owned->rows()},
+                   {static_cast<py::ssize_t>(sizeof(double)), static_cast<py::ssize_t>(sizeof(double)) * owned->rows()},
                    owned->data(), owner);
 }
 
-Rig rig_from_arrays(const py::array& positions, const py::array& face_offsets,
-                    const py::array& face_vertices, const RigSkeleton& skeleton,
-                    const py::array& weights, const std::optional<PoseClip>& poses,
-                    const std::optional<py::array>& animation,
-                    const std::optional<py::array>& face_materials,
-                    const std::vector<std::string>& material_names,
-                    const std::string& material_library) {
+Rig rig_from_arrays(const py::array& positions, const py::array& face_offsets, const py::array& face_vertices,
+                    const RigSkeleton& skeleton, const py::array& weights, const std::optional<PoseClip>& poses,
+                    const std::optional<py::array>& animation, const std::optional<py::array>& face_materials,
+                    const std::vector<std::string>& material_names, const std::string& material_library) {
   Rig rig{PolygonMesh{}, skeleton, copied_table("weights", weights), poses, std::nullopt};
   PolygonMesh& mesh = rig.mesh;
   mesh.positions = points_of<float>("positions", positions);
@@ -67,8 +61,8 @@ Rig rig_from_arrays(const py::array& positions, const py::array& face_offsets,
   mesh.material_names = material_names;
   mesh.material_library = material_library;
   if (animation) {
-    rig.animation = MatrixClip{animation->ndim() > 0 ? animation->shape(0) : 0,
-                               copied_matrices("animation", *animation, 4)};
+    rig.animation =
+        MatrixClip{animation->ndim() > 0 ? animation->shape(0) : 0, copied_matrices("animation", *animation, 4)};
   }
   check_rig(rig);
   return rig;
@@ -80,13 +74,11 @@ void bind_rig_skeleton(py::module_& module) {
       "A skeleton as a .bf or .tgf file describes it: a Skeleton whose rest transforms are "
       "translations, with a bone to draw and a column of weights for each joint.")
       .def(py::init([](const py::array& parents, const py::array& heads, const py::array& tails,
-                       const py::array& weight_columns, std::vector<std::string> names,
-                       const std::string& convention) {
-             return RigSkeleton(list_of<std::int32_t>("parents", parents),
-                                copied_row_points("heads", heads),
+                       const py::array& weight_columns, std::vector<std::string> names, const std::string& convention) {
+             return RigSkeleton(list_of<std::int32_t>("parents", parents), copied_row_points("heads", heads),
                                 copied_row_points("tails", tails),
-                                list_of<std::int32_t>("weight_columns", weight_columns),
-                                std::move(names), *convention_of(convention));
+                                list_of<std::int32_t>("weight_columns", weight_columns), std::move(names),
+                                *convention_of(convention));
            }),
            py::arg("parents"), py::arg("heads"), py::arg("tails"), py::arg("weight_columns"),
            py::arg("names") = std::vector<std::string>(), py::arg("convention") = "joint",
@@ -102,22 +94,14 @@ void bind_rig_skeleton(py::module_& module) {
            "Raises ValueError for parts that do not fit each other, a cycle, a number that is not "
            "finite.")
       .def_property_readonly(
-          "heads",
-          [](py::object self) {
-            return view_matrix(self.cast<const RigSkeleton&>().heads(), self);
-          },
+          "heads", [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().heads(), self); },
           "(J, 3) float64, read-only, world: where each joint turns.")
       .def_property_readonly(
-          "tails",
-          [](py::object self) {
-            return view_matrix(self.cast<const RigSkeleton&>().tails(), self);
-          },
+          "tails", [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().tails(), self); },
           "(J, 3) float64, read-only, world: where its bone is drawn to.")
       .def_property_readonly(
           "weight_columns",
-          [](py::object self) {
-            return view_list(self.cast<const RigSkeleton&>().weight_columns(), self);
-          },
+          [](py::object self) { return view_list(self.cast<const RigSkeleton&>().weight_columns(), self); },
           "(J,) int32, read-only: the joint's column of weights, or -1.")
       .def_property_readonly("names", &RigSkeleton::names, "J unique names.")
       .def_property_readonly(
@@ -127,11 +111,10 @@ void bind_rig_skeleton(py::module_& module) {
 
 void bind_rig(py::module_& module) {
   py::class_<Rig>(module, "Rig", "Mesh, skeleton, weights and poses that belong together.")
-      .def(py::init(&rig_from_arrays), py::arg("positions"), py::arg("face_offsets"),
-           py::arg("face_vertices"), py::arg("skeleton"), py::arg("weights"),
-           py::arg("poses") = py::none(), py::arg("animation") = py::none(),
-           py::arg("face_materials") = py::none(),
-           py::arg("material_names") = std::vector<std::string>(), py::arg("material_library") = "",
+      .def(py::init(&rig_from_arrays), py::arg("positions"), py::arg("face_offsets"), py::arg("face_vertices"),
+           py::arg("skeleton"), py::arg("weights"), py::arg("poses") = py::none(), py::arg("animation") = py::none(),
+           py::arg("face_materials") = py::none(), py::arg("material_names") = std::vector<std::string>(),
+           py::arg("material_library") = "",
            "positions: (V, 3), rest positions.\n"
            "face_offsets: (faces + 1,) integers, where each face's vertices begin.\n"
            "face_vertices: vertex numbers, face after face.\n"
@@ -151,26 +134,17 @@ void bind_rig(py::module_& module) {
           },
           "(V, 3) float32, read-only: rest positions.")
       .def_property_readonly(
-          "face_offsets",
-          [](py::object self) {
-            return view_list(self.cast<const Rig&>().mesh.face_offsets, self);
-          },
+          "face_offsets", [](py::object self) { return view_list(self.cast<const Rig&>().mesh.face_offsets, self); },
           "(faces + 1,) int32, read-only: where each face's vertices begin.")
       .def_property_readonly(
-          "face_vertices",
-          [](py::object self) {
-            return view_list(self.cast<const Rig&>().mesh.face_vertices, self);
-          },
+          "face_vertices", [](py::object self) { return view_list(self.cast<const Rig&>().mesh.face_vertices, self); },
           "int32, read-only: vertex numbers, face after face.")
       .def_property_readonly(
           "face_materials",
-          [](py::object self) {
-            return view_list(self.cast<const Rig&>().mesh.face_materials, self);
-          },
+          [](py::object self) { return view_list(self.cast<const Rig&>().mesh.face_materials, self); },
           "(faces,) int32, read-only: index into material_names, or -1. Empty if nothing was said.")
       .def_property_readonly(
-          "material_names", [](const Rig& self) { return self.mesh.material_names; },
-          "In order of first use.")
+          "material_names", [](const Rig& self) { return self.mesh.material_names; }, "In order of first use.")
       .def_property_readonly(
           "material_library", [](const Rig& self) { return self.mesh.material_library; },
           "The file that describes the materials, or an empty string.")
@@ -178,8 +152,7 @@ void bind_rig(py::module_& module) {
           "skeleton", [](const Rig& self) -> const RigSkeleton& { return self.skeleton; },
           py::return_value_policy::reference_internal, "The RigSkeleton.")
       .def_property_readonly(
-          "weights",
-          [](py::object self) { return view_matrix(self.cast<const Rig&>().weights, self); },
+          "weights", [](py::object self) { return view_matrix(self.cast<const Rig&>().weights, self); },
           "(V, columns) float64, read-only: column c belongs to the joint whose weight column is "
           "c.")
       .def_property_readonly(
@@ -199,10 +172,9 @@ void bind_rig(py::module_& module) {
           "(F, J, 4, 4) float64, read-only: skinning matrices, or None.");
 }
 
-Rig py_read_rig(const Path& folder, const std::optional<Path>& skeleton,
-                const std::optional<Path>& mesh, const std::optional<Path>& weights,
-                const std::optional<Path>& pose, const std::optional<std::string>& convention,
-                const std::string& quaternion_order) {
+Rig py_read_rig(const Path& folder, const std::optional<Path>& skeleton, const std::optional<Path>& mesh,
+                const std::optional<Path>& weights, const std::optional<Path>& pose,
+                const std::optional<std::string>& convention, const std::string& quaternion_order) {
   RigPaths paths = find_rig(folder);
   if (skeleton) paths.skeleton = folder / *skeleton;
   if (mesh) paths.mesh = folder / *mesh;
@@ -212,9 +184,9 @@ Rig py_read_rig(const Path& folder, const std::optional<Path>& skeleton,
 }
 
 void py_write_rig(const Path& folder, const Rig& rig, const Path& skeleton) {
-  write_rig({folder / "mesh.obj", folder / skeleton, folder / "weights.dmat", folder / "pose.dmat",
-             folder / "anim.dmat"},
-            rig);
+  write_rig(
+      {folder / "mesh.obj", folder / skeleton, folder / "weights.dmat", folder / "pose.dmat", folder / "anim.dmat"},
+      rig);
 }
 
 }  // namespace
@@ -257,27 +229,25 @@ void bind_files(py::module_& module) {
       "convention: \"bone\" or \"joint\" overrides what a .bf file says of itself (\"bone\" if the "
       "weight index of a root is -1); a .tgf file is always \"bone\".\n"
       "Raises ValueError, naming file and line, for what cannot be read.");
-  module.def("write_skeleton", &write_skeleton, py::call_guard<py::gil_scoped_release>(),
-             py::arg("path"), py::arg("skeleton"),
+  module.def("write_skeleton", &write_skeleton, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
+             py::arg("skeleton"),
              "Write .bf or .tgf, by the path's ending. Raises ValueError if the format cannot hold "
              "the skeleton or the file cannot be written.");
-  module.def(
-      "read_rig", &py_read_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"),
-      py::kw_only(), py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(),
-      py::arg("weights") = py::none(), py::arg("pose") = py::none(),
-      py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
-      "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
-      "exist, pose.dmat and anim.dmat. Weights below 0 or above 1, which Blender's vertex groups "
-      "cannot hold, become 0 or 1, the weights of such a vertex are divided by their sum, and "
-      "clamped_weights says how many there were. (read_dmat gives the file's own.)\n\n"
-      "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
-      "convention: as of read_skeleton.\n"
-      "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "
-      "degrees.\n"
-      "Raises ValueError, naming the file, for what cannot be read or does not fit the other "
-      "files.");
-  module.def("write_rig", &py_write_rig, py::call_guard<py::gil_scoped_release>(),
-             py::arg("folder"), py::arg("rig"), py::kw_only(), py::arg("skeleton") = "skeleton.bf",
+  module.def("read_rig", &py_read_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"), py::kw_only(),
+             py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(), py::arg("weights") = py::none(),
+             py::arg("pose") = py::none(), py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
+             "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
+             "exist, pose.dmat and anim.dmat. Weights below 0 or above 1, which Blender's vertex groups "
+             "cannot hold, become 0 or 1, the weights of such a vertex are divided by their sum, and "
+             "clamped_weights says how many there were. (read_dmat gives the file's own.)\n\n"
+             "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
+             "convention: as of read_skeleton.\n"
+             "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "
+             "degrees.\n"
+             "Raises ValueError, naming the file, for what cannot be read or does not fit the other "
+             "files.");
+  module.def("write_rig", &py_write_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"), py::arg("rig"),
+             py::kw_only(), py::arg("skeleton") = "skeleton.bf",
              "Write a rig into an existing folder, under the names that read_rig looks for.\n\n"
              "skeleton: the name of its file, ending in .bf or .tgf.\n"
              "Raises ValueError if the format cannot hold the skeleton or a file cannot be "

@@ -46,8 +46,7 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
 /// layout: offsets in a pose bone of the next one's address, its motion, its count of segments, and
 /// the address of the segments' motions.
 void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
-               const py::array_t<std::int32_t>& joint_counts,
-               const std::array<std::ptrdiff_t, 4>& layout,
+               const py::array_t<std::int32_t>& joint_counts, const std::array<std::ptrdiff_t, 4>& layout,
                py::array_t<float, py::array::c_style> out) {
   const PoseBoneLayout members{layout[0], layout[1], layout[2], layout[3]};
   const auto first = first_joints.unchecked<1>();
@@ -78,8 +77,7 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
 constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
 
 /// layout: offsets in a key of its flags and its value.
-py::array_t<float> silence_keys(const py::array_t<std::int64_t>& keys,
-                                const std::array<std::ptrdiff_t, 2>& layout) {
+py::array_t<float> silence_keys(const py::array_t<std::int64_t>& keys, const std::array<std::ptrdiff_t, 2>& layout) {
   const auto addresses = keys.unchecked<1>();
   std::vector<float> values(addresses.shape(0), 0.0f);
   for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
@@ -111,24 +109,22 @@ void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_
 void bind_shortcut(py::module_& host);
 
 void bind_host(py::module_& parent) {
-  py::module_ module =
-      parent.def_submodule("host", "Blender's own memory, for the add-on: no use outside Blender.");
+  py::module_ module = parent.def_submodule("host", "Blender's own memory, for the add-on: no use outside Blender.");
   module.def("read_weights", &read_weights, py::arg("vertices"), py::arg("count"),
              "Weights of a mesh of Blender's.\n\n"
              "vertices: address of its array of deform vertices; count: V.\n"
              "Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the "
              "order in which Blender stores them.");
-  module.def(
-      "read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"), py::arg("joint_counts"),
-      py::arg("layout"), py::arg("out"),
-      "Motions of the bones of a pose of Blender's, from rest to pose, armature space.\n\n"
-      "bone: address of its first bone; first_joints, joint_counts: (B,) int32, of each bone "
-      "where its matrices go in out, -1 for nowhere, and how many they are: 1, or one more "
-      "than a B-bone has segments.\n"
-      "layout: byte offsets in a bone of the next one's address, its motion, its number of "
-      "segments, the address of the segments' motions.\n"
-      "out: (J, 4, 4) float32, column by column as Blender has them, C-contiguous.\n"
-      "Raises ValueError if the pose has other bones or segments.");
+  module.def("read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"), py::arg("joint_counts"),
+             py::arg("layout"), py::arg("out"),
+             "Motions of the bones of a pose of Blender's, from rest to pose, armature space.\n\n"
+             "bone: address of its first bone; first_joints, joint_counts: (B,) int32, of each bone "
+             "where its matrices go in out, -1 for nowhere, and how many they are: 1, or one more "
+             "than a B-bone has segments.\n"
+             "layout: byte offsets in a bone of the next one's address, its motion, its number of "
+             "segments, the address of the segments' motions.\n"
+             "out: (J, 4, 4) float32, column by column as Blender has them, C-contiguous.\n"
+             "Raises ValueError if the pose has other bones or segments.");
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Addresses, int64, of the structs of a list of Blender's, at most count of them: each "
              "begins with the address of the next.");
@@ -138,8 +134,7 @@ void bind_host(py::module_& parent) {
              "byte offsets in a key of its flags and its value.\n"
              "Returns (K,) float32: their values, 0 for the reference and for what the user has "
              "muted.");
-  module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),
-             "Undoes silence_keys.");
+  module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"), "Undoes silence_keys.");
   bind_shortcut(module);
 }
 

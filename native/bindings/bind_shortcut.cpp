@@ -31,8 +31,7 @@ class Watched {
   /// the next one's memory is still there.
   bool holds() const {
     for (const Region& region : regions_) {
-      if (std::memcmp(reinterpret_cast<const void*>(region.address), seen_.data() + region.first,
-                      region.size) != 0) {
+      if (std::memcmp(reinterpret_cast<const void*>(region.address), seen_.data() + region.first, region.size) != 0) {
         return false;
       }
     }
@@ -91,12 +90,10 @@ struct Switch {
 
 class Shortcut {
  public:
-  Shortcut(
-      py::object deformer, const std::vector<std::pair<Address, std::size_t>>& watched,
-      const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&
-          poses,
-      const std::array<std::ptrdiff_t, 6>& layout,
-      const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches)
+  Shortcut(py::object deformer, const std::vector<std::pair<Address, std::size_t>>& watched,
+           const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>& poses,
+           const std::array<std::ptrdiff_t, 6>& layout,
+           const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched),
@@ -115,11 +112,9 @@ class Shortcut {
 
   bool holds() const { return watched_.holds(); }
 
-  void deform(const py::object& out,
-              const std::vector<std::optional<py::array_t<double, py::array::c_style>>>& spaces,
+  void deform(const py::object& out, const std::vector<std::optional<py::array_t<double, py::array::c_style>>>& spaces,
               const py::sequence& stages, const std::optional<py::array>& milliseconds) {
-    const auto positions =
-        written_span<float>("out", given_array("out", out), {deformer_.vertex_count(), 3});
+    const auto positions = written_span<float>("out", given_array("out", out), {deformer_.vertex_count(), 3});
     const std::vector<Stage> in_order = stages_of(stages);
     std::span<double> times;
     if (milliseconds) {
@@ -148,9 +143,7 @@ class Shortcut {
   void gather(PoseSource& source) const {
     const auto pose = read<Address>(source.at);
     const auto bones = pose == 0 ? 0 : read<Address>(pose + layout_.array);
-    const auto bone = [&](std::ptrdiff_t number) {
-      return read<Address>(bones + number * sizeof(Address));
-    };
+    const auto bone = [&](std::ptrdiff_t number) { return read<Address>(bones + number * sizeof(Address)); };
     // Both ends of the list tell that the array is that of these bones.
     if (bones == 0 || bone(0) != read<Address>(pose + layout_.list) ||
         bone(source.bone_count - 1) != read<Address>(pose + layout_.list + sizeof(Address))) {
@@ -177,17 +170,14 @@ class Shortcut {
 }  // namespace
 
 void bind_shortcut(py::module_& host) {
-  py::class_<Shortcut>(
-      host, "Shortcut",
-      "A frame in which nothing but the pose has changed. Of one evaluated object: "
-      "for one thread at a time.")
+  py::class_<Shortcut>(host, "Shortcut",
+                       "A frame in which nothing but the pose has changed. Of one evaluated object: "
+                       "for one thread at a time.")
       .def(py::init<py::object, const std::vector<std::pair<Address, std::size_t>>&,
-                    const std::vector<
-                        std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
+                    const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
                     const std::array<std::ptrdiff_t, 6>&,
                     const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&>(),
-           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"),
-           py::arg("switches"),
+           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("switches"),
            "deformer: a Deformer without keys or whose keys add nothing.\n"
            "watched: (address, size) of memory that says that all is as now, looked at in this "
            "order.\n"
@@ -198,8 +188,8 @@ void bind_shortcut(py::module_& host) {
            "switches: (address of an int32, bits to clear, bits to set).\n"
            "Raises ValueError for sizes that do not fit.")
       .def("holds", &Shortcut::holds, "Whether what is watched is as it was.")
-      .def("deform", &Shortcut::deform, py::arg("out"), py::arg("spaces"),
-           py::arg("stages") = py::tuple(), py::arg("milliseconds") = py::none(),
+      .def("deform", &Shortcut::deform, py::arg("out"), py::arg("spaces"), py::arg("stages") = py::tuple(),
+           py::arg("milliseconds") = py::none(),
            "To be called if it holds: reads the poses, deforms, and sets the switches.\n\n"
            "out: (V, 3) float32; spaces: (4, 4) float64 or None a layer; stages; milliseconds: as "
            "Deformer.deform has them.\n"

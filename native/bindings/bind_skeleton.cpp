@@ -16,12 +16,10 @@ py::array empty_like_stack(const MatrixStack<const T>& stack, bool has_frames, p
 
 /// Calls compute(in, out) on views of the arrays; out is made if the caller gave none.
 template <class In, class Out, class Compute>
-py::array into(const char* name, const py::array& in, const py::object& out,
-               const Compute& compute) {
+py::array into(const char* name, const py::array& in, const py::object& out, const Compute& compute) {
   const auto source = matrix_stack<const In>(name, in);
-  const py::array result = out.is_none()
-                               ? empty_like_stack(source, in.ndim() == 4, py::dtype::of<Out>())
-                               : given_array("out", out);
+  const py::array result =
+      out.is_none() ? empty_like_stack(source, in.ndim() == 4, py::dtype::of<Out>()) : given_array("out", out);
   const auto target = matrix_stack<Out>("out", result);
   {
     const py::gil_scoped_release release;
@@ -33,26 +31,21 @@ py::array into(const char* name, const py::array& in, const py::object& out,
 /// For the functions that compute in the type that they are given.
 void require_float_or_double(const char* name, const py::array& array) {
   if (!py::isinstance<py::array_t<float>>(array) && !py::isinstance<py::array_t<double>>(array)) {
-    throw InputError(std::string(name) + " is " + dtype_text(array) +
-                     "; expected float32 or float64");
+    throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected float32 or float64");
   }
 }
 
-py::array py_forward_kinematics(const Skeleton& skeleton, const py::array& local,
-                                const py::object& out) {
+py::array py_forward_kinematics(const Skeleton& skeleton, const py::array& local, const py::object& out) {
   require_float_or_double("local", local);
   const auto run = [&](auto source, auto target) { forward_kinematics(skeleton, source, target); };
-  if (py::isinstance<py::array_t<float>>(local))
-    return into<float, float>("local", local, out, run);
+  if (py::isinstance<py::array_t<float>>(local)) return into<float, float>("local", local, out, run);
   return into<double, double>("local", local, out, run);
 }
 
-py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
-                               const py::object& out) {
+py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world, const py::object& out) {
   require_float_or_double("world", world);
   const auto run = [&](auto source, auto target) { skinning_matrices(skeleton, source, target); };
-  if (py::isinstance<py::array_t<float>>(world))
-    return into<float, float>("world", world, out, run);
+  if (py::isinstance<py::array_t<float>>(world)) return into<float, float>("world", world, out, run);
   return into<double, float>("world", world, out, run);
 }
 
@@ -70,8 +63,7 @@ std::vector<Eigen::Quaterniond> copied_rotations(const py::array& array, py::ssi
   return quaternions;
 }
 
-py::array_t<double> rotation_array(std::span<const Eigen::Quaterniond> rotations,
-                                   std::vector<py::ssize_t> shape) {
+py::array_t<double> rotation_array(std::span<const Eigen::Quaterniond> rotations, std::vector<py::ssize_t> shape) {
   py::array_t<double> array(std::move(shape));
   double* out = array.mutable_data();
   for (const Eigen::Quaterniond& q : rotations) {
@@ -88,9 +80,8 @@ py::array_t<double> clip_sample(const PoseClip& clip, double time, bool loop) {
 
 py::array py_rotation_transforms(const py::array& rotations, const py::object& out) {
   const auto quaternions = copied_rotations(rotations, 2);
-  const py::array result =
-      out.is_none() ? py::array_t<double>({rotations.shape(0), py::ssize_t{4}, py::ssize_t{4}})
-                    : given_array("out", out);
+  const py::array result = out.is_none() ? py::array_t<double>({rotations.shape(0), py::ssize_t{4}, py::ssize_t{4}})
+                                         : given_array("out", out);
   rotation_transforms<double>(quaternions, matrix_stack<double>("out", result));
   return result;
 }
@@ -100,8 +91,7 @@ py::array py_rotation_transforms(const py::array& rotations, const py::object& o
 void bind_skeleton(py::module_& module) {
   py::class_<Skeleton>(module, "Skeleton", "The tree of joints and its rest pose. Immutable.")
       .def(py::init([](const py::array& parents, const py::array& rest) {
-             return Skeleton(list_of<std::int32_t>("parents", parents),
-                             copied_matrices("rest", rest, 3));
+             return Skeleton(list_of<std::int32_t>("parents", parents), copied_matrices("rest", rest, 3));
            }),
            py::arg("parents"), py::arg("rest"),
            "parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after "
@@ -112,30 +102,20 @@ void bind_skeleton(py::module_& module) {
            "finite, a rest transform that cannot be inverted.")
       .def_property_readonly("joint_count", &Skeleton::joint_count, "J.")
       .def_property_readonly(
-          "parents",
-          [](py::object self) { return view_list(self.cast<const Skeleton&>().parents(), self); },
+          "parents", [](py::object self) { return view_list(self.cast<const Skeleton&>().parents(), self); },
           "(J,) int32, read-only: each joint's parent, -1 for a root.")
       .def_property_readonly(
-          "rest",
-          [](py::object self) {
-            return view_matrices(self.cast<const Skeleton&>().rest<double>(), self);
-          },
+          "rest", [](py::object self) { return view_matrices(self.cast<const Skeleton&>().rest<double>(), self); },
           "(J, 4, 4) float64, read-only: R(j), relative to the parent.")
       .def_property_readonly(
-          "rest_world",
-          [](py::object self) {
-            return view_matrices(self.cast<const Skeleton&>().rest_world(), self);
-          },
+          "rest_world", [](py::object self) { return view_matrices(self.cast<const Skeleton&>().rest_world(), self); },
           "(J, 4, 4) float64, read-only: A(j), relative to the world.")
       .def_property_readonly(
           "inverse_rest",
-          [](py::object self) {
-            return view_matrices(self.cast<const Skeleton&>().inverse_rest(), self);
-          },
+          [](py::object self) { return view_matrices(self.cast<const Skeleton&>().inverse_rest(), self); },
           "(J, 4, 4) float64, read-only: A(j)^-1.")
-      .def("__repr__", [](const Skeleton& self) {
-        return "<Skeleton of " + std::to_string(self.joint_count()) + " joints>";
-      });
+      .def("__repr__",
+           [](const Skeleton& self) { return "<Skeleton of " + std::to_string(self.joint_count()) + " joints>"; });
 
   module.def("forward_kinematics", &py_forward_kinematics, py::arg("skeleton"), py::arg("local"),
              py::arg("out") = py::none(),
@@ -176,8 +156,7 @@ void bind_skeleton(py::module_& module) {
            "loop: the first pose follows the last, and time wraps at P; otherwise time stops at "
            "either end.\n"
            "Raises ValueError for a time that is not finite.");
-  module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"),
-             py::arg("out") = py::none(),
+  module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"), py::arg("out") = py::none(),
              "T(j) of joints that only turn.\n\n"
              "rotations: (J, 4), unit quaternions w x y z.\n"
              "out: where to write, (J, 4, 4) float64, any strides; made if None.\n"

@@ -19,12 +19,10 @@ std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matr
 
 /// Calls skin(matrices, positions) without the GIL and returns what was written.
 template <class Call>
-py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out,
-                  const Call& call) {
+py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out, const Call& call) {
   const auto stack = matrix_stack<const float>("matrices", matrices);
   const auto shape = positions_shape(skin, matrices);
-  const py::array result =
-      out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
+  const py::array result = out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
   const std::span<float> positions = written_span<float>("out", result, shape);
   {
     const py::gil_scoped_release release;
@@ -34,8 +32,7 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
 }
 
 py::array linear(const Skin& skin, const py::array& matrices, const py::object& out) {
-  return skinned(skin, matrices, out,
-                 [&](auto stack, auto positions) { skin_linear(skin, stack, positions); });
+  return skinned(skin, matrices, out, [&](auto stack, auto positions) { skin_linear(skin, stack, positions); });
 }
 
 py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py::object& out,
@@ -43,9 +40,8 @@ py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py:
   std::vector<Matrix4<double>> frames;
   if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
   const StretchRule rule{stretch_named(stretch), frames};
-  return skinned(skin, matrices, out, [&](auto stack, auto positions) {
-    skin_dual_quaternion(skin, stack, positions, rule);
-  });
+  return skinned(skin, matrices, out,
+                 [&](auto stack, auto positions) { skin_dual_quaternion(skin, stack, positions, rule); });
 }
 
 void skin_jobs(const std::vector<py::tuple>& tuples) {
@@ -84,8 +80,8 @@ Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) 
   check_counts(weights.shape(0), 0, weights.shape(1));
   const Numbers<double> numbers("weights", weights);
   const auto rows = weights.shape(0), columns = weights.shape(1);
-  return Skin::from_dense(points_of<float>("rest_positions", rest_positions),
-                          std::span<const double>(numbers).data(), rows, columns, columns, 1);
+  return Skin::from_dense(points_of<float>("rest_positions", rest_positions), std::span<const double>(numbers).data(),
+                          rows, columns, columns, 1);
 }
 
 constexpr const char* kSkinArguments =
@@ -94,38 +90,31 @@ constexpr const char* kSkinArguments =
     "out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if "
     "None.\n";
 
-constexpr const char* kSkinReturns =
-    "Returns out. Raises ValueError if a shape or dtype does not fit.";
+constexpr const char* kSkinReturns = "Returns out. Raises ValueError if a shape or dtype does not fit.";
 
 }  // namespace
 
 void bind_skinning(py::module_& module) {
-  py::class_<Skin, std::shared_ptr<Skin>>(
-      module, "Skin",
-      "The mesh at rest and what moves each vertex. Immutable but for "
-      "set_rest_positions.")
-      .def(
-          py::init([](const py::array& rest_positions, const py::array& offsets,
-                      const py::array& joints, const py::array& weights,
-                      std::ptrdiff_t joint_count) {
-            check_counts(rest_positions.size() / 3, joints.size(), joint_count);
-            return Skin(points_of<float>("rest_positions", rest_positions),
-                        list_of<std::int64_t>("offsets", offsets),
-                        list_of<std::int32_t>("joints", joints), list_of<float>("weights", weights),
-                        joint_count);
-          }),
-          py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"),
-          py::arg("joint_count"),
-          "rest_positions: (V, 3), space of the mesh.\n"
-          "offsets: (V + 1,) integers; vertex v has the influences offsets[v] up to "
-          "offsets[v + 1].\n"
-          "joints: (N,) integers, each in 0 to J - 1.\n"
-          "weights: (N,), used as they are; those of a vertex should sum to 1.\n"
-          "joint_count: J, how many matrices a frame has.\n"
-          "Every influence is kept, in its order; a vertex without any, or with zeros alone, stays "
-          "at rest.\n"
-          "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
-          "that is not finite.")
+  py::class_<Skin, std::shared_ptr<Skin>>(module, "Skin",
+                                          "The mesh at rest and what moves each vertex. Immutable but for "
+                                          "set_rest_positions.")
+      .def(py::init([](const py::array& rest_positions, const py::array& offsets, const py::array& joints,
+                       const py::array& weights, std::ptrdiff_t joint_count) {
+             check_counts(rest_positions.size() / 3, joints.size(), joint_count);
+             return Skin(points_of<float>("rest_positions", rest_positions), list_of<std::int64_t>("offsets", offsets),
+                         list_of<std::int32_t>("joints", joints), list_of<float>("weights", weights), joint_count);
+           }),
+           py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"), py::arg("joint_count"),
+           "rest_positions: (V, 3), space of the mesh.\n"
+           "offsets: (V + 1,) integers; vertex v has the influences offsets[v] up to "
+           "offsets[v + 1].\n"
+           "joints: (N,) integers, each in 0 to J - 1.\n"
+           "weights: (N,), used as they are; those of a vertex should sum to 1.\n"
+           "joint_count: J, how many matrices a frame has.\n"
+           "Every influence is kept, in its order; a vertex without any, or with zeros alone, stays "
+           "at rest.\n"
+           "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
+           "that is not finite.")
       .def_static("from_dense", &skin_from_dense, py::arg("rest_positions"), py::arg("weights"),
                   "A skin from a dense table of weights.\n\n"
                   "rest_positions: (V, 3), space of the mesh.\n"
@@ -134,10 +123,8 @@ void bind_skinning(py::module_& module) {
       .def_property_readonly("vertex_count", &Skin::vertex_count, "V.")
       .def_property_readonly("joint_count", &Skin::joint_count, "J.")
       .def_property_readonly("influence_count", &Skin::influence_count, "N.")
-      .def_property_readonly("most_influences", &Skin::most_influences,
-                             "The most influences that a vertex has.")
-      .def_property_readonly("unweighted_count", &Skin::unweighted_count,
-                             "How many vertices nothing moves.")
+      .def_property_readonly("most_influences", &Skin::most_influences, "The most influences that a vertex has.")
+      .def_property_readonly("unweighted_count", &Skin::unweighted_count, "How many vertices nothing moves.")
       .def_property_readonly("largest_sum_error", &Skin::largest_sum_error,
                              "The largest |sum of weights - 1| of a vertex that something moves.")
       .def_property_readonly(
@@ -148,16 +135,13 @@ void bind_skinning(py::module_& module) {
           },
           "(V, 3) float32, read-only, space of the mesh.")
       .def_property_readonly(
-          "offsets",
-          [](py::object self) { return view_list(self.cast<const Skin&>().offsets(), self); },
+          "offsets", [](py::object self) { return view_list(self.cast<const Skin&>().offsets(), self); },
           "(V + 1,) int64, read-only: where each vertex's influences begin.")
       .def_property_readonly(
-          "joints",
-          [](py::object self) { return view_list(self.cast<const Skin&>().joints(), self); },
+          "joints", [](py::object self) { return view_list(self.cast<const Skin&>().joints(), self); },
           "(N,) int32, read-only.")
       .def_property_readonly(
-          "weights",
-          [](py::object self) { return view_list(self.cast<const Skin&>().weights(), self); },
+          "weights", [](py::object self) { return view_list(self.cast<const Skin&>().weights(), self); },
           "(N,) float32, read-only.")
       .def(
           "set_rest_positions",
@@ -171,36 +155,30 @@ void bind_skinning(py::module_& module) {
           "Raises ValueError, and changes nothing, for another number of vertices or a number that "
           "is not finite.")
       .def("__repr__", [](const Skin& self) {
-        return "<Skin of " + std::to_string(self.vertex_count()) + " vertices, " +
-               std::to_string(self.joint_count()) + " joints, " +
-               std::to_string(self.influence_count()) + " influences>";
+        return "<Skin of " + std::to_string(self.vertex_count()) + " vertices, " + std::to_string(self.joint_count()) +
+               " joints, " + std::to_string(self.influence_count()) + " influences>";
       });
 
-  module.def("skin_linear", &linear, py::arg("skin"), py::arg("matrices"),
-             py::arg("out") = py::none(),
-             (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments +
+  module.def(
+      "skin_linear", &linear, py::arg("skin"), py::arg("matrices"), py::arg("out") = py::none(),
+      (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments + kSkinReturns).c_str());
+  module.def("skin_dual_quaternion", &dual_quaternion, py::arg("skin"), py::arg("matrices"),
+             py::arg("out") = py::none(), py::arg("stretch") = "polar", py::arg("rest_frames") = py::none(),
+             (std::string("Dual quaternion skinning (Kavan et al. 2008).\n\n") + kSkinArguments +
+              "stretch: what becomes of scale and shear: \"polar\", decomposed and blended "
+              "linearly; \"frame\", along the axes of the joint's rest frame, as Blender 3.4 does; "
+              "\"frame_each\", each joint for itself, as Blender 4.3 and 5.2 do.\n"
+              "rest_frames: with the latter two, (J, 4, 4), each joint's rest transform relative to "
+              "the space of the mesh, without scale; None with \"polar\".\n" +
               kSkinReturns)
                  .c_str());
-  module.def(
-      "skin_dual_quaternion", &dual_quaternion, py::arg("skin"), py::arg("matrices"),
-      py::arg("out") = py::none(), py::arg("stretch") = "polar",
-      py::arg("rest_frames") = py::none(),
-      (std::string("Dual quaternion skinning (Kavan et al. 2008).\n\n") + kSkinArguments +
-       "stretch: what becomes of scale and shear: \"polar\", decomposed and blended "
-       "linearly; \"frame\", along the axes of the joint's rest frame, as Blender 3.4 does; "
-       "\"frame_each\", each joint for itself, as Blender 4.3 and 5.2 do.\n"
-       "rest_frames: with the latter two, (J, 4, 4), each joint's rest transform relative to "
-       "the space of the mesh, without scale; None with \"polar\".\n" +
-       kSkinReturns)
-          .c_str());
-  module.def(
-      "skin_all", &skin_jobs, py::arg("jobs"),
-      "Several skins at once, with all threads at work on all of them.\n\n"
-      "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
-      "quaternions behind them: matrices and out as of skin_linear, out not None; method "
-      "\"linear\" or \"dual_quaternion\".\n"
-      "The same bits as one call a job. Raises ValueError, and writes nothing, if a shape or dtype "
-      "does not fit or two results overlap.");
+  module.def("skin_all", &skin_jobs, py::arg("jobs"),
+             "Several skins at once, with all threads at work on all of them.\n\n"
+             "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
+             "quaternions behind them: matrices and out as of skin_linear, out not None; method "
+             "\"linear\" or \"dual_quaternion\".\n"
+             "The same bits as one call a job. Raises ValueError, and writes nothing, if a shape or dtype "
+             "does not fit or two results overlap.");
 }
 
 }  // namespace sinew::bindings

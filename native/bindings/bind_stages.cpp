@@ -26,8 +26,8 @@ std::shared_ptr<Topology> make_topology(std::ptrdiff_t vertex_count, const py::a
   return std::make_shared<Topology>(vertex_count, ends, first, all);
 }
 
-std::shared_ptr<Smooth> make_smooth(std::shared_ptr<Topology> topology,
-                                    const std::optional<py::array>& weights, bool invert) {
+std::shared_ptr<Smooth> make_smooth(std::shared_ptr<Topology> topology, const std::optional<py::array>& weights,
+                                    bool invert) {
   const OptionalNumbers group("weights", weights);
   const py::gil_scoped_release release;
   return std::make_shared<Smooth>(std::move(topology), VertexGroup{group, invert});
@@ -35,25 +35,22 @@ std::shared_ptr<Smooth> make_smooth(std::shared_ptr<Topology> topology,
 
 std::shared_ptr<CorrectiveSmooth> make_corrective(std::shared_ptr<Topology> topology,
                                                   const std::optional<py::array>& rest_positions,
-                                                  const std::optional<py::array>& weights,
-                                                  bool invert, bool pin_boundary,
-                                                  const std::string& corner_angle) {
+                                                  const std::optional<py::array>& weights, bool invert,
+                                                  bool pin_boundary, const std::string& corner_angle) {
   const OptionalNumbers group("weights", weights);
   const CornerAngle angle = corner_angle_named(corner_angle);
   std::optional<Numbers<float>> rest;
   if (rest_positions) rest.emplace(points_of<float>("rest_positions", *rest_positions));
   const std::span<const float> positions = rest ? *rest : std::span<const float>();
   if (rest && std::ssize(positions) != 3 * topology->vertex_count()) {
-    wrong_shape("rest_positions", *rest_positions,
-                "(" + std::to_string(topology->vertex_count()) + ", 3)");
+    wrong_shape("rest_positions", *rest_positions, "(" + std::to_string(topology->vertex_count()) + ", 3)");
   }
   const py::gil_scoped_release release;
-  return std::make_shared<CorrectiveSmooth>(std::move(topology), positions,
-                                            VertexGroup{group, invert}, pin_boundary, angle);
+  return std::make_shared<CorrectiveSmooth>(std::move(topology), positions, VertexGroup{group, invert}, pin_boundary,
+                                            angle);
 }
 
-std::shared_ptr<Hook> make_hook(std::ptrdiff_t vertex_count,
-                                const std::optional<py::array>& vertices,
+std::shared_ptr<Hook> make_hook(std::ptrdiff_t vertex_count, const std::optional<py::array>& vertices,
                                 const std::optional<py::array>& weights, bool invert) {
   const OptionalNumbers group("weights", weights);
   std::optional<std::vector<std::int32_t>> named;
@@ -71,11 +68,10 @@ Eigen::Matrix<float, rows, columns> matrix_of(const char* name, const py::array&
   return Eigen::Matrix<float, columns, rows>::Map(numbers.data()).transpose();
 }
 
-Hook::Settings hook_settings(const py::array& matrix, float strength, const std::string& falloff,
-                             float radius, const std::array<float, 3>& center,
-                             const std::optional<py::array>& uniform) {
-  Hook::Settings settings{matrix_of<4, 4>("matrix", matrix), strength, falloff_named(falloff),
-                          radius, Eigen::Vector3f(center.data())};
+Hook::Settings hook_settings(const py::array& matrix, float strength, const std::string& falloff, float radius,
+                             const std::array<float, 3>& center, const std::optional<py::array>& uniform) {
+  Hook::Settings settings{matrix_of<4, 4>("matrix", matrix), strength, falloff_named(falloff), radius,
+                          Eigen::Vector3f(center.data())};
   if (uniform) settings.uniform = matrix_of<3, 3>("uniform", *uniform);
   return settings;
 }
@@ -83,8 +79,8 @@ Hook::Settings hook_settings(const py::array& matrix, float strength, const std:
 void apply(const StageOfPython& self, const py::object& positions) {
   std::visit(
       [&](const auto& one) {
-        const std::span<float> own = written_span<float>(
-            "positions", given_array("positions", positions), {one.stage->vertex_count(), 3});
+        const std::span<float> own =
+            written_span<float>("positions", given_array("positions", positions), {one.stage->vertex_count(), 3});
         const py::gil_scoped_release release;
         one.stage->apply(one.settings, own);
       },
@@ -98,10 +94,10 @@ constexpr const char* kGroup =
 }  // namespace
 
 void bind_stages(py::module_& module) {
-  py::class_<Topology, std::shared_ptr<Topology>>(
-      module, "Topology", "Which vertices edges join, and the faces around each. Immutable.")
-      .def(py::init(&make_topology), py::arg("vertex_count"), py::arg("edges"),
-           py::arg("face_offsets") = py::none(), py::arg("corner_vertices") = py::none(),
+  py::class_<Topology, std::shared_ptr<Topology>>(module, "Topology",
+                                                  "Which vertices edges join, and the faces around each. Immutable.")
+      .def(py::init(&make_topology), py::arg("vertex_count"), py::arg("edges"), py::arg("face_offsets") = py::none(),
+           py::arg("corner_vertices") = py::none(),
            "vertex_count: V.\n"
            "edges: (E, 2) integers. Sums over neighbours are taken in this order, as Blender takes "
            "them. Edges without a face are fine.\n"
@@ -114,14 +110,12 @@ void bind_stages(py::module_& module) {
       .def_property_readonly("edge_count", &Topology::edge_count, "E.")
       .def_property_readonly("corner_count", &Topology::corner_count, "C.");
 
-  py::class_<StageOfPython>(
-      module, "Stage",
-      "What a CorrectiveSmooth, a Smooth or a Hook does in one frame: made by "
-      "their stage(...), for apply or for Deformer.deform. Immutable.")
-      .def(
-          "apply", &apply, py::arg("positions"),
-          "Works on positions (V, 3) float32, C-contiguous, in place. Several threads may at once. "
-          "Raises ValueError, and writes nothing, if the shape or dtype does not fit.");
+  py::class_<StageOfPython>(module, "Stage",
+                            "What a CorrectiveSmooth, a Smooth or a Hook does in one frame: made by "
+                            "their stage(...), for apply or for Deformer.deform. Immutable.")
+      .def("apply", &apply, py::arg("positions"),
+           "Works on positions (V, 3) float32, C-contiguous, in place. Several threads may at once. "
+           "Raises ValueError, and writes nothing, if the shape or dtype does not fit.");
 
   py::class_<CorrectiveSmooth, std::shared_ptr<CorrectiveSmooth>>(
       module, "CorrectiveSmooth",
@@ -131,8 +125,8 @@ void bind_stages(py::module_& module) {
       "Immutable "
       "but for set_rest_positions; several threads may use one at once.")
       .def(py::init(&make_corrective), py::arg("topology"), py::arg("rest_positions") = py::none(),
-           py::arg("weights") = py::none(), py::arg("invert") = false,
-           py::arg("pin_boundary") = false, py::arg("corner_angle") = "polynomial",
+           py::arg("weights") = py::none(), py::arg("invert") = false, py::arg("pin_boundary") = false,
+           py::arg("corner_angle") = "polynomial",
            (std::string("topology: a Topology of V vertices.\n"
                         "rest_positions: (V, 3), the shape that keeps its detail: Blender's "
                         "original or bound coordinates. None: for only_smooth.\n") +
@@ -155,11 +149,10 @@ void bind_stages(py::module_& module) {
           "ValueError for another number of positions and for one that is not finite.")
       .def(
           "stage",
-          [](const std::shared_ptr<CorrectiveSmooth>& self, float factor, int iterations,
-             float scale, const std::string& smooth_type, bool only_smooth) {
-            return StageOfPython(
-                std::shared_ptr<const CorrectiveSmooth>(self),
-                {factor, iterations, scale, smooth_type_named(smooth_type), only_smooth});
+          [](const std::shared_ptr<CorrectiveSmooth>& self, float factor, int iterations, float scale,
+             const std::string& smooth_type, bool only_smooth) {
+            return StageOfPython(std::shared_ptr<const CorrectiveSmooth>(self),
+                                 {factor, iterations, scale, smooth_type_named(smooth_type), only_smooth});
           },
           py::arg("factor") = 0.5f, py::arg("iterations") = 5, py::arg("scale") = 1.0f,
           py::arg("smooth_type") = "simple", py::arg("only_smooth") = false,
@@ -177,8 +170,7 @@ void bind_stages(py::module_& module) {
       "Blender's Smooth modifier, to the bit: moves vertices towards the mean of the midpoints of "
       "their edges. A vertex without edges has the mean 0. Immutable; several threads may use one "
       "at once.")
-      .def(py::init(&make_smooth), py::arg("topology"), py::arg("weights") = py::none(),
-           py::arg("invert") = false,
+      .def(py::init(&make_smooth), py::arg("topology"), py::arg("weights") = py::none(), py::arg("invert") = false,
            (std::string("topology: a Topology of V vertices.\n") + kGroup +
             "All but topology is copied. Vertices of weight 0 or less stay, and cost nothing. "
             "Raises "
@@ -187,13 +179,11 @@ void bind_stages(py::module_& module) {
       .def_property_readonly("vertex_count", &Smooth::vertex_count, "V.")
       .def(
           "stage",
-          [](const std::shared_ptr<Smooth>& self, float factor, int iterations, bool use_x,
-             bool use_y, bool use_z) {
-            return StageOfPython(std::shared_ptr<const Smooth>(self),
-                                 {factor, iterations, use_x, use_y, use_z});
+          [](const std::shared_ptr<Smooth>& self, float factor, int iterations, bool use_x, bool use_y, bool use_z) {
+            return StageOfPython(std::shared_ptr<const Smooth>(self), {factor, iterations, use_x, use_y, use_z});
           },
-          py::arg("factor") = 0.5f, py::arg("iterations") = 1, py::arg("use_x") = true,
-          py::arg("use_y") = true, py::arg("use_z") = true,
+          py::arg("factor") = 0.5f, py::arg("iterations") = 1, py::arg("use_x") = true, py::arg("use_y") = true,
+          py::arg("use_z") = true,
           "factor: any finite number, also outside of 0 to 1.\n"
           "iterations: 0 or fewer: nothing happens.\n"
           "use_x, use_y, use_z: the axes along which vertices move.\n"
@@ -205,10 +195,9 @@ void bind_stages(py::module_& module) {
       "falloff weight. Immutable; several threads may use one at once.")
       .def(py::init(&make_hook), py::arg("vertex_count"), py::arg("vertices") = py::none(),
            py::arg("weights") = py::none(), py::arg("invert") = false,
-           (std::string(
-                "vertex_count: V.\n"
-                "vertices: integers, those that are hooked; one that is named twice is moved "
-                "twice. None: all that have a weight.\n") +
+           (std::string("vertex_count: V.\n"
+                        "vertices: integers, those that are hooked; one that is named twice is moved "
+                        "twice. None: all that have a weight.\n") +
             kGroup +
             "All are copied. Without vertices and weights nothing is hooked, as in Blender. Raises "
             "ValueError for a vertex out of range, for sizes that do not fit and for numbers that "
@@ -217,15 +206,13 @@ void bind_stages(py::module_& module) {
       .def_property_readonly("vertex_count", &Hook::vertex_count, "V.")
       .def(
           "stage",
-          [](const std::shared_ptr<Hook>& self, const py::array& matrix, float strength,
-             const std::string& falloff, float radius, const std::array<float, 3>& center,
-             const std::optional<py::array>& uniform) {
+          [](const std::shared_ptr<Hook>& self, const py::array& matrix, float strength, const std::string& falloff,
+             float radius, const std::array<float, 3>& center, const std::optional<py::array>& uniform) {
             return StageOfPython(std::shared_ptr<const Hook>(self),
                                  hook_settings(matrix, strength, falloff, radius, center, uniform));
           },
-          py::arg("matrix"), py::arg("strength") = 1.0f, py::arg("falloff") = "none",
-          py::arg("radius") = 0.0f, py::arg("center") = std::array<float, 3>{},
-          py::arg("uniform") = py::none(),
+          py::arg("matrix"), py::arg("strength") = 1.0f, py::arg("falloff") = "none", py::arg("radius") = 0.0f,
+          py::arg("center") = std::array<float, 3>{}, py::arg("uniform") = py::none(),
           "matrix: (4, 4), M, in the space of the mesh.\n"
           "strength: any finite number.\n"
           "falloff: how the strength falls from the center to the radius: \"none\", \"constant\", "

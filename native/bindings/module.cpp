@@ -25,12 +25,11 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_skinning(module);
   sinew::bindings::bind_stages(module);
   sinew::bindings::bind_deformer(module);
-  module.def(
-      "set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
-      "Let later calls use at most `count` threads, the calling one included, and never more "
-      "than the machine has; 0 means as many as it has. Results never depend on it. Raises "
-      "ValueError for a "
-      "negative number.");
+  module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
+             "Let later calls use at most `count` threads, the calling one included, and never more "
+             "than the machine has; 0 means as many as it has. Results never depend on it. Raises "
+             "ValueError for a "
+             "negative number.");
   module.def("instruction_sets", &sinew::instruction_sets,
              "The names of the instruction sets that this machine can run, best first.");
   module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
@@ -38,6 +37,5 @@ PYBIND11_MODULE(sinew_native, module) {
              "Use this instruction set from now on, or the best for \"auto\". Results of two sets "
              "agree to rounding, not to the bit. No skinning may be under way. Raises ValueError "
              "for a name that is none.");
-  module.def("thread_count", &sinew::thread_count,
-             "The number of threads the next call may use, at least 1.");
+  module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use, at least 1.");
 }

@@ -153,12 +153,7 @@ class Skin:
     """The mesh at rest and what moves each vertex. Immutable but for set_rest_positions."""
 
     def __init__(
-        self,
-        rest_positions: _Reals,
-        offsets: _Integers,
-        joints: _Integers,
-        weights: _Reals,
-        joint_count: int,
+        self, rest_positions: _Reals, offsets: _Integers, joints: _Integers, weights: _Reals, joint_count: int
     ) -> None:
         """rest_positions (V, 3); offsets (V + 1,): vertex v has the influences offsets[v] to
         offsets[v + 1]; joints (N,); weights (N,), which for each vertex should sum to 1.
@@ -329,20 +324,13 @@ class CorrectiveSmooth:
 class Smooth:
     """Blender's Smooth modifier, to the bit. Immutable."""
 
-    def __init__(
-        self, topology: Topology, weights: _Reals | None = None, invert: bool = False
-    ) -> None:
+    def __init__(self, topology: Topology, weights: _Reals | None = None, invert: bool = False) -> None:
         """weights (V,)."""
     @property
     def vertex_count(self) -> int:
         """V."""
     def stage(
-        self,
-        factor: float = 0.5,
-        iterations: int = 1,
-        use_x: bool = True,
-        use_y: bool = True,
-        use_z: bool = True,
+        self, factor: float = 0.5, iterations: int = 1, use_x: bool = True, use_y: bool = True, use_z: bool = True
     ) -> Stage:
         """With the modifier's settings in a frame."""
 
@@ -350,11 +338,7 @@ class Hook:
     """Blender's Hook modifier, but for the curve. Immutable."""
 
     def __init__(
-        self,
-        vertex_count: int,
-        vertices: _Integers | None = None,
-        weights: _Reals | None = None,
-        invert: bool = False,
+        self, vertex_count: int, vertices: _Integers | None = None, weights: _Reals | None = None, invert: bool = False
     ) -> None:
         """vertices: those that are hooked, None for all that have a weight; weights (V,)."""
     @property
@@ -376,10 +360,7 @@ class Deformer:
     stages after them. Immutable; several threads may use one at once."""
 
     def __init__(
-        self,
-        layers: Sequence[Layer] = [],
-        keys: ShapeKeys | None = None,
-        vertex_count: int | None = None,
+        self, layers: Sequence[Layer] = [], keys: ShapeKeys | None = None, vertex_count: int | None = None
     ) -> None:
         """layers: mixed in this order; none at all if there are keys. vertex_count in place of both:
         for stages alone."""
@@ -405,9 +386,7 @@ def forward_kinematics(
     """F(j) = F(parent) R(j) T(j). local and out: (J, 4, 4) or (F, J, 4, 4), any strides; out may be
     local itself and is returned."""
 
-def skinning_matrices(
-    skeleton: Skeleton, world: _Float32 | _Float64, out: _Float32 | None = None
-) -> _Float32:
+def skinning_matrices(skeleton: Skeleton, world: _Float32 | _Float64, out: _Float32 | None = None) -> _Float32:
     """F(j) A(j)^-1. world and out: (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
 
 def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
@@ -429,8 +408,7 @@ def skin_dual_quaternion(
 
 def skin_all(
     jobs: Sequence[
-        tuple[Skin, _Float32, _Float32, _Method]
-        | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals]
+        tuple[Skin, _Float32, _Float32, _Method] | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals]
     ],
 ) -> None:
     """Several skins at once, with all threads at work on all of them. A job is (skin, matrices, out,
@@ -477,4 +455,3 @@ def instruction_set() -> str:
 
 def set_instruction_set(name: str) -> None:
     """Use this instruction set from now on, or the best for "auto". No skinning may be under way."""
-

@@ -16,23 +16,22 @@ void check_vertices(std::span<const std::int64_t> vertices, std::span<const std:
     if (i > 0 && vertices[i] <= vertices[i - 1]) fail("vertices does not rise at entry ", i);
   }
   if (offsets.size() != vertices.size() + 1) {
-    fail("offsets has ", plural(std::ssize(offsets), "entry"), "; expected ",
-         grouped(std::ssize(vertices) + 1), ", one more than there are vertices");
+    fail("offsets has ", plural(std::ssize(offsets), "entry"), "; expected ", grouped(std::ssize(vertices) + 1),
+         ", one more than there are vertices");
   }
   if (offsets.front() != 0 || offsets.back() != influences) {
-    fail("offsets runs from ", offsets.front(), " to ", offsets.back(), "; expected 0 to ",
-         influences, ", the number of influences");
+    fail("offsets runs from ", offsets.front(), " to ", offsets.back(), "; expected 0 to ", influences,
+         ", the number of influences");
   }
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     if (offsets[i] > offsets[i + 1]) fail("offsets falls at entry ", i);
   }
 }
 
-void check_influences(std::span<const std::int32_t> bones, std::span<const float> weights,
-                      std::ptrdiff_t bone_count) {
+void check_influences(std::span<const std::int32_t> bones, std::span<const float> weights, std::ptrdiff_t bone_count) {
   if (bones.size() != weights.size()) {
-    fail("bones has ", grouped(std::ssize(bones)), " entries and weights has ",
-         grouped(std::ssize(weights)), "; expected as many of each");
+    fail("bones has ", grouped(std::ssize(bones)), " entries and weights has ", grouped(std::ssize(weights)),
+         "; expected as many of each");
   }
   for (std::size_t i = 0; i < bones.size(); ++i) {
     if (bones[i] < 0 || bones[i] >= bone_count) {
@@ -54,12 +53,10 @@ void check_bones(std::span<const std::int32_t> first_joints, std::span<const std
   }
   for (std::size_t b = 0; b < segments.size(); ++b) {
     if (first_joints[b] < 0 || first_joints[b] >= kMostJoints) {
-      fail("the first joint of bone ", b, " is ", first_joints[b], "; expected 0 to ",
-           grouped(kMostJoints - 1));
+      fail("the first joint of bone ", b, " is ", first_joints[b], "; expected 0 to ", grouped(kMostJoints - 1));
     }
     if (segments[b] < 1 || segments[b] >= kMostJoints) {
-      fail("bone ", b, " has ", plural(segments[b], "segment"), "; expected 1 to ",
-           grouped(kMostJoints - 1));
+      fail("bone ", b, " has ", plural(segments[b], "segment"), "; expected 1 to ", grouped(kMostJoints - 1));
     }
     for (std::size_t i = 4 * b; i < 4 * b + 4; ++i) {
       if (!std::isfinite(axes[i])) fail("the axis of bone ", b, " is not finite");
@@ -87,8 +84,7 @@ Bends::Bends(std::span<const std::int64_t> vertices, std::span<const std::int64_
     joint_count_ = std::max(joint_count_, first_joints[b] + own);
   }
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    most_influences_ =
-        std::max(most_influences_, static_cast<std::size_t>(offsets_[i + 1] - offsets_[i]));
+    most_influences_ = std::max(most_influences_, static_cast<std::size_t>(offsets_[i + 1] - offsets_[i]));
   }
 }
 

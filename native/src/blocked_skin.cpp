@@ -25,8 +25,8 @@ class SetTable {
 
   std::uint32_t index_of(const std::vector<std::uint32_t>& joints, bool is_rigid) {
     const auto index = static_cast<std::uint32_t>(skin_.sets.size());
-    skin_.sets.push_back({static_cast<std::uint32_t>(skin_.joints.size()),
-                          static_cast<std::uint32_t>(joints.size()), is_rigid});
+    skin_.sets.push_back(
+        {static_cast<std::uint32_t>(skin_.joints.size()), static_cast<std::uint32_t>(joints.size()), is_rigid});
     skin_.joints.insert(skin_.joints.end(), joints.begin(), joints.end());
     const auto [known, is_new] = known_.insert(index);
     if (!is_new) {
@@ -63,8 +63,7 @@ class SetTable {
 /// Finds each block's joints; remembers which joints it has seen, so that a look is one read.
 class JointGatherer {
  public:
-  explicit JointGatherer(const BlockedSkin& skin)
-      : skin_(skin), last_block_(skin.identity_joint + 1, 0) {}
+  explicit JointGatherer(const BlockedSkin& skin) : skin_(skin), last_block_(skin.identity_joint + 1, 0) {}
 
   /// The distinct joints of vertices first..last, ascending; empty if there are too many.
   const std::vector<std::uint32_t>& joints_of(std::size_t first, std::size_t last) {
@@ -73,11 +72,10 @@ class JointGatherer {
     for (std::size_t v = first; v < last; ++v) {
       if (skin_.offsets[v] == skin_.offsets[v + 1]) add(skin_.identity_joint);
     }
-    const auto influences = skin_.influence_joints.subspan(
-        skin_.offsets[first], skin_.offsets[last] - skin_.offsets[first]);
+    const auto influences =
+        skin_.influence_joints.subspan(skin_.offsets[first], skin_.offsets[last] - skin_.offsets[first]);
     for (const std::int32_t joint : influences) add(static_cast<std::uint32_t>(joint));
-    if (joints_.size() > kAlwaysBlocked &&
-        joints_.size() * (last - first) > kJointsAnInfluence * influences.size()) {
+    if (joints_.size() > kAlwaysBlocked && joints_.size() * (last - first) > kJointsAnInfluence * influences.size()) {
       joints_.clear();
     }
     std::ranges::sort(joints_);
@@ -157,8 +155,7 @@ std::vector<JointPair> neighbours_in(const BlockedSkin& skin) {
   return {pairs.begin(), pairs.end()};
 }
 
-std::vector<JointPair> spanning_forest(const std::vector<JointPair>& neighbours,
-                                       std::size_t joint_count) {
+std::vector<JointPair> spanning_forest(const std::vector<JointPair>& neighbours, std::size_t joint_count) {
   std::vector<std::vector<std::uint32_t>> adjacent(joint_count);
   for (const auto& [a, b] : neighbours) {
     adjacent[a].push_back(b);
@@ -185,10 +182,9 @@ std::vector<JointPair> spanning_forest(const std::vector<JointPair>& neighbours,
 
 }  // namespace
 
-BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
-                         std::span<const std::int64_t> skin_offsets,
-                         std::span<const std::int32_t> skin_joints,
-                         std::span<const float> skin_weights, std::ptrdiff_t joint_count)
+BlockedSkin::BlockedSkin(std::span<const float> rest_positions, std::span<const std::int64_t> skin_offsets,
+                         std::span<const std::int32_t> skin_joints, std::span<const float> skin_weights,
+                         std::ptrdiff_t joint_count)
     : lanes(kernel_lanes()),
       identity_joint(static_cast<std::uint32_t>(joint_count)),
       rest(rest_positions),
@@ -222,8 +218,7 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions,
 void BlockedSkin::take_rest_positions() {
   for_blocks(*this, kFillPositions, [this](std::size_t begin, std::size_t end) {
     const std::size_t first = begin * kBlock;
-    pack_points(rest.data() + 3 * first, vertex_after(end) - first,
-                points.get() + begin * kBlockFloats);
+    pack_points(rest.data() + 3 * first, vertex_after(end) - first, points.get() + begin * kBlockFloats);
   });
 }
 

@@ -47,9 +47,8 @@ using JointPair = std::pair<std::uint32_t, std::uint32_t>;
 struct BlockedSkin {
   /// rest (V, 3), offsets (V + 1), joints and weights (N) as in Skin; joint_count J. Packed for the
   /// instruction set in use.
-  BlockedSkin(std::span<const float> rest, std::span<const std::int64_t> offsets,
-              std::span<const std::int32_t> joints, std::span<const float> weights,
-              std::ptrdiff_t joint_count);
+  BlockedSkin(std::span<const float> rest, std::span<const std::int64_t> offsets, std::span<const std::int32_t> joints,
+              std::span<const float> weights, std::ptrdiff_t joint_count);
 
   std::size_t vertex_count() const { return offsets.size() - 1; }
 

@@ -71,8 +71,7 @@ class CorrectiveSmooth::Body {
     if (settings.only_smooth) return smoothing.put(positions.data());
     smoothing.each_piece([&](std::size_t begin, std::size_t end) {
       float* const corrected = smoothing.other_points();
-      restore_losses(around_, begin, end, smoothing.points(), losses->numbers.get(), settings.scale,
-                     angle_, corrected);
+      restore_losses(around_, begin, end, smoothing.points(), losses->numbers.get(), settings.scale, angle_, corrected);
       around_.put(corrected, begin, end, positions.data());
     });
   }
@@ -97,19 +96,16 @@ class CorrectiveSmooth::Body {
   };
 
   double microseconds(const Settings& settings) const {
-    const double step =
-        settings.type == SmoothType::simple ? kMicrosecondsSimple : kMicrosecondsLength;
+    const double step = settings.type == SmoothType::simple ? kMicrosecondsSimple : kMicrosecondsLength;
     return static_cast<double>(around_.worked_on) *
-           (kMicroseconds + step * settings.iterations +
-            (settings.only_smooth ? 0 : kMicrosecondsCorners));
+           (kMicroseconds + step * settings.iterations + (settings.only_smooth ? 0 : kMicrosecondsCorners));
   }
 
   void iterate(const Settings& settings, Smoothing& smoothing) const {
     const auto step = settings.type == SmoothType::simple ? simple_step : length_step;
-    smoothing.iterate(settings.iterations,
-                      [&](std::size_t begin, std::size_t end, const float* from, float* to) {
-                        step(around_, begin, end, settings.factor, from, to);
-                      });
+    smoothing.iterate(settings.iterations, [&](std::size_t begin, std::size_t end, const float* from, float* to) {
+      step(around_, begin, end, settings.factor, from, to);
+    });
   }
 
   /// With one reader more.
@@ -123,8 +119,7 @@ class CorrectiveSmooth::Body {
         return known.get();
       }
       // The one that nobody reads and that was made longest ago is made anew.
-      const auto idle =
-          std::ranges::find(remembered_, 0, [](const auto& known) { return known->readers; });
+      const auto idle = std::ranges::find(remembered_, 0, [](const auto& known) { return known->readers; });
       if (remembered_.size() >= kRemembered && idle != remembered_.end()) {
         made = std::move(*idle);
         remembered_.erase(idle);
@@ -160,9 +155,8 @@ class CorrectiveSmooth::Body {
   std::vector<std::unique_ptr<Losses>> remembered_;  // guarded by mutex_
 };
 
-CorrectiveSmooth::CorrectiveSmooth(std::shared_ptr<const Topology> topology,
-                                   std::span<const float> rest_positions, const VertexGroup& group,
-                                   bool pin_boundary, CornerAngle angle)
+CorrectiveSmooth::CorrectiveSmooth(std::shared_ptr<const Topology> topology, std::span<const float> rest_positions,
+                                   const VertexGroup& group, bool pin_boundary, CornerAngle angle)
     : body_(std::make_unique<Body>(*topology, group, pin_boundary, angle)) {
   if (!rest_positions.empty() || vertex_count() == 0) set_rest_positions(rest_positions);
 }
@@ -172,9 +166,7 @@ CorrectiveSmooth::~CorrectiveSmooth() = default;
 
 std::ptrdiff_t CorrectiveSmooth::vertex_count() const { return body_->vertex_count; }
 
-void CorrectiveSmooth::set_rest_positions(std::span<const float> positions) {
-  body_->set_rest(positions);
-}
+void CorrectiveSmooth::set_rest_positions(std::span<const float> positions) { body_->set_rest(positions); }
 
 void CorrectiveSmooth::check(const Settings& settings) const {
   check_setting("factor", settings.factor);

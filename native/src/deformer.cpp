@@ -100,8 +100,7 @@ void check_stage(const Stage& stage, std::ptrdiff_t vertices, std::size_t i) {
       [&](const auto& one) {
         const std::ptrdiff_t own = one.stage->vertex_count();
         if (own != vertices) {
-          fail("stage ", i, " has ", plural(own, "vertex"), "; the deformer has ",
-               grouped(vertices));
+          fail("stage ", i, " has ", plural(own, "vertex"), "; the deformer has ", grouped(vertices));
         }
         try {
           one.stage->check(one.settings);
@@ -135,8 +134,7 @@ Deformer::Deformer(std::ptrdiff_t vertex_count) : vertex_count_(vertex_count) {
   if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
 }
 
-Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers,
-                   std::shared_ptr<const ShapeKeys> keys)
+Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers, std::shared_ptr<const ShapeKeys> keys)
     : layers_(std::move(layers)), keys_(std::move(keys)) {
   if (layers_.empty() && !keys_) fail("there are no layers and no shape keys; expected some");
   vertex_count_ = layers_.empty() ? keys_->vertex_count() : layers_[0]->skin().vertex_count();
@@ -146,36 +144,33 @@ Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers,
       fail("layer ", i, " has ", plural(own, "vertex"), "; layer 0 has ", grouped(vertex_count_));
     }
     const bool has_share = layers_[i]->share().has_value();
-    if (i == 0 && has_share)
-      fail("layer 0 has a share; there is nothing that it could be mixed with");
+    if (i == 0 && has_share) fail("layer 0 has a share; there is nothing that it could be mixed with");
     if (i > 0 && !has_share) fail("layer ", i, " has no share; only the first has none");
   }
   if (keys_ && keys_->vertex_count() != vertex_count_) {
-    fail("the keys have ", plural(keys_->vertex_count(), "vertex"), "; the layers have ",
-         grouped(vertex_count_));
+    fail("the keys have ", plural(keys_->vertex_count(), "vertex"), "; the layers have ", grouped(vertex_count_));
   }
 }
 
-void Deformer::check(std::span<const LayerPose> poses, std::span<float> positions,
-                     std::span<const float> key_values, std::span<const float> rest_positions,
-                     std::span<const Stage> stages, std::span<double> milliseconds) const {
+void Deformer::check(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values,
+                     std::span<const float> rest_positions, std::span<const Stage> stages,
+                     std::span<double> milliseconds) const {
   if (poses.size() != layers_.size()) {
-    fail("there are ", plural(std::ssize(poses), "pose"), "; the deformer has ",
-         plural(std::ssize(layers_), "layer"));
+    fail("there are ", plural(std::ssize(poses), "pose"), "; the deformer has ", plural(std::ssize(layers_), "layer"));
   }
   for (std::size_t i = 0; i < poses.size(); ++i) check_matrices_of(*layers_[i], poses[i], i);
   for (std::size_t i = 0; i < stages.size(); ++i) check_stage(stages[i], vertex_count_, i);
   if (!milliseconds.empty() && milliseconds.size() != stages.size() + 1) {
-    fail("milliseconds has ", plural(std::ssize(milliseconds), "number"), "; expected ",
-         stages.size() + 1, ", one more than there are stages");
+    fail("milliseconds has ", plural(std::ssize(milliseconds), "number"), "; expected ", stages.size() + 1,
+         ", one more than there are stages");
   }
   check_position_count("the result", positions, vertex_count_);
   if (!key_values.empty()) {
     if (!keys_) fail("there are key values, but no shape keys");
     if (!rest_positions.empty()) fail("there are key values and rest positions; expected one");
     if (std::ssize(key_values) != keys_->count()) {
-      fail("there are ", plural(std::ssize(key_values), "key value"), "; expected ",
-           grouped(keys_->count()), ", one a key");
+      fail("there are ", plural(std::ssize(key_values), "key value"), "; expected ", grouped(keys_->count()),
+           ", one a key");
     }
   }
   if (rest_positions.empty()) {
@@ -192,9 +187,9 @@ void Deformer::check(std::span<const LayerPose> poses, std::span<float> position
   }
 }
 
-void Deformer::deform(std::span<const LayerPose> poses, std::span<float> positions,
-                      std::span<const float> key_values, std::span<const float> rest_positions,
-                      std::span<const Stage> stages, std::span<double> milliseconds) const {
+void Deformer::deform(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values,
+                      std::span<const float> rest_positions, std::span<const Stage> stages,
+                      std::span<double> milliseconds) const {
   check(poses, positions, key_values, rest_positions, stages, milliseconds);
   Watch watch(milliseconds);
   if (vertex_count_ > 0) skin(poses, positions, key_values, rest_positions);
@@ -205,8 +200,7 @@ void Deformer::deform(std::span<const LayerPose> poses, std::span<float> positio
   }
 }
 
-void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions,
-                    std::span<const float> key_values,
+void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values,
                     std::span<const float> rest_positions) const {
   const auto vertices = static_cast<std::size_t>(vertex_count_);
 
@@ -216,14 +210,7 @@ void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions
   if (posed.size() < layers_.size()) posed.resize(layers_.size());
   for (std::size_t i = 0; i < layers_.size(); ++i) posed[i].take(*layers_[i], poses[i]);
 
-  Frame frame{{posed.data(), layers_.size()},
-              nullptr,
-              key_values,
-              nullptr,
-              nullptr,
-              vertices,
-              positions.data(),
-              false,
+  Frame frame{{posed.data(), layers_.size()}, nullptr, key_values, nullptr, nullptr, vertices, positions.data(), false,
               !rest_positions.empty()};
   if (!rest_positions.empty()) {
     frame.input = rest_positions.data();
@@ -236,22 +223,20 @@ void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions
   }
 
   const std::ptrdiff_t changed = frame.keys ? keys_->changed_by(key_values) : 0;
-  double microseconds = kMicrosecondsCopy * static_cast<double>(vertices) +
-                        kMicrosecondsKey * static_cast<double>(changed);
+  double microseconds =
+      kMicrosecondsCopy * static_cast<double>(vertices) + kMicrosecondsKey * static_cast<double>(changed);
   for (std::size_t i = 0; i < layers_.size(); ++i) {
     microseconds += microseconds_a_vertex(layers_[i]->method()) * static_cast<double>(vertices);
     if (!layers_[i]->bends()) continue;
     frame.has_bends = true;
     const std::ptrdiff_t listed = std::ssize(layers_[i]->bends()->vertices());
     const bool all = frame.all_moved || posed[i].split_elsewhere;
-    microseconds +=
-        kMicrosecondsBend * static_cast<double>(all ? listed : std::min(listed, changed));
+    microseconds += kMicrosecondsBend * static_cast<double>(all ? listed : std::min(listed, changed));
   }
   const std::size_t tiles = (vertices + kTile - 1) / kTile;
-  parallel_for(tiles, threads_pay(microseconds) ? 1 : tiles,
-               [&](std::size_t begin, std::size_t end) {
-                 for (std::size_t t = begin; t < end; ++t) frame.run_tile(t);
-               });
+  parallel_for(tiles, threads_pay(microseconds) ? 1 : tiles, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) frame.run_tile(t);
+  });
 }
 
 }  // namespace sinew

@@ -26,8 +26,8 @@ Header take_header(const std::string& name, std::string_view& unread) {
   std::string_view line = whole;
   const std::string_view columns = next_word(line), rows = next_word(line);
   Header header{};
-  if (!parse_number(columns, header.columns) || !parse_number(rows, header.rows) ||
-      !next_word(line).empty() || header.columns < 0 || header.rows < 0) {
+  if (!parse_number(columns, header.columns) || !parse_number(rows, header.rows) || !next_word(line).empty() ||
+      header.columns < 0 || header.rows < 0) {
     fail(name, ": expected a first line `columns rows`, found ", excerpt(whole));
   }
   unread.remove_prefix(std::min(end + 1, unread.size()));
@@ -35,8 +35,8 @@ Header take_header(const std::string& name, std::string_view& unread) {
 }
 
 [[noreturn]] void ends_early(const std::string& name, Header header, std::size_t numbers) {
-  fail(name, " ends after ", plural(static_cast<long long>(numbers), "number"), "; ",
-       plural(header.columns, "column"), " x ", plural(header.rows, "row"), " were due");
+  fail(name, " ends after ", plural(static_cast<long long>(numbers), "number"), "; ", plural(header.columns, "column"),
+       " x ", plural(header.rows, "row"), " were due");
 }
 
 std::size_t count_words(std::string_view text) {
@@ -55,8 +55,8 @@ void check_size(const std::string& name, Header header, std::string_view unread,
   // A matrix without rows may have any number of columns, and the other way round.
   const long long longest = std::max(header.columns, header.rows);
   if (longest > kMostOfEither) {
-    fail(name, " says ", plural(header.columns, "column"), " x ", plural(header.rows, "row"),
-         "; expected at most ", grouped(kMostOfEither), " of either");
+    fail(name, " says ", plural(header.columns, "column"), " x ", plural(header.rows, "row"), "; expected at most ",
+         grouped(kMostOfEither), " of either");
   }
 }
 
@@ -65,8 +65,8 @@ void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd
     const std::string_view word = next_word(unread);
     if (word.empty()) ends_early(name, {matrix.cols(), matrix.rows()}, i);
     if (!parse_number(word, matrix.data()[i])) {
-      fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),
-           ": expected a finite number, found ", excerpt(word));
+      fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(), ": expected a finite number, found ",
+           excerpt(word));
     }
   }
   if (!next_word(unread).empty()) {
@@ -77,14 +77,13 @@ void read_text(const std::string& name, std::string_view unread, Eigen::MatrixXd
 void read_binary(const std::string& name, std::string_view unread, Eigen::MatrixXd& matrix) {
   const std::size_t due = static_cast<std::size_t>(matrix.size()) * sizeof(double);
   if (unread.size() > due) {
-    fail(name, " goes on for ", plural(static_cast<long long>(unread.size() - due), "byte"),
-         " after the ", plural(matrix.size(), "number"), " that its header promises");
+    fail(name, " goes on for ", plural(static_cast<long long>(unread.size() - due), "byte"), " after the ",
+         plural(matrix.size(), "number"), " that its header promises");
   }
   std::copy(unread.begin(), unread.end(), reinterpret_cast<char*>(matrix.data()));
   for (Eigen::Index i = 0; i < matrix.size(); ++i) {
     if (!std::isfinite(matrix.data()[i])) {
-      fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(),
-           ": the number is not finite");
+      fail(name, ", row ", i % matrix.rows(), ", column ", i / matrix.rows(), ": the number is not finite");
     }
   }
 }
@@ -121,8 +120,7 @@ void write_dmat(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matri
     for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
       const double number = matrix(row, column);
       if (!std::isfinite(number)) {
-        fail("row ", row, ", column ", column, " of the matrix for ", path.filename().string(),
-             " is not finite");
+        fail("row ", row, ", column ", column, " of the matrix for ", path.filename().string(), " is not finite");
       }
       if (binary) {
         bytes.append(reinterpret_cast<const char*>(&number), sizeof number);

@@ -41,9 +41,7 @@ RigidAndStretch split_polar(const Matrix4<double>& matrix) {
 // A joint that is scaled to nothing along an axis, or mirrored, turns as rounding decides. To turn
 // as Blender's does, it takes the same steps in float32, sums in the same order.
 
-float dot(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
-  return a.x() * b.x() + a.y() * b.y() + a.z() * b.z();
-}
+float dot(const Eigen::Vector3f& a, const Eigen::Vector3f& b) { return a.x() * b.x() + a.y() * b.y() + a.z() * b.z(); }
 
 /// Of length 1; zeros if it is too short to tell.
 Eigen::Vector3f direction(const Eigen::Vector3f& vector) {
@@ -71,9 +69,7 @@ Eigen::Quaternionf quaternion_of(const Eigen::Matrix3f& axes) {
   const float xx = m(0, 0), yy = m(1, 1), zz = m(2, 2);
   const float yz = m(2, 1) - m(1, 2), zx = m(0, 2) - m(2, 0), xy = m(1, 0) - m(0, 1);
   const float xy2 = m(1, 0) + m(0, 1), yz2 = m(2, 1) + m(1, 2), zx2 = m(0, 2) + m(2, 0);
-  const auto root = [](float sum, float w) {
-    return w < 0 ? -2 * std::sqrt(sum) : 2 * std::sqrt(sum);
-  };
+  const auto root = [](float sum, float w) { return w < 0 ? -2 * std::sqrt(sum) : 2 * std::sqrt(sum); };
   Eigen::Quaternionf q;  // w x y z
   if (zz < 0 && xx > yy) {
     const float s = root(1 + xx - yy - zz, yz), t = 1 / s;
@@ -117,24 +113,20 @@ Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
 RigidAndStretch split_in_frame(const Matrix4<double>& matrix, const Matrix4<double>& rest) {
   const Matrix4<float> base = rest.cast<float>();
   const Matrix4<float> posed = product(matrix.cast<float>(), base);
-  const Eigen::Vector3f excess =
-      posed.topLeftCorner<3, 3>().colwise().norm().transpose() - Eigen::Vector3f::Ones();
+  const Eigen::Vector3f excess = posed.topLeftCorner<3, 3>().colwise().norm().transpose() - Eigen::Vector3f::Ones();
   if (is_rotation(matrix.topLeftCorner<3, 3>()) && excess.squaredNorm() <= 1e-8f) {
     return motion(Eigen::Quaterniond(matrix.topLeftCorner<3, 3>()), matrix.topRightCorner<3, 1>(),
                   Eigen::Matrix<double, 3, 4>::Identity(), true);
   }
   Matrix4<float> rigid = Matrix4<float>::Identity();
-  rigid.topLeftCorner<3, 3>() = quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>()))
-                                    .cast<double>()
-                                    .toRotationMatrix()
-                                    .cast<float>();
+  rigid.topLeftCorner<3, 3>() =
+      quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>())).cast<double>().toRotationMatrix().cast<float>();
   rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
   const Matrix4<float> moved = product(rigid, base.inverse());
   const Matrix4<double> inverse_rest = rest.inverse();
-  const Matrix4<double> stretch =
-      rest * (rigid.cast<double>().inverse() * posed.cast<double>()) * inverse_rest;
-  return motion(quaternion_of(moved.topLeftCorner<3, 3>()).cast<double>(),
-                moved.topRightCorner<3, 1>().cast<double>(), stretch.topRows<3>(), false);
+  const Matrix4<double> stretch = rest * (rigid.cast<double>().inverse() * posed.cast<double>()) * inverse_rest;
+  return motion(quaternion_of(moved.topLeftCorner<3, 3>()).cast<double>(), moved.topRightCorner<3, 1>().cast<double>(),
+                stretch.topRows<3>(), false);
 }
 
 /// real * (0, by): half of it is what a point moved by `by` before the motion adds to the dual
@@ -144,8 +136,7 @@ Eigen::Vector4f times_vector(const Eigen::Quaternionf& real, const Eigen::Vector
 }
 
 /// A vertex at `rest`: each sign against the sum so far, in stored order.
-Eigen::Vector3f blend_vertex(const Influences& influences, const Palette& palette,
-                             const Eigen::Vector3f& rest) {
+Eigen::Vector3f blend_vertex(const Influences& influences, const Palette& palette, const Eigen::Vector3f& rest) {
   Eigen::Vector4f real = Eigen::Vector4f::Zero();
   Eigen::Vector4f dual = Eigen::Vector4f::Zero();
   Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
@@ -157,9 +148,8 @@ Eigen::Vector3f blend_vertex(const Influences& influences, const Palette& palett
     real += sign * joint.real.coeffs();
     dual += sign * joint.dual.coeffs();
     weight_sum += weight;
-    const Eigen::Vector3f by = joint.is_rigid
-                                   ? Eigen::Vector3f::Zero()
-                                   : Eigen::Vector3f(joint.stretch * rest.homogeneous() - rest);
+    const Eigen::Vector3f by =
+        joint.is_rigid ? Eigen::Vector3f::Zero() : Eigen::Vector3f(joint.stretch * rest.homogeneous() - rest);
     if (palette.stretch_each) {
       dual += 0.5f * sign * times_vector(joint.real, by);
     } else {
@@ -169,12 +159,10 @@ Eigen::Vector3f blend_vertex(const Influences& influences, const Palette& palett
   const float norm2 = real.squaredNorm();
   // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
   if (norm2 < std::numeric_limits<float>::min()) return rest;
-  const Eigen::Vector3f point =
-      weight_sum != 0 ? Eigen::Vector3f(rest + stretched / weight_sum) : rest;
+  const Eigen::Vector3f point = weight_sum != 0 ? Eigen::Vector3f(rest + stretched / weight_sum) : rest;
   // Kavan 2008, algorithm 1, on coefficients (x y z w) that are not yet normalised.
   const Eigen::Vector3f r = real.head<3>(), d = dual.head<3>();
-  const Eigen::Vector3f rotated =
-      point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real.w() * point));
+  const Eigen::Vector3f rotated = point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real.w() * point));
   return rotated + 2 / norm2 * (real.w() * d - dual.w() * r + r.cross(d));
 }
 
@@ -201,9 +189,8 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
     for (float& part : joints[to].real) part = -part;
     for (float& part : joints[to].dual) part = -part;
   }
-  const bool all_agree = std::ranges::all_of(skin.neighbours, [&](const JointPair& pair) {
-    return dot(joints[pair.first], joints[pair.second]) >= 0;
-  });
+  const bool all_agree = std::ranges::all_of(
+      skin.neighbours, [&](const JointPair& pair) { return dot(joints[pair.first], joints[pair.second]) >= 0; });
   const bool all_rigid = std::ranges::all_of(palette.motions, &RigidAndStretch::is_rigid);
   palette.skip.assign(skin.sets.size(), skin.has_negative_weights);
   if (all_agree && all_rigid) return;
@@ -220,17 +207,15 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
 
 }  // namespace
 
-void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule,
-                             MatrixStack<const float> matrices, std::ptrdiff_t frame,
-                             Palette& palette) {
+void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
+                             std::ptrdiff_t frame, Palette& palette) {
   const bool polar = rule.stretch == Stretch::polar;
   palette.stretch_each = rule.stretch == Stretch::frame_each;
   palette.motions.clear();
   palette.dual_quaternions.clear();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
     const Matrix4<double> matrix = matrices.at(frame, j).cast<double>();
-    palette.motions.push_back(polar ? split_polar(matrix)
-                                    : split_in_frame(matrix, rule.rest_frames[j]));
+    palette.motions.push_back(polar ? split_polar(matrix) : split_in_frame(matrix, rule.rest_frames[j]));
     palette.dual_quaternions.push_back(with_sign(palette.motions.back(), 1));
   }
   palette.dual_quaternions.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});
@@ -249,10 +234,8 @@ void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const 
   }
 }
 
-void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest,
-                            float* out) {
-  const Eigen::Vector3f moved =
-      blend_vertex(influences, palette, Eigen::Map<const Eigen::Vector3f>(rest));
+void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest, float* out) {
+  const Eigen::Vector3f moved = blend_vertex(influences, palette, Eigen::Map<const Eigen::Vector3f>(rest));
   std::copy_n(moved.data(), 3, out);
 }
 

@@ -8,14 +8,12 @@
 namespace sinew {
 
 /// matrices: F x J, of which this is frame `frame`.
-void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule,
-                             MatrixStack<const float> matrices, std::ptrdiff_t frame,
-                             Palette& palette);
+void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
+                             std::ptrdiff_t frame, Palette& palette);
 
 void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
 
 /// One vertex, at `rest`, with influences of its own.
-void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest,
-                            float* out);
+void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest, float* out);
 
 }  // namespace sinew

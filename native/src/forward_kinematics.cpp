@@ -28,8 +28,7 @@ void check_shapes(const Skeleton& skeleton, MatrixStack<const T> in, std::ptrdif
          plural(skeleton.joint_count(), "joint"));
   }
   if (out_frames != in.frames || out_joints != in.joints) {
-    fail("the result holds ", out_frames, " x ", out_joints, " matrices; expected ", in.frames,
-         " x ", in.joints);
+    fail("the result holds ", out_frames, " x ", out_joints, " matrices; expected ", in.frames, " x ", in.joints);
   }
 }
 
@@ -47,8 +46,8 @@ auto element(MatrixStack<T> stack, std::ptrdiff_t frame, std::ptrdiff_t joint) {
 
 /// These joints of one frame; those of their parents that are not among them are done.
 template <bool Packed, class T>
-void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world,
-                 std::ptrdiff_t frame, std::span<const std::int32_t> joints) {
+void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world, std::ptrdiff_t frame,
+                 std::span<const std::int32_t> joints) {
   const auto parents = skeleton.parents();
   const auto rest = skeleton.rest<T>();
   for (const std::int32_t j : joints) {
@@ -59,8 +58,8 @@ void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixSta
 }
 
 template <class T>
-void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world,
-                 std::ptrdiff_t frame, std::span<const std::int32_t> joints) {
+void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world, std::ptrdiff_t frame,
+                 std::span<const std::int32_t> joints) {
   const bool packed = local.is_packed() && world.is_packed();
   (packed ? pose_joints<true, T> : pose_joints<false, T>)(skeleton, local, world, frame, joints);
 }
@@ -68,8 +67,7 @@ void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixSta
 }  // namespace
 
 template <class T>
-void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local,
-                        MatrixStack<T> world) {
+void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world) {
   check_shapes(skeleton, local, world.frames, world.joints);
   const std::ptrdiff_t joints = skeleton.joint_count();
   if (joints == 0) return;
@@ -104,8 +102,7 @@ void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local,
 }
 
 template <class T>
-void skinning_matrices(const Skeleton& skeleton, MatrixStack<const T> world,
-                       MatrixStack<float> matrices) {
+void skinning_matrices(const Skeleton& skeleton, MatrixStack<const T> world, MatrixStack<float> matrices) {
   check_shapes(skeleton, world, matrices.frames, matrices.joints);
   const auto inverse_rest = skeleton.inverse_rest();
   const std::ptrdiff_t joints = skeleton.joint_count();

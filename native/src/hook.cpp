@@ -68,8 +68,7 @@ struct Pull {
 
  private:
   float squared_distance(const float* p) const {
-    const Eigen::Vector3f there =
-        settings.uniform ? times(*settings.uniform, p) : Eigen::Vector3f(p[0], p[1], p[2]);
+    const Eigen::Vector3f there = settings.uniform ? times(*settings.uniform, p) : Eigen::Vector3f(p[0], p[1], p[2]);
     const Eigen::Vector3f way = there - center;
     return way.x() * way.x() + way.y() * way.y() + way.z() * way.z();
   }
@@ -81,8 +80,7 @@ struct Pull {
 
 }  // namespace
 
-Hook::Hook(std::ptrdiff_t vertex_count, std::optional<std::span<const std::int32_t>> vertices,
-           const VertexGroup& group)
+Hook::Hook(std::ptrdiff_t vertex_count, std::optional<std::span<const std::int32_t>> vertices, const VertexGroup& group)
     : vertex_count_(vertex_count) {
   if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
   const std::vector<float> weights = weights_of(group, vertex_count);
@@ -119,14 +117,12 @@ void Hook::apply(const Settings& settings, std::span<float> positions) const {
   check(settings);
   if (settings.strength == 0) return;
   const Pull pull(settings);
-  const bool threads =
-      !names_twice_ && threads_pay(kMicroseconds * static_cast<double>(vertices_.size()));
-  parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(),
-               [&](std::size_t begin, std::size_t end) {
-                 for (std::size_t i = begin; i < end; ++i) {
-                   pull.move(weights_[i], positions.data() + 3 * std::size_t{vertices_[i]});
-                 }
-               });
+  const bool threads = !names_twice_ && threads_pay(kMicroseconds * static_cast<double>(vertices_.size()));
+  parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      pull.move(weights_[i], positions.data() + 3 * std::size_t{vertices_[i]});
+    }
+  });
 }
 
 }  // namespace sinew

@@ -154,8 +154,7 @@ HWY_INLINE void transform(const float* row, const Points<N>& points, Floats* mov
 
 /// sum += weight * (row . (x y z 1)).
 template <int N>
-HWY_INLINE void add_transformed(const float* row, const Points<N>& points,
-                                const float* const* weight, Floats* sum) {
+HWY_INLINE void add_transformed(const float* row, const Points<N>& points, const float* const* weight, Floats* sum) {
   Floats moved[N];
   transform<N>(row, points, moved);
   for (int n = 0; n < N; ++n) sum[n] = hn::MulAdd(moved[n], hn::Load(kTag, weight[n]), sum[n]);
@@ -189,8 +188,7 @@ HWY_INLINE void linear_groups(const Group* groups, const std::uint32_t* joints, 
 
 /// N groups that one joint moves with weight 1: there is nothing to blend.
 template <int N>
-HWY_INLINE void rigid_groups(const Group* groups, const MatrixRows& matrix,
-                             const Interleaver& interleaver) {
+HWY_INLINE void rigid_groups(const Group* groups, const MatrixRows& matrix, const Interleaver& interleaver) {
   const Points<N> points(groups);
   Floats x[N], y[N], z[N];
   transform<N>(matrix.row[0], points, x);
@@ -199,8 +197,7 @@ HWY_INLINE void rigid_groups(const Group* groups, const MatrixRows& matrix,
   for (int n = 0; n < N; ++n) interleaver.store(x[n], y[n], z[n], groups[n].out);
 }
 
-HWY_INLINE void linear_vertex(const Influences& influences, const float* p,
-                              const MatrixRows* palette, float* out) {
+HWY_INLINE void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette, float* out) {
   if (influences.joints.empty()) {
     std::memcpy(out, p, 3 * sizeof(float));
     return;
@@ -219,8 +216,7 @@ HWY_INLINE void linear_vertex(const Influences& influences, const float* p,
 /// Calls run<groups_at_once>(groups) for one block, b, or for two with the same joints. They write
 /// straight into the tile's positions, but for the last block of a mesh if it is not full.
 template <int groups_at_once, class Run>
-HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t b, int blocks,
-                          const Run& run) {
+HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t b, int blocks, const Run& run) {
   constexpr int kGroups = kBlock / kLanes;
   Group groups[2 * kGroups];
   HWY_ALIGN float buffer[kBlockFloats];
@@ -234,8 +230,7 @@ HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t
     }
     const float* weights = skin.packed_weights.get() + skin.blocks[b + i].weights;
     for (int g = 0; g < kGroups; ++g) {
-      groups[i * kGroups + g] = {tile.points + at + g * kLanes, weights + g * kLanes,
-                                 out + 3 * g * kLanes};
+      groups[i * kGroups + g] = {tile.points + at + g * kLanes, weights + g * kLanes, out + 3 * g * kLanes};
     }
   }
   for (int g = 0; g < blocks * kGroups; g += groups_at_once) {
@@ -252,8 +247,7 @@ void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* 
     if (set.count == 0) {
       for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
         const std::size_t at = 3 * (v - tile.begin * kBlock);
-        HWY_NAMESPACE::linear_vertex(skin.influences_of(v), tile.rest + at, palette,
-                                     tile.positions + at);
+        HWY_NAMESPACE::linear_vertex(skin.influences_of(v), tile.rest + at, palette, tile.positions + at);
       }
       ++b;
       continue;
@@ -285,8 +279,7 @@ void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* 
 /// Dual quaternions summed over the joints, then applied as Kavan 2008, algorithm 1, on a real part
 /// that is not yet normalised: p + 2 / |r|^2 (r x (r x p + w p + d) + w d - d_w r).
 HWY_INLINE void dual_quaternion_group(const Group& group, const std::uint32_t* joints, JointSet set,
-                                      const DualQuaternion* palette,
-                                      const Interleaver& interleaver) {
+                                      const DualQuaternion* palette, const Interleaver& interleaver) {
   Floats sum[8];
   for (int part = 0; part < 4; ++part) {
     sum[part] = set.is_rigid ? hn::Set(kTag, palette[joints[0]].real[part]) : hn::Zero(kTag);
@@ -318,16 +311,14 @@ HWY_INLINE void dual_quaternion_group(const Group& group, const std::uint32_t* j
   const Floats tx = hn::Add(hn::MulAdd(rw, px, dx), cross(ry, py, rz, pz));
   const Floats ty = hn::Add(hn::MulAdd(rw, py, dy), cross(rz, pz, rx, px));
   const Floats tz = hn::Add(hn::MulAdd(rw, pz, dz), cross(rx, px, ry, py));
-  const auto moved = [&](Floats p, Floats turned, Floats d, Floats r) HWY_ATTR {
-    return hn::MulAdd(scale, hn::MulAdd(rw, d, hn::NegMulAdd(dw, r, turned)), p);
-  };
-  interleaver.store(moved(px, cross(ry, ty, rz, tz), dx, rx),
-                    moved(py, cross(rz, tz, rx, tx), dy, ry),
+  const auto moved = [&](Floats p, Floats turned, Floats d, Floats r)
+                         HWY_ATTR { return hn::MulAdd(scale, hn::MulAdd(rw, d, hn::NegMulAdd(dw, r, turned)), p); };
+  interleaver.store(moved(px, cross(ry, ty, rz, tz), dx, rx), moved(py, cross(rz, tz, rx, tx), dy, ry),
                     moved(pz, cross(rx, tx, ry, ty), dz, rz), group.out);
 }
 
-void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,
-                            const DualQuaternion* palette, const std::uint8_t* skip) {
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const DualQuaternion* palette,
+                            const std::uint8_t* skip) {
   const Interleaver interleaver;
   for (std::size_t b = tile.begin; b < tile.end; ++b) {
     const std::uint32_t joint_set = skin.blocks[b].joint_set;
@@ -416,13 +407,12 @@ void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* 
   HWY_DYNAMIC_DISPATCH(linear_blocks)(skin, tile, palette);
 }
 
-void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette,
-                   float* out) {
+void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette, float* out) {
   HWY_DYNAMIC_DISPATCH(linear_vertex)(influences, p, palette, out);
 }
 
-void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,
-                            const DualQuaternion* palette, const std::uint8_t* skip) {
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const DualQuaternion* palette,
+                            const std::uint8_t* skip) {
   HWY_DYNAMIC_DISPATCH(dual_quaternion_blocks)(skin, tile, palette, skip);
 }
 

@@ -33,13 +33,12 @@ void pack_points(const float* positions, std::size_t vertices, float* points);
 void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* palette);
 
 /// Linear blend skinning of one vertex at p: matrices blended first. Without influences it stays.
-void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette,
-                   float* out);
+void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette, float* out);
 
 /// Dual quaternion skinning, signs already chosen: within a block every two joints lie on one side.
 /// Blocks of sets with skip[set] != 0 are left for the caller, as are those without a set.
 /// palette    J + 1, the last the identity.
-void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile,
-                            const DualQuaternion* palette, const std::uint8_t* skip);
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const DualQuaternion* palette,
+                            const std::uint8_t* skip);
 
 }  // namespace sinew

@@ -6,8 +6,7 @@
 namespace sinew {
 namespace {
 
-std::optional<std::vector<float>> checked(const char* name,
-                                          std::optional<std::span<const float>> numbers,
+std::optional<std::vector<float>> checked(const char* name, std::optional<std::span<const float>> numbers,
                                           std::ptrdiff_t vertices) {
   if (!numbers) return std::nullopt;
   check_vertex_numbers(name, *numbers, vertices, "the skin");
@@ -16,21 +15,18 @@ std::optional<std::vector<float>> checked(const char* name,
 
 void check_bends(const Bends& bends, const Skin& skin) {
   if (!bends.vertices().empty() && bends.vertices().back() >= skin.vertex_count()) {
-    fail("bends names vertex ", bends.vertices().back(), "; the skin has ",
-         plural(skin.vertex_count(), "vertex"));
+    fail("bends names vertex ", bends.vertices().back(), "; the skin has ", plural(skin.vertex_count(), "vertex"));
   }
   if (bends.joint_count() > skin.joint_count()) {
-    fail("bends names joint ", bends.joint_count() - 1, "; the skin has ",
-         plural(skin.joint_count(), "joint"));
+    fail("bends names joint ", bends.joint_count() - 1, "; the skin has ", plural(skin.joint_count(), "joint"));
   }
 }
 
 }  // namespace
 
 Layer::Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule,
-             std::optional<std::span<const float>> mask,
-             std::optional<std::span<const float>> share, std::shared_ptr<const Bends> bends,
-             const std::optional<Matrix4<double>>& split_space)
+             std::optional<std::span<const float>> mask, std::optional<std::span<const float>> share,
+             std::shared_ptr<const Bends> bends, const std::optional<Matrix4<double>>& split_space)
     : skin_(std::move(skin)),
       method_(method),
       stretch_(rule.stretch),

@@ -21,8 +21,8 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
   }
 }
 
-void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule,
-             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette) {
+void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, MatrixStack<const float> matrices,
+             std::ptrdiff_t frame, Palette& palette) {
   if (method == SkinningMethod::linear) {
     prepare_linear(matrices, frame, palette);
   } else {
@@ -35,8 +35,8 @@ void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette,
   (linear ? run_linear : run_dual_quaternion)(skin, palette, tile);
 }
 
-void run_vertex(const Influences& influences, SkinningMethod method, const Palette& palette,
-                const float* rest, float* out) {
+void run_vertex(const Influences& influences, SkinningMethod method, const Palette& palette, const float* rest,
+                float* out) {
   if (method == SkinningMethod::linear) {
     linear_vertex(influences, rest, palette.matrices.data(), out);
   } else {

@@ -49,11 +49,11 @@ struct Neighbourhood {
   /// Back again, for the vertices of blocks `begin` up to `end`.
   void put(const float* points, std::size_t begin, std::size_t end, float* positions) const;
 
-  std::size_t vertex_count;             ///< of the mesh
-  std::vector<std::uint32_t> vertices;  ///< of each point
-  std::size_t worked_on;                ///< so many of them; without what fills the last block
-  std::vector<float> weights;           ///< one a lane
-  std::vector<float> counts;            ///< neighbours, one a lane
+  std::size_t vertex_count;                    ///< of the mesh
+  std::vector<std::uint32_t> vertices;         ///< of each point
+  std::size_t worked_on;                       ///< so many of them; without what fills the last block
+  std::vector<float> weights;                  ///< one a lane
+  std::vector<float> counts;                   ///< neighbours, one a lane
   std::vector<std::uint32_t> neighbour_begin;  ///< blocks + 1, entries
   std::vector<std::uint32_t> corner_begin;
   hwy::AlignedFreeUniquePtr<Entry[]> neighbours;
@@ -62,8 +62,7 @@ struct Neighbourhood {
 
 /// Memory for one frame's smoothing.
 struct SmoothingSpace {
-  explicit SmoothingSpace(std::size_t points)
-      : from(aligned<float>(4 * points)), to(aligned<float>(4 * points)) {}
+  explicit SmoothingSpace(std::size_t points) : from(aligned<float>(4 * points)), to(aligned<float>(4 * points)) {}
   hwy::AlignedFreeUniquePtr<float[]> from;
   hwy::AlignedFreeUniquePtr<float[]> to;
 };

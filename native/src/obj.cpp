@@ -63,8 +63,8 @@ PolygonMesh read_obj(const Path& path) {
   for (std::ptrdiff_t face = 0; face < mesh.face_count(); ++face) {
     for (auto i = mesh.face_offsets[face]; i < mesh.face_offsets[face + 1]; ++i) {
       if (mesh.face_vertices[i] >= mesh.vertex_count()) {
-        fail(file.name(), ": face ", face + 1, " names vertex ", mesh.face_vertices[i] + 1,
-             "; there are ", plural(mesh.vertex_count(), "vertex"));
+        fail(file.name(), ": face ", face + 1, " names vertex ", mesh.face_vertices[i] + 1, "; there are ",
+             plural(mesh.vertex_count(), "vertex"));
       }
     }
   }

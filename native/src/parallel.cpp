@@ -71,9 +71,8 @@ class Pool {
 
   template <class Chunk>
   void run(std::size_t chunks, const Chunk& chunk) {
-    arena_.execute([&] {
-      oneapi::tbb::parallel_for(std::size_t{0}, chunks, chunk, oneapi::tbb::simple_partitioner());
-    });
+    arena_.execute(
+        [&] { oneapi::tbb::parallel_for(std::size_t{0}, chunks, chunk, oneapi::tbb::simple_partitioner()); });
   }
 
  private:
@@ -125,20 +124,16 @@ bool threads_pay(double microseconds) {
   if (always_pay) return true;
   if (microseconds < kPaysAwake || thread_count() == 1) return false;
   if (microseconds >= kPaysAsleep) return true;
-  return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) <
-         kAwakeFor;
+  return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) < kAwakeFor;
 }
 
-void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody body,
-                             const void* closure) {
+void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody body, const void* closure) {
   if (count == 0) return;
   const std::size_t chunks = (count + grain - 1) / grain;
   if (chunks == 1) return body(closure, 0, count);
   const std::shared_ptr<Pool> threads = current_pool();
   if (threads->threads() == 1) return body(closure, 0, count);
-  threads->run(chunks, [=](std::size_t chunk) {
-    body(closure, chunk * grain, std::min(count, (chunk + 1) * grain));
-  });
+  threads->run(chunks, [=](std::size_t chunk) { body(closure, chunk * grain, std::min(count, (chunk + 1) * grain)); });
   last_region_end.store(std::chrono::steady_clock::now(), std::memory_order_relaxed);
 }
 

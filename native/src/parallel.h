@@ -28,9 +28,7 @@ template <class Body>
 void parallel_for(std::size_t count, std::size_t grain, const Body& body) {
   detail::parallel_ranges(
       count, grain,
-      [](const void* closure, std::size_t begin, std::size_t end) {
-        (*static_cast<const Body*>(closure))(begin, end);
-      },
+      [](const void* closure, std::size_t begin, std::size_t end) { (*static_cast<const Body*>(closure))(begin, end); },
       &body);
 }
 

@@ -29,20 +29,18 @@ PoseClip::PoseClip(std::ptrdiff_t joint_count, std::vector<Eigen::Quaterniond> r
   for (std::ptrdiff_t i = 0; i < total; ++i) {
     const double length = rotations_[i].norm();
     if (!std::isfinite(length) || length < 1e-9) {
-      fail("the quaternion of joint ", i % joint_count, " in pose ", i / joint_count,
-           " has length ", length, "; expected 1");
+      fail("the quaternion of joint ", i % joint_count, " in pose ", i / joint_count, " has length ", length,
+           "; expected 1");
     }
     rotations_[i].coeffs() /= length;
   }
 }
 
-PoseClip PoseClip::from_table(const Eigen::MatrixXd& table, std::ptrdiff_t joint_count,
-                              QuaternionOrder order) {
+PoseClip PoseClip::from_table(const Eigen::MatrixXd& table, std::ptrdiff_t joint_count, QuaternionOrder order) {
   const bool euler = table.rows() == 3 * joint_count;
   if (!euler && table.rows() != 4 * joint_count) {
-    fail("there are ", plural(table.rows(), "number"), " a pose; expected ", 3 * joint_count,
-         " (Euler angles) or ", 4 * joint_count, " (quaternions) for ",
-         plural(joint_count, "joint"));
+    fail("there are ", plural(table.rows(), "number"), " a pose; expected ", 3 * joint_count, " (Euler angles) or ",
+         4 * joint_count, " (quaternions) for ", plural(joint_count, "joint"));
   }
   std::vector<Eigen::Quaterniond> rotations;
   rotations.reserve(table.cols() * joint_count);
@@ -53,9 +51,8 @@ PoseClip PoseClip::from_table(const Eigen::MatrixXd& table, std::ptrdiff_t joint
         rotations.push_back(from_euler_degrees(angles[0], angles[1], angles[2]));
       } else {
         const auto q = table.col(pose).segment<4>(4 * j);
-        rotations.push_back(order == QuaternionOrder::wxyz
-                                ? Eigen::Quaterniond(q[0], q[1], q[2], q[3])
-                                : Eigen::Quaterniond(q[3], q[0], q[1], q[2]));
+        rotations.push_back(order == QuaternionOrder::wxyz ? Eigen::Quaterniond(q[0], q[1], q[2], q[3])
+                                                           : Eigen::Quaterniond(q[3], q[0], q[1], q[2]));
       }
     }
   }
@@ -76,8 +73,7 @@ Eigen::MatrixXd PoseClip::to_table() const {
 void PoseClip::sample(double time, bool loop, std::span<Eigen::Quaterniond> rotations) const {
   if (!std::isfinite(time)) fail("the time of a pose is ", time, "; expected a finite number");
   if (static_cast<std::ptrdiff_t>(rotations.size()) != joint_count_) {
-    fail("the result holds ", plural(rotations.size(), "rotation"), "; the clip has ",
-         plural(joint_count_, "joint"));
+    fail("the result holds ", plural(rotations.size(), "rotation"), "; the clip has ", plural(joint_count_, "joint"));
   }
   const auto poses = static_cast<double>(pose_count_);
   double wrapped = loop ? std::fmod(time, poses) : std::clamp(time, 0.0, poses - 1);
@@ -87,8 +83,7 @@ void PoseClip::sample(double time, bool loop, std::span<Eigen::Quaterniond> rota
   const auto after = loop ? (before + 1) % pose_count_ : std::min(before + 1, pose_count_ - 1);
   const double blend = wrapped - static_cast<double>(before);
   for (std::ptrdiff_t j = 0; j < joint_count_; ++j) {
-    rotations[j] =
-        rotations_[before * joint_count_ + j].slerp(blend, rotations_[after * joint_count_ + j]);
+    rotations[j] = rotations_[before * joint_count_ + j].slerp(blend, rotations_[after * joint_count_ + j]);
   }
 }
 

@@ -58,8 +58,7 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
 
 void PosedLayer::run(const TileInput& input, LayerScratch& scratch, float* own) const {
   const std::size_t blocks = (input.count + kBlock - 1) / kBlock;
-  Tile tile{input.tile * kBlocksPerTile, input.tile * kBlocksPerTile + blocks, input.rest,
-            input.points, own};
+  Tile tile{input.tile * kBlocksPerTile, input.tile * kBlocksPerTile + blocks, input.rest, input.points, own};
   if (space) {
     transform(space->back, input.rest, input.count, scratch.moved);
     pack_points(scratch.moved, input.count, scratch.moved_points);

@@ -9,33 +9,27 @@
 namespace sinew {
 namespace {
 
-std::string name_of(const Path& path, const char* usual) {
-  return path.empty() ? usual : path.filename().string();
-}
+std::string name_of(const Path& path, const char* usual) { return path.empty() ? usual : path.filename().string(); }
 
 void check_faces(const PolygonMesh& mesh, const std::string& name) {
   const auto corners = static_cast<std::int32_t>(mesh.face_vertices.size());
   const auto& offsets = mesh.face_offsets;
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners ||
       !std::is_sorted(offsets.begin(), offsets.end())) {
-    fail(name, ": the faces' offsets do not rise from 0 to ", grouped(corners),
-         ", the number of corners");
+    fail(name, ": the faces' offsets do not rise from 0 to ", grouped(corners), ", the number of corners");
   }
   for (const std::int32_t vertex : mesh.face_vertices) {
     if (vertex < 0 || vertex >= mesh.vertex_count()) {
-      fail(name, ": a face names vertex ", vertex, "; there are ",
-           plural(mesh.vertex_count(), "vertex"));
+      fail(name, ": a face names vertex ", vertex, "; there are ", plural(mesh.vertex_count(), "vertex"));
     }
   }
   const auto& materials = mesh.face_materials;
   if (!materials.empty() && static_cast<std::ptrdiff_t>(materials.size()) != mesh.face_count()) {
-    fail(name, " has ", plural(mesh.face_count(), "face"), " and ",
-         plural(materials.size(), "face material"));
+    fail(name, " has ", plural(mesh.face_count(), "face"), " and ", plural(materials.size(), "face material"));
   }
   for (const std::int32_t material : materials) {
     if (material < -1 || material >= static_cast<std::int32_t>(mesh.material_names.size())) {
-      fail(name, ": a face has material ", material, "; there are ",
-           plural(mesh.material_names.size(), "material"));
+      fail(name, ": a face has material ", material, "; there are ", plural(mesh.material_names.size(), "material"));
     }
   }
 }
@@ -55,8 +49,8 @@ void check_weights(const Rig& rig, const RigPaths& paths) {
   const std::string skeleton = name_of(paths.skeleton, "the skeleton");
   if (rig.weights.cols() == 0) fail(weights, " has no columns; expected one a bone");
   if (rig.weights.rows() != rig.mesh.vertex_count()) {
-    fail(weights, " has ", plural(rig.weights.rows(), "row"), ", ", name_of(paths.mesh, "mesh.obj"),
-         " has ", plural(rig.mesh.vertex_count(), "vertex"));
+    fail(weights, " has ", plural(rig.weights.rows(), "row"), ", ", name_of(paths.mesh, "mesh.obj"), " has ",
+         plural(rig.mesh.vertex_count(), "vertex"));
   }
   std::vector<bool> owned(rig.weights.cols(), false);
   for (std::ptrdiff_t j = 0; j < rig.skeleton.joint_count(); ++j) {
@@ -69,8 +63,8 @@ void check_weights(const Rig& rig, const RigPaths& paths) {
   }
   const auto orphan = std::find(owned.begin(), owned.end(), false);
   if (orphan != owned.end()) {
-    fail(weights, " has ", plural(rig.weights.cols(), "column"), ", but no joint of ", skeleton,
-         " has weight column ", orphan - owned.begin());
+    fail(weights, " has ", plural(rig.weights.cols(), "column"), ", but no joint of ", skeleton, " has weight column ",
+         orphan - owned.begin());
   }
 }
 
@@ -80,8 +74,7 @@ std::ptrdiff_t clamp_weights(Eigen::MatrixXd& weights) {
   std::ptrdiff_t count = 0;
   for (Eigen::Index v = 0; v < weights.rows(); ++v) {
     auto row = weights.row(v);
-    const std::ptrdiff_t outside =
-        (row.array() < -kRounding || row.array() > 1 + kRounding).count();
+    const std::ptrdiff_t outside = (row.array() < -kRounding || row.array() > 1 + kRounding).count();
     row = row.cwiseMax(0).cwiseMin(1).eval();
     if (outside > 0 && row.sum() > 0) row /= row.sum();
     count += outside;
@@ -95,13 +88,12 @@ std::ptrdiff_t bone_count(const RigSkeleton& skeleton) {
 
 /// `skeleton` has passed check_rig: its weight columns are 0 to bones - 1, each once.
 /// A frame is, column-major, a (4 * bones) x 3 matrix that stacks the transposed 3x4 matrices.
-MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table,
-                            const RigSkeleton& skeleton) {
+MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table, const RigSkeleton& skeleton) {
   const auto& columns = skeleton.weight_columns();
   const std::ptrdiff_t bones = bone_count(skeleton);
   if (table.rows() != 12 * bones) {
-    fail(path.filename().string(), " has ", plural(table.rows(), "row"), "; expected ", 12 * bones,
-         ", 12 for each of ", plural(bones, "bone"));
+    fail(path.filename().string(), " has ", plural(table.rows(), "row"), "; expected ", 12 * bones, ", 12 for each of ",
+         plural(bones, "bone"));
   }
   const std::ptrdiff_t joints = skeleton.joint_count();
   MatrixClip clip{table.cols(), {}};
@@ -145,8 +137,8 @@ RigPaths find_rig(const Path& folder) {
     const Path path = folder / name;
     return std::filesystem::exists(path, error) ? path : Path();
   };
-  RigPaths paths{folder / "mesh.obj", if_there("skeleton.bf"), folder / "weights.dmat",
-                 if_there("pose.dmat"), if_there("anim.dmat")};
+  RigPaths paths{folder / "mesh.obj", if_there("skeleton.bf"), folder / "weights.dmat", if_there("pose.dmat"),
+                 if_there("anim.dmat")};
   if (paths.skeleton.empty()) paths.skeleton = if_there("skeleton.tgf");
   return paths;
 }
@@ -157,8 +149,8 @@ void check_rig(const Rig& rig, const RigPaths& paths) {
   check_weights(rig, paths);
   check_numbers(rig, paths);
   if (rig.poses && rig.poses->joint_count() != joints) {
-    fail(name_of(paths.poses, "pose.dmat"), " has poses of ",
-         plural(rig.poses->joint_count(), "joint"), "; the skeleton has ", joints);
+    fail(name_of(paths.poses, "pose.dmat"), " has poses of ", plural(rig.poses->joint_count(), "joint"),
+         "; the skeleton has ", joints);
   }
   if (rig.animation) {
     const auto matrices = static_cast<std::ptrdiff_t>(rig.animation->matrices.size());
@@ -177,13 +169,11 @@ Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, Quater
   if (paths.skeleton.empty()) {
     fail("there is neither skeleton.bf nor skeleton.tgf in ", paths.mesh.parent_path().string());
   }
-  Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention), read_dmat(paths.weights),
-          std::nullopt, std::nullopt};
+  Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention), read_dmat(paths.weights), std::nullopt,
+          std::nullopt};
   if (!paths.poses.empty()) {
     const Eigen::MatrixXd table = read_dmat(paths.poses);
-    rig.poses = naming(paths.poses, [&] {
-      return PoseClip::from_table(table, rig.skeleton.joint_count(), order);
-    });
+    rig.poses = naming(paths.poses, [&] { return PoseClip::from_table(table, rig.skeleton.joint_count(), order); });
   }
   check_rig(rig, paths);
   rig.clamped_weights = clamp_weights(rig.weights);

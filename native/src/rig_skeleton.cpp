@@ -11,8 +11,7 @@ namespace sinew {
 namespace {
 
 /// R(j) of joints that have no rest rotation: a translation from the parent's head to the own.
-std::vector<Matrix4<double>> rest_from_heads(std::span<const std::int32_t> parents,
-                                             const Eigen::MatrixX3d& heads) {
+std::vector<Matrix4<double>> rest_from_heads(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads) {
   const auto count = static_cast<std::int32_t>(parents.size());
   if (heads.rows() != count) {
     fail("there are ", plural(heads.rows(), "head"), "; the skeleton has ", plural(count, "joint"));
@@ -71,8 +70,7 @@ BoneForest read_rows(LineReader& file) {
   return forest;
 }
 
-Convention detected(std::span<const std::int32_t> parents,
-                    std::span<const std::int32_t> weight_columns) {
+Convention detected(std::span<const std::int32_t> parents, std::span<const std::int32_t> weight_columns) {
   for (std::size_t j = 0; j < parents.size(); ++j) {
     if (parents[j] < 0 && weight_columns[j] < 0) return Convention::bone;
   }
@@ -80,8 +78,7 @@ Convention detected(std::span<const std::int32_t> parents,
 }
 
 /// Where a joint's bone is drawn to when only joints are known: to the children, or on past a leaf.
-Eigen::MatrixX3d tails_from_children(std::span<const std::int32_t> parents,
-                                     const Eigen::MatrixX3d& heads) {
+Eigen::MatrixX3d tails_from_children(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads) {
   Eigen::MatrixX3d tails = Eigen::MatrixX3d::Zero(heads.rows(), 3);
   std::vector<int> children(parents.size(), 0);
   for (std::size_t j = 0; j < parents.size(); ++j) {
@@ -126,8 +123,8 @@ RigSkeleton read_bone_forest(const Path& path, std::optional<Convention> wanted)
     } else {
       tails = tails_from_children(forest.parents, positions);
     }
-    return RigSkeleton(forest.parents, heads, tails, std::move(forest.weight_columns),
-                       std::move(forest.names), convention);
+    return RigSkeleton(forest.parents, heads, tails, std::move(forest.weight_columns), std::move(forest.names),
+                       convention);
   });
 }
 
@@ -181,8 +178,7 @@ RigSkeleton read_trivial_graph(const Path& path) {
     heads.row(bone) = joints[starts[bone]];
     tails.row(bone) = joints[ends[bone]];
   }
-  return naming(path,
-                [&] { return RigSkeleton(parents, heads, tails, columns, {}, Convention::bone); });
+  return naming(path, [&] { return RigSkeleton(parents, heads, tails, columns, {}, Convention::bone); });
 }
 
 void append_row(std::string& text, const Eigen::RowVector3d& point) {
@@ -209,8 +205,7 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
   if (bones) check_connected(path, skeleton);
   if (detected(skeleton.parents(), skeleton.weight_columns()) != skeleton.convention()) {
     fail(path.filename().string(), " cannot hold this skeleton: a .bf file is read in the ",
-         bones ? "joint convention unless a root" : "bone convention if a root",
-         " is without a column of weights");
+         bones ? "joint convention unless a root" : "bone convention if a root", " is without a column of weights");
   }
   const Eigen::MatrixX3d& positions = bones ? skeleton.tails() : skeleton.heads();
   std::string text;
@@ -221,8 +216,8 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
            ": a .bf file has a row for the joint that it starts from; write a .tgf file");
     }
     if (!is_name(skeleton.names()[j])) {
-      fail(path.filename().string(), " cannot hold the name \"", skeleton.names()[j],
-           "\" of joint ", j, ": it reads as a number, a comment or nothing");
+      fail(path.filename().string(), " cannot hold the name \"", skeleton.names()[j], "\" of joint ", j,
+           ": it reads as a number, a comment or nothing");
     }
     Eigen::RowVector3d offset = positions.row(j);
     if (parent >= 0) offset -= positions.row(parent);
@@ -278,28 +273,25 @@ std::string ending(const Path& path) {
   std::string ending = path.extension().string();
   for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (ending != ".bf" && ending != ".tgf") {
-    fail(path.filename().string(),
-         " is no skeleton file; expected a name that ends in .bf or .tgf");
+    fail(path.filename().string(), " is no skeleton file; expected a name that ends in .bf or .tgf");
   }
   return ending;
 }
 
 }  // namespace
 
-RigSkeleton::RigSkeleton(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads,
-                         Eigen::MatrixX3d tails, std::vector<std::int32_t> weight_columns,
-                         std::vector<std::string> names, Convention convention)
+RigSkeleton::RigSkeleton(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads, Eigen::MatrixX3d tails,
+                         std::vector<std::int32_t> weight_columns, std::vector<std::string> names,
+                         Convention convention)
     : Skeleton(parents, rest_from_heads(parents, heads)),
       heads_(heads),
       tails_(std::move(tails)),
       weight_columns_(std::move(weight_columns)),
       names_(usable_names(std::move(names), parents.size())),
       convention_(convention) {
-  if (tails_.rows() != joint_count() ||
-      static_cast<std::ptrdiff_t>(weight_columns_.size()) != joint_count()) {
-    fail("there are ", plural(tails_.rows(), "tail"), " and ",
-         plural(weight_columns_.size(), "weight column"), "; the skeleton has ",
-         plural(joint_count(), "joint"));
+  if (tails_.rows() != joint_count() || static_cast<std::ptrdiff_t>(weight_columns_.size()) != joint_count()) {
+    fail("there are ", plural(tails_.rows(), "tail"), " and ", plural(weight_columns_.size(), "weight column"),
+         "; the skeleton has ", plural(joint_count(), "joint"));
   }
   if (!tails_.allFinite()) fail("a tail holds a number that is not finite");
   std::set<std::int32_t> taken;
@@ -315,15 +307,13 @@ RigSkeleton::RigSkeleton(std::span<const std::int32_t> parents, const Eigen::Mat
 RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention) {
   if (ending(path) == ".bf") return read_bone_forest(path, convention);
   if (convention == Convention::joint) {
-    fail(path.filename().string(),
-         " is in the bone convention, as every .tgf file; joint was asked");
+    fail(path.filename().string(), " is in the bone convention, as every .tgf file; joint was asked");
   }
   return read_trivial_graph(path);
 }
 
 void write_skeleton(const Path& path, const RigSkeleton& skeleton) {
-  write_file(path, ending(path) == ".bf" ? bone_forest_text(path, skeleton)
-                                         : trivial_graph_text(path, skeleton));
+  write_file(path, ending(path) == ".bf" ? bone_forest_text(path, skeleton) : trivial_graph_text(path, skeleton));
 }
 
 }  // namespace sinew

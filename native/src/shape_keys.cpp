@@ -38,16 +38,15 @@ bool differ(const float* a, const float* b, std::size_t numbers) {
 
 using Weights = std::span<const std::optional<std::span<const float>>>;
 
-void check(std::span<const std::span<const float>> positions,
-           std::span<const std::int64_t> relative_to, Weights weights) {
+void check(std::span<const std::span<const float>> positions, std::span<const std::int64_t> relative_to,
+           Weights weights) {
   if (positions.empty()) fail("there are no shape keys; expected the base at least");
   if (relative_to.size() != positions.size()) {
     fail("relative_to has ", plural(std::ssize(relative_to), "entry"), "; there are ",
          plural(std::ssize(positions), "key"));
   }
   if (!weights.empty() && weights.size() != positions.size()) {
-    fail("weights has ", plural(std::ssize(weights), "entry"), "; there are ",
-         plural(std::ssize(positions), "key"));
+    fail("weights has ", plural(std::ssize(weights), "entry"), "; there are ", plural(std::ssize(positions), "key"));
   }
   const std::size_t numbers = positions[0].size();
   if (numbers % 3 != 0) {
@@ -95,13 +94,11 @@ struct ShapeKeys::Tile {
 
  private:
   void take_vertex(std::size_t v, const float* reference, const float* key, const float* weight) {
-    const bool goes_on =
-        runs.size() > run_begin.back() && runs.back().first + std::size_t{runs.back().count} == v;
+    const bool goes_on = runs.size() > run_begin.back() && runs.back().first + std::size_t{runs.back().count} == v;
     if (goes_on) {
       ++runs.back().count;
     } else {
-      runs.push_back({static_cast<std::uint16_t>(v), 1,
-                      static_cast<std::uint32_t>(deltas.size() / 3),
+      runs.push_back({static_cast<std::uint16_t>(v), 1, static_cast<std::uint32_t>(deltas.size() / 3),
                       weight ? static_cast<std::uint32_t>(weights.size()) : kNoWeights});
     }
     for (int axis = 0; axis < 3; ++axis) deltas.push_back(reference[axis] - key[axis]);
@@ -109,8 +106,8 @@ struct ShapeKeys::Tile {
   }
 };
 
-ShapeKeys::ShapeKeys(std::span<const std::span<const float>> positions,
-                     std::span<const std::int64_t> relative_to, Weights weights) {
+ShapeKeys::ShapeKeys(std::span<const std::span<const float>> positions, std::span<const std::int64_t> relative_to,
+                     Weights weights) {
   check(positions, relative_to, weights);
   const auto keys = positions.size();
   const std::size_t vertices = positions[0].size() / 3;
@@ -147,8 +144,7 @@ ShapeKeys::ShapeKeys(std::span<const std::span<const float>> positions,
         for (std::size_t i = 0; i < run.count; ++i) {
           const float* delta = tiles_[t].deltas.data() + 3 * (run.delta + i);
           const float weight = run.weight == kNoWeights ? 0 : tiles_[t].weights[run.weight + i];
-          const bool finite =
-              std::all_of(delta, delta + 3, [](float x) { return std::isfinite(x); });
+          const bool finite = std::all_of(delta, delta + 3, [](float x) { return std::isfinite(x); });
           if (finite && std::isfinite(weight)) continue;
           fail("vertex ", t * kTile + run.first + i, " of key ", k, " is not finite");
         }

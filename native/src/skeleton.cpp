@@ -27,11 +27,9 @@ struct Children {
 };
 
 Children children_of(std::span<const std::int32_t> parents) {
-  Children children{std::vector<std::int32_t>(parents.size() + 2, 0),
-                    std::vector<std::int32_t>(parents.size())};
+  Children children{std::vector<std::int32_t>(parents.size() + 2, 0), std::vector<std::int32_t>(parents.size())};
   for (const std::int32_t parent : parents) ++children.begin[parent + 2];
-  for (std::size_t i = 1; i < children.begin.size(); ++i)
-    children.begin[i] += children.begin[i - 1];
+  for (std::size_t i = 1; i < children.begin.size(); ++i) children.begin[i] += children.begin[i - 1];
   std::vector<std::int32_t> next(children.begin.begin(), children.begin.end() - 1);
   for (std::size_t j = 0; j < parents.size(); ++j) {
     children.joints[next[parents[j] + 1]++] = static_cast<std::int32_t>(j);
@@ -40,8 +38,7 @@ Children children_of(std::span<const std::int32_t> parents) {
 }
 
 /// Appends `joint` and its descendants, parents before children.
-void append_subtree(const Children& children, std::int32_t joint,
-                    std::vector<std::int32_t>& order) {
+void append_subtree(const Children& children, std::int32_t joint, std::vector<std::int32_t>& order) {
   std::size_t next = order.size();
   order.push_back(joint);
   for (; next < order.size(); ++next) {
@@ -56,8 +53,8 @@ void append_subtree(const Children& children, std::int32_t joint,
 Skeleton::Skeleton(std::span<const std::int32_t> parents, std::span<const Matrix4<double>> rest)
     : parents_(parents.begin(), parents.end()), rest_(rest.begin(), rest.end()) {
   if (parents.size() != rest.size()) {
-    fail("there are ", plural(parents.size(), "parent"), " and ",
-         plural(rest.size(), "rest transform"), "; expected one of each a joint");
+    fail("there are ", plural(parents.size(), "parent"), " and ", plural(rest.size(), "rest transform"),
+         "; expected one of each a joint");
   }
   check_parents(parents);
 

@@ -27,8 +27,7 @@ struct Skin::Packed {
 };
 
 Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
-           std::span<const std::int32_t> joints, std::span<const float> weights,
-           std::ptrdiff_t joint_count)
+           std::span<const std::int32_t> joints, std::span<const float> weights, std::ptrdiff_t joint_count)
     : rest_positions_(rest_positions.begin(), rest_positions.end()),
       offsets_(offsets.begin(), offsets.end()),
       joints_(joints.begin(), joints.end()),
@@ -50,16 +49,15 @@ const BlockedSkin& Skin::blocked() const {
   const std::lock_guard lock(packed_->mutex);
   auto& blocked = packed_->by_lanes[lanes];
   if (!blocked) {
-    blocked =
-        std::make_unique<BlockedSkin>(rest_positions_, offsets_, joints_, weights_, joint_count_);
+    blocked = std::make_unique<BlockedSkin>(rest_positions_, offsets_, joints_, weights_, joint_count_);
   }
   return *blocked;
 }
 
 void Skin::set_rest_positions(std::span<const float> positions) {
   if (positions.size() != rest_positions_.size()) {
-    fail("positions has ", plural(positions.size(), "number"), "; the skin has ",
-         grouped(rest_positions_.size()), " (", vertex_count(), " x 3)");
+    fail("positions has ", plural(positions.size(), "number"), "; the skin has ", grouped(rest_positions_.size()), " (",
+         vertex_count(), " x 3)");
   }
   check_positions(positions);
   std::ranges::copy(positions, rest_positions_.begin());
@@ -83,11 +81,10 @@ void check_counts(std::int64_t vertices, std::int64_t influences, std::int64_t j
 }
 
 void Skin::check() const {
-  check_counts(static_cast<std::int64_t>(rest_positions_.size() / 3),
-               static_cast<std::int64_t>(joints_.size()), joint_count_);
+  check_counts(static_cast<std::int64_t>(rest_positions_.size() / 3), static_cast<std::int64_t>(joints_.size()),
+               joint_count_);
   if (rest_positions_.size() % 3 != 0) {
-    fail("rest_positions has ", plural(rest_positions_.size(), "number"),
-         "; expected three a vertex");
+    fail("rest_positions has ", plural(rest_positions_.size(), "number"), "; expected three a vertex");
   }
   const std::size_t vertices = rest_positions_.size() / 3;
   if (offsets_.size() != vertices + 1) {
@@ -95,8 +92,8 @@ void Skin::check() const {
          ", one more than there are vertices");
   }
   if (joints_.size() != weights_.size()) {
-    fail("joints has ", grouped(joints_.size()), " entries and weights has ",
-         grouped(weights_.size()), "; expected as many of each");
+    fail("joints has ", grouped(joints_.size()), " entries and weights has ", grouped(weights_.size()),
+         "; expected as many of each");
   }
   const auto total = static_cast<std::int64_t>(joints_.size());
   if (offsets_.front() != 0 || offsets_.back() != total) {
@@ -109,8 +106,7 @@ void Skin::check() const {
   check_positions(rest_positions_);
   for (std::int64_t i = 0; i < total; ++i) {
     if (joints_[i] < 0 || joints_[i] >= joint_count_) {
-      fail("influence ", i, " names joint ", joints_[i], "; there are ",
-           plural(joint_count_, "joint"));
+      fail("influence ", i, " names joint ", joints_[i], "; there are ", plural(joint_count_, "joint"));
     }
     if (!std::isfinite(weights_[i])) fail("the weight of influence ", i, " is not finite");
   }
@@ -157,9 +153,8 @@ void Skin::measure() {
   }
 }
 
-Skin Skin::from_dense(std::span<const float> rest_positions, const double* weights,
-                      std::ptrdiff_t rows, std::ptrdiff_t columns, std::ptrdiff_t row_stride,
-                      std::ptrdiff_t column_stride) {
+Skin Skin::from_dense(std::span<const float> rest_positions, const double* weights, std::ptrdiff_t rows,
+                      std::ptrdiff_t columns, std::ptrdiff_t row_stride, std::ptrdiff_t column_stride) {
   const auto vertices = static_cast<std::ptrdiff_t>(rest_positions.size() / 3);
   check_counts(vertices, 0, columns);
   if (rows != vertices) {

@@ -23,8 +23,8 @@ void check_shapes(const SkinningJob& job, const std::string& where) {
   check_matrices(skin, job.matrices, where);
   const auto expected = static_cast<std::size_t>(job.matrices.frames * skin.vertex_count() * 3);
   if (job.positions.size() != expected) {
-    fail(where, "the result holds ", grouped(job.positions.size()), " numbers; expected ",
-         grouped(expected), " (", job.matrices.frames, " x ", skin.vertex_count(), " x 3)");
+    fail(where, "the result holds ", grouped(job.positions.size()), " numbers; expected ", grouped(expected), " (",
+         job.matrices.frames, " x ", skin.vertex_count(), " x 3)");
   }
   check_rest_frames(job.rule, skin.joint_count(), where);
 }
@@ -80,19 +80,16 @@ struct Batch {
 
   void add(const SkinningJob& job, std::ptrdiff_t first_frame, std::ptrdiff_t frames) {
     const BlockedSkin& skin = job.skin->blocked();
-    parts.push_back(
-        {&job, &skin, first_frame, frames, palette_count, task_count,
-         static_cast<std::ptrdiff_t>((skin.blocks.size() + kBlocksPerTile - 1) / kBlocksPerTile)});
+    parts.push_back({&job, &skin, first_frame, frames, palette_count, task_count,
+                     static_cast<std::ptrdiff_t>((skin.blocks.size() + kBlocksPerTile - 1) / kBlocksPerTile)});
     palette_count += frames;
     task_count += parts.back().tasks();
     matrices += frames * (job.matrices.joints + 1);
-    microseconds +=
-        static_cast<double>(frames * job.skin->vertex_count()) * microseconds_a_vertex(job.method);
+    microseconds += static_cast<double>(frames * job.skin->vertex_count()) * microseconds_a_vertex(job.method);
   }
 
   void run_all() {
-    if (static_cast<std::ptrdiff_t>(palettes.size()) < palette_count)
-      palettes.resize(palette_count);
+    if (static_cast<std::ptrdiff_t>(palettes.size()) < palette_count) palettes.resize(palette_count);
     const bool parallel = threads_pay(microseconds);
     const auto prepare_some = [this](std::ptrdiff_t begin, std::ptrdiff_t end) {
       for (std::ptrdiff_t i = begin; i < end; ++i) prepare_palette(i);
@@ -124,9 +121,8 @@ struct Batch {
     const std::size_t begin = (number - part.first_task) / part.frames * kBlocksPerTile;
     const std::size_t of_frame = (part.first_frame + frame) * skin.vertex_count();
     run(skin, part.job->method, palettes[part.first_palette + frame],
-        {begin, std::min(skin.blocks.size(), begin + kBlocksPerTile),
-         skin.rest.data() + 3 * begin * kBlock, skin.points.get() + begin * kBlockFloats,
-         part.job->positions.data() + 3 * (of_frame + begin * kBlock)});
+        {begin, std::min(skin.blocks.size(), begin + kBlocksPerTile), skin.rest.data() + 3 * begin * kBlock,
+         skin.points.get() + begin * kBlockFloats, part.job->positions.data() + 3 * (of_frame + begin * kBlock)});
   }
 };
 
@@ -142,8 +138,7 @@ void skin_all(std::span<const SkinningJob> jobs) {
     if (job.skin->vertex_count() == 0) continue;
     for (std::ptrdiff_t frame = 0; frame < job.matrices.frames;) {
       const std::ptrdiff_t space = (kMatricesAtOnce - batch.matrices) / (job.matrices.joints + 1);
-      const std::ptrdiff_t frames =
-          std::clamp<std::ptrdiff_t>(space, 1, job.matrices.frames - frame);
+      const std::ptrdiff_t frames = std::clamp<std::ptrdiff_t>(space, 1, job.matrices.frames - frame);
       batch.add(job, frame, frames);
       frame += frames;
       if (batch.matrices >= kMatricesAtOnce) {
@@ -161,14 +156,13 @@ void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<
   skin_all({&job, 1});
 }
 
-void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions, const StretchRule& rule) {
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions,
+                          const StretchRule& rule) {
   const SkinningJob job{&skin, matrices, positions, SkinningMethod::dual_quaternion, rule};
   skin_all({&job, 1});
 }
 
-void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions) {
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
   skin_dual_quaternion(skin, matrices, positions, {});
 }
 

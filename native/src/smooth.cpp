@@ -21,8 +21,7 @@ std::vector<float> positive_weights(const VertexGroup& group, std::ptrdiff_t ver
 class Smooth::Body {
  public:
   Body(const Topology& topology, const VertexGroup& group)
-      : vertex_count(topology.vertex_count()),
-        around(topology, positive_weights(group, vertex_count)) {}
+      : vertex_count(topology.vertex_count()), around(topology, positive_weights(group, vertex_count)) {}
 
   std::ptrdiff_t vertex_count;
   Neighbourhood around;
@@ -46,14 +45,12 @@ void Smooth::apply(const Settings& settings, std::span<float> positions) const {
   const Neighbourhood& around = body_->around;
   if (settings.iterations <= 0 || settings.factor == 0 || !moves || around.worked_on == 0) return;
   Smoothing smoothing(around,
-                      static_cast<double>(around.worked_on) *
-                          (kMicroseconds + kMicrosecondsStep * settings.iterations),
+                      static_cast<double>(around.worked_on) * (kMicroseconds + kMicrosecondsStep * settings.iterations),
                       body_->spaces);
   smoothing.take(positions.data());
-  smoothing.iterate(settings.iterations,
-                    [&](std::size_t begin, std::size_t end, const float* from, float* to) {
-                      mean_step(around, begin, end, settings, from, to);
-                    });
+  smoothing.iterate(settings.iterations, [&](std::size_t begin, std::size_t end, const float* from, float* to) {
+    mean_step(around, begin, end, settings, from, to);
+  });
   smoothing.put(positions.data());
 }
 

@@ -22,9 +22,8 @@ class Smoothing {
 
   /// positions  V x 3.
   void take(const float* positions) {
-    take_points([&](std::size_t begin, std::size_t end, float* points) {
-      around_.take(positions, begin, end, points);
-    });
+    take_points(
+        [&](std::size_t begin, std::size_t end, float* points) { around_.take(positions, begin, end, points); });
   }
 
   /// points  of the neighbourhood.
@@ -54,19 +53,17 @@ class Smoothing {
   float* other_points() const { return to_; }
 
   void put(float* positions) const {
-    each_piece(
-        [&](std::size_t begin, std::size_t end) { around_.put(from_, begin, end, positions); });
+    each_piece([&](std::size_t begin, std::size_t end) { around_.put(from_, begin, end, positions); });
   }
 
  private:
   template <class Take>
   void take_points(const Take& take) {
     const std::size_t points = around_.point_count(), lanes = around_.block_count() * kBlock;
-    parallel_for(points, threads_ ? kBlocksPerPiece * kBlock : points,
-                 [&](std::size_t begin, std::size_t end) {
-                   take(begin, end, from_);
-                   if (end > lanes) take(std::max(begin, lanes), end, to_);
-                 });
+    parallel_for(points, threads_ ? kBlocksPerPiece * kBlock : points, [&](std::size_t begin, std::size_t end) {
+      take(begin, end, from_);
+      if (end > lanes) take(std::max(begin, lanes), end, to_);
+    });
   }
 
   const Neighbourhood& around_;

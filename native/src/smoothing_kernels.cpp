@@ -44,23 +44,19 @@ HWY_INLINE Vectors operator-(const Vectors& a, const Vectors& b) {
   return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
 }
 
-HWY_INLINE Vectors operator*(const Vectors& a, Floats f) {
-  return {hn::Mul(a.x, f), hn::Mul(a.y, f), hn::Mul(a.z, f)};
-}
+HWY_INLINE Vectors operator*(const Vectors& a, Floats f) { return {hn::Mul(a.x, f), hn::Mul(a.y, f), hn::Mul(a.z, f)}; }
 
 HWY_INLINE Floats dot(const Vectors& a, const Vectors& b) {
   return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
 }
 
 HWY_INLINE Vectors cross(const Vectors& a, const Vectors& b) {
-  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)),
-          hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
+  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
           hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
 }
 
 HWY_INLINE Vectors choose(Mask mask, const Vectors& yes, const Vectors& no) {
-  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y),
-          hn::IfThenElse(mask, yes.z, no.z)};
+  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
 }
 
 HWY_INLINE Vectors nothing() { return {hn::Zero(kTag), hn::Zero(kTag), hn::Zero(kTag)}; }
@@ -86,8 +82,7 @@ HWY_INLINE hn::Vec<D> every_fourth(D d, const float* points, const std::uint32_t
     return hn::Load(d, points + places[0]);
   } else {
     constexpr hn::Half<D> half;
-    return hn::Combine(d, every_fourth(half, points, places + hn::MaxLanes(half)),
-                       every_fourth(half, points, places));
+    return hn::Combine(d, every_fourth(half, points, places + hn::MaxLanes(half)), every_fourth(half, points, places));
   }
 }
 
@@ -118,8 +113,7 @@ HWY_INLINE void store(const Vectors& vectors, float* points) {
 }
 
 HWY_INLINE Vectors load_apart(const float* numbers, int stride) {
-  return {hn::Load(kTag, numbers), hn::Load(kTag, numbers + stride),
-          hn::Load(kTag, numbers + 2 * stride)};
+  return {hn::Load(kTag, numbers), hn::Load(kTag, numbers + stride), hn::Load(kTag, numbers + 2 * stride)};
 }
 
 HWY_INLINE void store_apart(const Vectors& vectors, float* numbers, int stride) {
@@ -136,8 +130,8 @@ HWY_INLINE void each_group(std::size_t begin, std::size_t end, const Run& run) {
 
 /// Calls visit(points of neighbour k of these lanes, k).
 template <class Visit>
-HWY_INLINE void each_neighbour(const Neighbourhood& around, std::size_t b, std::size_t i,
-                               const float* from, const Visit& visit) {
+HWY_INLINE void each_neighbour(const Neighbourhood& around, std::size_t b, std::size_t i, const float* from,
+                               const Visit& visit) {
   const std::size_t first = around.neighbour_begin[b];
   const auto count = static_cast<int>(around.neighbour_begin[b + 1] - first);
   for (int k = 0; k < count; ++k) {
@@ -145,13 +139,12 @@ HWY_INLINE void each_neighbour(const Neighbourhood& around, std::size_t b, std::
   }
 }
 
-void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor,
-                 const float* from, float* to) {
+void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor, const float* from,
+                 float* to) {
   each_group(begin, end, [&](std::size_t b, std::size_t i) HWY_ATTR {
     const Vectors own = points_from(from + 4 * i);
     Vectors sum = nothing();
-    each_neighbour(around, b, i, from,
-                   [&](const Vectors& other, int) HWY_ATTR { sum = sum + (other - own); });
+    each_neighbour(around, b, i, from, [&](const Vectors& other, int) HWY_ATTR { sum = sum + (other - own); });
     const Floats count = hn::LoadU(kTag, around.counts.data() + i);
     const Floats share = hn::Div(number(1), hn::Max(count, number(1)));
     const Floats weight = hn::LoadU(kTag, around.weights.data() + i);
@@ -159,8 +152,8 @@ void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end
   });
 }
 
-void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor,
-                 const float* from, float* to) {
+void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor, const float* from,
+                 float* to) {
   each_group(begin, end, [&](std::size_t b, std::size_t i) HWY_ATTR {
     const Vectors own = points_from(from + 4 * i);
     Vectors sum = nothing();
@@ -179,8 +172,8 @@ void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end
   });
 }
 
-void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end,
-               const Smooth::Settings& settings, const float* from, float* to) {
+void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end, const Smooth::Settings& settings,
+               const float* from, float* to) {
   each_group(begin, end, [&](std::size_t b, std::size_t i) HWY_ATTR {
     const Vectors own = points_from(from + 4 * i);
     const Floats count = hn::LoadU(kTag, around.counts.data() + i);
@@ -193,9 +186,7 @@ void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end,
     const Floats weight = hn::LoadU(kTag, around.weights.data() + i);
     const Floats part = hn::Mul(weight, number(settings.factor));
     const Vectors moved = own * hn::Sub(number(1), part) + mean * part;
-    store(
-        {settings.x ? moved.x : own.x, settings.y ? moved.y : own.y, settings.z ? moved.z : own.z},
-        to + 4 * i);
+    store({settings.x ? moved.x : own.x, settings.y ? moved.y : own.y, settings.z ? moved.z : own.z}, to + 4 * i);
   });
 }
 
@@ -206,15 +197,13 @@ struct Corners {
   Vectors x, y, z;
   Mask straight;
 
-  HWY_INLINE Corners(const Neighbourhood::CornerEntry& entry, std::size_t lane, const Vectors& own,
-                     const float* points)
+  HWY_INLINE Corners(const Neighbourhood::CornerEntry& entry, std::size_t lane, const Vectors& own, const float* points)
       : side_in(normalized(points_at(points, entry.previous + lane) - own)),
         side_out(normalized(own - points_at(points, entry.next + lane))) {
     const Vectors difference = side_in - side_out;
     const Floats epsilon = number(kEpsilon);
-    straight = hn::And(
-        hn::And(hn::Le(hn::Abs(difference.x), epsilon), hn::Le(hn::Abs(difference.y), epsilon)),
-        hn::Le(hn::Abs(difference.z), epsilon));
+    straight = hn::And(hn::And(hn::Le(hn::Abs(difference.x), epsilon), hn::Le(hn::Abs(difference.y), epsilon)),
+                       hn::Le(hn::Abs(difference.z), epsilon));
     z = normalized(cross(side_in, side_out));
     x = normalized(side_in + side_out);
     y = cross(z, x);
@@ -223,10 +212,9 @@ struct Corners {
 
 /// The inverse of the frame, applied. Of one without an inverse, the transpose.
 HWY_INLINE Vectors unframed(const Corners& corners, const Vectors& vector) {
-  const Vectors a = cross(corners.y, corners.z), b = cross(corners.z, corners.x),
-                c = cross(corners.x, corners.y);
-  const Floats determinant = hn::Add(hn::Add(hn::Mul(corners.x.x, a.x), hn::Mul(corners.y.x, b.x)),
-                                     hn::Mul(corners.z.x, c.x));
+  const Vectors a = cross(corners.y, corners.z), b = cross(corners.z, corners.x), c = cross(corners.x, corners.y);
+  const Floats determinant =
+      hn::Add(hn::Add(hn::Mul(corners.x.x, a.x), hn::Mul(corners.y.x, b.x)), hn::Mul(corners.z.x, c.x));
   const Mask has_none = hn::Eq(determinant, hn::Zero(kTag));
   const Floats inverse = hn::Div(number(1), determinant);
   const Vectors result{dot(choose(has_none, corners.x, a * inverse), vector),
@@ -251,22 +239,19 @@ HWY_INLINE Floats arc_cosine(Floats cosine) {
   const Floats size = hn::Abs(cosine), one = number(1), half = number(0.5f);
   const Mask is_large = hn::Gt(size, half);
   // asin of a number up to 1/2: acos s = 2 asin sqrt((1 - s) / 2).
-  const Floats squared =
-      hn::IfThenElse(is_large, hn::Mul(half, hn::Sub(one, size)), hn::Mul(size, size));
+  const Floats squared = hn::IfThenElse(is_large, hn::Mul(half, hn::Sub(one, size)), hn::Mul(size, size));
   const Floats argument = hn::IfThenElse(is_large, hn::Sqrt(squared), size);
   Floats sum = number(0.03820645064115524f);  // fitted to (asin x / x - 1) / x^2: 9e-9 at most
-  for (const float next :
-       {0.026494277641177177f, 0.045010700821876526f, 0.07498808950185776f, 0.16666673123836517f}) {
+  for (const float next : {0.026494277641177177f, 0.045010700821876526f, 0.07498808950185776f, 0.16666673123836517f}) {
     sum = hn::Add(number(next), hn::Mul(squared, sum));
   }
   const Floats arc = hn::Add(argument, hn::Mul(hn::Mul(argument, squared), sum));
-  const Floats angle =
-      hn::IfThenElse(is_large, hn::Add(arc, arc), hn::Sub(number(1.57079633f), arc));
+  const Floats angle = hn::IfThenElse(is_large, hn::Add(arc, arc), hn::Sub(number(1.57079633f), arc));
   return hn::IfThenElse(hn::Lt(cosine, hn::Zero(kTag)), hn::Sub(number(3.14159265f), angle), angle);
 }
 
-void measure_losses(const Neighbourhood& around, std::size_t begin, std::size_t end,
-                    const float* rest, const float* smooth, float* losses) {
+void measure_losses(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* rest,
+                    const float* smooth, float* losses) {
   each_group(begin, end, [&](std::size_t b, std::size_t i) HWY_ATTR {
     const std::size_t lane = i % kBlock;
     const Vectors own = points_from(smooth + 4 * i);
@@ -285,20 +270,19 @@ struct Restored {
 };
 
 template <CornerAngle kind>
-HWY_INLINE Restored restored(const Neighbourhood& around, std::size_t k, std::size_t lane,
-                             const Vectors& own, const float* smooth, const float* losses) {
+HWY_INLINE Restored restored(const Neighbourhood& around, std::size_t k, std::size_t lane, const Vectors& own,
+                             const float* smooth, const float* losses) {
   const Corners corners(around.corners[k], lane, own, smooth);
   const Vectors loss = load_apart(losses + 3 * kBlock * k + lane, kBlock);
   const Floats cosine = dot(corners.side_out, corners.side_in);
-  const Floats angle =
-      kind == CornerAngle::polynomial ? polynomial_angle(cosine) : arc_cosine(cosine);
+  const Floats angle = kind == CornerAngle::polynomial ? polynomial_angle(cosine) : arc_cosine(cosine);
   return {corners.x * loss.x + corners.y * loss.y + corners.z * loss.z,
           hn::IfThenZeroElse(corners.straight, hn::Abs(angle))};
 }
 
 template <CornerAngle kind>
-void restore(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* smooth,
-             const float* losses, float scale, float* to) {
+void restore(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* smooth, const float* losses,
+             float scale, float* to) {
   HWY_ALIGN float kept[kKeptCorners][4][kLanes];
   each_group(begin, end, [&](std::size_t b, std::size_t i) HWY_ATTR {
     const std::size_t lane = i % kBlock;
@@ -314,9 +298,8 @@ void restore(const Neighbourhood& around, std::size_t begin, std::size_t end, co
     }
     Vectors result = own;
     for (std::size_t k = 0; k < count; ++k) {
-      const Restored one =
-          k < kKeptCorners ? Restored{load_apart(kept[k][0], kLanes), hn::Load(kTag, kept[k][3])}
-                           : restored<kind>(around, first + k, lane, own, smooth, losses);
+      const Restored one = k < kKeptCorners ? Restored{load_apart(kept[k][0], kLanes), hn::Load(kTag, kept[k][3])}
+                                            : restored<kind>(around, first + k, lane, own, smooth, losses);
       const Floats part = hn::Div(one.angle, angles);
       // Neither for 0 / 0 nor for NaN.
       const Mask counts = hn::Gt(part, hn::Zero(kTag));
@@ -326,12 +309,10 @@ void restore(const Neighbourhood& around, std::size_t begin, std::size_t end, co
   });
 }
 
-void restore_losses(const Neighbourhood& around, std::size_t begin, std::size_t end,
-                    const float* smooth, const float* losses, float scale, CornerAngle angle,
-                    float* to) {
-  angle == CornerAngle::polynomial
-      ? restore<CornerAngle::polynomial>(around, begin, end, smooth, losses, scale, to)
-      : restore<CornerAngle::arc_cosine>(around, begin, end, smooth, losses, scale, to);
+void restore_losses(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* smooth,
+                    const float* losses, float scale, CornerAngle angle, float* to) {
+  angle == CornerAngle::polynomial ? restore<CornerAngle::polynomial>(around, begin, end, smooth, losses, scale, to)
+                                   : restore<CornerAngle::arc_cosine>(around, begin, end, smooth, losses, scale, to);
 }
 
 }  // namespace
@@ -348,29 +329,28 @@ HWY_EXPORT(mean_step);
 HWY_EXPORT(measure_losses);
 HWY_EXPORT(restore_losses);
 
-void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor,
-                 const float* from, float* to) {
+void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor, const float* from,
+                 float* to) {
   HWY_DYNAMIC_DISPATCH(simple_step)(around, begin, end, factor, from, to);
 }
 
-void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor,
-                 const float* from, float* to) {
+void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor, const float* from,
+                 float* to) {
   HWY_DYNAMIC_DISPATCH(length_step)(around, begin, end, factor, from, to);
 }
 
-void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end,
-               const Smooth::Settings& settings, const float* from, float* to) {
+void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end, const Smooth::Settings& settings,
+               const float* from, float* to) {
   HWY_DYNAMIC_DISPATCH(mean_step)(around, begin, end, settings, from, to);
 }
 
-void measure_losses(const Neighbourhood& around, std::size_t begin, std::size_t end,
-                    const float* rest, const float* smooth, float* losses) {
+void measure_losses(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* rest,
+                    const float* smooth, float* losses) {
   HWY_DYNAMIC_DISPATCH(measure_losses)(around, begin, end, rest, smooth, losses);
 }
 
-void restore_losses(const Neighbourhood& around, std::size_t begin, std::size_t end,
-                    const float* smooth, const float* losses, float scale, CornerAngle angle,
-                    float* to) {
+void restore_losses(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* smooth,
+                    const float* losses, float scale, CornerAngle angle, float* to) {
   HWY_DYNAMIC_DISPATCH(restore_losses)(around, begin, end, smooth, losses, scale, angle, to);
 }
 

@@ -13,27 +13,26 @@
 namespace sinew {
 
 /// to = from + (sum of neighbours - from) weight factor / (number of neighbours).
-void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor,
-                 const float* from, float* to);
+void simple_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor, const float* from,
+                 float* to);
 
 /// The same, with each difference times its length, divided by the mean length and the number.
-void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor,
-                 const float* from, float* to);
+void length_step(const Neighbourhood& around, std::size_t begin, std::size_t end, float factor, const float* from,
+                 float* to);
 
 /// Blender's Smooth.
-void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end,
-               const Smooth::Settings& settings, const float* from, float* to);
+void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end, const Smooth::Settings& settings,
+               const float* from, float* to);
 
 /// What rest - smooth is in the frames of the corners of `smooth`.
 /// losses  out, x y z of kBlock lanes, one after the other, for each of the neighbourhood's corner
 ///         entries.
-void measure_losses(const Neighbourhood& around, std::size_t begin, std::size_t end,
-                    const float* rest, const float* smooth, float* losses);
+void measure_losses(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* rest,
+                    const float* smooth, float* losses);
 
 /// to = smooth + scale times the losses, in the frames of smooth's corners and weighted by their
 /// angles.
-void restore_losses(const Neighbourhood& around, std::size_t begin, std::size_t end,
-                    const float* smooth, const float* losses, float scale, CornerAngle angle,
-                    float* to);
+void restore_losses(const Neighbourhood& around, std::size_t begin, std::size_t end, const float* smooth,
+                    const float* losses, float scale, CornerAngle angle, float* to);
 
 }  // namespace sinew

@@ -11,8 +11,7 @@ namespace sinew {
 
 /// A change of space C and its inverse; zeros if it has none, as in Blender.
 struct Space {
-  explicit Space(const Matrix4<double>& mesh_from_armature)
-      : forth(mesh_from_armature), back(forth.inverse()) {
+  explicit Space(const Matrix4<double>& mesh_from_armature) : forth(mesh_from_armature), back(forth.inverse()) {
     has_inverse = forth.determinant() != 0 && back.allFinite();
     if (!has_inverse) back.setZero();
   }

@@ -38,9 +38,7 @@ void append_number(std::string& text, T number) {
   text.append(buffer, result.ptr);
 }
 
-inline bool is_blank(char c) {
-  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
-}
+inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
 /// Takes off what some editors put before UTF-8 text. Throws InputError, naming the file, if what
 /// they put says UTF-16.

@@ -10,8 +10,7 @@ namespace {
 // A point's place counted in floats, four a point, has to fit 32 bits; some points are for padding.
 constexpr std::ptrdiff_t kMostVertices = std::ptrdiff_t{1} << 29;
 
-void check_vertices(const char* name, std::span<const std::int32_t> numbers,
-                    std::ptrdiff_t vertices) {
+void check_vertices(const char* name, std::span<const std::int32_t> numbers, std::ptrdiff_t vertices) {
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     if (numbers[i] >= 0 && numbers[i] < vertices) continue;
     fail(name, " names vertex ", numbers[i], "; the mesh has ", plural(vertices, "vertex"));
@@ -21,20 +20,17 @@ void check_vertices(const char* name, std::span<const std::int32_t> numbers,
 void check_offsets(std::span<const std::int32_t> offsets, std::ptrdiff_t corners) {
   if (offsets.empty() && corners == 0) return;
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners) {
-    fail("face_offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ",
-         offsets.empty() ? 0 : offsets.back(), "; expected 0 to ", corners,
-         ", the number of corners");
+    fail("face_offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ", offsets.empty() ? 0 : offsets.back(),
+         "; expected 0 to ", corners, ", the number of corners");
   }
   for (std::size_t f = 0; f + 1 < offsets.size(); ++f) {
     if (offsets[f + 1] - offsets[f] >= 3) continue;
-    fail("face ", f, " has ", plural(offsets[f + 1] - offsets[f], "corner"),
-         "; expected three at least");
+    fail("face ", f, " has ", plural(offsets[f + 1] - offsets[f], "corner"), "; expected three at least");
   }
 }
 
 /// How often each of `vertices` numbers occurs, summed up: where each one's entries begin.
-std::vector<std::uint32_t> beginnings(std::span<const std::int32_t> numbers,
-                                      std::ptrdiff_t vertices) {
+std::vector<std::uint32_t> beginnings(std::span<const std::int32_t> numbers, std::ptrdiff_t vertices) {
   std::vector<std::uint32_t> begin(static_cast<std::size_t>(vertices) + 1);
   for (const std::int32_t v : numbers) ++begin[v + 1];
   for (std::size_t v = 1; v < begin.size(); ++v) begin[v] += begin[v - 1];
@@ -52,12 +48,10 @@ void around(std::size_t first, std::size_t end, const Visit& visit) {
 }  // namespace
 
 Topology::Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> edges,
-                   std::span<const std::int32_t> face_offsets,
-                   std::span<const std::int32_t> corner_vertices) {
+                   std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices) {
   if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
   if (vertex_count > kMostVertices) {
-    fail("there are ", plural(vertex_count, "vertex"), "; expected ", grouped(kMostVertices),
-         " at most");
+    fail("there are ", plural(vertex_count, "vertex"), "; expected ", grouped(kMostVertices), " at most");
   }
   if (edges.size() % 2 != 0) {
     fail("edges has ", plural(std::ssize(edges), "number"), "; expected two an edge");
@@ -81,23 +75,20 @@ void Topology::take_edges(std::span<const std::int32_t> edges) {
   }
 }
 
-void Topology::take_faces(std::span<const std::int32_t> face_offsets,
-                          std::span<const std::int32_t> corner_vertices) {
+void Topology::take_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices) {
   corners_.resize(corner_vertices.size());
   std::vector<std::uint32_t> at(corner_begin_.begin(), corner_begin_.end() - 1);
   for (std::size_t f = 0; f + 1 < face_offsets.size(); ++f) {
     std::int32_t previous = corner_vertices[face_offsets[f + 1] - 1];
     around(face_offsets[f], face_offsets[f + 1], [&](std::size_t corner, std::size_t next) {
       const std::int32_t v = corner_vertices[corner];
-      corners_[at[v]++] = {static_cast<std::uint32_t>(previous),
-                           static_cast<std::uint32_t>(corner_vertices[next])};
+      corners_[at[v]++] = {static_cast<std::uint32_t>(previous), static_cast<std::uint32_t>(corner_vertices[next])};
       previous = v;
     });
   }
 }
 
-void Topology::find_boundary(std::span<const std::int32_t> edges,
-                             std::span<const std::int32_t> face_offsets,
+void Topology::find_boundary(std::span<const std::int32_t> edges, std::span<const std::int32_t> face_offsets,
                              std::span<const std::int32_t> corner_vertices) {
   // An edge is found at that of its ends which has fewer of them.
   std::vector<std::uint32_t> edge_at(edges.size());  // beside neighbours_
@@ -112,8 +103,8 @@ void Topology::find_boundary(std::span<const std::int32_t> edges,
       if (neighbours(from).size() > neighbours(to).size()) std::swap(from, to);
       const auto found = std::ranges::find(neighbours(from), to);
       if (found == neighbours(from).end()) {
-        fail("face ", f, " has a side from vertex ", corner_vertices[corner], " to vertex ",
-             corner_vertices[next], ", which is none of the edges");
+        fail("face ", f, " has a side from vertex ", corner_vertices[corner], " to vertex ", corner_vertices[next],
+             ", which is none of the edges");
       }
       auto& count = faces_of[edge_at[neighbour_begin_[from] + (found - neighbours(from).begin())]];
       count = std::min(count + 1, 2);

@@ -12,11 +12,10 @@
 namespace sinew {
 
 /// One number a vertex, all of them finite. owner  who has the vertices: "the skin".
-inline void check_vertex_numbers(const char* name, std::span<const float> numbers,
-                                 std::ptrdiff_t vertices, const char* owner) {
+inline void check_vertex_numbers(const char* name, std::span<const float> numbers, std::ptrdiff_t vertices,
+                                 const char* owner) {
   if (std::ssize(numbers) != vertices) {
-    fail(name, " has ", plural(std::ssize(numbers), "number"), "; ", owner, " has ",
-         plural(vertices, "vertex"));
+    fail(name, " has ", plural(std::ssize(numbers), "number"), "; ", owner, " has ", plural(vertices, "vertex"));
   }
   for (std::size_t v = 0; v < numbers.size(); ++v) {
     if (!std::isfinite(numbers[v])) fail(name, " is not finite at vertex ", v);
@@ -24,11 +23,10 @@ inline void check_vertex_numbers(const char* name, std::span<const float> number
 }
 
 /// V x 3 numbers, whatever they are.
-inline void check_position_count(const char* name, std::span<const float> positions,
-                                 std::ptrdiff_t vertices) {
+inline void check_position_count(const char* name, std::span<const float> positions, std::ptrdiff_t vertices) {
   if (std::ssize(positions) == 3 * vertices) return;
-  fail(name, " has ", plural(std::ssize(positions), "number"), "; expected ", grouped(3 * vertices),
-       " (", vertices, " x 3)");
+  fail(name, " has ", plural(std::ssize(positions), "number"), "; expected ", grouped(3 * vertices), " (", vertices,
+       " x 3)");
 }
 
 inline void check_setting(const char* name, double value) {

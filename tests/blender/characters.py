@@ -42,12 +42,15 @@ def make_tube(names=(*(f"bone{i}" for i in range(BONES)), "side")):
     """The same without a modifier. names: of its vertex groups."""
     random = np.random.default_rng(3)
     rings, around = 60, 20
-    height, angle = np.meshgrid(np.linspace(-0.2, 5.2, rings),
-                                np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij")
+    height, angle = np.meshgrid(
+        np.linspace(-0.2, 5.2, rings), np.linspace(0, 2 * np.pi, around, endpoint=False), indexing="ij"
+    )
     points = np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle), height], -1).reshape(-1, 3)
-    faces = [(r * around + i, r * around + (i + 1) % around,
-              (r + 1) * around + (i + 1) % around, (r + 1) * around + i)
-             for r in range(rings - 1) for i in range(around)]
+    faces = [
+        (r * around + i, r * around + (i + 1) % around, (r + 1) * around + (i + 1) % around, (r + 1) * around + i)
+        for r in range(rings - 1)
+        for i in range(around)
+    ]
     mesh = bpy.data.meshes.new("Tube")
     mesh.from_pydata(points.tolist(), [], faces)
     ob = bpy.data.objects.new("Tube", mesh)

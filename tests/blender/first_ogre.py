@@ -12,10 +12,26 @@ import numpy as np
 from mathutils import Euler
 
 sys.path.insert(0, str(Path(__file__).parent))
-from helpers import RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, select  # noqa: E402
-from windowed import (  # noqa: E402
-    FOLDER, area, areas, close_other_windows, in_area, middle_of, note_drawing, open_sidebar, outside, picture, playing,
-    region, run, screen, when_allowed, window, windows)
+from helpers import RIGS, addon_module, assert_same_shape, builtin_copy, evaluated, select
+from windowed import (
+    FOLDER,
+    area,
+    areas,
+    close_other_windows,
+    in_area,
+    middle_of,
+    note_drawing,
+    open_sidebar,
+    outside,
+    picture,
+    playing,
+    region,
+    run,
+    screen,
+    when_allowed,
+    window,
+    windows,
+)
 
 FRAMES = 100  # that are played
 SECONDS = 8.0  # of playing to compare
@@ -48,11 +64,9 @@ def steps():
 def import_by_file_browser():
     """Opens it, looks, and has the file chosen."""
     with in_area("VIEW_3D"):
-        bpy.ops.import_scene.sinew_rig(
-            "INVOKE_DEFAULT", filepath=str(RIGS["ogre"]), pose="walk.dmat")
+        bpy.ops.import_scene.sinew_rig("INVOKE_DEFAULT", filepath=str(RIGS["ogre"]), pose="walk.dmat")
     yield 1.5
-    browser = next(window for window in windows()
-                   for each in window.screen.areas if each.type == "FILE_BROWSER")
+    browser = next(window for window in windows() for each in window.screen.areas if each.type == "FILE_BROWSER")
     yield from picture("import")
     addon_module("ui.progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
     with bpy.context.temp_override(window=browser, area=browser.screen.areas[0]):
@@ -129,8 +143,10 @@ def pose_a_bone(ob):
         select(armature)
         bpy.ops.object.mode_set(mode="POSE")
         bpy.ops.pose.select_all(action="DESELECT")
-        bone = max(armature.pose.bones, key=lambda bone: len(bone.children_recursive) * bool(
-            bone.parent and bone.parent.parent))
+        bone = max(
+            armature.pose.bones,
+            key=lambda bone: len(bone.children_recursive) * bool(bone.parent and bone.parent.parent),
+        )
         (bone if hasattr(bone, "select") else bone.bone).select = True
         armature.data.bones.active = bone.bone
         bpy.ops.ed.undo_push(message="chosen a bone")

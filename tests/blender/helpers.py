@@ -135,10 +135,14 @@ def assert_plays_without_the_addon(path, ob, twin):
         "        bpy.context.scene.frame_set(frame)\n"
         "    shapes.append(shape(ob))\n"
         "    assert np.array_equal(shapes[-1], shape(twin)), frame\n"
-        "assert np.ptp(shapes, axis=0).max() > 0.1\n")
+        "assert np.ptp(shapes, axis=0).max() > 0.1\n"
+    )
     result = subprocess.run(
-        [bpy.app.binary_path, "-b", "--factory-startup", str(path), "--python-exit-code", "1",
-         "--python", str(script)], capture_output=True, text=True, check=False)
+        [bpy.app.binary_path, "-b", "--factory-startup", str(path), "--python-exit-code", "1", "--python", str(script)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert result.returncode == 0, result.stdout + result.stderr
     # Debian's 5.2 prints a traceback of its own extension manager; ours would name us.
     assert "sinew" not in (result.stdout + result.stderr).replace(str(path.parent), "")
@@ -188,8 +192,12 @@ def traces():
     for ob in bpy.data.objects:
         names += [name for name in ob.keys() if name == "sinew_anchor"]
         names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
-        names += [curve.data_path for curve in (ob.animation_data.drivers if ob.animation_data else ())
-                  for variable in curve.driver.variables if "sinew" in variable.targets[0].data_path]
+        names += [
+            curve.data_path
+            for curve in (ob.animation_data.drivers if ob.animation_data else ())
+            for variable in curve.driver.variables
+            if "sinew" in variable.targets[0].data_path
+        ]
         if ob.type == "MESH":
             names += [name for name in ob.data.attributes.keys() if "sinew" in name or name == "rest_position"]
         names += [ob.name] if ob.sinew.copied_from else []
@@ -197,5 +205,7 @@ def traces():
 
 
 def data_counts():
-    return {name: len(getattr(bpy.data, name)) for name in (
-        "objects", "meshes", "armatures", "materials", "node_groups", "actions", "images")}
+    return {
+        name: len(getattr(bpy.data, name))
+        for name in ("objects", "meshes", "armatures", "materials", "node_groups", "actions", "images")
+    }

@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose  # noqa: E402
-from helpers import addon_module, assert_same_shape, select, twin_of, way  # noqa: E402
-from windowed import area, in_area, picture, region, run, window  # noqa: E402
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from helpers import addon_module, assert_same_shape, select, twin_of, way
+from windowed import area, in_area, picture, region, run, window
 
 DABS = (0.0, 0.05)  # how far from the middle of the view, as a share of its height
 
@@ -93,8 +93,19 @@ def paint(ob, name):
 def dab(view, share, is_start):
     """A point of a stroke, as the mouse would give it, but the same one whatever the machine has to do meanwhile."""
     place = (view.width / 2, view.height * (0.5 + share))
-    return {"name": "", "is_start": is_start, "location": (0, 0, 0), "mouse": place, "mouse_event": place,
-            "pressure": 1.0, "size": 60.0, "time": 0.0, "pen_flip": False, "x_tilt": 0.0, "y_tilt": 0.0}
+    return {
+        "name": "",
+        "is_start": is_start,
+        "location": (0, 0, 0),
+        "mouse": place,
+        "mouse_event": place,
+        "pressure": 1.0,
+        "size": 60.0,
+        "time": 0.0,
+        "pen_flip": False,
+        "x_tilt": 0.0,
+        "y_tilt": 0.0,
+    }
 
 
 def check(ob, before, ours, theirs):

@@ -13,9 +13,9 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose  # noqa: E402
-from helpers import addon_module, assert_same_shape, select, twin_of  # noqa: E402
-from windowed import FOLDER, playing, run, when_allowed, window  # noqa: E402
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from helpers import addon_module, assert_same_shape, select, twin_of
+from windowed import FOLDER, playing, run, when_allowed, window
 
 FRAMES = range(1, 31)
 
@@ -55,6 +55,7 @@ def steps():
     camera(scene)
     pictures = []
     for number, (shown, hidden) in enumerate(((ob, twin), (twin, ob))):
+
         def show_one(shown=shown, hidden=hidden, path=str(FOLDER / f"{number}-")):
             shown.hide_render, hidden.hide_render = False, True
             scene.render.filepath = path
@@ -62,7 +63,7 @@ def steps():
         yield from when_allowed(show_one)
         done = []
         for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
-            handlers.append(lambda *_: done.append(True))
+            handlers.append(lambda *_, done=done: done.append(True))
         with window():
             bpy.ops.screen.animation_play()  # Blender stops it, and starts nothing while it renders
             bpy.ops.render.render("INVOKE_DEFAULT", animation=True)

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from helpers import addon_module, import_rig, select  # noqa: E402
-from windowed import FOLDER, area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen  # noqa: E402
+from helpers import addon_module, import_rig, select
+from windowed import FOLDER, area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen
 
 KEYS = 20
 FRAMES = range(1, 21)
@@ -49,7 +49,7 @@ def steps():
         if costs.last:
             break
         yield 0.5
-    profile, = costs.last
+    (profile,) = costs.last
     assert profile.frames == list(FRAMES) and profile.objects[0].name == ("ogre", None)
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5) and not ob.sinew.is_bound
     yield from picture("profile")

@@ -31,10 +31,15 @@ def assert_given_back(ob, twin):
     assert_plays(ob, twin)
     for ours, theirs in zip(ob.modifiers, twin.modifiers, strict=True):
         assert (ours.type, ours.object, ours.show_viewport, ours.show_render) == (
-            theirs.type, theirs.object, theirs.show_viewport, theirs.show_render)
+            theirs.type,
+            theirs.object,
+            theirs.show_viewport,
+            theirs.show_render,
+        )
 
 
 # --- modifiers and armatures ----------------------------------------------------------------------
+
 
 def test_the_armature_modifier_is_renamed(character):
     ob, twin, _ = character
@@ -91,6 +96,7 @@ def test_bound_again_to_the_armature_of_another_modifier(character, other_armatu
 
 # --- what is refused ------------------------------------------------------------------------------
 
+
 def an_armature_of_other_bones(ob):
     other = make_armature()
     for bone in other.data.bones:
@@ -115,8 +121,11 @@ def a_parent_that_deforms(ob):
     select(ob)
 
 
-@pytest.mark.parametrize("spoil", (an_armature_of_other_bones, in_edit_mode, a_mix_from_the_middle,
-                                   a_parent_that_deforms), ids=lambda spoil: spoil.__name__)
+@pytest.mark.parametrize(
+    "spoil",
+    (an_armature_of_other_bones, in_edit_mode, a_mix_from_the_middle, a_parent_that_deforms),
+    ids=lambda spoil: spoil.__name__,
+)
 def test_a_refused_binding_changes_nothing(character, spoil):
     ob, _, armature = character
     modifier = ob.modifiers["Armature"]
@@ -124,10 +133,17 @@ def test_a_refused_binding_changes_nothing(character, spoil):
     spoil(ob)
 
     def state():
-        settings = {name: getattr(ob.sinew, name) for name in (
-            "is_bound", "source", "output", "installed_output", "armature", "method")}
-        return settings, [(m.name, m.show_viewport, m.show_render, m.as_pointer()) for m in ob.modifiers], [
-            curve.data_path for curve in ob.animation_data.drivers], modifier.vertex_group, traces()
+        settings = {
+            name: getattr(ob.sinew, name)
+            for name in ("is_bound", "source", "output", "installed_output", "armature", "method")
+        }
+        return (
+            settings,
+            [(m.name, m.show_viewport, m.show_render, m.as_pointer()) for m in ob.modifiers],
+            [curve.data_path for curve in ob.animation_data.drivers],
+            modifier.vertex_group,
+            traces(),
+        )
 
     before = state()
     bind = addon_module("binding.bind")
@@ -151,6 +167,7 @@ def test_an_armature_modifier_that_cannot_be_put_first(fresh_scene, monkeypatch)
 
 
 # --- bones ----------------------------------------------------------------------------------------
+
 
 def hide(ob, away):
     ob.hide_viewport = away
@@ -264,6 +281,7 @@ def test_all_bones_are_deleted_and_made_anew(character, keys):
 
 
 # --- what else ------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("when", ("before", "after"))
 @pytest.mark.parametrize("kind", ("MULTIRES", "SOFT_BODY"))

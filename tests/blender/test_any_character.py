@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from characters import (
-    accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones)
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones
 from helpers import addon_module, assert_same_shape, diagonal, evaluated, select, twin_of, way
 
 METHODS = ("LINEAR", "DUAL_QUATERNION")
@@ -26,7 +25,7 @@ def with_envelopes(ob):
     modifier = ob.modifiers["Armature"]
     modifier.use_bone_envelopes = True
     for group in ob.vertex_groups:
-        group.remove(range(0, 400))
+        group.remove(range(400))
     for i, bone in enumerate(modifier.object.data.bones):
         bone.head_radius, bone.tail_radius = 0.1 + 0.05 * i, 0.3
         bone.envelope_distance, bone.envelope_weight = 0.3 + 0.1 * i, 0.5 + 0.3 * i
@@ -156,13 +155,30 @@ def parented_and_squashed(ob):
 
 
 KINDS = (
-    lambda ob: None, add_shape_keys, with_mask, lambda ob: with_mask(ob, invert=True),
-    with_bendy_bones, with_envelopes, with_envelopes_alone, with_bones_that_do_not_deform,
-    with_a_modifier_before, with_another_armature_before, mixed, mixed_without_a_mask,
-    mixed_thrice_by_two_armatures, with_curved_bendy_bones, with_subdivision_after,
-    with_keys_and_subdivision, with_keys_and_the_lot_after, with_keys_mask_envelopes_and_bendy_bones,
-    with_keys_and_bendy_bones, moving_against_bendy_bones, with_keys_and_curved_bendy_bones,
-    apart, parented_and_squashed)
+    lambda ob: None,
+    add_shape_keys,
+    with_mask,
+    lambda ob: with_mask(ob, invert=True),
+    with_bendy_bones,
+    with_envelopes,
+    with_envelopes_alone,
+    with_bones_that_do_not_deform,
+    with_a_modifier_before,
+    with_another_armature_before,
+    mixed,
+    mixed_without_a_mask,
+    mixed_thrice_by_two_armatures,
+    with_curved_bendy_bones,
+    with_subdivision_after,
+    with_keys_and_subdivision,
+    with_keys_and_the_lot_after,
+    with_keys_mask_envelopes_and_bendy_bones,
+    with_keys_and_bendy_bones,
+    moving_against_bendy_bones,
+    with_keys_and_curved_bendy_bones,
+    apart,
+    parented_and_squashed,
+)
 NAMES = [kind.__name__ for kind in KINDS]
 NAMES[0], NAMES[3] = "plain", "with_mask_turned_round"
 # Which Blender's own modifier goes on deforming:
@@ -207,10 +223,12 @@ def test_given_back_as_it_was(fresh_scene, kind):
     fresh_scene.frame_set(1)
 
     def description():
-        return ([(m.name, m.type, m.show_viewport, m.show_render, getattr(m, "object", None))
-                 for m in ob.modifiers],
-                sorted(a.name for a in ob.data.attributes), len(bpy.data.node_groups),
-                evaluated(ob).tobytes())
+        return (
+            [(m.name, m.type, m.show_viewport, m.show_render, getattr(m, "object", None)) for m in ob.modifiers],
+            sorted(a.name for a in ob.data.attributes),
+            len(bpy.data.node_groups),
+            evaluated(ob).tobytes(),
+        )
 
     before = description()
     accelerate(ob)

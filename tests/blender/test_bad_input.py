@@ -6,8 +6,7 @@ import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import (
-    addon_module, assert_same_shape, copied_rig, data_counts, import_rig, select, twin_of, way)
+from helpers import addon_module, assert_same_shape, copied_rig, data_counts, import_rig, select, twin_of, way
 
 
 def write(name, text):
@@ -23,6 +22,7 @@ def replace_line(name, line, text):
         lines = (folder / name).read_text().splitlines()
         lines[line] = text
         (folder / name).write_text("\n".join(lines) + "\n")
+
     return spoil
 
 
@@ -39,32 +39,44 @@ CASES = {
     "no weights": (remove("weights.dmat"), "there is no file .*weights.dmat"),
     "too few rows": (write("weights.dmat", "1 2\n0.5\n0.5\n"), r"weights.dmat has 2 rows, mesh.obj"),
     "cycle": (write("skeleton.bf", "0 1 0 0 0\n1 0 0 1 0\n"), "skeleton.bf.*cycle"),
-    "parent out of range": (
-        replace_line("skeleton.bf", 1, "1 77 0 1 0"), "skeleton.bf.*joint 1 has parent 77"),
+    "parent out of range": (replace_line("skeleton.bf", 1, "1 77 0 1 0"), "skeleton.bf.*joint 1 has parent 77"),
     "NaN": (replace_line("weights.dmat", 3, "nan"), 'weights.dmat, row 2, column 0.*"nan"'),
     "truncated binary": (truncated_binary, "weights.dmat ends after 7 numbers; 5 columns x 100 rows were due"),
     "empty file": (write("weights.dmat", ""), "weights.dmat is empty"),
     "empty skeleton": (write("skeleton.bf", ""), "skeleton.bf holds no joints"),
     "empty mesh": (write("mesh.obj", ""), "mesh.obj holds no vertices"),
     "letters": (replace_line("mesh.obj", 4, "v 1 two 3"), 'mesh.obj, line 5.*found "two"'),
-    "weights without columns": (lambda folder: [spoil(folder) for spoil in (
-        write("weights.dmat", "0 3986\n"), write("skeleton.bf", "-1 -1 0 0 0\n-1 0 0 1 0\n"),
-        remove("pose.dmat"), write("anim.dmat", "20000000 0\n"))], "weights.dmat has no columns; expected one a bone"),
+    "weights without columns": (
+        lambda folder: [
+            spoil(folder)
+            for spoil in (
+                write("weights.dmat", "0 3986\n"),
+                write("skeleton.bf", "-1 -1 0 0 0\n-1 0 0 1 0\n"),
+                remove("pose.dmat"),
+                write("anim.dmat", "20000000 0\n"),
+            )
+        ],
+        "weights.dmat has no columns; expected one a bone",
+    ),
     "columns without end": (
         write("weights.dmat", "9223372036854775807 0\n"),
-        "weights.dmat says 9,223,372,036,854,775,807 columns x 0 rows"),
+        "weights.dmat says 9,223,372,036,854,775,807 columns x 0 rows",
+    ),
     "UTF-16": (
         lambda folder: (folder / "weights.dmat").write_text("1 1\n1\n", "utf-16"),
-        "weights.dmat is UTF-16 text; save it as UTF-8"),
+        "weights.dmat is UTF-16 text; save it as UTF-8",
+    ),
     "an excerpt in Latin-1": (
-        lambda folder: (folder / "pose.dmat").write_text("gr\xf6\xdfe", "latin-1"), r'found "gr\\xf6\\xdfe"'),
-    "weight column without a bone": (
-        replace_line("skeleton.bf", 1, "9 0 0 1 0"), "joint 1 has weight column 9"),
+        lambda folder: (folder / "pose.dmat").write_text("gr\xf6\xdfe", "latin-1"),
+        r'found "gr\\xf6\\xdfe"',
+    ),
+    "weight column without a bone": (replace_line("skeleton.bf", 1, "9 0 0 1 0"), "joint 1 has weight column 9"),
     "huge header": (huge_header, "weights.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"),
     "wrong pose": (write("pose.dmat", "2 3\n0 0 0 0 0 0\n"), "pose.dmat: there are 3 numbers a pose"),
     "face without vertex": (
         lambda folder: (folder / "mesh.obj").open("a").write("f 1 2 999999\n"),
-        "mesh.obj: face .* names vertex 999999"),
+        "mesh.obj: face .* names vertex 999999",
+    ),
 }
 
 
@@ -98,7 +110,8 @@ def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkey
     monkeypatch.setattr(owner, function, fail)
     with pytest.raises(RuntimeError, match="it was told to fail"):
         bpy.ops.import_scene.sinew_rig(
-            filepath=str(copied_rig(tmp_path) / "skeleton.bf"), pose="walk.dmat", output=output)
+            filepath=str(copied_rig(tmp_path) / "skeleton.bf"), pose="walk.dmat", output=output
+        )
     assert data_counts() == before and fresh_scene.frame_end == 250
     assert bpy.context.active_object == cube and bpy.context.selected_objects == [cube]
     monkeypatch.undo()
@@ -182,8 +195,7 @@ def test_what_cannot_be_followed_is_refused_and_left_alone():
     assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Armature"]
     ob.shape_key_clear()
     ob.modifiers.new("Wave", "WAVE")
-    ob.modifiers.move(1, 0) if hasattr(ob.modifiers, "move") else bpy.ops.object.modifier_move_up(
-        modifier="Wave")
+    ob.modifiers.move(1, 0) if hasattr(ob.modifiers, "move") else bpy.ops.object.modifier_move_up(modifier="Wave")
     with pytest.raises(RuntimeError, match="cannot have the output Mesh.*Wave comes before Armature"):
         bpy.ops.object.sinew_bind(output="MESH")
     other = ob.modifiers["Armature"].object.copy()

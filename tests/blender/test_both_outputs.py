@@ -54,7 +54,8 @@ def rest_shapes(ob):
     """Of the mesh and its keys, as bytes."""
     keys = ob.data.shape_keys.key_blocks if ob.data.shape_keys else ()
     return [own_positions(ob).tobytes()] + [
-        np.array([point.co for point in key.data], np.float32).tobytes() for key in keys]
+        np.array([point.co for point in key.data], np.float32).tobytes() for key in keys
+    ]
 
 
 @pytest.fixture(params=("MODIFIER", "MESH"))
@@ -179,9 +180,25 @@ def paint_weights(ob):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
-ACCIDENTS = {function.__name__: function for function in (
-    move_vertices, add_vertices, remove_vertices, unwrap, sculpt, write_by_script, write_by_bmesh, apply_transform,
-    add_key, clear_keys, duplicate_linked_and_delete, join, show_off_and_on, paint_weights)}
+ACCIDENTS = {
+    function.__name__: function
+    for function in (
+        move_vertices,
+        add_vertices,
+        remove_vertices,
+        unwrap,
+        sculpt,
+        write_by_script,
+        write_by_bmesh,
+        apply_transform,
+        add_key,
+        clear_keys,
+        duplicate_linked_and_delete,
+        join,
+        show_off_and_on,
+        paint_weights,
+    )
+}
 
 
 @pytest.mark.parametrize("accident", ACCIDENTS.values(), ids=ACCIDENTS)

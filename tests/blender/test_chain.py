@@ -6,10 +6,29 @@ import numpy as np
 import pytest
 
 from characters import (
-    accelerate, add_shape_keys, animate, hook, make_armature, make_mesh, pose, smoothed, with_bendy_bones)
+    accelerate,
+    add_shape_keys,
+    animate,
+    hook,
+    make_armature,
+    make_mesh,
+    pose,
+    smoothed,
+    with_bendy_bones,
+)
 from helpers import (
-    addon_module, assert_same_on_all_frames, assert_same_shape, depsgraph, diagonal, end, evaluated, select, stages,
-    twin_of, way)
+    addon_module,
+    assert_same_on_all_frames,
+    assert_same_shape,
+    depsgraph,
+    diagonal,
+    end,
+    evaluated,
+    select,
+    stages,
+    twin_of,
+    way,
+)
 
 
 def simple(ob):
@@ -44,8 +63,9 @@ def out_of_range(ob):
 def animated(ob):
     modifier = smoothed(ob)
     animate(modifier, factor=(0.1, 0.9), iterations=(1, 9), scale=(0.2, 1.5), use_pin_boundary=(False, True))
-    animate(smoothed(ob, "Second", vertex_group="bone1"), invert_vertex_group=(False, True),
-            use_only_smooth=(True, False))
+    animate(
+        smoothed(ob, "Second", vertex_group="bone1"), invert_vertex_group=(False, True), use_only_smooth=(True, False)
+    )
 
 
 def plain_smooth(ob):
@@ -61,8 +81,11 @@ def against_it(ob):
 def hooks(ob):
     hook(ob).vertex_indices_set(range(0, 1200, 3))
     hook(ob, "By a bone", "side", vertex_group="bone3", falloff_type="SMOOTH", falloff_radius=2.5, center=(0, 0, 3))
-    animate(hook(ob, "Uniform", "bone4", vertex_group="bone1", use_falloff_uniform=True, falloff_type="ROOT"),
-            strength=(0.2, 0.9), falloff_radius=(1, 3))
+    animate(
+        hook(ob, "Uniform", "bone4", vertex_group="bone1", use_falloff_uniform=True, falloff_type="ROOT"),
+        strength=(0.2, 0.9),
+        falloff_radius=(1, 3),
+    )
 
 
 def all_of_them(ob):
@@ -78,8 +101,21 @@ def hooks_of_vertices_that_are_gone(ob):
     simple(ob)
 
 
-CHAINS = (simple, length_weighted, part, all_but_a_part, no_such_group, only_smooth, out_of_range, animated,
-          plain_smooth, against_it, hooks, hooks_of_vertices_that_are_gone, all_of_them)
+CHAINS = (
+    simple,
+    length_weighted,
+    part,
+    all_but_a_part,
+    no_such_group,
+    only_smooth,
+    out_of_range,
+    animated,
+    plain_smooth,
+    against_it,
+    hooks,
+    hooks_of_vertices_that_are_gone,
+    all_of_them,
+)
 
 
 def by_two_armatures(ob):
@@ -99,6 +135,7 @@ def nothing(ob):
 @pytest.fixture
 def make(fresh_scene):
     """Function that makes (bound mesh, twin) with that before and behind its Armature modifier."""
+
     def make(*parts, volume=False, bind=True):
         armature = make_armature()
         for frame in (1, 7, 14, 20):
@@ -112,11 +149,13 @@ def make(fresh_scene):
         if bind:
             accelerate(ob)
         return ob, twin
+
     return make
 
 
-@pytest.mark.parametrize("before", (nothing, add_shape_keys, by_two_armatures, with_bendy_bones),
-                         ids=lambda part: part.__name__)
+@pytest.mark.parametrize(
+    "before", (nothing, add_shape_keys, by_two_armatures, with_bendy_bones), ids=lambda part: part.__name__
+)
 @pytest.mark.parametrize("behind", CHAINS, ids=lambda part: part.__name__)
 @pytest.mark.parametrize("volume", (False, True), ids=("linear", "volume"))
 def test_chain_on_twenty_frames(fresh_scene, make, before, behind, volume):
@@ -194,10 +233,17 @@ def switched_by_keyframes(ob):
     animate(smoothed(ob, "Switched"), show_viewport=(True, False))
 
 
-@pytest.mark.parametrize("behind, name, reason", [
-    (subdivided, "Finer", "only Blender knows what it does"), (driven, "Driven", "its factor is driven"),
-    (by_curve, "Hook", "its curve"), (in_renders_alone, "Render", "not shown where Armature is"),
-    (switched_by_keyframes, "Switched", "drivers or keyframes")], ids=lambda part: getattr(part, "__name__", ""))
+@pytest.mark.parametrize(
+    "behind, name, reason",
+    [
+        (subdivided, "Finer", "only Blender knows what it does"),
+        (driven, "Driven", "its factor is driven"),
+        (by_curve, "Hook", "its curve"),
+        (in_renders_alone, "Render", "not shown where Armature is"),
+        (switched_by_keyframes, "Switched", "drivers or keyframes"),
+    ],
+    ids=lambda part: getattr(part, "__name__", ""),
+)
 def test_where_the_run_ends(fresh_scene, make, behind, name, reason):
     ob, twin = make(behind)
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5, 9))
@@ -210,12 +256,14 @@ def test_what_is_off_is_passed_over(fresh_scene, make):
         smoothed(ob, "Off", show_viewport=False, show_render=False)
         smoothed(ob)
         ob.modifiers.new("Nobody", "HOOK")
+
     ob, twin = make(off_between)
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5))
     assert stages(ob) == ["Corrective"]
 
 
 # --- edits ----------------------------------------------------------------------------------------
+
 
 def settings(ob):
     ob.modifiers["Corrective"].iterations = 12
@@ -291,8 +339,23 @@ def one_vertex_more(ob):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
-EDITS = (settings, another_group, paint, remove_the_group, move_vertices, one_more, one_less, other_order, renamed,
-         switched_off, before_the_armature, another_target, other_vertices, cut, one_vertex_more)
+EDITS = (
+    settings,
+    another_group,
+    paint,
+    remove_the_group,
+    move_vertices,
+    one_more,
+    one_less,
+    other_order,
+    renamed,
+    switched_off,
+    before_the_armature,
+    another_target,
+    other_vertices,
+    cut,
+    one_vertex_more,
+)
 
 
 @pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
@@ -333,8 +396,11 @@ def test_modifiers_are_as_they_were(fresh_scene, make):
     not_said = {"rna_type", "execution_time", "is_active", "persistent_uid", "falloff_curve"}
 
     def state(each):
-        return {m.name: {name: said(getattr(m, name)) for name in m.bl_rna.properties.keys() if name not in not_said}
-                for m in each.modifiers if m.type != "NODES"}
+        return {
+            m.name: {name: said(getattr(m, name)) for name in m.bl_rna.properties.keys() if name not in not_said}
+            for m in each.modifiers
+            if m.type != "NODES"
+        }
 
     fresh_scene.frame_set(5)
     assert state(ob) == state(twin)

@@ -16,20 +16,24 @@ CAPSULE = str(RIGS["capsule"].parent)
 @pytest.fixture
 def sinew(capsys):
     """Runs a command in this process. Returns exit code, stdout, stderr."""
+
     def run(*words):
         capsys.readouterr()
         code = addon_module("cli.command_line").run([str(word) for word in words])
         return code, *capsys.readouterr()
+
     return run
 
 
 @pytest.fixture
 def document(sinew):
     """Runs a command that succeeds. Returns its JSON document."""
+
     def run(*words):
         code, out, err = sinew(*words, "--json")
         assert (code, err) == (0, "")
         return json.loads(out.splitlines()[-1])
+
     return run
 
 
@@ -52,27 +56,35 @@ def save(tmp_path):
 
 # --- info -----------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize("name", ("capsule", "ogre"))
 def test_info_of_a_rig_folder(document, name):
     found = document("info", RIGS[name].parent)
     rig = read_rig(RIGS[name].parent)
     counts = (rig.weights > 0).sum(axis=1)
     assert found == {
-        "path": str(RIGS[name]), "convention": {"capsule": "joint", "ogre": "bone"}[name],
-        "vertices": len(rig.positions), "faces": len(rig.face_offsets) - 1,
-        "joints": rig.skeleton.joint_count, "weight_columns": rig.weights.shape[1],
-        "poses": rig.poses.pose_count, "animation_frames": 0,
-        "mean_influences": pytest.approx(counts.mean()), "most_influences": counts.max(),
+        "path": str(RIGS[name]),
+        "convention": {"capsule": "joint", "ogre": "bone"}[name],
+        "vertices": len(rig.positions),
+        "faces": len(rig.face_offsets) - 1,
+        "joints": rig.skeleton.joint_count,
+        "weight_columns": rig.weights.shape[1],
+        "poses": rig.poses.pose_count,
+        "animation_frames": 0,
+        "mean_influences": pytest.approx(counts.mean()),
+        "most_influences": counts.max(),
         "unweighted_vertices": 0,
-        "clamped_weights": 0}
+        "clamped_weights": 0,
+    }
 
 
 def test_info_reads_the_files_that_are_named(document, tmp_path):
     folder = copied_rig(tmp_path)
     (folder / "weights.dmat").rename(folder / "other.dmat")
     (folder / "skeleton.bf").rename(folder / "other.bf")
-    found = document("info", folder / "other.bf", "--weights", "other.dmat", "--pose", "walk.dmat",
-                     "--convention", "bone")
+    found = document(
+        "info", folder / "other.bf", "--weights", "other.dmat", "--pose", "walk.dmat", "--convention", "bone"
+    )
     assert (found["poses"], found["convention"]) == (48, "bone")
 
 
@@ -98,7 +110,7 @@ def test_info_for_people(sinew, capsule_blend):
 
 def test_info_says_what_deforms_a_mesh_and_what_sinew_cannot(document, tmp_path):
     armature = make_armature()
-    bound, plain = make_mesh(armature, True), make_mesh(armature, True)
+    bound, _plain = make_mesh(armature, True), make_mesh(armature, True)
     refused = make_mesh(armature, False)
     refused.vertex_groups.clear()
     accelerate(bound)
@@ -106,34 +118,88 @@ def test_info_says_what_deforms_a_mesh_and_what_sinew_cannot(document, tmp_path)
     smoothed(make_tube(), iterations=2).id_data.name = "Free"
     found = document("info", save(tmp_path))["meshes"]
     assert {mesh["name"]: mesh for mesh in found} == {
-        "Free": {"name": "Free", "vertices": 1200, "armature": None, "bones": 0, "deformed_by": "Blender",
-                 "method": None, "source": None, "output": None, "problem": None},
-        "Tube": {"name": "Tube", "vertices": 1200, "armature": "Rig", "bones": 6,
-                 "deformed_by": "Sinew", "method": "dual-quaternion", "source": "armature",
-                 "output": "modifier", "problem": None},
-        "Tube.001": {"name": "Tube.001", "vertices": 1200, "armature": "Rig", "bones": 6,
-                     "deformed_by": "modifier Armature", "method": "dual-quaternion",
-                     "source": "armature", "output": None, "problem": None},
-        "Tube.002": {"name": "Tube.002", "vertices": 1200, "armature": "Rig", "bones": 6,
-                     "deformed_by": "modifier Armature", "method": "linear", "source": "armature",
-                     "output": None,
-                     "problem": "No vertex group of Tube.002 has the name of a deforming bone of Rig"}}
+        "Free": {
+            "name": "Free",
+            "vertices": 1200,
+            "armature": None,
+            "bones": 0,
+            "deformed_by": "Blender",
+            "method": None,
+            "source": None,
+            "output": None,
+            "problem": None,
+        },
+        "Tube": {
+            "name": "Tube",
+            "vertices": 1200,
+            "armature": "Rig",
+            "bones": 6,
+            "deformed_by": "Sinew",
+            "method": "dual-quaternion",
+            "source": "armature",
+            "output": "modifier",
+            "problem": None,
+        },
+        "Tube.001": {
+            "name": "Tube.001",
+            "vertices": 1200,
+            "armature": "Rig",
+            "bones": 6,
+            "deformed_by": "modifier Armature",
+            "method": "dual-quaternion",
+            "source": "armature",
+            "output": None,
+            "problem": None,
+        },
+        "Tube.002": {
+            "name": "Tube.002",
+            "vertices": 1200,
+            "armature": "Rig",
+            "bones": 6,
+            "deformed_by": "modifier Armature",
+            "method": "linear",
+            "source": "armature",
+            "output": None,
+            "problem": "No vertex group of Tube.002 has the name of a deforming bone of Rig",
+        },
+    }
 
 
 # --- import and export ----------------------------------------------------------------------------
 
+
 def test_import_takes_the_importers_options(document, tmp_path):
     path = tmp_path / "a.blend"
     found = document(
-        "import", CAPSULE, "-o", path, "--pose", "walk.dmat", "--up-axis", "z", "--scale", "2",
-        "--method", "dual-quaternion", "--source", "armature", "--output-kind", "mesh",
-        "--convention", "joint", "--quaternion-order", "wxyz", "--frame-rate", "12", "--keep-frame-range")
+        "import",
+        CAPSULE,
+        "-o",
+        path,
+        "--pose",
+        "walk.dmat",
+        "--up-axis",
+        "z",
+        "--scale",
+        "2",
+        "--method",
+        "dual-quaternion",
+        "--source",
+        "armature",
+        "--output-kind",
+        "mesh",
+        "--convention",
+        "joint",
+        "--quaternion-order",
+        "wxyz",
+        "--frame-rate",
+        "12",
+        "--keep-frame-range",
+    )
     assert found["path"] == str(path)
     bpy.ops.wm.open_mainfile(filepath=str(path))
     assert [ob.name for ob in bpy.data.objects if ob.type == "MESH"] == ["capsule", "capsule.deformed"]
     ob = bpy.data.objects["capsule"]
-    assert (ob.sinew.method, ob.sinew.source, ob.sinew.installed_output) == (
-        "DUAL_QUATERNION", "ARMATURE", "MESH")
+    assert (ob.sinew.method, ob.sinew.source, ob.sinew.installed_output) == ("DUAL_QUATERNION", "ARMATURE", "MESH")
     assert np.allclose(ob.matrix_world, np.diag((2, 2, 2, 1)))
     assert ob.sinew.armature.sinew_clip.speed == 0.5  # at 24 frames a second
     assert bpy.context.scene.frame_end == 250
@@ -162,8 +228,7 @@ def test_export_gives_the_folder_back(document, capsule_blend, tmp_path):
     folder = tmp_path / "new" / "rig"
     found = document("export", capsule_blend, folder)
     before, after = read_rig(CAPSULE, pose="walk.dmat"), read_rig(folder)
-    assert found == {**document("info", CAPSULE, "--pose", "walk.dmat"),
-                     "path": str(folder / "skeleton.bf")}
+    assert found == {**document("info", CAPSULE, "--pose", "walk.dmat"), "path": str(folder / "skeleton.bf")}
     assert np.array_equal(after.positions, before.positions)
     assert np.array_equal(after.face_vertices, before.face_vertices)
     assert np.allclose(after.weights, before.weights, atol=1e-7)
@@ -179,16 +244,25 @@ def test_export_of_a_chosen_mesh(document, tmp_path, animation, frames):
     second.data.vertices[0].co = (9, 8, 7)
     pose(armature, 1, False)
     bpy.context.scene.frame_end = 3
-    found = document("export", save(tmp_path), tmp_path / "rig", "--object", name,
-                     "--animation", animation)
+    found = document("export", save(tmp_path), tmp_path / "rig", "--object", name, "--animation", animation)
     assert (found["animation_frames"], found["poses"]) == (frames, 0)
     assert read_rig(tmp_path / "rig").positions[0].tolist() == [9, 7, -8]
-    document("export", tmp_path / "saved.blend", tmp_path / "rig", "--object", name,
-             "--animation", animation, "--up-axis", "Z")
+    document(
+        "export",
+        tmp_path / "saved.blend",
+        tmp_path / "rig",
+        "--object",
+        name,
+        "--animation",
+        animation,
+        "--up-axis",
+        "Z",
+    )
     assert read_rig(tmp_path / "rig").positions[0].tolist() == [9, 8, 7]
 
 
 # --- bench ----------------------------------------------------------------------------------------
+
 
 def assert_times(found, methods):
     assert [result["method"] for result in found["results"]] == methods
@@ -260,12 +334,18 @@ def test_bench_does_not_hang_on_the_preferences_of_duplication(document, capsule
 def test_bench_for_people(sinew):
     code, out, _ = sinew("bench", CAPSULE, "--frames", 2)
     assert code == 0
-    for words in ("capsule: 3,986 vertices, 4 bones", "milliseconds a frame", "whole frame, Sinew",
-                  "whole frame, Armature modifier", "largest distance"):
+    for words in (
+        "capsule: 3,986 vertices, 4 bones",
+        "milliseconds a frame",
+        "whole frame, Sinew",
+        "whole frame, Armature modifier",
+        "largest distance",
+    ):
         assert words in out
 
 
 # --- what goes wrong ------------------------------------------------------------------------------
+
 
 def one_sentence(result):
     """Of a command that could not be done: the sentence."""
@@ -273,16 +353,22 @@ def one_sentence(result):
     assert code == 1
     assert all(line.startswith(("Error: ", "Info: ")) for line in out.splitlines())  # Blender's own noise
     assert err.startswith("sinew: ") and err.count("\n") == 1
-    return err[len("sinew: "):].strip()
+    return err[len("sinew: ") :].strip()
 
 
 def test_files_that_are_not_there(sinew, tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "a.txt").write_text("")
-    for path, words in (("nowhere", "no file or folder"), ("empty", "neither skeleton.bf nor"),
-                        ("a.txt", "neither a rig folder, a skeleton")):
-        for words_before, words_after in ((["info"], []), (["bench"], []),
-                                          (["import"], ["-o", tmp_path / "out.blend"])):
+    for path, words in (
+        ("nowhere", "no file or folder"),
+        ("empty", "neither skeleton.bf nor"),
+        ("a.txt", "neither a rig folder, a skeleton"),
+    ):
+        for words_before, words_after in (
+            (["info"], []),
+            (["bench"], []),
+            (["import"], ["-o", tmp_path / "out.blend"]),
+        ):
             assert words in one_sentence(sinew(*words_before, tmp_path / path, *words_after))
     for command in (["info"], ["bench"]):
         assert "there is no file" in one_sentence(sinew(*command, tmp_path / "no.blend"))
@@ -301,13 +387,12 @@ def test_bad_files(sinew, tmp_path):
 
 
 def test_places_that_cannot_be_written_to(sinew, capsule_blend, tmp_path):
-    assert "there is no folder" in one_sentence(
-        sinew("import", CAPSULE, "-o", tmp_path / "nowhere" / "a.blend"))
+    assert "there is no folder" in one_sentence(sinew("import", CAPSULE, "-o", tmp_path / "nowhere" / "a.blend"))
     (tmp_path / "folder.blend").mkdir()
-    assert "folder.blend is a folder" in one_sentence(
-        sinew("import", CAPSULE, "-o", tmp_path / "folder.blend"))
+    assert "folder.blend is a folder" in one_sentence(sinew("import", CAPSULE, "-o", tmp_path / "folder.blend"))
     assert "Cannot open file" in one_sentence(
-        sinew("import", CAPSULE, "-o", tmp_path / f"{300 * 'a'}.blend"))  # too long a name
+        sinew("import", CAPSULE, "-o", tmp_path / f"{300 * 'a'}.blend")
+    )  # too long a name
     (tmp_path / "file").write_text("")
     assert one_sentence(sinew("export", capsule_blend, tmp_path / "file")).endswith("file: File exists")
 
@@ -325,10 +410,10 @@ def test_export_wants_one_mesh(sinew, tmp_path):
     bpy.ops.mesh.primitive_cube_add()
     path = save(tmp_path)
     assert "--object NAME; those that an armature deforms: Tube, Tube.001" in one_sentence(
-        sinew("export", path, tmp_path / "rig"))
+        sinew("export", path, tmp_path / "rig")
+    )
     assert "no mesh Rig; those" in one_sentence(sinew("export", path, tmp_path / "rig", "--object", "Rig"))
-    assert one_sentence(sinew("export", path, tmp_path / "rig", "--object", "Cube")) == (
-        "Cube is bound to no armature")
+    assert one_sentence(sinew("export", path, tmp_path / "rig", "--object", "Cube")) == ("Cube is bound to no armature")
     assert not (tmp_path / "rig").exists()
 
 
@@ -339,18 +424,22 @@ def test_bench_of_what_does_not_move(sinew, tmp_path):
     assert "nothing moves on these 3 frames" in one_sentence(sinew("bench", folder, "--frames", 3))
 
 
-@pytest.mark.parametrize("words, said", (
-    ([], "required: COMMAND"),
-    (["dance"], "invalid choice: 'dance'"),
-    (["info"], "required: PATH"),
-    (["info", CAPSULE, "--colour"], "unrecognized arguments: --colour"),
-    (["import", CAPSULE], "required: -o"),
-    (["import", CAPSULE, "-o", "a.txt"], "a.txt does not end in .blend"),
-    (["import", CAPSULE, "-o", "a.blend", "--scale", "-1"], "-1 is not a number above 0"),
-    (["import", CAPSULE, "-o", "a.blend", "--scale", "big"], "big is not a number above 0"),
-    (["bench", CAPSULE, "--frames", "0"], "0 is not a whole number above 0"),
-    (["bench", CAPSULE, "--method", "magic"], "invalid choice: 'magic'"),
-    (["export", "a.blend"], "required: FOLDER")))
+@pytest.mark.parametrize(
+    "words, said",
+    (
+        ([], "required: COMMAND"),
+        (["dance"], "invalid choice: 'dance'"),
+        (["info"], "required: PATH"),
+        (["info", CAPSULE, "--colour"], "unrecognized arguments: --colour"),
+        (["import", CAPSULE], "required: -o"),
+        (["import", CAPSULE, "-o", "a.txt"], "a.txt does not end in .blend"),
+        (["import", CAPSULE, "-o", "a.blend", "--scale", "-1"], "-1 is not a number above 0"),
+        (["import", CAPSULE, "-o", "a.blend", "--scale", "big"], "big is not a number above 0"),
+        (["bench", CAPSULE, "--frames", "0"], "0 is not a whole number above 0"),
+        (["bench", CAPSULE, "--method", "magic"], "invalid choice: 'magic'"),
+        (["export", "a.blend"], "required: FOLDER"),
+    ),
+)
 def test_wrong_usage(sinew, words, said):
     code, out, err = sinew(*words)
     assert (code, out) == (2, "")
@@ -366,15 +455,16 @@ def test_help(sinew, words):
 
 # --- the real thing -------------------------------------------------------------------------------
 
+
 def blender(*words):
     """A Blender of its own with these words after `sinew`."""
     if bpy.app.version >= (4, 2, 0):
         before = ["--command", "sinew"]
     else:
-        before = ["--addons", "sinew", "--python-expr",
-                  "from sinew.cli import command_line; command_line.main()", "--"]
+        before = ["--addons", "sinew", "--python-expr", "from sinew.cli import command_line; command_line.main()", "--"]
     return subprocess.run(
-        [bpy.app.binary_path, "-b", *before, *map(str, words)], capture_output=True, text=True, timeout=120)
+        [bpy.app.binary_path, "-b", *before, *map(str, words)], capture_output=True, text=True, timeout=120
+    )
 
 
 @needs_program

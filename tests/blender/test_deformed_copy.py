@@ -7,8 +7,18 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import (
-    addon_module, assert_same_shape, data_counts, evaluated, into_a_shot, make_fail, own_positions, select, traces,
-    twin_of, way)
+    addon_module,
+    assert_same_shape,
+    data_counts,
+    evaluated,
+    into_a_shot,
+    make_fail,
+    own_positions,
+    select,
+    traces,
+    twin_of,
+    way,
+)
 from test_safety import put_away
 
 
@@ -47,6 +57,7 @@ def show_copy(ob):
 
 # --- what it is -----------------------------------------------------------------------------------
 
+
 def test_what_a_script_finds(tube):
     rest = own_positions(tube)
     copy = tube.sinew.deformed
@@ -61,7 +72,7 @@ def test_what_a_script_finds(tube):
 
 def test_posed_by_hand_and_moved(tube):
     bone = tube.sinew.armature.pose.bones["bone1"]
-    for number in range(3):
+    for _ in range(3):
         before = own_positions(tube.sinew.deformed)
         bone.location.x += 0.2
         tube.rotation_euler.z += 0.3
@@ -123,6 +134,7 @@ def test_painting_does_not_renew_it(tube):
 
 
 # --- when it stays --------------------------------------------------------------------------------
+
 
 def warnings(ob):
     return " ".join(warning.text for warning in addon_module("ui.cures").warnings(ob))
@@ -211,6 +223,7 @@ def test_a_render_does_not_write_it(tube, fresh_scene, tmp_path):
 
 
 # --- where the two go -----------------------------------------------------------------------------
+
 
 def test_deleted_it_is_made_anew(tube):
     bpy.data.objects.remove(tube.sinew.deformed)
@@ -353,6 +366,7 @@ def test_it_goes_with_the_output(tube, how):
 
 
 # --- files ----------------------------------------------------------------------------------------
+
 
 def test_saved_and_opened(tube, tmp_path):
     path, names = str(tmp_path / "saved.blend"), (tube.name, tube.sinew.deformed.name)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys
-from helpers import (
-    RIGS, addon_module, assert_same_shape, evaluated, own_positions, select, traces, twin_of, way)
+from helpers import RIGS, addon_module, assert_same_shape, evaluated, own_positions, select, traces, twin_of, way
 
 
 def errors(ob):
@@ -203,8 +202,12 @@ def test_locked_groups_are_not_normalized(character):
     group.lock_weight = True
 
     def weights():
-        return {vertex.index: entry.weight for vertex in ob.data.vertices for entry in vertex.groups
-                if entry.group == group.index}
+        return {
+            vertex.index: entry.weight
+            for vertex in ob.data.vertices
+            for entry in vertex.groups
+            if entry.group == group.index
+        }
 
     before = weights()
     select(ob)

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh
-from helpers import (
-    RIGS, addon_module, evaluated, import_rig, own_positions, select)
+from helpers import RIGS, addon_module, evaluated, import_rig, own_positions, select
 
 
 def read(folder, skeleton):
@@ -25,8 +24,7 @@ def test_round_trip(fresh_scene, tmp_path, name):
     result = bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / skeleton))
     assert result == {"FINISHED"}
     pose = {"pose": "walk.dmat"} if name in ("capsule", "ogre") else {}
-    before = addon_module("native").sinew_native.read_rig(
-        str(RIGS[name].parent), skeleton=skeleton, **pose)
+    before = addon_module("native").sinew_native.read_rig(str(RIGS[name].parent), skeleton=skeleton, **pose)
     after = read(tmp_path, skeleton)
     assert np.array_equal(after.positions, before.positions)
     assert np.array_equal(after.face_offsets, before.face_offsets)
@@ -125,8 +123,7 @@ def test_poses_of_another_rig_in_the_folder(fresh_scene, tmp_path, left):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"), animation="NONE")
     assert [path.name for path in tmp_path.iterdir()] == [left]
     (tmp_path / left).unlink()
-    assert bpy.ops.export_scene.sinew_rig(
-        filepath=str(tmp_path / "skeleton.bf"), animation="NONE") == {"FINISHED"}
+    assert bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"), animation="NONE") == {"FINISHED"}
 
 
 def test_errors_are_sentences(tmp_path):

@@ -7,8 +7,23 @@ import pytest
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import addon_module, diagonal, evaluated, own_positions, twin_of, way
 
-SCALES = ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (-1, 1, 1), (1, -1, 1),
-          (1, 1, -1), (-1, -1, -1), (1e-20, 1e-20, 1e-20), (1e-20, 1, 1), (1, 1e-20, 1), (1, 1, 1e-20))
+SCALES = (
+    (0, 0, 0),
+    (0, 1, 1),
+    (1, 0, 1),
+    (1, 1, 0),
+    (0, 0, 1),
+    (0, 1, 0),
+    (1, 0, 0),
+    (-1, 1, 1),
+    (1, -1, 1),
+    (1, 1, -1),
+    (-1, -1, -1),
+    (1e-20, 1e-20, 1e-20),
+    (1e-20, 1, 1),
+    (1, 1e-20, 1),
+    (1, 1, 1e-20),
+)
 KEYS = pytest.mark.parametrize("keys", (False, True), ids=("attribute", "shape keys"))
 
 
@@ -58,8 +73,7 @@ def test_flattened_objects(preserve_volume, keys, who, scale):
     ob, twin, armature = make_pair(preserve_volume, keys)
     if who == "parent":
         ob.parent = twin.parent = armature
-    for each in {"mesh": (ob, twin), "armature": (armature,), "both": (ob, twin, armature),
-                 "parent": (armature,)}[who]:
+    for each in {"mesh": (ob, twin), "armature": (armature,), "both": (ob, twin, armature), "parent": (armature,)}[who]:
         each.scale = scale
         each.rotation_euler = (0.3, 0.2, 0.5)
     assert_followed(ob, twin, keys)

@@ -32,13 +32,17 @@ def read(path):
     """Whether Blender could."""
     try:
         return IMPORTERS[path.suffix.lower()](str(path)) == {"FINISHED"}
-    except Exception:  # noqa: BLE001 - broken and unusual files are what the collection is for
+    except Exception:
         return False
 
 
 def characters():
-    return [ob for ob in bpy.context.scene.objects if ob.type == "MESH" and (ob.data.shape_keys or any(
-        m.type == "ARMATURE" and m.object is not None for m in ob.modifiers))]
+    return [
+        ob
+        for ob in bpy.context.scene.objects
+        if ob.type == "MESH"
+        and (ob.data.shape_keys or any(m.type == "ARMATURE" and m.object is not None for m in ob.modifiers))
+    ]
 
 
 def prepare(ob):
@@ -99,6 +103,8 @@ def test_every_model(capsys, old_numpy_names):
                 shapes.append(evaluated(pairs[0][1]))
             moved += any(np.abs(shape - shapes[0]).max() > 1e-6 for shape in shapes)
     with capsys.disabled():
-        print(f"\n{compared} shapes of {len(files_with_skins)} files compared, {moved} actions that move, "
-              f"{keyed} meshes with shape keys; left to the modifier: {len(refused)}")
+        print(
+            f"\n{compared} shapes of {len(files_with_skins)} files compared, {moved} actions that move, "
+            f"{keyed} meshes with shape keys; left to the modifier: {len(refused)}"
+        )
     assert compared > 100 and moved >= 3 and keyed

@@ -11,15 +11,13 @@ from helpers import RIGS, SHARED, addon_module, evaluated, import_rig, own_posit
 @pytest.mark.parametrize("name", RIGS)
 def test_objects_of_a_rig(name):
     ob, armature = import_rig(name)
-    rig = addon_module("native").sinew_native.read_rig(
-        str(RIGS[name].parent), skeleton=RIGS[name].name)
+    rig = addon_module("native").sinew_native.read_rig(str(RIGS[name].parent), skeleton=RIGS[name].name)
     assert np.array_equal(own_positions(ob), rig.positions)
     assert ob.parent == armature and ob.sinew.is_bound
     assert len(armature.data.bones) == rig.skeleton.joint_count
     assert len(ob.vertex_groups) == rig.weights.shape[1]
     assert len(ob.data.polygons) == len(rig.face_offsets) - 1
-    assert {group.name for group in ob.vertex_groups} == {
-        bone.name for bone in armature.data.bones if bone.use_deform}
+    assert {group.name for group in ob.vertex_groups} == {bone.name for bone in armature.data.bones if bone.use_deform}
     for bone, joint in ((b, b["sinew_joint"]) for b in armature.data.bones):
         assert np.allclose(bone.head_local, rig.skeleton.heads[joint], atol=1e-5)
         parent = rig.skeleton.parents[joint]
@@ -28,8 +26,7 @@ def test_objects_of_a_rig(name):
 
 def test_weights_arrive():
     ob, _ = import_rig("capsule")
-    weights = addon_module("native").sinew_native.read_dmat(
-        str(RIGS["capsule"].parent / "weights.dmat"))
+    weights = addon_module("native").sinew_native.read_dmat(str(RIGS["capsule"].parent / "weights.dmat"))
     for vertex in list(ob.data.vertices)[::97]:
         found = {ob.vertex_groups[entry.group].name: entry.weight for entry in vertex.groups}
         names = [group.name for group in ob.vertex_groups]
@@ -65,8 +62,14 @@ def test_shared_elephant_plays(fresh_scene, frame, method, name):
 
 def test_options(fresh_scene):
     ob, armature = import_rig(
-        "capsule", up_axis="Z", scale=2.0, method="DUAL_QUATERNION", source="ARMATURE",
-        output="MESH", set_frame_range=False)
+        "capsule",
+        up_axis="Z",
+        scale=2.0,
+        method="DUAL_QUATERNION",
+        source="ARMATURE",
+        output="MESH",
+        set_frame_range=False,
+    )
     assert ob.sinew.method == "DUAL_QUATERNION"
     assert ob.sinew.source == "ARMATURE"
     assert ob.sinew.output == ob.sinew.installed_output == "MESH"
@@ -98,8 +101,7 @@ def test_materials_have_their_colours():
 
 
 def test_unreferenced_vertices_and_polygons_survive(tmp_path):
-    (tmp_path / "mesh.obj").write_text(
-        "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 5 5 5\nf 2 3 4 5\n")
+    (tmp_path / "mesh.obj").write_text("v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 5 5 5\nf 2 3 4 5\n")
     (tmp_path / "skeleton.bf").write_text("0 -1 0 0 0\n")
     (tmp_path / "weights.dmat").write_text("1 6\n" + "1\n" * 6)
     bpy.ops.import_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
@@ -114,11 +116,13 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 def write_rig(folder, weights, mesh="", skeleton="0 -1 0 0 0\n1 0 1 0 0\n", encoding="utf-8"):
     """A triangle on two bones; weights: a row a bone."""
-    for name, text in (("mesh.obj", f"{mesh}{TRIANGLE}{'usemtl grün' if mesh else ''}\nf 1 2 3\n"),
-                       ("skeleton.bf", skeleton),
-                       ("weights.dmat", "2 3\n" + " ".join(map(str, np.ravel(weights)))),
-                       ("größe.mtl", "newmtl grün\nKd 0 1 0\n"),
-                       ("pose.dmat", "2 6\n0 0 0 0 0 0\n0 0 0 0 0 90\n")):
+    for name, text in (
+        ("mesh.obj", f"{mesh}{TRIANGLE}{'usemtl grün' if mesh else ''}\nf 1 2 3\n"),
+        ("skeleton.bf", skeleton),
+        ("weights.dmat", "2 3\n" + " ".join(map(str, np.ravel(weights)))),
+        ("größe.mtl", "newmtl grün\nKd 0 1 0\n"),
+        ("pose.dmat", "2 6\n0 0 0 0 0 0\n0 0 0 0 0 90\n"),
+    ):
         (folder / name).write_text(text, encoding)
     return str(folder / "skeleton.bf")
 
@@ -148,8 +152,9 @@ def test_weights_in_range_need_no_words(tmp_path):
 
 @pytest.mark.parametrize("encoding", ("utf-8", "latin-1"))
 def test_names_of_any_encoding(tmp_path, encoding):
-    path = write_rig(tmp_path, [[1, 0.5, 0], [0, 0.5, 1]], "mtllib größe.mtl\n",
-                     "0 -1 0 0 0 Hüfte\n1 0 1 0 0 Knöchel\n", encoding)
+    path = write_rig(
+        tmp_path, [[1, 0.5, 0], [0, 0.5, 1]], "mtllib größe.mtl\n", "0 -1 0 0 0 Hüfte\n1 0 1 0 0 Knöchel\n", encoding
+    )
     bpy.ops.import_scene.sinew_rig(filepath=path)
     ob = bpy.context.active_object
     assert [group.name for group in ob.vertex_groups] == ["Hüfte", "Knöchel"]

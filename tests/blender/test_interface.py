@@ -10,8 +10,17 @@ import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
 from helpers import (
-    RIGS, addon_module, assert_same_shape, builtin_copy, copied_rig, evaluated, import_rig, make_fail, own_positions,
-    select)
+    RIGS,
+    addon_module,
+    assert_same_shape,
+    builtin_copy,
+    copied_rig,
+    evaluated,
+    import_rig,
+    make_fail,
+    own_positions,
+    select,
+)
 
 
 @pytest.fixture
@@ -35,6 +44,7 @@ def sums(ob):
 
 
 # --- warnings and their cures ---------------------------------------------------------------------
+
 
 def test_weights_that_do_not_sum_to_1(tube, fresh_scene):
     accelerate(tube)
@@ -129,6 +139,7 @@ def test_a_hidden_armature_is_shown(tube, hide):
 
 # --- switches -------------------------------------------------------------------------------------
 
+
 def test_the_shape_in_the_copy_can_be_switched_off(tube, fresh_scene):
     rest = own_positions(tube)
     accelerate(tube, "MESH")
@@ -150,6 +161,7 @@ def test_the_shape_in_the_copy_can_be_switched_off(tube, fresh_scene):
 
 
 # --- weights as colours ---------------------------------------------------------------------------
+
 
 def test_weight_colors():
     colors = addon_module("ui.display").weight_colors
@@ -181,6 +193,7 @@ def test_weights_are_shown_and_put_away(tube, fresh_scene):
 
 
 # --- importing as Blender's users do --------------------------------------------------------------
+
 
 @pytest.fixture
 def two_rigs(tmp_path):
@@ -245,6 +258,7 @@ def test_the_importers_options_can_be_kept():
 
 # --- menus ----------------------------------------------------------------------------------------
 
+
 class Items:
     """A menu's layout that notes operators and submenus."""
 
@@ -276,6 +290,7 @@ def test_everything_can_be_searched():
 
 
 # --- preferences ----------------------------------------------------------------------------------
+
 
 @pytest.fixture
 def preferences():

@@ -8,8 +8,19 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import (
-    addon_module, assert_plays_without_the_addon, assert_same_shape, builtin_copy, data_counts, evaluated, import_rig,
-    needs_program, own_positions, select, twin_of, way)
+    addon_module,
+    assert_plays_without_the_addon,
+    assert_same_shape,
+    builtin_copy,
+    data_counts,
+    evaluated,
+    import_rig,
+    needs_program,
+    own_positions,
+    select,
+    twin_of,
+    way,
+)
 
 
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
@@ -316,10 +327,19 @@ def test_disabling_the_addon_leaves_nothing_running():
     package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]
 
     def handlers():
-        return [handler for name in ("frame_change_pre", "frame_change_post", "depsgraph_update_post", "load_post",
-                                     "undo_post", "redo_post")
-                for handler in getattr(bpy.app.handlers, name)
-                if handler.__module__.startswith(package)]
+        return [
+            handler
+            for name in (
+                "frame_change_pre",
+                "frame_change_post",
+                "depsgraph_update_post",
+                "load_post",
+                "undo_post",
+                "redo_post",
+            )
+            for handler in getattr(bpy.app.handlers, name)
+            if handler.__module__.startswith(package)
+        ]
 
     assert len(handlers()) == 6
     try:

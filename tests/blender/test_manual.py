@@ -27,14 +27,24 @@ def properties_of(group):
 
 def classes():
     operators, properties = addon_module("ui.operators"), addon_module("binding.properties")
-    return (operators.ImportRig, operators.ExportRig, operators.Bind, properties.SinewObjectSettings,
-            properties.SinewClipSettings, addon_module("ui.profile").MeasureProfile,
-            addon_module("ui.preferences").SinewPreferences)
+    return (
+        operators.ImportRig,
+        operators.ExportRig,
+        operators.Bind,
+        properties.SinewObjectSettings,
+        properties.SinewClipSettings,
+        addon_module("ui.profile").MeasureProfile,
+        addon_module("ui.preferences").SinewPreferences,
+    )
 
 
 def all_operators():
-    return [cls for name in ("operators", "cures", "display", "preferences", "profile")
-            for cls in addon_module(f"ui.{name}").CLASSES if issubclass(cls, bpy.types.Operator)]
+    return [
+        cls
+        for name in ("operators", "cures", "display", "preferences", "profile")
+        for cls in addon_module(f"ui.{name}").CLASSES
+        if issubclass(cls, bpy.types.Operator)
+    ]
 
 
 def rows(name, identifier):
@@ -46,8 +56,11 @@ def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
     assert found
-    missing = [(each.name, each.identifier) for each in found
-               if each.type != "COLLECTION" and not rows(each.name, each.identifier)]
+    missing = [
+        (each.name, each.identifier)
+        for each in found
+        if each.type != "COLLECTION" and not rows(each.name, each.identifier)
+    ]
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
@@ -56,8 +69,9 @@ def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):
         for choice in each.enum_items if each.type == "ENUM" else ():
-            assert any(choice.name in rest and f"`{choice.identifier}`" in rest
-                       for rest in rows(each.name, each.identifier)), f"{each.name}: {choice.name}"
+            assert any(
+                choice.name in rest and f"`{choice.identifier}`" in rest for rest in rows(each.name, each.identifier)
+            ), f"{each.name}: {choice.name}"
 
 
 def test_each_operator_stands_there():
@@ -75,6 +89,7 @@ def test_nothing_else_stands_there():
 
 def test_each_command_and_its_options_stand_there():
     """With their help, however wide the terminal is in which it was printed."""
+
     def words(text):
         return " ".join(text.split())
 

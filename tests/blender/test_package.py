@@ -62,17 +62,25 @@ GONE, RUNNING = "False False False 0 -", "True True True 6 "
 def profile(tmp_path):
     """A function that runs scripts, one after the other, in a Blender with a profile of its own. Returns
     what it printed."""
+
     def run(*scripts, path=ZIP):
-        text = (f"import bpy, sys\nextensions = {EXTENSIONS}\npath = {str(path)!r}\n"
-                "module = 'bl_ext.user_default.sinew' if extensions else 'sinew'\n")
+        text = (
+            f"import bpy, sys\nextensions = {EXTENSIONS}\npath = {str(path)!r}\n"
+            "module = 'bl_ext.user_default.sinew' if extensions else 'sinew'\n"
+        )
         text += "".join(SCRIPTS[script] for script in scripts)
         environment = {**os.environ, "HOME": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path / "profile")}
         (tmp_path / "profile").mkdir(exist_ok=True)
-        done = subprocess.run([bpy.app.binary_path, "-b", "--python-exit-code", "1", "--python-expr", text],
-                              env=environment, capture_output=True, text=True)
+        done = subprocess.run(
+            [bpy.app.binary_path, "-b", "--python-exit-code", "1", "--python-expr", text],
+            env=environment,
+            capture_output=True,
+            text=True,
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         assert "sinew" not in "".join(re.findall(r"(?s)Traceback.*", done.stderr)), done.stderr
         return done.stdout
+
     return run
 
 
@@ -81,8 +89,11 @@ def seen(output):
 
 
 def files_of(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*")
-                  if path.is_file() and "sinew" in str(path.relative_to(folder)))
+    return sorted(
+        str(path.relative_to(folder))
+        for path in folder.rglob("*")
+        if path.is_file() and "sinew" in str(path.relative_to(folder))
+    )
 
 
 def changed_zip(folder, version=None, without_modules=False):
@@ -112,9 +123,13 @@ def test_contents():
     names = zipfile.ZipFile(ZIP).namelist()
     assert names[0] == "sinew/"  # 3.4 removes an older version for the sake of this entry
     assert all(name.startswith("sinew/") for name in names)
-    assert {"sinew/LICENSE", "sinew/blender_manifest.toml", "sinew/__init__.py", "sinew/manual/README.html",
-            *(f"sinew/licenses/{library}.txt" for library in ("oneTBB", "Highway", "Eigen", "pybind11"))
-            } <= set(names)
+    assert {
+        "sinew/LICENSE",
+        "sinew/blender_manifest.toml",
+        "sinew/__init__.py",
+        "sinew/manual/README.html",
+        *(f"sinew/licenses/{library}.txt" for library in ("oneTBB", "Highway", "Eigen", "pybind11")),
+    } <= set(names)
     assert any("/sinew_native." in name for name in names)
     assert not any("__pycache__" in name for name in names)
 
@@ -180,8 +195,9 @@ def test_extension_commands(tmp_path):
     environment = {**os.environ, "HOME": str(tmp_path), "BLENDER_USER_RESOURCES": str(tmp_path)}
 
     def command(*arguments):
-        done = subprocess.run([bpy.app.binary_path, "--command", "extension", *arguments],
-                              env=environment, capture_output=True, text=True)
+        done = subprocess.run(
+            [bpy.app.binary_path, "--command", "extension", *arguments], env=environment, capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

@@ -29,6 +29,7 @@ class Notes:
             elif text is not None:
                 self.said.append(text)
             return self
+
         return call
 
 
@@ -61,10 +62,25 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw(mesh_panel)
-    for text in ("Method", "Output", "Vertices", "1,200", "Bones", "6", "Influences", "Sinew's Part", "object.sinew_measure",
-                 "Threads", "an attribute",
-                 "Instructions", addon_module("native").sinew_native.instruction_set(), "object.sinew_unbind",
-                 "Mask", "Bone Envelopes", *display):
+    for text in (
+        "Method",
+        "Output",
+        "Vertices",
+        "1,200",
+        "Bones",
+        "6",
+        "Influences",
+        "Sinew's Part",
+        "object.sinew_measure",
+        "Threads",
+        "an attribute",
+        "Instructions",
+        addon_module("native").sinew_native.instruction_set(),
+        "object.sinew_unbind",
+        "Mask",
+        "Bone Envelopes",
+        *display,
+    ):
         assert text in said
     select(armature)
     assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", display[1]]
@@ -81,14 +97,15 @@ def test_mesh_without_an_armature(fresh_scene):
     said = draw()
     for text in ("Output", "Vertices", "1,200", "Sinew's Part", "object.sinew_unbind"):
         assert text in said
-    assert not {"Method", "Pose", "Armature", "Show", "Bones", "Mask"}.intersection(said[:said.index("Sinew's Part")])
+    assert not {"Method", "Pose", "Armature", "Show", "Bones", "Mask"}.intersection(said[: said.index("Sinew's Part")])
     copy = ob.copy()
     bpy.context.collection.objects.link(copy)
     ob.modifiers.remove(ob.modifiers["Smooth"])
     bpy.context.view_layer.update()
     said = draw()
-    assert ("Blender's own modifier deforms it: it has no armature, shape keys or smoothing that Sinew could take "
-            "over") in said
+    assert (
+        "Blender's own modifier deforms it: it has no armature, shape keys or smoothing that Sinew could take over"
+    ) in said
     assert "2 objects share this mesh" in said
     assert bpy.ops.object.sinew_make_single_user.poll() and not bpy.ops.object.sinew_fill_weights.poll()
 
@@ -170,8 +187,8 @@ def test_which_way_a_mesh_goes_and_why(fresh_scene):
 def test_a_long_sentence_in_a_narrow_sidebar():
     sentence = "A sentence that nobody could read if its middle were left out"
     context = SimpleNamespace(
-        region=SimpleNamespace(width=440),
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=2.0)))
+        region=SimpleNamespace(width=440), preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=2.0))
+    )
     notes = Notes()
     addon_module("ui.notice").draw_sentence(notes, context, sentence, True)
     assert " ".join(notes.said) == sentence and 2 < len(notes.said) < 7
@@ -190,8 +207,12 @@ def test_switches_of_what_is_shown(output):
     assert hasattr(ob.sinew, "show_shape") and shown
     notes = Notes()
     addon_module("ui.panels").draw_switches(notes, ob)
-    assert notes.said == ["Show", "", "", *{
-        "MODIFIER": [], "MESH": ["Copy", "Tube.deformed", "Show Copy", "", "", "Deform"]}[output]]
+    assert notes.said == [
+        "Show",
+        "",
+        "",
+        *{"MODIFIER": [], "MESH": ["Copy", "Tube.deformed", "Show Copy", "", "", "Deform"]}[output],
+    ]
 
 
 def test_preferences_without_a_module():
@@ -201,6 +222,7 @@ def test_preferences_without_a_module():
     assert "no native library for Python" in problem(ImportError("nothing"), files)
     assert "has those for Python 3.6 on Linux" in problem(ImportError("nothing"), files)
     import sys
+
     here = f"sinew_native.cpython-{sys.version_info.major}{sys.version_info.minor}-x86_64-linux-gnu.so"
     assert problem(ImportError("GLIBC_9 not found"), [here]).endswith("does not load: GLIBC_9 not found")
 
@@ -215,9 +237,15 @@ def test_the_chain_stage_by_stage(fresh_scene):
     accelerate(ob)
     fresh_scene.frame_set(2)
     said = draw()
-    chain = said[said.index("Pose", said.index("Method")):said.index("Vertices")]
+    chain = said[said.index("Pose", said.index("Method")) : said.index("Vertices")]
     assert [text for text in chain if not text.endswith(" ms")][:6] == [
-        "Pose", "Armature", "Soft", "Even", "Finer", "in Blender"]
+        "Pose",
+        "Armature",
+        "Soft",
+        "Even",
+        "Finer",
+        "in Blender",
+    ]
     assert sum(text.endswith(" ms") for text in chain) == 4 and "Late" not in chain
     assert "Finer goes on in Blender: only Blender knows what it does" in " ".join(chain[8:])
     ob.shape_key_add(name="Basis")

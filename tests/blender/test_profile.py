@@ -43,11 +43,12 @@ def parts_of(cost):
 def report(**options):
     """What the operator leaves for the panel."""
     assert bpy.ops.scene.sinew_profile(**options) == {"FINISHED"}
-    profile, = addon_module("profiling.costs").last
+    (profile,) = addon_module("profiling.costs").last
     return profile
 
 
 # --- what is in the file, all of it ---------------------------------------------------------------
+
 
 def content(value, depth=0):
     """Plain values of a data-block or a part of it; of other data-blocks the names."""
@@ -58,15 +59,21 @@ def content(value, depth=0):
     if isinstance(value, bpy.types.bpy_struct):
         if isinstance(value, bpy.types.ID) and depth or depth > 3:
             return getattr(value, "name", "")
-        return {name: content(getattr(value, name), depth + 1) for name in value.bl_rna.properties.keys()
-                if name not in PASSING}
+        return {
+            name: content(getattr(value, name), depth + 1)
+            for name in value.bl_rna.properties.keys()
+            if name not in PASSING
+        }
     return str(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
 def everything():
     kinds = ("objects", "meshes", "armatures", "shape_keys", "node_groups", "actions")
-    found = {(kind, block.name_full): (content(block), {name: str(value) for name, value in own_properties(block)})
-             for kind in kinds for block in getattr(bpy.data, kind)}
+    found = {
+        (kind, block.name_full): (content(block), {name: str(value) for name, value in own_properties(block)})
+        for kind in kinds
+        for block in getattr(bpy.data, kind)
+    }
     return found | {"frame": (bpy.context.scene.frame_current, bpy.context.scene.frame_subframe)}
 
 
@@ -81,21 +88,30 @@ def own_properties(block):
 def assert_unchanged(before):
     after = everything()
     assert after.keys() == before.keys()
-    assert [(name, key, value, after[name][0][key]) for name in before if name != "frame"
-            for key, value in before[name][0].items() if value != after[name][0][key]] == []
+    assert [
+        (name, key, value, after[name][0][key])
+        for name in before
+        if name != "frame"
+        for key, value in before[name][0].items()
+        if value != after[name][0][key]
+    ] == []
     assert after == before
     assert traces() == []
 
 
 def test_content_notices_what_changes(figure):
     ob, armature = figure
-    for change in (lambda: setattr(ob.modifiers["Corrective"], "show_viewport", False),
-                   lambda: setattr(ob.data.shape_keys.key_blocks["Wide"], "mute", True),
-                   lambda: setattr(armature.data, "pose_position", "REST"),
-                   lambda: setattr(ob.sinew, "source", "ARMATURE"),
-                   lambda: bpy.context.scene.frame_set(4, subframe=0.5),
-                   lambda: setattr(ob.modifiers, "active", ob.modifiers["Corrective"]) or
-                   setattr(ob.modifiers, "active", ob.modifiers["Armature"])):
+    for change in (
+        lambda: setattr(ob.modifiers["Corrective"], "show_viewport", False),
+        lambda: setattr(ob.data.shape_keys.key_blocks["Wide"], "mute", True),
+        lambda: setattr(armature.data, "pose_position", "REST"),
+        lambda: setattr(ob.sinew, "source", "ARMATURE"),
+        lambda: bpy.context.scene.frame_set(4, subframe=0.5),
+        lambda: (
+            setattr(ob.modifiers, "active", ob.modifiers["Corrective"])
+            or setattr(ob.modifiers, "active", ob.modifiers["Armature"])
+        ),
+    ):
         before = everything()
         change()
         assert everything() != before
@@ -103,13 +119,17 @@ def test_content_notices_what_changes(figure):
 
 # --- what is listed -------------------------------------------------------------------------------
 
+
 def test_each_part_of_a_character_is_listed(figure):
     ob, armature = figure
     profile = measure()
     found = costs_of(profile)
     assert set(found) == {ob.name, armature.name}
     assert parts_of(found[ob.name]) == [
-        ("Shape Keys", "KEYS"), ("Armature", "ARMATURE"), ("Corrective", "CORRECTIVE_SMOOTH")]
+        ("Shape Keys", "KEYS"),
+        ("Armature", "ARMATURE"),
+        ("Corrective", "CORRECTIVE_SMOOTH"),
+    ]
     assert parts_of(found[armature.name]) == [("Pose", "POSE")]
     ways = [part.how for part in found[ob.name].parts]
     assert ways == ["difference", *(["Blender's clock"] * 2 if HAS_CLOCK else ["difference"] * 2)]
@@ -256,7 +276,7 @@ def test_keys_that_cannot_be_muted_say_why(figure):
 def test_a_pose_whose_switch_is_animated_says_so(figure):
     armature = figure[1]
     armature.data.keyframe_insert("pose_position", frame=1)
-    part, = costs_of(measure())[armature.name].parts
+    (part,) = costs_of(measure())[armature.name].parts
     assert (part.ms, part.how) == (None, "its switch is animated")
 
 
@@ -265,10 +285,10 @@ def test_a_modifier_after_subdivision_is_said(figure):
     bpy.context.preferences.system.use_gpu_subdivision = True
     ob.modifiers.new("Sub", "SUBSURF").levels = 1
     ob.modifiers.new("Late", "SMOOTH")
-    remark, = costs_of(measure())[ob.name].remarks
+    (remark,) = costs_of(measure())[ob.name].remarks
     assert remark.startswith("Late comes after Sub, so the processor has to subdivide")
     ob.modifiers["Late"].show_viewport = False
-    remark, = costs_of(measure())[ob.name].remarks
+    (remark,) = costs_of(measure())[ob.name].remarks
     assert remark.startswith("Sub is left to the graphics card")
 
 
@@ -284,6 +304,7 @@ def test_nothing_is_said_of_subdivision_where_the_preferences_leave_it_to_the_pr
 
 
 # --- nothing changes ------------------------------------------------------------------------------
+
 
 def test_nothing_changes_in_the_file(figure):
     ob, armature = figure
@@ -359,6 +380,7 @@ def test_an_error_while_something_is_absent_changes_nothing(figure, monkeypatch,
         def wrapped(what):
             running.append(True)
             return original(what)
+
         return wrapped
 
     def fail(*arguments):
@@ -393,6 +415,7 @@ def test_a_linked_character_is_measured_and_stays_as_it_is(figure, tmp_path):
 
 # --- operators ------------------------------------------------------------------------------------
 
+
 def test_the_operator_plays_what_playing_shows(figure):
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 2, 6
@@ -416,8 +439,7 @@ def test_the_panel_lists_them_with_a_button_or_the_reason(figure):
     only_solid(bare)
     report(frame_start=1, frame_end=2)
     said = drawn()
-    for text in (ob.name, armature.name, "Shape Keys", "Corrective", "Pose", "Accelerate",
-                 NOTHING):
+    for text in (ob.name, armature.name, "Shape Keys", "Corrective", "Pose", "Accelerate", NOTHING):
         assert text in said
     assert said.count("object.sinew_accelerate_one") == 1
     accelerate(ob)
@@ -474,11 +496,13 @@ def test_a_mesh_that_sinew_fails_on_says_so(figure, monkeypatch):
 
 # --- the command line -----------------------------------------------------------------------------
 
+
 @pytest.fixture
 def sinew(capsys):
     def run(*words):
         capsys.readouterr()
         return addon_module("cli.command_line").run([str(word) for word in words]), *capsys.readouterr()
+
     return run
 
 
@@ -502,7 +526,9 @@ def test_the_command_line_says_what_is_wrong(sinew, tmp_path):
     assert sinew("info", "--profile", path, "--frames", "9-1")[0] == 2
     assert sinew("info", "--profile", path, "--frames", "all")[0] == 2
     assert sinew("info", "--profile", path)[::2] == (
-        1, "sinew: the scene shows nothing that has bones, shape keys or modifiers\n")
+        1,
+        "sinew: the scene shows nothing that has bones, shape keys or modifiers\n",
+    )
     assert sinew("info", path, "--frames", "1-2")[::2] == (1, "sinew: --frames belongs to --profile\n")
     code, _, err = sinew("info", "--profile", tmp_path)
     assert code == 1 and "--profile wants a .blend" in err

@@ -4,10 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import (
-    accelerate, add_shape_keys, animate, make_armature, make_mesh, make_tube, pose, smoothed)
-from helpers import (
-    addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of, way)
+from characters import accelerate, add_shape_keys, animate, make_armature, make_mesh, make_tube, pose, smoothed
+from helpers import addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of, way
 
 FRAMES = (1, 6, 11)
 SOAK_ROUNDS, SOAK_FRAMES = 50, 10
@@ -72,8 +70,7 @@ def assert_same_pictures(ours, theirs):
 def test_rendered_frames_equal_the_modifiers(fresh_scene, tmp_path, output, animation):
     ob, _ = import_rig("capsule", output=output)
     add_camera(fresh_scene)
-    assert_same_pictures(*pictures_of_both(
-        fresh_scene, tmp_path, ob, builtin_copy(ob), animation))
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, ob, builtin_copy(ob), animation))
 
 
 def with_motion_blur(scene):
@@ -113,8 +110,7 @@ def test_rendered_frames_without_an_armature(fresh_scene, tmp_path, keys):
     assert addon_module("session.characters").character(ob).is_deforming
 
 
-@pytest.mark.parametrize(
-    "way", (with_motion_blur, with_view_layers, with_persistent_data, with_all_of_it))
+@pytest.mark.parametrize("way", (with_motion_blur, with_view_layers, with_persistent_data, with_all_of_it))
 @pytest.mark.parametrize("hidden_rig", (False, True), ids=("rig shown", "rig not rendered"))
 def test_rendered_in_every_way(fresh_scene, tmp_path, way, hidden_rig):
     armature = make_armature()

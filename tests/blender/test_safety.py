@@ -4,11 +4,20 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import (
-    accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones)
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones
 from helpers import (
-    addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, make_fail, own_positions, select, traces,
-    twin_of, way)
+    addon_module,
+    assert_same_shape,
+    builtin_copy,
+    evaluated,
+    import_rig,
+    make_fail,
+    own_positions,
+    select,
+    traces,
+    twin_of,
+    way,
+)
 
 OUTPUTS = ("MODIFIER", "MESH")
 
@@ -19,6 +28,7 @@ def reload(path):
 
 
 # --- undo -----------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_undo_and_redo_of_bind_and_unbind(fresh_scene, output):
@@ -107,6 +117,7 @@ def test_undo_of_a_pose(fresh_scene, character):
 
 # --- files ----------------------------------------------------------------------------------------
 
+
 def test_appended_with_its_armature(fresh_scene, character, tmp_path):
     names = [ob.name for ob in character]
     path = tmp_path / "library.blend"
@@ -160,8 +171,7 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
     scene, linked = bpy.context.scene, to.collections[0]
     assert linked.name == collection_name
     if copies:
-        shown = [linked.override_hierarchy_create(scene, bpy.context.view_layer)
-                 for _ in range(copies)]
+        shown = [linked.override_hierarchy_create(scene, bpy.context.view_layer) for _ in range(copies)]
     else:
         scene.collection.children.link(linked)
         shown = [linked]
@@ -173,9 +183,15 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
             assert_same_shape(ob, twin)
 
     def parts(each):
-        return [next(ob for ob in each.all_objects if ob.name.partition(".")[0] == name.partition(".")[0]
-                     and (name == names[2] or ob.sinew.is_bound == (name == names[0])))
-                for name in names]
+        return [
+            next(
+                ob
+                for ob in each.all_objects
+                if ob.name.partition(".")[0] == name.partition(".")[0]
+                and (name == names[2] or ob.sinew.is_bound == (name == names[0]))
+            )
+            for name in names
+        ]
 
     for frame in (2, 8):
         scene.frame_set(frame)
@@ -228,8 +244,7 @@ def test_bound_as_an_override(fresh_scene, tmp_path):
     to.collections[0].override_hierarchy_create(bpy.context.scene, bpy.context.view_layer)
 
     def overridden():
-        return [next(ob for ob in bpy.data.objects if ob.name == name and ob.override_library)
-                for name in names]
+        return [next(ob for ob in bpy.data.objects if ob.name == name and ob.override_library) for name in names]
 
     def check(frames):
         ob, twin = overridden()
@@ -258,6 +273,7 @@ def test_bound_as_an_override(fresh_scene, tmp_path):
 
 
 # --- objects --------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("output", OUTPUTS)
 @pytest.mark.parametrize("linked", (False, True), ids=("full", "sharing the mesh"))
@@ -348,8 +364,7 @@ def test_duplicated_with_its_armature(fresh_scene, character):
     bpy.ops.object.duplicate()
     copies = {copy.name.partition(".")[0]: copy for copy in bpy.context.selected_objects}
     copy = next(c for c in bpy.context.selected_objects if c.type == "MESH" and c.sinew.is_bound)
-    copied_twin = next(
-        c for c in bpy.context.selected_objects if c.type == "MESH" and not c.sinew.is_bound)
+    copied_twin = next(c for c in bpy.context.selected_objects if c.type == "MESH" and not c.sinew.is_bound)
     assert copies and copy.sinew.armature != armature
     copy.sinew.armature.animation_data_clear()
     copy.sinew.armature.pose.bones["bone1"].location = (0.4, 0, 0)
@@ -404,6 +419,7 @@ def test_given_another_mesh(fresh_scene, character):
 
 # --- modes ----------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize("output", OUTPUTS)
 @pytest.mark.parametrize("mode", ("EDIT", "WEIGHT_PAINT", "VERTEX_PAINT", "SCULPT"))
 def test_through_a_mode_and_back(fresh_scene, character, mode, output):
@@ -439,6 +455,7 @@ def test_armature_in_edit_mode_and_edited(fresh_scene, character):
 
 
 # --- scenes and what is shown ---------------------------------------------------------------------
+
 
 def test_two_scenes(fresh_scene, character):
     ob, twin, armature = character
@@ -591,6 +608,7 @@ def test_bones_added_while_the_armature_is_hidden(fresh_scene, character):
 
 
 # --- the add-on itself ----------------------------------------------------------------------------
+
 
 def test_disabled_and_enabled_with_bound_meshes(fresh_scene, character):
     """Switched off, Blender's own modifier deforms, as in a file opened without it; then it goes on."""

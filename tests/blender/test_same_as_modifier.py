@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from helpers import (
-    RIGS, assert_same_shape, builtin_copy, diagonal, evaluated, import_rig, own_positions)
+from helpers import RIGS, assert_same_shape, builtin_copy, diagonal, evaluated, import_rig, own_positions
 
 FRAMES = range(1, 41, 2)
 METHODS = ("LINEAR", "DUAL_QUATERNION")
@@ -72,11 +71,15 @@ def test_keyframed_armature(fresh_scene, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("matrix", (
-    Matrix.Translation((1, 2, 3)) @ Euler((0.3, 0.8, -1)).to_matrix().to_4x4(),
-    Matrix.Diagonal((2, 2, 2, 1)),
-    Matrix.Diagonal((1, 2, 0.5, 1)),
-), ids=("rigid", "uniform scale", "non-uniform scale"))
+@pytest.mark.parametrize(
+    "matrix",
+    (
+        Matrix.Translation((1, 2, 3)) @ Euler((0.3, 0.8, -1)).to_matrix().to_4x4(),
+        Matrix.Diagonal((2, 2, 2, 1)),
+        Matrix.Diagonal((1, 2, 0.5, 1)),
+    ),
+    ids=("rigid", "uniform scale", "non-uniform scale"),
+)
 def test_mesh_and_armature_in_different_places(fresh_scene, method, matrix):
     ob, armature = import_rig("capsule", method=method)
     ob.matrix_world = armature.matrix_world @ matrix
@@ -91,7 +94,7 @@ def test_weights_that_are_not_normalised(fresh_scene, method):
     """Also a group without a bone, a bone that does not deform, and vertices of no weight."""
     ob, armature = import_rig("capsule", method=method)
     group = ob.vertex_groups.new(name="no bone")
-    group.add(range(0, 500), 0.7, "REPLACE")
+    group.add(range(500), 0.7, "REPLACE")
     ob.vertex_groups[0].add(range(300, 900), 0.3, "ADD")
     ob.vertex_groups[1].add(range(700, 1200), 0.25, "REPLACE")
     for g in ob.vertex_groups:

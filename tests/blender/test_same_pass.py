@@ -76,8 +76,10 @@ def step_through(looks, frames=FRAMES):
 
 def assert_same(ours, theirs, late, tolerance=TOLERANCE):
     """Each a list of arrays, one a frame."""
-    error, lag = (max(float(np.abs(a - b).max()) if a.shape == b.shape else np.inf
-                      for a, b in zip(each, theirs)) for each in (ours, late))
+    error, lag = (
+        max(float(np.abs(a - b).max()) if a.shape == b.shape else np.inf for a, b in zip(each, theirs))
+        for each in (ours, late)
+    )
     assert lag > LAG * tolerance, f"a frame's delay makes but {lag:.3g}"
     assert error < tolerance, f"off by {error:.3g}, where a frame's delay makes {lag:.3g}"
 
@@ -103,6 +105,7 @@ def make_grid(name="Grid", size=2.0, steps=16, turn=False):
 
 # --- objects and bones that follow -------------------------------------------------------------------
 
+
 def constrained(owner, body, kind):
     constraint = owner.constraints.new(kind)
     constraint.target, constraint.subtarget = body, GROUP
@@ -119,6 +122,7 @@ def an_object_constrained(kind):
         ob.location = (1, 0, 0)
         constrained(ob, body, kind)
         return matrix_of(ob)
+
     return hang
 
 
@@ -128,6 +132,7 @@ def a_bone_constrained(kind):
         prop.location.x = 3
         constrained(prop.pose.bones["bone2"], body, kind)
         return lambda: prop.evaluated_get(depsgraph()).pose.bones["bone4"].matrix
+
     return hang
 
 
@@ -138,10 +143,12 @@ def a_child_of_vertices(kind, count):
         ob.parent, ob.parent_type = body, kind
         ob.parent_vertices[:count] = CORNERS[:count]
         return matrix_of(ob)
+
     return hang
 
 
 # --- meshes that follow --------------------------------------------------------------------------------
+
 
 def a_shrinkwrap(body):
     ob = make_grid()
@@ -189,6 +196,7 @@ def a_boolean(body):
         volume, areas = bm.calc_volume(), [face.calc_area() for face in bm.faces]
         bm.free()
         return [volume, sum(areas)]
+
     return look
 
 
@@ -207,14 +215,15 @@ def nodes_that_read_it(body):
 
 
 FOLLOWERS = {
-    **{f"object, {kind}": an_object_constrained(kind)
-       for kind in ("CHILD_OF", "COPY_TRANSFORMS", "COPY_LOCATION", "DAMPED_TRACK")},
-    **{f"bone, {kind}": a_bone_constrained(kind)
-       for kind in ("CHILD_OF", "COPY_TRANSFORMS", "DAMPED_TRACK")},
+    **{
+        f"object, {kind}": an_object_constrained(kind)
+        for kind in ("CHILD_OF", "COPY_TRANSFORMS", "COPY_LOCATION", "DAMPED_TRACK")
+    },
+    **{f"bone, {kind}": a_bone_constrained(kind) for kind in ("CHILD_OF", "COPY_TRANSFORMS", "DAMPED_TRACK")},
     "child of a vertex": a_child_of_vertices("VERTEX", 1),
     "child of three vertices": a_child_of_vertices("VERTEX_3", 3),
-    **{f.__name__: f for f in (
-        a_shrinkwrap, a_surface_deform, a_mesh_deform, a_boolean, nodes_that_read_it)}}
+    **{f.__name__: f for f in (a_shrinkwrap, a_surface_deform, a_mesh_deform, a_boolean, nodes_that_read_it)},
+}
 
 
 @pytest.mark.parametrize("hang", FOLLOWERS.values(), ids=FOLLOWERS)
@@ -226,6 +235,7 @@ def test_what_follows_the_body(keys, hang):
 
 
 # --- simulations ---------------------------------------------------------------------------------------
+
 
 def with_cache(point_cache):
     point_cache.frame_start, point_cache.frame_end = FRAMES[0], FRAMES[-1]
@@ -276,8 +286,11 @@ def cloth_that_falls_on_it(body):
 
 # (last frame, tolerance): cloth magnifies the last bits from frame to frame. With other last bits in the mesh
 # (5e-7) the first two are off by 5e-5 on the fourth frame, by a tenth some frames later.
-CLOTHS = {cloth_pinned_to_its_armature: (4, 1e-3), cloth_pinned_to_the_body: (4, 1e-3),
-          cloth_that_falls_on_it: (10, 1e-4)}
+CLOTHS = {
+    cloth_pinned_to_its_armature: (4, 1e-3),
+    cloth_pinned_to_the_body: (4, 1e-3),
+    cloth_that_falls_on_it: (10, 1e-4),
+}
 
 
 @pytest.mark.parametrize("baked", (False, True), ids=("played", "baked"))
@@ -308,6 +321,7 @@ def particles_emitted(body):
     def look():
         particles = body.evaluated_get(depsgraph()).particle_systems[0].particles
         return [p.location[:] if p.alive_state == "ALIVE" else (0, 0, 0) for p in particles]
+
     return look
 
 
@@ -318,6 +332,7 @@ def hair(body):
         shown = body.evaluated_get(depsgraph())
         system = shown.particle_systems[0]
         return [system.co_hair(object=shown, particle_no=i, step=step)[:] for i in range(50) for step in (0, 3)]
+
     return look
 
 
@@ -347,6 +362,7 @@ def test_particles_and_paint(keys, hang):
 
 # --- other people's handlers -----------------------------------------------------------------------------
 
+
 @pytest.fixture
 def after_frame():
     """Handlers of this list that a test adds are taken out again."""
@@ -361,6 +377,7 @@ def a_handler_that_reads(after_frame, place, body):
 
     def read(_scene, graph):
         seen[:] = [evaluated(body, graph)]
+
     after_frame.insert(place, read)
     return lambda: seen[0]
 
@@ -376,6 +393,7 @@ def a_spring(after_frame, place, body):
         speed[:] = 0.5 * speed + 0.3 * (end - (last[0] if last else end))
         last[:] = [end]
         bone.location = speed
+
     after_frame.insert(place, move)
     return lambda: np.concatenate([evaluated(body).reshape(-1), bone.location])
 
@@ -397,6 +415,7 @@ def test_right_without_our_handler_after_the_frame(keys, after_frame):
 
 
 # --- motion paths ---------------------------------------------------------------------------------------
+
 
 def path_of(motion_path):
     return [np.array([point.co for point in motion_path.points])]

@@ -1,5 +1,5 @@
-"""On a frame in which nothing but the pose has changed Sinew goes a shorter way. Whatever people do, it must not be gone
-once too often: each edit is made while it is in use, and the shape is compared with the twin's."""
+"""On a frame in which nothing but the pose has changed Sinew goes a shorter way. Whatever people do, it must not be
+gone once too often: each edit is made while it is in use, and the shape is compared with the twin's."""
 
 import bpy
 import numpy as np
@@ -123,8 +123,16 @@ def posed_by_hand(_, armature):
 
 
 EDITS_OF_A_MESH = (paint, remove_a_group, move_vertices, other_method, a_mask, no_groups, switched_off, mesh_moved)
-EDITS_OF_BONES = (rest_position, a_bone_that_does_not_deform, more_segments, another_bone, a_bone_less, a_bone_moved,
-                  armature_moved, posed_by_hand)
+EDITS_OF_BONES = (
+    rest_position,
+    a_bone_that_does_not_deform,
+    more_segments,
+    another_bone,
+    a_bone_less,
+    a_bone_moved,
+    armature_moved,
+    posed_by_hand,
+)
 
 
 @pytest.mark.parametrize("edit", EDITS_OF_A_MESH + EDITS_OF_BONES, ids=lambda edit: edit.__name__)

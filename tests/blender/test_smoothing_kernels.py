@@ -97,8 +97,9 @@ def numbers(collection, name, width=1):
 
 def topology(mesh):
     offsets = np.append(numbers(mesh.polygons, "loop_start"), len(mesh.loops))
-    return native().Topology(len(mesh.vertices), numbers(mesh.edges, "vertices", 2), offsets,
-                             numbers(mesh.loops, "vertex_index"))
+    return native().Topology(
+        len(mesh.vertices), numbers(mesh.edges, "vertices", 2), offsets, numbers(mesh.loops, "vertex_index")
+    )
 
 
 def weights(ob):
@@ -134,25 +135,39 @@ def combinations(**choices):
 
 
 GROUPS = [{}, {"vertex_group": "group"}, {"vertex_group": "group", "invert_vertex_group": True}]
-AMOUNTS = [{"factor": 0.5, "iterations": 5}, {"factor": 0.9, "iterations": 1, "scale": 0.4},
-           {"factor": -0.1, "iterations": 3, "scale": -1.5}, {"factor": 1.2, "iterations": 2},
-           {"factor": 0.5, "iterations": 0}, {"factor": 0.0, "iterations": 4}]
+AMOUNTS = [
+    {"factor": 0.5, "iterations": 5},
+    {"factor": 0.9, "iterations": 1, "scale": 0.4},
+    {"factor": -0.1, "iterations": 3, "scale": -1.5},
+    {"factor": 1.2, "iterations": 2},
+    {"factor": 0.5, "iterations": 0},
+    {"factor": 0.0, "iterations": 4},
+]
 
 
 def corrective(ob, modifier, rest):
-    smooth = native().CorrectiveSmooth(topology(ob.data), rest, pin_boundary=modifier.use_pin_boundary,
-                                       corner_angle="arc_cosine" if BEFORE_41 else "polynomial",
-                                       **group_of(ob, modifier))
-    return smooth.stage(modifier.factor, modifier.iterations, modifier.scale,
-                        {"SIMPLE": "simple", "LENGTH_WEIGHTED": "length_weighted"}[modifier.smooth_type],
-                        modifier.use_only_smooth)
+    smooth = native().CorrectiveSmooth(
+        topology(ob.data),
+        rest,
+        pin_boundary=modifier.use_pin_boundary,
+        corner_angle="arc_cosine" if BEFORE_41 else "polynomial",
+        **group_of(ob, modifier),
+    )
+    return smooth.stage(
+        modifier.factor,
+        modifier.iterations,
+        modifier.scale,
+        {"SIMPLE": "simple", "LENGTH_WEIGHTED": "length_weighted"}[modifier.smooth_type],
+        modifier.use_only_smooth,
+    )
 
 
 @pytest.mark.parametrize("smooth_type", ("SIMPLE", "LENGTH_WEIGHTED"))
 def test_corrective_smooth(ob, smooth_type):
     moved = 0
     for group, amounts, switches in itertools.product(
-            GROUPS, AMOUNTS, combinations(use_pin_boundary=[False, True], use_only_smooth=[False, True])):
+        GROUPS, AMOUNTS, combinations(use_pin_boundary=[False, True], use_only_smooth=[False, True])
+    ):
         modifier = ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
         modifier.smooth_type = smooth_type
         set_all(modifier, {**group, **amounts, **switches})
@@ -186,7 +201,8 @@ def test_corrective_smooth_bound_elsewhere(ob):
 
 def test_smooth(ob):
     for group, amounts, axes in itertools.product(
-            GROUPS, AMOUNTS, ({}, {"use_y": False}, {"use_x": False, "use_z": False})):
+        GROUPS, AMOUNTS, ({}, {"use_y": False}, {"use_x": False, "use_z": False})
+    ):
         modifier = ob.modifiers.new("Smooth", "SMOOTH")
         set_all(modifier, {**group, **axes, "factor": amounts["factor"], "iterations": amounts["iterations"]})
         own, theirs = shapes(ob, modifier)
@@ -194,7 +210,8 @@ def test_smooth(ob):
             assert (own == theirs).all()
         else:
             native().Smooth(topology(ob.data), **group_of(ob, modifier)).stage(
-                modifier.factor, modifier.iterations, modifier.use_x, modifier.use_y, modifier.use_z).apply(own)
+                modifier.factor, modifier.iterations, modifier.use_x, modifier.use_y, modifier.use_z
+            ).apply(own)
         assert error(own, theirs) <= SMOOTH, (group, amounts, axes)
         ob.modifiers.remove(modifier)
 
@@ -216,14 +233,28 @@ def test_hook(ob, falloff):
         if vertices:
             modifier.vertex_indices_set(vertices)
         modifier.center = (0.1, 0.2, 0)
-        set_all(modifier, {**group, "falloff_type": falloff, "falloff_radius": radius, "strength": 0.8,
-                           "use_falloff_uniform": uniform})
+        set_all(
+            modifier,
+            {
+                **group,
+                "falloff_type": falloff,
+                "falloff_radius": radius,
+                "strength": 0.8,
+                "use_falloff_uniform": uniform,
+            },
+        )
         own, theirs = shapes(ob, modifier)
         assert (error(own, theirs) > 1e-3) == bool(group or vertices)
         matrix = ob.matrix_world.inverted() @ target.matrix_world @ modifier.matrix_inverse
         hook = native().Hook(len(own), None if vertices is None else np.array(vertices), **group_of(ob, modifier))
-        hook.stage(np.array(matrix), modifier.strength, falloff.lower(), modifier.falloff_radius,
-                   tuple(modifier.center), np.array(modifier.matrix_inverse)[:3, :3] if uniform else None).apply(own)
+        hook.stage(
+            np.array(matrix),
+            modifier.strength,
+            falloff.lower(),
+            modifier.falloff_radius,
+            tuple(modifier.center),
+            np.array(modifier.matrix_inverse)[:3, :3] if uniform else None,
+        ).apply(own)
         assert error(own, theirs) <= HOOK, (group, vertices is None, uniform, radius)
         ob.modifiers.remove(modifier)
 
@@ -240,8 +271,10 @@ def test_one_after_the_other(ob):
     second = ob.modifiers.new("Corrective again", "CORRECTIVE_SMOOTH")
     second.vertex_group, second.smooth_type = "group", "LENGTH_WEIGHTED"
     module, mesh = native(), topology(ob.data)
-    stages = [module.Smooth(mesh, weights(ob)).stage(),
-              *(corrective(ob, modifier, own_positions(ob.data)) for modifier in (first, second))]
+    stages = [
+        module.Smooth(mesh, weights(ob)).stage(),
+        *(corrective(ob, modifier, own_positions(ob.data)) for modifier in (first, second)),
+    ]
     deformer = module.Deformer(keys=module.ShapeKeys([p.reshape(-1, 3) for p in positions], [0, 0]))
     own = np.empty((len(ob.data.vertices), 3), np.float32)
     for value in (1, 0.3):

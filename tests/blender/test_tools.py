@@ -70,8 +70,7 @@ def test_weight_tools_know_the_bones(pair, operator, selection):
     before, after = weights(pair[1]), []
     for each in pair:
         paint_weights(each)
-        assert getattr(bpy.ops.object, operator)(
-            group_select_mode=selection, **OPERATORS[operator]) == {"FINISHED"}
+        assert getattr(bpy.ops.object, operator)(group_select_mode=selection, **OPERATORS[operator]) == {"FINISHED"}
         bpy.ops.object.mode_set(mode="OBJECT")
         after.append(weights(each))
     assert_same_weights(*after)
@@ -188,8 +187,11 @@ def test_nothing_of_the_original_is_written(pair, keys):
         found = [own_positions(ob)]
         for block in ob.data.shape_keys.key_blocks if keys else ():
             found += [np.array([point.co for point in block.data]), block.mute]
-        found += [np.array([item.vector for item in attribute.data]) for attribute in ob.data.attributes
-                  if attribute.data_type == "FLOAT_VECTOR" and attribute.domain == "POINT"]
+        found += [
+            np.array([item.vector for item in attribute.data])
+            for attribute in ob.data.attributes
+            if attribute.data_type == "FLOAT_VECTOR" and attribute.domain == "POINT"
+        ]
         return found
 
     before = everything()

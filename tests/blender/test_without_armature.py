@@ -6,8 +6,23 @@ import pytest
 
 from characters import accelerate, add_shape_keys, animate, hook, make_armature, make_tube, pose, smoothed
 from helpers import (
-    addon_module, assert_plays_without_the_addon, assert_same_on_all_frames, assert_same_shape, data_counts,
-    diagonal, end, evaluated, into_a_shot, needs_program, own_positions, select, stages, traces, twin_of, way)
+    addon_module,
+    assert_plays_without_the_addon,
+    assert_same_on_all_frames,
+    assert_same_shape,
+    data_counts,
+    diagonal,
+    end,
+    evaluated,
+    into_a_shot,
+    needs_program,
+    own_positions,
+    select,
+    stages,
+    traces,
+    twin_of,
+    way,
+)
 
 
 def nothing(ob):
@@ -68,6 +83,7 @@ CHAINS = (corrective, by_length, plain, hooked, all_of_them, hidden_first)
 @pytest.fixture
 def make(fresh_scene):
     """Function that makes (bound tube, twin) with that on it."""
+
     def make(*parts, bind=True):
         ob = make_tube()
         for part in parts:
@@ -79,6 +95,7 @@ def make(fresh_scene):
         if bind:
             accelerate(ob)
         return ob, twin
+
     return make
 
 
@@ -87,9 +104,16 @@ def assert_it_is_sinew(ob):
     assert entry.is_deforming and entry.error == ""
 
 
-@pytest.mark.parametrize("keys, behind", [
-    *((nothing, chain) for chain in CHAINS), *((add_shape_keys, chain) for chain in (nothing, *CHAINS)),
-    (driven_keys, nothing), (driven_keys, all_of_them)], ids=lambda part: part.__name__)
+@pytest.mark.parametrize(
+    "keys, behind",
+    [
+        *((nothing, chain) for chain in CHAINS),
+        *((add_shape_keys, chain) for chain in (nothing, *CHAINS)),
+        (driven_keys, nothing),
+        (driven_keys, all_of_them),
+    ],
+    ids=lambda part: part.__name__,
+)
 def test_twenty_frames(fresh_scene, make, keys, behind):
     ob, twin = make(keys, behind)
     shapes = []
@@ -142,6 +166,7 @@ def test_shown_in_renders_alone(fresh_scene, make):
 
 # --- edits ----------------------------------------------------------------------------------------
 
+
 def another_setting(ob):
     ob.modifiers["Corrective"].scale = -1
     ob.modifiers["Hook"].strength = 0.5
@@ -193,9 +218,21 @@ def to_front(ob, name):
 
 
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
-@pytest.mark.parametrize("edit", (
-    another_setting, painted, moved_vertices, another_target, switched_off, one_in_front, one_behind, one_less, renamed),
-    ids=lambda edit: edit.__name__)
+@pytest.mark.parametrize(
+    "edit",
+    (
+        another_setting,
+        painted,
+        moved_vertices,
+        another_target,
+        switched_off,
+        one_in_front,
+        one_behind,
+        one_less,
+        renamed,
+    ),
+    ids=lambda edit: edit.__name__,
+)
 def test_an_edit_is_seen_at_once(fresh_scene, make, keys, edit):
     ob, twin = make(keys, all_of_them)
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 2, 3))
@@ -265,8 +302,11 @@ def test_multires_behind_smoothing(fresh_scene, make, keys):
 
 
 @pytest.mark.parametrize("first", (True, False), ids=("in front", "behind"))
-@pytest.mark.parametrize("keys, behind", ((nothing, corrective), (add_shape_keys, nothing), (add_shape_keys, corrective)),
-                         ids=lambda part: part.__name__)
+@pytest.mark.parametrize(
+    "keys, behind",
+    ((nothing, corrective), (add_shape_keys, nothing), (add_shape_keys, corrective)),
+    ids=lambda part: part.__name__,
+)
 def test_an_armature_modifier_is_added(fresh_scene, make, keys, behind, first):
     """Blender's own goes on with it. In front the panel says how Sinew would stand in for it, too."""
     ob, twin = make(keys, behind)
@@ -397,15 +437,24 @@ def test_objects_that_share_the_mesh(fresh_scene, make):
 
 # --- files ----------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize("keys, behind", ((nothing, all_of_them), (add_shape_keys, nothing), (add_shape_keys, plain)),
-                         ids=lambda part: part.__name__)
+
+@pytest.mark.parametrize(
+    "keys, behind",
+    ((nothing, all_of_them), (add_shape_keys, nothing), (add_shape_keys, plain)),
+    ids=lambda part: part.__name__,
+)
 def test_unbinding_leaves_no_trace(fresh_scene, make, keys, behind):
     ob, _twin = make(keys, behind, bind=False)
 
     def state():
         drivers = [curve.data_path for curve in ob.animation_data.drivers] if ob.animation_data else None
-        return [(m.name, m.show_viewport, m.show_render, m.use_apply_on_spline) for m in ob.modifiers], drivers, (
-            set(ob.data.attributes.keys())), own_positions(ob).tobytes(), data_counts()
+        return (
+            [(m.name, m.show_viewport, m.show_render, m.use_apply_on_spline) for m in ob.modifiers],
+            drivers,
+            (set(ob.data.attributes.keys())),
+            own_positions(ob).tobytes(),
+            data_counts(),
+        )
 
     before = state()
     accelerate(ob)
@@ -449,8 +498,11 @@ def test_from_a_library(fresh_scene, make, tmp_path, keys, when):
 
 
 @needs_program
-@pytest.mark.parametrize("keys, behind", ((nothing, all_of_them), (add_shape_keys, nothing), (add_shape_keys, plain)),
-                         ids=lambda part: part.__name__)
+@pytest.mark.parametrize(
+    "keys, behind",
+    ((nothing, all_of_them), (add_shape_keys, nothing), (add_shape_keys, plain)),
+    ids=lambda part: part.__name__,
+)
 def test_a_file_plays_without_the_addon(fresh_scene, make, tmp_path, keys, behind):
     ob, twin = make(keys, behind)
     fresh_scene.frame_set(9)
@@ -461,6 +513,7 @@ def test_a_file_plays_without_the_addon(fresh_scene, make, tmp_path, keys, behin
 
 
 # --- refused --------------------------------------------------------------------------------------
+
 
 def driven_smoothing(ob):
     modifier = smoothed(ob)
@@ -478,13 +531,17 @@ def under_a_lattice(ob):
     ob.parent, ob.parent_type = lattice, "LATTICE"
 
 
-@pytest.mark.parametrize("part, sentence", [
-    (nothing, "Tube has no armature, shape keys or smoothing that Sinew could take over"),
-    (lone_basis, "Tube has no armature, shape keys or smoothing that Sinew could take over"),
-    (lambda ob: ob.modifiers.new("Mirror", "MIRROR"), "Mirror comes first, and only Blender knows what it does"),
-    (driven_smoothing, "Corrective comes first, and its factor is driven"),
-    (under_a_lattice, "Tube is deformed by its parent Cage itself, before all modifiers")], ids=(
-    "nothing", "basis", "mirror", "driver", "lattice"))
+@pytest.mark.parametrize(
+    "part, sentence",
+    [
+        (nothing, "Tube has no armature, shape keys or smoothing that Sinew could take over"),
+        (lone_basis, "Tube has no armature, shape keys or smoothing that Sinew could take over"),
+        (lambda ob: ob.modifiers.new("Mirror", "MIRROR"), "Mirror comes first, and only Blender knows what it does"),
+        (driven_smoothing, "Corrective comes first, and its factor is driven"),
+        (under_a_lattice, "Tube is deformed by its parent Cage itself, before all modifiers"),
+    ],
+    ids=("nothing", "basis", "mirror", "driver", "lattice"),
+)
 def test_refused(fresh_scene, make, part, sentence):
     ob, _twin = make(part, bind=False)
     names = [modifier.name for modifier in ob.modifiers]

@@ -21,12 +21,13 @@ SECONDS_TO_WAIT = 30  # for Blender to let Python write
 def run(steps):
     """Runs the generator: each `yield` lets Blender draw and go on until the next step is due, after so
     many seconds. The process ends with 0, or with 1 if something was wrong."""
+
     def go_on():
         try:
             return next(steps)
         except StopIteration:
             leave(0)
-        except BaseException:  # noqa: BLE001
+        except BaseException:
             traceback.print_exc()
             leave(1)
 
@@ -89,11 +90,11 @@ def region(area, kind="WINDOW"):
 def in_area(kind):
     """As if the mouse were over it."""
     found = area(kind)
-    return bpy.context.temp_override(
-        window=windows()[0], area=found, region=region(found))
+    return bpy.context.temp_override(window=windows()[0], area=found, region=region(found))
 
 
 # --- the hand -------------------------------------------------------------------------------------
+
 
 def outside(command):
     """Let the hand run a shell command. A generator: `yield from outside("xdotool key r")`."""

@@ -42,8 +42,7 @@ struct Rig {
       whole.emplace_back();
       double left = 1;
       for (const std::int32_t bone : kinds[v % 3]) {
-        const double weight =
-            bone == kinds[v % 3].back() ? left : left * rigs::uniform(random, 0, 1);
+        const double weight = bone == kinds[v % 3].back() ? left : left * rigs::uniform(random, 0, 1);
         whole.back().emplace_back(bone, static_cast<float>(weight));
         left -= weight;
       }
@@ -63,14 +62,12 @@ struct Rig {
 
   /// The influences as they are at these points, for a mesh that is at rest.
   std::shared_ptr<const Skin> split_at(const Floats& points, const Space& space) const {
-    const Matrix4<double> back =
-        space ? Matrix4<double>(space->inverse()) : Matrix4<double>::Identity();
+    const Matrix4<double> back = space ? Matrix4<double>(space->inverse()) : Matrix4<double>::Identity();
     std::vector<std::int64_t> own_offsets{0};
     std::vector<std::int32_t> joints;
     Floats own_weights;
     for (std::size_t v = 0; v < whole.size(); ++v) {
-      const Eigen::Vector4d point =
-          back * Eigen::Vector4d(points[3 * v], points[3 * v + 1], points[3 * v + 2], 1);
+      const Eigen::Vector4d point = back * Eigen::Vector4d(points[3 * v], points[3 * v + 1], points[3 * v + 2], 1);
       for (const auto& [bone, weight] : whole[v]) {
         const int n = segments[bone];
         const double share = Eigen::Map<const Eigen::Vector4d>(&axes[4 * bone]).dot(point);
@@ -98,8 +95,7 @@ struct Motion {
   Motion(rigs::Random& random, bool scaled) {
     rigs::Matrices pose;
     for (int j = 0; j < kJoints; ++j) {
-      pose.push_back(rigs::turn(rigs::uniform(random, -60, 60), rigs::vector(random, 1),
-                                rigs::vector(random, 0.5)));
+      pose.push_back(rigs::turn(rigs::uniform(random, -60, 60), rigs::vector(random, 1), rigs::vector(random, 0.5)));
       if (!scaled) continue;
       frames.push_back(rigs::random_rigid(random));
       Matrix4<double> scale = Matrix4<double>::Identity();
@@ -140,14 +136,12 @@ struct Character {
   Motion motion;
   Floats mask;
 
-  std::shared_ptr<const Layer> layer(std::shared_ptr<const Skin> skin,
-                                     std::shared_ptr<const Bends> bends = nullptr,
+  std::shared_ptr<const Layer> layer(std::shared_ptr<const Skin> skin, std::shared_ptr<const Bends> bends = nullptr,
                                      const Space& split_space = std::nullopt) const {
     const StretchRule rule{how.stretch, motion.frames};
-    return std::make_shared<Layer>(
-        std::move(skin), how.method, rule,
-        mask.empty() ? std::nullopt : std::optional<std::span<const float>>(mask), std::nullopt,
-        std::move(bends), split_space);
+    return std::make_shared<Layer>(std::move(skin), how.method, rule,
+                                   mask.empty() ? std::nullopt : std::optional<std::span<const float>>(mask),
+                                   std::nullopt, std::move(bends), split_space);
   }
 
   Floats deformed(std::shared_ptr<const Layer> layer, const Space& space,
@@ -221,12 +215,10 @@ TEST_P(BendsOnEachInstructionSet, FollowAnotherSpace) {
     const auto layer = character.layer(rig.split_at(rig.rest, {}), rig.bends());
     for (const Space& space : {Space(similarity()), Space(sheared())}) {
       const auto other = character.layer(rig.split_at(rig.rest, space));
-      EXPECT_LT(distance(character.deformed(layer, space), character.deformed(other, space)),
-                1e-6 * kSize);
+      EXPECT_LT(distance(character.deformed(layer, space), character.deformed(other, space)), 1e-6 * kSize);
       // And back to none.
       const auto back = character.layer(rig.split_at(rig.rest, space), rig.bends(), space);
-      EXPECT_LT(distance(character.deformed(back, {}), character.deformed(layer, {})),
-                1e-6 * kSize);
+      EXPECT_LT(distance(character.deformed(back, {}), character.deformed(layer, {})), 1e-6 * kSize);
     }
   }
 }
@@ -244,8 +236,7 @@ TEST_P(BendsOnEachInstructionSet, FollowShapeKeysAndLeaveTheRestToTheBit) {
       Deformer({}, keys).deform({}, points, values);
       const auto skin = rig.split_at(rig.rest, space);
       const auto layer = character.layer(skin, rig.bends(), space);
-      const auto plain = character.layer(skin),
-                 split = character.layer(rig.split_at(points, space));
+      const auto plain = character.layer(skin), split = character.layer(rig.split_at(points, space));
       const Floats own = character.deformed(layer, space, keys, values);
       EXPECT_LT(distance(own, character.deformed(split, space, keys, values)), 1e-6 * kSize);
       const Floats as_before = character.deformed(plain, space, keys, values);
@@ -256,8 +247,7 @@ TEST_P(BendsOnEachInstructionSet, FollowShapeKeysAndLeaveTheRestToTheBit) {
         ASSERT_EQ(own[i], as_before[i]) << "vertex " << v;
       }
       for (const Floats& still : {Floats{}, Floats{1, 0}}) {
-        EXPECT_EQ(character.deformed(layer, space, keys, still),
-                  character.deformed(plain, space, keys, still));
+        EXPECT_EQ(character.deformed(layer, space, keys, still), character.deformed(plain, space, keys, still));
       }
     }
   }
@@ -266,9 +256,8 @@ TEST_P(BendsOnEachInstructionSet, FollowShapeKeysAndLeaveTheRestToTheBit) {
 TEST(Bends, AreSharedByTheEndsOfASegment) {
   // A bone of four segments along Y, from 0 to 2, and an ordinary one.
   const std::vector<double> axes{0, 0.5, 0, 0, 0, 1, 0, 0};
-  const Bends bends(std::vector<std::int64_t>{7}, std::vector<std::int64_t>{0, 3},
-                    std::vector<std::int32_t>{1, 0, 0}, Floats{0.25f, 0.75f, 0},
-                    std::vector<std::int32_t>{3, 5}, std::vector<std::int32_t>{4, 1}, axes);
+  const Bends bends(std::vector<std::int64_t>{7}, std::vector<std::int64_t>{0, 3}, std::vector<std::int32_t>{1, 0, 0},
+                    Floats{0.25f, 0.75f, 0}, std::vector<std::int32_t>{3, 5}, std::vector<std::int32_t>{4, 1}, axes);
   EXPECT_EQ(bends.joint_count(), 8);
   EXPECT_EQ(bends.influence_count(), 3);
   using Joints = std::vector<std::int32_t>;
@@ -308,17 +297,15 @@ TEST(Bends, AnyNumberOfThreadsGivesTheSameBits) {
 }
 
 TEST(Bends, AVertexWithoutWeightStaysWhereItIs) {
-  const auto bends =
-      std::make_shared<Bends>(std::vector<std::int64_t>{0}, std::vector<std::int64_t>{0, 1},
-                              std::vector<std::int32_t>{0}, Floats{0}, std::vector<std::int32_t>{0},
-                              std::vector<std::int32_t>{2}, std::vector<double>{0, 1, 0, 0});
-  const auto skin = std::make_shared<Skin>(Floats(3), std::vector<std::int64_t>{0, 0},
-                                           std::vector<std::int32_t>{}, Floats{}, 3);
+  const auto bends = std::make_shared<Bends>(std::vector<std::int64_t>{0}, std::vector<std::int64_t>{0, 1},
+                                             std::vector<std::int32_t>{0}, Floats{0}, std::vector<std::int32_t>{0},
+                                             std::vector<std::int32_t>{2}, std::vector<double>{0, 1, 0, 0});
+  const auto skin =
+      std::make_shared<Skin>(Floats(3), std::vector<std::int64_t>{0, 0}, std::vector<std::int32_t>{}, Floats{}, 3);
   const rigs::Matrices pose(3, rigs::turn(50, {1, 0, 0}, {1, 2, 3}));
   rigs::Stack<float> stack(pose, 1);
   for (const auto method : {SkinningMethod::linear, SkinningMethod::dual_quaternion}) {
-    const Deformer deformer(
-        {std::make_shared<Layer>(skin, method, StretchRule{}, std::nullopt, std::nullopt, bends)});
+    const Deformer deformer({std::make_shared<Layer>(skin, method, StretchRule{}, std::nullopt, std::nullopt, bends)});
     const LayerPose posed{stack.read()};
     Floats positions(3);
     deformer.deform({&posed, 1}, positions, {}, Floats{1, 2, 3});
@@ -342,8 +329,7 @@ TEST(Bends, RefuseWhatDoesNotFit) {
   };
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   EXPECT_EQ(said([](Given&) {}), "(no complaint)");
-  EXPECT_EQ(said([](Given& g) { g.vertices[0] = -1; }),
-            "entry 0 of vertices is -1; expected 0 or more");
+  EXPECT_EQ(said([](Given& g) { g.vertices[0] = -1; }), "entry 0 of vertices is -1; expected 0 or more");
   EXPECT_EQ(said([](Given& g) { g.vertices[1] = 1; }), "vertices does not rise at entry 1");
   EXPECT_EQ(said([](Given& g) { g.offsets.pop_back(); }),
             "offsets has 2 entries; expected 3, one more than there are vertices");
@@ -353,27 +339,22 @@ TEST(Bends, RefuseWhatDoesNotFit) {
   EXPECT_EQ(said([](Given& g) { g.bones.pop_back(); }),
             "bones has 2 entries and weights has 3; expected as many of each");
   EXPECT_EQ(said([](Given& g) { g.bones[1] = 2; }), "influence 1 names bone 2; there are 2 bones");
-  EXPECT_EQ(said([](Given& g) { g.bones[2] = -1; }),
-            "influence 2 names bone -1; there are 2 bones");
+  EXPECT_EQ(said([](Given& g) { g.bones[2] = -1; }), "influence 2 names bone -1; there are 2 bones");
   EXPECT_EQ(said([](Given& g) { g.weights[1] = static_cast<float>(kInfinity); }),
             "the weight of influence 1 is not finite");
   EXPECT_EQ(said([](Given& g) { g.segments.pop_back(); }),
             "first_joints has 2 entries and segments has 1; expected as many of each");
-  EXPECT_EQ(said([](Given& g) { g.axes.pop_back(); }),
-            "axes has 7 numbers; expected four for each of 2 bones");
+  EXPECT_EQ(said([](Given& g) { g.axes.pop_back(); }), "axes has 7 numbers; expected four for each of 2 bones");
   EXPECT_EQ(said([](Given& g) { g.first_joints[1] = -1; }),
             "the first joint of bone 1 is -1; expected 0 to 16,777,215");
-  EXPECT_EQ(said([](Given& g) { g.segments[1] = 0; }),
-            "bone 1 has 0 segments; expected 1 to 16,777,215");
+  EXPECT_EQ(said([](Given& g) { g.segments[1] = 0; }), "bone 1 has 0 segments; expected 1 to 16,777,215");
   EXPECT_EQ(said([](Given& g) { g.axes[5] = kInfinity; }), "the axis of bone 1 is not finite");
 
   const auto said_of_layer = [](std::ptrdiff_t vertices, std::int32_t joints) {
-    const auto skin =
-        std::make_shared<Skin>(Floats(3 * vertices), std::vector<std::int64_t>(vertices + 1),
-                               std::vector<std::int32_t>{}, Floats{}, joints);
+    const auto skin = std::make_shared<Skin>(Floats(3 * vertices), std::vector<std::int64_t>(vertices + 1),
+                                             std::vector<std::int32_t>{}, Floats{}, joints);
     const auto bends = std::make_shared<Bends>(Given{}.made());
-    return complaint(
-        [&] { Layer(skin, SkinningMethod::linear, {}, std::nullopt, std::nullopt, bends); });
+    return complaint([&] { Layer(skin, SkinningMethod::linear, {}, std::nullopt, std::nullopt, bends); });
   };
   EXPECT_EQ(said_of_layer(5, 4), "(no complaint)");
   EXPECT_EQ(said_of_layer(4, 4), "bends names vertex 4; the skin has 4 vertices");

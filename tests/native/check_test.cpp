@@ -8,8 +8,7 @@ namespace sinew {
 namespace {
 
 TEST(Check, FailWritesItsPartsInOneSentence) {
-  EXPECT_EQ(complaint([] { fail("joint ", 3, " of \"", std::string("a"), "\""); }),
-            "joint 3 of \"a\"");
+  EXPECT_EQ(complaint([] { fail("joint ", 3, " of \"", std::string("a"), "\""); }), "joint 3 of \"a\"");
 }
 
 TEST(Check, GroupedSetsCommas) {

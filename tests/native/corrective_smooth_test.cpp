@@ -53,13 +53,11 @@ TEST(CorrectiveSmooth, IsTheSlowFormula) {
       for (const CornerAngle angle : {CornerAngle::polynomial, CornerAngle::arc_cosine}) {
         const CorrectiveSmooth smooth(sheet.topology, sheet.rest, group, pin, angle);
         EXPECT_EQ(smooth.vertex_count(), sheet.mesh.vertices);
-        for (const Settings& settings : {Settings{}, Settings{0.3f, 2, 0.4f, kLength},
-                                         Settings{1.2f, 1, -1}, Settings{-0.2f, 3, 1, kLength}}) {
-          const auto expected =
-              meshes::corrected(sheet.mesh, meshes::points_of(sheet.rest),
-                                meshes::points_of(sheet.shape), weights, settings);
-          const double error =
-              meshes::largest_difference(applied(smooth, settings, sheet.shape), expected);
+        for (const Settings& settings :
+             {Settings{}, Settings{0.3f, 2, 0.4f, kLength}, Settings{1.2f, 1, -1}, Settings{-0.2f, 3, 1, kLength}}) {
+          const auto expected = meshes::corrected(sheet.mesh, meshes::points_of(sheet.rest),
+                                                  meshes::points_of(sheet.shape), weights, settings);
+          const double error = meshes::largest_difference(applied(smooth, settings, sheet.shape), expected);
           EXPECT_LT(error, angle == CornerAngle::polynomial ? 5e-5 : 5e-6);
         }
       }
@@ -72,8 +70,7 @@ TEST(CorrectiveSmooth, OnlySmooths) {
   const CorrectiveSmooth smooth(sheet.topology, {}, {sheet.weights});
   for (const SmoothType type : {kSimple, kLength}) {
     const Settings settings{0.5f, 6, 1, type, true};
-    const auto expected =
-        meshes::smoothed(sheet.mesh, meshes::points_of(sheet.shape), sheet.weights, settings);
+    const auto expected = meshes::smoothed(sheet.mesh, meshes::points_of(sheet.shape), sheet.weights, settings);
     EXPECT_LT(meshes::largest_difference(applied(smooth, settings, sheet.shape), expected), 2e-6);
   }
 }
@@ -115,8 +112,7 @@ TEST(CorrectiveSmooth, AStraightCornerSaysNothing) {
   shape[3] = 0.5f;
   EXPECT_EQ(applied(smooth, {0.5f, 1}, shape)[3], 0.75f);  // smoothed, and no more
   shape[4] = -1;  // bent: it counts, with what was lost in the space of the mesh
-  const auto expected = meshes::corrected(mesh, meshes::points_of(rest), meshes::points_of(shape),
-                                          weights, {0.5f, 1});
+  const auto expected = meshes::corrected(mesh, meshes::points_of(rest), meshes::points_of(shape), weights, {0.5f, 1});
   EXPECT_LT(meshes::largest_difference(applied(smooth, {0.5f, 1}, shape), expected), 1e-6);
 }
 
@@ -151,9 +147,8 @@ TEST(CorrectiveSmooth, ACosineOfMoreThanOneWasNoAngle) {
     const Eigen::Vector3f a = rigs::vector(random, 1).cast<float>();
     const Eigen::Vector3f b = rigs::vector(random, 1).cast<float>();
     Floats shape;
-    for (const Eigen::Vector3f& point :
-         {Eigen::Vector3f(-way), Eigen::Vector3f(0, 0, 0), Eigen::Vector3f(way + aside), a, b,
-          Eigen::Vector3f(-a - b)}) {
+    for (const Eigen::Vector3f& point : {Eigen::Vector3f(-way), Eigen::Vector3f(0, 0, 0), Eigen::Vector3f(way + aside),
+                                         a, b, Eigen::Vector3f(-a - b)}) {
       shape.insert(shape.end(), point.data(), point.data() + 3);
     }
     const Floats rest = meshes::random_positions(random, 6);
@@ -201,8 +196,7 @@ TEST(CorrectiveSmooth, AnyNumberOfThreadsAndInstructionsMakesTheSame) {
     for (const SmoothType type : {kSimple, kLength}) {
       const Settings settings{0.5f, 3, 1, type};
       set_thread_count(1);
-      const Floats expected =
-          applied({sheet.topology, sheet.rest, {}, true, angle}, settings, sheet.shape);
+      const Floats expected = applied({sheet.topology, sheet.rest, {}, true, angle}, settings, sheet.shape);
       for (const std::string& set : instruction_sets()) {
         set_instruction_set(set);
         for (const int threads : {1, 2, 8}) {
@@ -219,11 +213,10 @@ TEST(CorrectiveSmooth, AnyNumberOfThreadsAndInstructionsMakesTheSame) {
 TEST(CorrectiveSmooth, SettingsMayChangeFromFrameToFrame) {
   const Sheet sheet(9);
   const CorrectiveSmooth kept(sheet.topology, sheet.rest);
-  for (const Settings& settings : {Settings{}, Settings{0.3f}, Settings{0.3f, 4},
-                                   Settings{0.3f, 4, 2}, Settings{0.3f, 4, 2, kLength}, Settings{},
-                                   Settings{0.5f, 5, 1, kSimple, true}, Settings{0.3f}}) {
-    EXPECT_EQ(applied(kept, settings, sheet.shape),
-              applied({sheet.topology, sheet.rest}, settings, sheet.shape));
+  for (const Settings& settings :
+       {Settings{}, Settings{0.3f}, Settings{0.3f, 4}, Settings{0.3f, 4, 2}, Settings{0.3f, 4, 2, kLength}, Settings{},
+        Settings{0.5f, 5, 1, kSimple, true}, Settings{0.3f}}) {
+    EXPECT_EQ(applied(kept, settings, sheet.shape), applied({sheet.topology, sheet.rest}, settings, sheet.shape));
   }
 }
 
@@ -287,24 +280,17 @@ TEST(CorrectiveSmooth, RefusesWhatIsWrong) {
   const Floats rest(9), two(2);
   Floats bad = rest, positions(9);
   bad[4] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, two); }),
-            "rest_positions has 2 numbers; expected 9 (3 x 3)");
-  EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, bad); }),
-            "rest_positions is not finite at vertex 1");
+  EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, two); }), "rest_positions has 2 numbers; expected 9 (3 x 3)");
+  EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, bad); }), "rest_positions is not finite at vertex 1");
   EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, rest, {two}); }),
             "weights has 2 numbers; the mesh has 3 vertices");
   EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, {}).apply({}, positions); }),
             "there are no rest positions; expected some, or only_smooth");
   const CorrectiveSmooth smooth(topology, rest);
-  EXPECT_EQ(complaint([&] { smooth.apply({bad[4]}, positions); }),
-            "factor is nan; expected a finite number");
-  EXPECT_EQ(complaint([&] {
-              smooth.apply({1, 1, bad[4]}, positions);
-            }),
-            "scale is nan; expected a finite number");
+  EXPECT_EQ(complaint([&] { smooth.apply({bad[4]}, positions); }), "factor is nan; expected a finite number");
+  EXPECT_EQ(complaint([&] { smooth.apply({1, 1, bad[4]}, positions); }), "scale is nan; expected a finite number");
   positions.pop_back();
-  EXPECT_EQ(complaint([&] { smooth.apply({}, positions); }),
-            "positions has 8 numbers; expected 9 (3 x 3)");
+  EXPECT_EQ(complaint([&] { smooth.apply({}, positions); }), "positions has 8 numbers; expected 9 (3 x 3)");
 }
 
 }  // namespace

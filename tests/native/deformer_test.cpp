@@ -20,8 +20,7 @@ using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
 
 Points points_of(std::span<const float> numbers) {
-  return Eigen::Map<const Rows>(numbers.data(), static_cast<Eigen::Index>(numbers.size() / 3), 3)
-      .cast<double>();
+  return Eigen::Map<const Rows>(numbers.data(), static_cast<Eigen::Index>(numbers.size() / 3), 3).cast<double>();
 }
 
 Floats random_numbers(rigs::Random& random, std::ptrdiff_t count, double low, double high) {
@@ -36,8 +35,7 @@ Floats random_numbers(rigs::Random& random, std::ptrdiff_t count, double low, do
 Matrices gentle_pose(rigs::Random& random, std::int32_t joints) {
   Matrices pose;
   for (std::int32_t j = 0; j < joints; ++j) {
-    pose.push_back(rigs::turn(rigs::uniform(random, -60, 60), rigs::vector(random, 1),
-                              rigs::vector(random, 0.5)));
+    pose.push_back(rigs::turn(rigs::uniform(random, -60, 60), rigs::vector(random, 1), rigs::vector(random, 0.5)));
   }
   return rigs::through_float(pose);
 }
@@ -61,8 +59,8 @@ struct Part {
 /// The same influences on other points.
 Skin on_points(const Skin& skin, const Points& points) {
   const Rows rows = points.cast<float>();
-  return Skin({rows.data(), static_cast<std::size_t>(rows.size())}, skin.offsets(), skin.joints(),
-              skin.weights(), skin.joint_count());
+  return Skin({rows.data(), static_cast<std::size_t>(rows.size())}, skin.offsets(), skin.joints(), skin.weights(),
+              skin.joint_count());
 }
 
 /// Slow and obvious: through C^-1, skinned in the armature's space, back through C.
@@ -72,13 +70,12 @@ Points expected(const std::vector<Part>& parts, const Points& input) {
     const Matrix4<double> space = part.space.value_or(Matrix4<double>::Identity());
     const Matrix4<double> inverse = space.inverse();
     const auto moved = [](const Matrix4<double>& matrix, const Points& points) -> Points {
-      return (points * matrix.topLeftCorner<3, 3>().transpose()).rowwise() +
-             matrix.topRightCorner<3, 1>().transpose();
+      return (points * matrix.topLeftCorner<3, 3>().transpose()).rowwise() + matrix.topRightCorner<3, 1>().transpose();
     };
     const Skin there = on_points(*part.skin, moved(inverse, input));
-    Points own = moved(space, part.method == SkinningMethod::linear
-                                  ? reference::skin_linear(there, part.pose)
-                                  : reference::skin_dual_quaternion(there, part.pose));
+    Points own =
+        moved(space, part.method == SkinningMethod::linear ? reference::skin_linear(there, part.pose)
+                                                           : reference::skin_dual_quaternion(there, part.pose));
     for (Eigen::Index v = 0; part.mask && v < own.rows(); ++v) {
       own.row(v) = input.row(v) + (*part.mask)[v] * (own.row(v) - input.row(v));
     }
@@ -107,8 +104,8 @@ Deformer made(const std::vector<Part>& parts, std::shared_ptr<const ShapeKeys> k
   return Deformer(std::move(layers), std::move(keys));
 }
 
-Floats deformed(const Deformer& deformer, const std::vector<Part>& parts,
-                std::span<const float> values = {}, std::span<const float> rest = {}) {
+Floats deformed(const Deformer& deformer, const std::vector<Part>& parts, std::span<const float> values = {},
+                std::span<const float> rest = {}) {
   constexpr float kUntouched = -77;
   const Posed posed(parts);
   const std::ptrdiff_t size = 3 * deformer.vertex_count();
@@ -144,14 +141,13 @@ class DeformerOnEachInstructionSet : public testing::TestWithParam<std::string> 
   void TearDown() override { set_instruction_set("auto"); }
 };
 
-INSTANTIATE_TEST_SUITE_P(Kernels, DeformerOnEachInstructionSet,
-                         testing::ValuesIn(instruction_sets()),
+INSTANTIATE_TEST_SUITE_P(Kernels, DeformerOnEachInstructionSet, testing::ValuesIn(instruction_sets()),
                          [](const auto& set) { return set.param; });
 
 TEST_P(DeformerOnEachInstructionSet, InEverySpaceMaskedMixedOnEveryInput) {
   rigs::Random random(1);
-  const std::vector<std::optional<Matrix4<double>>> spaces{
-      std::nullopt, rigs::turn(30, {1, 1, 0}, {1, 2, 0}), similarity(), sheared(), mirrored()};
+  const std::vector<std::optional<Matrix4<double>>> spaces{std::nullopt, rigs::turn(30, {1, 1, 0}, {1, 2, 0}),
+                                                           similarity(), sheared(), mirrored()};
   for (const std::ptrdiff_t vertices : {1, 17, 4096, 4097, 9001}) {
     const auto skin = std::make_shared<const Skin>(rigs::coherent_skin(random, vertices, 9, 3));
     // Fourteen joints a vertex: blended vertex by vertex.
@@ -169,11 +165,9 @@ TEST_P(DeformerOnEachInstructionSet, InEverySpaceMaskedMixedOnEveryInput) {
       for (const int i : {1, 2, 3}) parts[i].share = random_numbers(random, vertices, 0, 1);
       const Floats other = random_numbers(random, 3 * vertices, -1, 1);
       const Deformer all = made(parts);
-      EXPECT_LT(
-          rigs::distance(deformed(all, parts), expected(parts, points_of(skin->rest_positions()))),
-          2e-6 * kDiagonal);
-      EXPECT_LT(rigs::distance(deformed(all, parts, {}, other), expected(parts, points_of(other))),
+      EXPECT_LT(rigs::distance(deformed(all, parts), expected(parts, points_of(skin->rest_positions()))),
                 2e-6 * kDiagonal);
+      EXPECT_LT(rigs::distance(deformed(all, parts, {}, other), expected(parts, points_of(other))), 2e-6 * kDiagonal);
     }
   }
 }
@@ -182,9 +176,8 @@ TEST_P(DeformerOnEachInstructionSet, WithoutMoreItIsTheSkinningFunction) {
   rigs::Random random(2);
   for (const std::ptrdiff_t vertices : {5, 10000}) {
     for (const bool loose : {false, true}) {
-      const auto skin =
-          std::make_shared<const Skin>(loose ? rigs::random_skin(random, vertices, 40)
-                                             : rigs::coherent_skin(random, vertices, 40, 3));
+      const auto skin = std::make_shared<const Skin>(loose ? rigs::random_skin(random, vertices, 40)
+                                                           : rigs::coherent_skin(random, vertices, 40, 3));
       Part part{skin, SkinningMethod::linear};
       part.pose = rigs::random_pose(random, 40);
       EXPECT_EQ(deformed(made({part}), {part}), rigs::skinned(skin_linear, *skin, part.pose));
@@ -244,17 +237,15 @@ TEST(Deformer, StretchRestFramesFollowTheSpace) {
     const auto with_space = [&](const Matrix4<double>& space) {
       const Points rest = points_of(skin->rest_positions());
       const Matrix4<double> inverse = space.inverse();
-      const Points there = (rest * inverse.topLeftCorner<3, 3>().transpose()).rowwise() +
-                           inverse.topRightCorner<3, 1>().transpose();
+      const Points there =
+          (rest * inverse.topLeftCorner<3, 3>().transpose()).rowwise() + inverse.topRightCorner<3, 1>().transpose();
       Floats in_armature(1500), positions(1500);
       skin_dual_quaternion(on_points(*skin, there), stack.read(), in_armature, rule);
-      const Deformer deformer(
-          {std::make_shared<Layer>(skin, SkinningMethod::dual_quaternion, rule)});
+      const Deformer deformer({std::make_shared<Layer>(skin, SkinningMethod::dual_quaternion, rule)});
       const LayerPose posed{stack.read(), space};
       deformer.deform({&posed, 1}, positions);
-      const Points back =
-          (points_of(in_armature) * space.topLeftCorner<3, 3>().transpose()).rowwise() +
-          space.topRightCorner<3, 1>().transpose();
+      const Points back = (points_of(in_armature) * space.topLeftCorner<3, 3>().transpose()).rowwise() +
+                          space.topRightCorner<3, 1>().transpose();
       return rigs::distance(positions, back);
     };
     EXPECT_LT(with_space(sheared()), 4e-6 * kDiagonal);
@@ -347,8 +338,8 @@ TEST(Deformer, ASpaceWithoutAnInverseGivesNumbers) {
 }
 
 TEST(Deformer, OfNoVertices) {
-  const auto skin = std::make_shared<const Skin>(Floats{}, std::vector<std::int64_t>{0},
-                                                 std::vector<std::int32_t>{}, Floats{}, 2);
+  const auto skin =
+      std::make_shared<const Skin>(Floats{}, std::vector<std::int64_t>{0}, std::vector<std::int32_t>{}, Floats{}, 2);
   Part part{skin, SkinningMethod::linear, Floats{}};
   part.pose = rigs::identities(2);
   EXPECT_EQ(deformed(made({part}), {part}), Floats{});
@@ -370,10 +361,7 @@ TEST(Deformer, RefusesWhatDoesNotFit) {
             "share has 11 numbers; the skin has 10 vertices");
   Floats bad(10);
   bad[3] = std::numeric_limits<float>::infinity();
-  EXPECT_EQ(complaint([&] {
-              (Part{skin, SkinningMethod::linear, bad}).layer();
-            }),
-            "mask is not finite at vertex 3");
+  EXPECT_EQ(complaint([&] { (Part{skin, SkinningMethod::linear, bad}).layer(); }), "mask is not finite at vertex 3");
   EXPECT_EQ(complaint([&] {
               Layer(skin, SkinningMethod::dual_quaternion, {Stretch::frame, rigs::identities(3)});
             }),
@@ -382,32 +370,24 @@ TEST(Deformer, RefusesWhatDoesNotFit) {
   EXPECT_EQ(complaint([&] { made({first, other}); }), "layer 1 has 11 vertices; layer 0 has 10");
   EXPECT_EQ(complaint([&] { made({with_share}); }),
             "layer 0 has a share; there is nothing that it could be mixed with");
-  EXPECT_EQ(complaint([&] {
-              made({first, first});
-            }),
-            "layer 1 has no share; only the first has none");
+  EXPECT_EQ(complaint([&] { made({first, first}); }), "layer 1 has no share; only the first has none");
   const auto keys = keys_on(Floats(33), random);
-  EXPECT_EQ(complaint([&] { made({first}, keys); }),
-            "the keys have 11 vertices; the layers have 10");
+  EXPECT_EQ(complaint([&] { made({first}, keys); }), "the keys have 11 vertices; the layers have 10");
 
   const Deformer deformer = made({first, with_share});
   rigs::Stack<float> four(1, 4), three(1, 3), two_frames(2, 4);
   Floats positions(30), rest(30);
-  const auto said = [&](std::vector<LayerPose> poses, std::span<float> out,
-                        std::span<const float> values = {}, std::span<const float> input = {}) {
+  const auto said = [&](std::vector<LayerPose> poses, std::span<float> out, std::span<const float> values = {},
+                        std::span<const float> input = {}) {
     return complaint([&] { deformer.deform(poses, out, values, input); });
   };
   const LayerPose good{four.read()};
   EXPECT_EQ(said({good}, positions), "there are 1 pose; the deformer has 2 layers");
-  EXPECT_EQ(said({good, {three.read()}}, positions),
-            "layer 1: there are 3 matrices a frame; the skin has 4 joints");
-  EXPECT_EQ(said({{two_frames.read()}, good}, positions),
-            "layer 0: there are 2 frames of matrices; expected 1");
-  EXPECT_EQ(said({good, good}, std::span(positions).first(27)),
-            "the result has 27 numbers; expected 30 (10 x 3)");
+  EXPECT_EQ(said({good, {three.read()}}, positions), "layer 1: there are 3 matrices a frame; the skin has 4 joints");
+  EXPECT_EQ(said({{two_frames.read()}, good}, positions), "layer 0: there are 2 frames of matrices; expected 1");
+  EXPECT_EQ(said({good, good}, std::span(positions).first(27)), "the result has 27 numbers; expected 30 (10 x 3)");
   EXPECT_EQ(said({good, good}, positions, Floats(2)), "there are key values, but no shape keys");
-  EXPECT_EQ(said({good, good}, positions, {}, Floats(33)),
-            "rest_positions has 33 numbers; expected 30 (10 x 3)");
+  EXPECT_EQ(said({good, good}, positions, {}, Floats(33)), "rest_positions has 33 numbers; expected 30 (10 x 3)");
   EXPECT_EQ(said({good, good}, positions, {}, positions), "the result and rest_positions overlap");
   EXPECT_EQ(said({good, good}, positions, {}, rest), "(no complaint)");
 

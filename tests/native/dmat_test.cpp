@@ -20,32 +20,26 @@ std::string raw(const std::vector<double>& numbers) {
   return bytes;
 }
 
-Eigen::MatrixXd table(std::initializer_list<std::initializer_list<double>> rows) {
-  return Eigen::MatrixXd(rows);
-}
+Eigen::MatrixXd table(std::initializer_list<std::initializer_list<double>> rows) { return Eigen::MatrixXd(rows); }
 
 void expect_same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   ASSERT_EQ(a.rows(), b.rows());
   ASSERT_EQ(a.cols(), b.cols());
   const auto bits = [](double number) { return std::bit_cast<std::uint64_t>(number); };
-  EXPECT_TRUE(std::equal(a.data(), a.data() + a.size(), b.data(),
-                         [&](double x, double y) { return bits(x) == bits(y); }));
+  EXPECT_TRUE(
+      std::equal(a.data(), a.data() + a.size(), b.data(), [&](double x, double y) { return bits(x) == bits(y); }));
 }
 
 class Dmat : public testing::Test {
  protected:
-  Eigen::MatrixXd read(const std::string& bytes) {
-    return read_dmat(folder_.file("a.dmat", bytes));
-  }
+  Eigen::MatrixXd read(const std::string& bytes) { return read_dmat(folder_.file("a.dmat", bytes)); }
   std::string said(const std::string& bytes) {
     return complaint([&] { read(bytes); });
   }
   TemporaryFolder folder_;
 };
 
-TEST_F(Dmat, TextGoesColumnByColumn) {
-  EXPECT_EQ(read("2 3\n1\n2\n3\n4\n5\n6\n"), table({{1, 4}, {2, 5}, {3, 6}}));
-}
+TEST_F(Dmat, TextGoesColumnByColumn) { EXPECT_EQ(read("2 3\n1\n2\n3\n4\n5\n6\n"), table({{1, 4}, {2, 5}, {3, 6}})); }
 
 TEST_F(Dmat, AnyWhiteSpaceSeparates) {
   const Eigen::MatrixXd expected = table({{1.5, -3}, {2, 4e-5}});
@@ -111,8 +105,7 @@ TEST_F(Dmat, WritesABlockOfALargerMatrix) {
 TEST_F(Dmat, RefusesWhatIsNoFile) {
   EXPECT_EQ(complaint([&] { read_dmat(folder_.path("none.dmat")); }),
             "there is no file " + folder_.path("none.dmat").string());
-  EXPECT_EQ(complaint([&] { read_dmat(folder_.path()); }),
-            folder_.path().string() + " is a folder; expected a file");
+  EXPECT_EQ(complaint([&] { read_dmat(folder_.path()); }), folder_.path().string() + " is a folder; expected a file");
   EXPECT_EQ(said(""), "a.dmat is empty; expected a first line `columns rows`");
 }
 
@@ -128,15 +121,12 @@ TEST_F(Dmat, RefusesAHeaderThatIsNone) {
 }
 
 TEST_F(Dmat, RefusesAHeaderThatPromisesTooMuch) {
-  EXPECT_EQ(said("50000 25000\n1 2 3 4\n"),
-            "a.dmat ends after 4 numbers; 50,000 columns x 25,000 rows were due");
-  EXPECT_EQ(said("0 0\n50000 25000\n1"),
-            "a.dmat ends after 0 numbers; 50,000 columns x 25,000 rows were due");
+  EXPECT_EQ(said("50000 25000\n1 2 3 4\n"), "a.dmat ends after 4 numbers; 50,000 columns x 25,000 rows were due");
+  EXPECT_EQ(said("0 0\n50000 25000\n1"), "a.dmat ends after 0 numbers; 50,000 columns x 25,000 rows were due");
   // Products beyond 64 bits.
-  EXPECT_EQ(
-      said("9223372036854775807 9223372036854775807\n1"),
-      "a.dmat ends after 1 number; 9,223,372,036,854,775,807 columns x 9,223,372,036,854,775,807 "
-      "rows were due");
+  EXPECT_EQ(said("9223372036854775807 9223372036854775807\n1"),
+            "a.dmat ends after 1 number; 9,223,372,036,854,775,807 columns x 9,223,372,036,854,775,807 "
+            "rows were due");
   EXPECT_EQ(said("0 0\n4294967296 4294967296\n"),
             "a.dmat ends after 0 numbers; 4,294,967,296 columns x 4,294,967,296 rows were due");
 }
@@ -174,20 +164,16 @@ TEST_F(Dmat, RefusesOtherTextThanUtf8) {
 }
 
 TEST_F(Dmat, RefusesTextThatEndsEarlyOrGoesOn) {
-  EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"),
-            "a.dmat ends after 4 numbers; 2 columns x 3 rows were due");
+  EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"), "a.dmat ends after 4 numbers; 2 columns x 3 rows were due");
   EXPECT_EQ(said("1 1\n1 2"), "a.dmat goes on after the 1 number that its header promises");
   EXPECT_EQ(said("0 3\n1"), "a.dmat goes on after the 0 numbers that its header promises");
 }
 
 TEST_F(Dmat, RefusesBinaryThatEndsEarlyOrGoesOn) {
   const std::string bytes = "0 0\n2 3\n" + raw({1, 2, 3, 4, 5, 6});
-  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 1)),
-            "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
-  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 8)),
-            "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
-  EXPECT_EQ(said(bytes + "\n"),
-            "a.dmat goes on for 1 byte after the 6 numbers that its header promises");
+  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 1)), "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
+  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 8)), "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
+  EXPECT_EQ(said(bytes + "\n"), "a.dmat goes on for 1 byte after the 6 numbers that its header promises");
   EXPECT_EQ(said("0 0\n"
                  "0 3\nabc"),
             "a.dmat goes on for 3 bytes after the 0 numbers that its header promises");
@@ -198,10 +184,8 @@ TEST_F(Dmat, RefusesWhatIsNoFiniteNumber) {
     EXPECT_EQ(said("2 2\n1 2\n3 " + word + "\n"),
               "a.dmat, row 1, column 1: expected a finite number, found \"" + word + "\"");
   }
-  for (const double bad :
-       {std::numeric_limits<double>::quiet_NaN(), -std::numeric_limits<double>::infinity()}) {
-    EXPECT_EQ(said("0 0\n2 2\n" + raw({1, 2, bad, 4})),
-              "a.dmat, row 0, column 1: the number is not finite");
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), -std::numeric_limits<double>::infinity()}) {
+    EXPECT_EQ(said("0 0\n2 2\n" + raw({1, 2, bad, 4})), "a.dmat, row 0, column 1: the number is not finite");
   }
 }
 

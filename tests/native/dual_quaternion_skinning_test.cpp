@@ -20,18 +20,16 @@ Floats skinned(const Skin& skin, const Matrices& matrices) {
 
 void expect_reference(const Skin& skin, const Matrices& matrices, double tolerance) {
   const Matrices rounded = rigs::through_float(matrices);
-  EXPECT_LT(rigs::distance(skinned(skin, rounded), reference::skin_dual_quaternion(skin, rounded)),
-            tolerance);
+  EXPECT_LT(rigs::distance(skinned(skin, rounded), reference::skin_dual_quaternion(skin, rounded)), tolerance);
 }
 
 /// One vertex at `point` with the given influences.
 Skin one_vertex(const Eigen::Vector3f& point, const Joints& joints, const Floats& weights) {
-  return Skin({point.data(), 3}, Offsets{0, static_cast<std::int64_t>(joints.size())}, joints,
-              weights, static_cast<std::ptrdiff_t>(joints.size()));
+  return Skin({point.data(), 3}, Offsets{0, static_cast<std::int64_t>(joints.size())}, joints, weights,
+              static_cast<std::ptrdiff_t>(joints.size()));
 }
 
-void expect_point(const Floats& positions, const Eigen::Vector3d& expected,
-                  double tolerance = 1e-6) {
+void expect_point(const Floats& positions, const Eigen::Vector3d& expected, double tolerance = 1e-6) {
   for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(positions[axis], expected[axis], tolerance);
 }
 
@@ -54,8 +52,8 @@ TEST(DualQuaternionSkinning, AgreesWithKavanInDouble) {
     const Skin skin = rigs::random_skin(random, 3000, joints);
     Matrices matrices;  // joints that keep near each other, as on a body: no blend is near zero
     for (int j = 0; j < joints; ++j) {
-      matrices.push_back(rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1),
-                                    rigs::vector(random, 0.5)));
+      matrices.push_back(
+          rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1), rigs::vector(random, 0.5)));
     }
     expect_reference(skin, matrices, 1e-6 * kDiagonal);
   }
@@ -69,8 +67,7 @@ TEST(DualQuaternionSkinning, ATwistOf180DegreesKeepsItsVolume) {
   Joints joints;
   for (int i = 0; i < 16; ++i) {
     const double angle = i * std::numbers::pi / 8;
-    ring.insert(ring.end(),
-                {0, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))});
+    ring.insert(ring.end(), {0, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))});
     joints.insert(joints.end(), {0, 1});
     weights.insert(weights.end(), {0.5f, 0.5f});
     offsets.push_back(2 * (i + 1));
@@ -94,8 +91,7 @@ TEST(DualQuaternionSkinning, QAndMinusQAreTheSameRotation) {
   const Eigen::Vector3d z(0, 0, 1);
   expect_point(skinned(skin, {rigs::turn(170, z), rigs::turn(190, z)}), {-1, 0, 0});
   expect_point(skinned(skin, {rigs::turn(190, z), rigs::turn(170, z)}), {-1, 0, 0});
-  expect_point(skinned(skin, {rigs::turn(-170, z, {0, 0, 1}), rigs::turn(170, z, {0, 0, 3})}),
-               {-1, 0, 2});
+  expect_point(skinned(skin, {rigs::turn(-170, z, {0, 0, 1}), rigs::turn(170, z, {0, 0, 3})}), {-1, 0, 2});
 }
 
 TEST(DualQuaternionSkinning, SignsAreTakenAgainstTheSumSoFarInStoredOrder) {
@@ -121,8 +117,7 @@ TEST(DualQuaternionSkinning, OneJointMayScaleShearAndMirror) {
     Eigen::Matrix3d stretch = scale.asDiagonal();
     stretch(0, 1) = 0.3;
     matrix.topLeftCorner<3, 3>() *= stretch;
-    expect_point(skinned(skin, {matrix}), (matrix * point.cast<double>().homogeneous()).head<3>(),
-                 4e-6);
+    expect_point(skinned(skin, {matrix}), (matrix * point.cast<double>().homogeneous()).head<3>(), 4e-6);
   }
 }
 
@@ -131,8 +126,7 @@ TEST(DualQuaternionSkinning, StretchesBlendLinearlyAndComeFirst) {
   const Skin skin = rigs::random_skin(random, 2000, 12);
   Matrices matrices;
   for (int j = 0; j < 12; ++j) {
-    matrices.push_back(rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1),
-                                  rigs::vector(random, 0.5)));
+    matrices.push_back(rigs::turn(rigs::uniform(random, -80, 80), rigs::vector(random, 1), rigs::vector(random, 0.5)));
     if (j % 3 == 0) continue;  // some joints are rigid
     const Eigen::Vector3d scale = Eigen::Vector3d(1, 1.5, 2) + rigs::vector(random, 0.2);
     Eigen::Matrix3d stretch = scale.asDiagonal();

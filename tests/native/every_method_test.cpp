@@ -18,8 +18,7 @@ using Floats = std::vector<float>;
 class EveryMethod : public testing::TestWithParam<SkinFunction> {};
 
 INSTANTIATE_TEST_SUITE_P(Methods, EveryMethod,
-                         testing::Values(SkinFunction(skin_linear),
-                                         SkinFunction(skin_dual_quaternion)),
+                         testing::Values(SkinFunction(skin_linear), SkinFunction(skin_dual_quaternion)),
                          [](const auto& method) {
                            return std::string(method.index == 0 ? "Linear" : "DualQuaternion");
                          });
@@ -73,8 +72,7 @@ TEST_P(EveryMethod, EveryLayoutGivesTheSameBits) {
   const Skin skin = rigs::random_skin(random, 500, 10);
   const Matrices matrices = rigs::random_pose(random, 3 * 10);
   const Floats expected = skinned(GetParam(), skin, matrices, 3);
-  for (const Layout layout : rigs::kLayouts)
-    EXPECT_EQ(skinned(GetParam(), skin, matrices, 3, layout), expected);
+  for (const Layout layout : rigs::kLayouts) EXPECT_EQ(skinned(GetParam(), skin, matrices, 3, layout), expected);
 }
 
 TEST_P(EveryMethod, AnyNumberOfThreadsGivesTheSameBits) {

@@ -14,8 +14,7 @@ class TemporaryFolder {
  public:
   TemporaryFolder() {
     const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    std::string pattern =
-        std::filesystem::temp_directory_path() / (std::string("sinew-") + test->name() + "-XXXXXX");
+    std::string pattern = std::filesystem::temp_directory_path() / (std::string("sinew-") + test->name() + "-XXXXXX");
     path_ = mkdtemp(pattern.data());
   }
   ~TemporaryFolder() {

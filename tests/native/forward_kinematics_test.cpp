@@ -27,9 +27,8 @@ class ForwardKinematics : public testing::Test {
     }
   }
 
-  std::vector<Matrix4<T>> run(const Skeleton& skeleton, const Matrices& local,
-                              std::ptrdiff_t frames = 1, Layout in = Layout::column_major,
-                              Layout out = Layout::column_major) {
+  std::vector<Matrix4<T>> run(const Skeleton& skeleton, const Matrices& local, std::ptrdiff_t frames = 1,
+                              Layout in = Layout::column_major, Layout out = Layout::column_major) {
     Stack<T> source(local, frames, in), world(frames, skeleton.joint_count(), out);
     forward_kinematics(skeleton, source.read(), world.view());
     return world.matrices();
@@ -166,11 +165,9 @@ TYPED_TEST(ForwardKinematics, RefusesShapesThatDoNotFit) {
   const std::string too_few = "there are 2 matrices a frame; the skeleton has 3 joints";
   const std::string wrong_out = "the result holds 2 x 3 matrices; expected 1 x 3";
   EXPECT_EQ(complaint([&] { forward_kinematics(skeleton, two.read(), three.view()); }), too_few);
-  EXPECT_EQ(complaint([&] { forward_kinematics(skeleton, three.read(), frames.view()); }),
-            wrong_out);
+  EXPECT_EQ(complaint([&] { forward_kinematics(skeleton, three.read(), frames.view()); }), wrong_out);
   EXPECT_EQ(complaint([&] { skinning_matrices(skeleton, two.read(), out_three.view()); }), too_few);
-  EXPECT_EQ(complaint([&] { skinning_matrices(skeleton, three.read(), out_frames.view()); }),
-            wrong_out);
+  EXPECT_EQ(complaint([&] { skinning_matrices(skeleton, three.read(), out_frames.view()); }), wrong_out);
   EXPECT_EQ(complaint([&] { forward_kinematics(skeleton, three.read(), two.view()); }),
             "the result holds 1 x 2 matrices; expected 1 x 3");
 }

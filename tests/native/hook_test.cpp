@@ -38,12 +38,11 @@ double fallen(Falloff falloff, double d) {
 }
 
 void pull(const Hook::Settings& settings, double weight, Eigen::Vector3d& point) {
-  const Eigen::Matrix3d there = settings.uniform ? Eigen::Matrix3d(settings.uniform->cast<double>())
-                                                 : Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d there =
+      settings.uniform ? Eigen::Matrix3d(settings.uniform->cast<double>()) : Eigen::Matrix3d::Identity();
   double part = settings.strength * weight;
   if (settings.falloff != Falloff::none && settings.radius != 0) {
-    part *= fallen(settings.falloff,
-                   (there * (point - settings.center.cast<double>())).norm() / settings.radius);
+    part *= fallen(settings.falloff, (there * (point - settings.center.cast<double>())).norm() / settings.radius);
   }
   point += part * ((settings.matrix.cast<double>() * point.homogeneous()).head<3>() - point);
 }
@@ -58,9 +57,8 @@ Hook::Settings some_settings(rigs::Random& random, Falloff falloff) {
   return settings;
 }
 
-constexpr Falloff kFalloffs[] = {Falloff::none,   Falloff::constant,      Falloff::linear,
-                                 Falloff::smooth, Falloff::sharp,         Falloff::root,
-                                 Falloff::sphere, Falloff::inverse_square};
+constexpr Falloff kFalloffs[] = {Falloff::none,  Falloff::constant, Falloff::linear, Falloff::smooth,
+                                 Falloff::sharp, Falloff::root,     Falloff::sphere, Falloff::inverse_square};
 
 TEST(Hook, IsTheSlowFormula) {
   rigs::Random random(1);
@@ -77,11 +75,9 @@ TEST(Hook, IsTheSlowFormula) {
     for (const bool by_name : {false, true}) {
       for (const bool invert : {false, true}) {
         Hook::Settings settings = some_settings(random, falloff);
-        if (invert)
-          settings.uniform = rigs::random_rigid(random).topLeftCorner<3, 3>().cast<float>() * 1.3f;
-        const Hook hook(
-            kVertices, by_name ? std::optional<std::span<const std::int32_t>>(named) : std::nullopt,
-            {weights, invert});
+        if (invert) settings.uniform = rigs::random_rigid(random).topLeftCorner<3, 3>().cast<float>() * 1.3f;
+        const Hook hook(kVertices, by_name ? std::optional<std::span<const std::int32_t>>(named) : std::nullopt,
+                        {weights, invert});
         EXPECT_EQ(hook.vertex_count(), kVertices);
         Floats own = positions;
         hook.apply(settings, own);
@@ -138,16 +134,13 @@ TEST(Hook, AnyNumberOfThreadsMakesTheSame) {
 
 TEST(Hook, RefusesWhatIsWrong) {
   const Ints outside{0, 3};
-  EXPECT_EQ(complaint([&] { Hook(3, outside); }),
-            "vertices names vertex 3; the mesh has 3 vertices");
+  EXPECT_EQ(complaint([&] { Hook(3, outside); }), "vertices names vertex 3; the mesh has 3 vertices");
   EXPECT_EQ(complaint([&] { Hook(-1, outside); }), "the vertex count is -1; expected 0 or more");
-  EXPECT_EQ(complaint([&] { Hook(3, std::nullopt, {Floats(2)}); }),
-            "weights has 2 numbers; the mesh has 3 vertices");
+  EXPECT_EQ(complaint([&] { Hook(3, std::nullopt, {Floats(2)}); }), "weights has 2 numbers; the mesh has 3 vertices");
   const Ints named{0};
   const Hook hook(3, named);
   Floats positions(6);
-  EXPECT_EQ(complaint([&] { hook.apply({}, positions); }),
-            "positions has 6 numbers; expected 9 (3 x 3)");
+  EXPECT_EQ(complaint([&] { hook.apply({}, positions); }), "positions has 6 numbers; expected 9 (3 x 3)");
   positions.resize(9);
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto said = [&](const auto& change) {

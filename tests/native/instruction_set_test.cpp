@@ -24,8 +24,7 @@ class EachInstructionSet : public testing::TestWithParam<std::string> {
 
 std::string test_name(const testing::TestParamInfo<std::string>& set) { return set.param; }
 
-INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, testing::ValuesIn(instruction_sets()),
-                         test_name);
+INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, testing::ValuesIn(instruction_sets()), test_name);
 
 rigs::Matrices gentle_pose(rigs::Random& random, std::int32_t joints) {
   rigs::Matrices pose;
@@ -42,8 +41,7 @@ TEST_P(EachInstructionSet, LinearEqualsTheReference) {
     for (const std::int32_t influences : {1, 2, 3, 4, 8, 12, 14}) {
       const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
       const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 20));
-      const double error =
-          rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose));
+      const double error = rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose));
       EXPECT_LT(error, 2e-7 * kDiagonal) << vertices << " vertices, " << influences;
     }
   }
@@ -55,8 +53,8 @@ TEST_P(EachInstructionSet, DualQuaternionsEqualTheReference) {
     for (const std::int32_t influences : {1, 2, 3, 4, 8, 12, 14}) {
       const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
       const rigs::Matrices pose = gentle_pose(random, 20);
-      const double error = rigs::distance(skinned(skin_dual_quaternion, skin, pose),
-                                          reference::skin_dual_quaternion(skin, pose));
+      const double error =
+          rigs::distance(skinned(skin_dual_quaternion, skin, pose), reference::skin_dual_quaternion(skin, pose));
       EXPECT_LT(error, 4e-7 * kDiagonal) << vertices << " vertices, " << influences;
     }
   }
@@ -65,9 +63,9 @@ TEST_P(EachInstructionSet, DualQuaternionsEqualTheReference) {
 /// Three joints turned by 0, 120 and 240 degrees about one axis: whichever signs they get, two of
 /// them disagree, so the result hangs on the order in which a vertex stores them.
 TEST_P(EachInstructionSet, SignsFollowTheStoredOrderWhereTheyHaveTo) {
-  const rigs::Matrices pose = rigs::through_float({rigs::turn(0, {0, 0, 1}, {0, 0, 0}),
-                                                   rigs::turn(125, {0, 0, 1}, {0, 0, 0}),
-                                                   rigs::turn(245, {0, 0, 1}, {0, 0, 0})});
+  const rigs::Matrices pose =
+      rigs::through_float({rigs::turn(0, {0, 0, 1}, {0, 0, 0}), rigs::turn(125, {0, 0, 1}, {0, 0, 0}),
+                           rigs::turn(245, {0, 0, 1}, {0, 0, 0})});
   rigs::Random random(3);
   const Skin skin = rigs::coherent_skin(random, 500, 3, 3);
   const auto positions = skinned(skin_dual_quaternion, skin, pose);
@@ -93,8 +91,7 @@ TEST(InstructionSet, ASkinMadeUnderAnotherSetIsPackedAgain) {
   const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 5));
   for (const std::string& name : instruction_sets()) {
     set_instruction_set(name);
-    EXPECT_LT(rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose)),
-              2e-7 * kDiagonal);
+    EXPECT_LT(rigs::distance(skinned(skin_linear, skin, pose), reference::skin_linear(skin, pose)), 2e-7 * kDiagonal);
   }
   set_instruction_set("auto");
   EXPECT_EQ(instruction_set(), instruction_sets().front());
@@ -118,8 +115,7 @@ TEST(InstructionSet, ListingThemDisturbsNobody) {
 TEST(InstructionSet, RefusesANameThatIsNone) {
   const std::string before = instruction_set();
   const std::string said = complaint([] { set_instruction_set("MMX"); });
-  EXPECT_TRUE(
-      said.starts_with("this machine has no instruction set \"MMX\"; expected auto or one of "));
+  EXPECT_TRUE(said.starts_with("this machine has no instruction set \"MMX\"; expected auto or one of "));
   for (const std::string& name : instruction_sets()) EXPECT_NE(said.find(name), said.npos);
   EXPECT_EQ(instruction_set(), before);
 }

@@ -52,9 +52,7 @@ inline Mesh sheet(rigs::Random& random, std::int32_t rows, std::int32_t columns)
   std::iota(names.begin(), names.end(), 0);
   for (std::size_t i = names.size(); i > 1; --i) std::swap(names[i - 1], names[random() % i]);
   Mesh mesh;
-  const auto at = [&](std::int32_t row, std::int32_t column) {
-    return names[row * columns + column];
-  };
+  const auto at = [&](std::int32_t row, std::int32_t column) { return names[row * columns + column]; };
   for (std::int32_t r = 0; r + 1 < rows; ++r) {
     for (std::int32_t c = 0; c + 1 < columns; ++c) {
       const std::int32_t a = at(r, c), b = at(r, c + 1), d = at(r + 1, c + 1), e = at(r + 1, c);
@@ -127,8 +125,7 @@ inline Floats pinned(const Mesh& mesh, Floats weights) {
   return weights;
 }
 
-inline Points smoothed(const Mesh& mesh, Points x, const Floats& weights,
-                       const CorrectiveSmooth::Settings& settings) {
+inline Points smoothed(const Mesh& mesh, Points x, const Floats& weights, const CorrectiveSmooth::Settings& settings) {
   const bool simple = settings.type == SmoothType::simple;
   for (int k = 0; k < settings.iterations; ++k) {
     Points sums(x.size(), Eigen::Vector3d::Zero());
@@ -182,8 +179,8 @@ inline std::vector<Corner> corners(const Mesh& mesh, const Points& x) {
 }
 
 /// settings' only_smooth is for the caller.
-inline Points corrected(const Mesh& mesh, const Points& rest, const Points& x,
-                        const Floats& weights, const CorrectiveSmooth::Settings& settings) {
+inline Points corrected(const Mesh& mesh, const Points& rest, const Points& x, const Floats& weights,
+                        const CorrectiveSmooth::Settings& settings) {
   const Points smooth_rest = smoothed(mesh, rest, weights, settings);
   const Points smooth = smoothed(mesh, x, weights, settings);
   const auto rest_corners = corners(mesh, smooth_rest), own_corners = corners(mesh, smooth);
@@ -195,16 +192,14 @@ inline Points corrected(const Mesh& mesh, const Points& rest, const Points& x,
     if (!(own_corners[c].angle > 0)) continue;
     const Eigen::Matrix3d& frame = rest_corners[c].frame;
     const Eigen::Vector3d lost = rest[v] - smooth_rest[v];
-    const Eigen::Vector3d loss = frame.determinant() != 0
-                                     ? Eigen::Vector3d(frame.inverse() * lost)
-                                     : Eigen::Vector3d(frame.transpose() * lost);
+    const Eigen::Vector3d loss =
+        frame.determinant() != 0 ? Eigen::Vector3d(frame.inverse() * lost) : Eigen::Vector3d(frame.transpose() * lost);
     result[v] += own_corners[c].frame * loss * (own_corners[c].angle / angles[v] * settings.scale);
   }
   return result;
 }
 
-inline Points meant(const Mesh& mesh, Points x, const Floats& weights,
-                    const Smooth::Settings& settings) {
+inline Points meant(const Mesh& mesh, Points x, const Floats& weights, const Smooth::Settings& settings) {
   const bool moves[] = {settings.x, settings.y, settings.z};
   for (int k = 0; k < settings.iterations; ++k) {
     Points sums(x.size(), Eigen::Vector3d::Zero());

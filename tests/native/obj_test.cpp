@@ -52,8 +52,7 @@ TEST_F(Obj, EveryFormOfAFace) {
   EXPECT_EQ(mesh.face_count(), 6);
   EXPECT_EQ(mesh.positions, (Floats{0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}));
   EXPECT_EQ(mesh.face_offsets, (Integers{0, 3, 6, 9, 13, 16, 19}));
-  EXPECT_EQ(mesh.face_vertices,
-            (Integers{0, 1, 2, 1, 2, 3, 0, 2, 3, 0, 1, 2, 3, 0, 1, 3, 0, 2, 3}));
+  EXPECT_EQ(mesh.face_vertices, (Integers{0, 1, 2, 1, 2, 3, 0, 2, 3, 0, 1, 2, 3, 0, 1, 3, 0, 2, 3}));
   EXPECT_EQ(mesh.face_materials, Integers(6, -1));
 }
 
@@ -62,9 +61,7 @@ TEST_F(Obj, NegativeNumbersCountFromWhereTheyStand) {
   EXPECT_EQ(mesh.face_vertices, (Integers{0, 1, 2, 1, 2, 3}));
 }
 
-TEST_F(Obj, AFaceMayComeBeforeItsVertices) {
-  EXPECT_EQ(read("f 1 2 3\n" + kFour).face_vertices, (Integers{0, 1, 2}));
-}
+TEST_F(Obj, AFaceMayComeBeforeItsVertices) { EXPECT_EQ(read("f 1 2 3\n" + kFour).face_vertices, (Integers{0, 1, 2})); }
 
 TEST_F(Obj, VerticesWithoutFacesStay) {
   const PolygonMesh mesh = read(kFour + "v 9 9 9\nf 1 2 4\n");
@@ -107,29 +104,24 @@ TEST_F(Obj, RefusesWhatIsNoMesh) {
 }
 
 TEST_F(Obj, RefusesVerticesThatAreNone) {
-  EXPECT_EQ(said("v 0 0 0\nv 1 2\n"),
-            "a.obj, line 2: the line ends where a coordinate is expected");
+  EXPECT_EQ(said("v 0 0 0\nv 1 2\n"), "a.obj, line 2: the line ends where a coordinate is expected");
   EXPECT_EQ(said("\nv 1 x 2\n"), "a.obj, line 2: expected a coordinate, found \"x\"");
   EXPECT_EQ(said("v 1 nan 2\n"), "a.obj, line 1: expected a coordinate, found \"nan\"");
 }
 
 TEST_F(Obj, RefusesFacesThatAreNone) {
   for (const std::string word : {"x", "0", "/1", "1.5", "99999999999", "#"}) {
-    EXPECT_EQ(said(kFour + "f 1 2 " + word + "\n"),
-              "a.obj, line 5: expected a vertex number, found \"" + word + "\"");
+    EXPECT_EQ(said(kFour + "f 1 2 " + word + "\n"), "a.obj, line 5: expected a vertex number, found \"" + word + "\"");
   }
   EXPECT_EQ(said(kFour + "f 1 2\n"), "a.obj, line 5: a face has 2 corners; expected 3 or more");
   EXPECT_EQ(said(kFour + "f\n"), "a.obj, line 5: a face has 0 corners; expected 3 or more");
-  EXPECT_EQ(said(kFour + "f 1 2 -5\n"),
-            "a.obj, line 5: vertex -5 does not exist; 4 vertices so far");
-  EXPECT_EQ(said(kFour + "f 1 2 3\nf 1 2 5\n"),
-            "a.obj: face 2 names vertex 5; there are 4 vertices");
+  EXPECT_EQ(said(kFour + "f 1 2 -5\n"), "a.obj, line 5: vertex -5 does not exist; 4 vertices so far");
+  EXPECT_EQ(said(kFour + "f 1 2 3\nf 1 2 5\n"), "a.obj: face 2 names vertex 5; there are 4 vertices");
 }
 
 TEST_F(Obj, AWriteThatFailsSaysSo) {
-  EXPECT_EQ(
-      complaint([&] { write_obj(folder_.path("none") / "a.obj", read(kFour)); }),
-      (folder_.path("none") / "a.obj").string() + " cannot be written: No such file or directory");
+  EXPECT_EQ(complaint([&] { write_obj(folder_.path("none") / "a.obj", read(kFour)); }),
+            (folder_.path("none") / "a.obj").string() + " cannot be written: No such file or directory");
 }
 
 }  // namespace

@@ -49,10 +49,8 @@ TEST(PoseClip, RefusesWhatIsNoClip) {
   EXPECT_EQ(said(2, {}), "there are 0 rotations for 2 joints" + expected);
   EXPECT_EQ(said(0, {}), "there are 0 rotations for 0 joints" + expected);
   EXPECT_EQ(said(-1, {one}), "there are 1 rotation for -1 joints" + expected);
-  EXPECT_EQ(said(2, {one, one, one, {0, 0, 0, 0}}),
-            "the quaternion of joint 1 in pose 1 has length 0; expected 1");
-  EXPECT_EQ(said(1, {{1, nan, 0, 0}}),
-            "the quaternion of joint 0 in pose 0 has length nan; expected 1");
+  EXPECT_EQ(said(2, {one, one, one, {0, 0, 0, 0}}), "the quaternion of joint 1 in pose 1 has length 0; expected 1");
+  EXPECT_EQ(said(1, {{1, nan, 0, 0}}), "the quaternion of joint 0 in pose 0 has length nan; expected 1");
 }
 
 TEST(PoseClip, TableOfQuaternionsInBothOrders) {
@@ -72,26 +70,22 @@ TEST(PoseClip, TableOfEulerAnglesTurnsAboutXThenYThenZ) {
   table << 0, 0, 90, 30, -40, 50;
   const PoseClip clip = PoseClip::from_table(table, 2);
   expect_rotation(clip.rotations()[0], about_z(90));
-  const Matrix4<double> expected =
-      rigs::turn(50, {0, 0, 1}) * rigs::turn(-40, {0, 1, 0}) * rigs::turn(30, {1, 0, 0});
+  const Matrix4<double> expected = rigs::turn(50, {0, 0, 1}) * rigs::turn(-40, {0, 1, 0}) * rigs::turn(30, {1, 0, 0});
   expect_rotation(clip.rotations()[1], Eigen::Quaterniond(expected.topLeftCorner<3, 3>()));
 }
 
 TEST(PoseClip, RefusesTablesThatDoNotFit) {
-  EXPECT_EQ(
-      complaint([] { PoseClip::from_table(Eigen::MatrixXd::Ones(10, 1), 3); }),
-      "there are 10 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints");
-  EXPECT_EQ(
-      complaint([] { PoseClip::from_table(Eigen::MatrixXd::Ones(12, 0), 3); }),
-      "there are 0 rotations for 3 joints; expected one a joint for each of at least one pose");
+  EXPECT_EQ(complaint([] { PoseClip::from_table(Eigen::MatrixXd::Ones(10, 1), 3); }),
+            "there are 10 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints");
+  EXPECT_EQ(complaint([] { PoseClip::from_table(Eigen::MatrixXd::Ones(12, 0), 3); }),
+            "there are 0 rotations for 3 joints; expected one a joint for each of at least one pose");
   EXPECT_EQ(complaint([] { PoseClip::from_table(Eigen::MatrixXd::Zero(4, 1), 1); }),
             "the quaternion of joint 0 in pose 0 has length 0; expected 1");
 }
 
 TEST(PoseClip, SamplesBetweenPoses) {
   const PoseClip clip(1, {about_z(0), about_z(60), about_z(-30)});
-  for (const auto& [time, degrees] :
-       {std::pair{0.0, 0.0}, {0.5, 30}, {1, 60}, {1.25, 37.5}, {2, -30}}) {
+  for (const auto& [time, degrees] : {std::pair{0.0, 0.0}, {0.5, 30}, {1, 60}, {1.25, 37.5}, {2, -30}}) {
     expect_rotation(sampled(clip, time), about_z(degrees));
   }
   EXPECT_EQ(sampled(clip, 1).coeffs(), clip.rotations()[1].coeffs());
@@ -114,8 +108,7 @@ TEST(PoseClip, LoopingTimeWrapsAtTheNumberOfPoses) {
 }
 
 TEST(PoseClip, LoopingTimeIsSafeHoweverLarge) {
-  const PoseClip clip(1, {about_z(0), about_z(10), about_z(20), about_z(30), about_z(40),
-                          about_z(50), about_z(60)});
+  const PoseClip clip(1, {about_z(0), about_z(10), about_z(20), about_z(30), about_z(40), about_z(50), about_z(60)});
   for (double time = 1; time < 1e308; time *= 7.3) {
     for (const double signed_time : {time, -time}) {
       EXPECT_NEAR(sampled(clip, signed_time, true).norm(), 1, 1e-12) << signed_time;
@@ -134,8 +127,7 @@ TEST(PoseClip, RefusesATimeThatIsNotFiniteAndAResultThatDoesNotFit) {
   Quaternions two(2), three(3);
   EXPECT_EQ(complaint([&] { clip.sample(std::numeric_limits<double>::infinity(), true, two); }),
             "the time of a pose is inf; expected a finite number");
-  EXPECT_EQ(complaint([&] { clip.sample(0, false, three); }),
-            "the result holds 3 rotations; the clip has 2 joints");
+  EXPECT_EQ(complaint([&] { clip.sample(0, false, three); }), "the result holds 3 rotations; the clip has 2 joints");
 }
 
 template <class T>

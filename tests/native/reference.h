@@ -13,15 +13,14 @@ namespace sinew::reference {
 using Matrices = std::vector<Matrix4<double>>;
 
 /// F(j) = F(p(j)) R(j) T(j), by going up to the root anew for every joint.
-inline Matrix4<double> world_of(std::span<const std::int32_t> parents, const Matrices& rest,
-                                const Matrices& local, std::int32_t j) {
+inline Matrix4<double> world_of(std::span<const std::int32_t> parents, const Matrices& rest, const Matrices& local,
+                                std::int32_t j) {
   const Matrix4<double> own = rest[j] * local[j];
   if (parents[j] < 0) return own;
   return world_of(parents, rest, local, parents[j]) * own;
 }
 
-inline Matrices forward_kinematics(std::span<const std::int32_t> parents, const Matrices& rest,
-                                   const Matrices& local) {
+inline Matrices forward_kinematics(std::span<const std::int32_t> parents, const Matrices& rest, const Matrices& local) {
   Matrices world;
   for (std::size_t j = 0; j < parents.size(); ++j) {
     world.push_back(world_of(parents, rest, local, static_cast<std::int32_t>(j)));
@@ -44,9 +43,7 @@ inline Eigen::Vector3d rest_position(const Skin& skin, std::ptrdiff_t v) {
   return Eigen::Map<const Eigen::Vector3f>(skin.rest_positions().data() + 3 * v).cast<double>();
 }
 
-inline bool is_moved(const Skin& skin, std::ptrdiff_t v) {
-  return skin.offsets()[v] != skin.offsets()[v + 1];
-}
+inline bool is_moved(const Skin& skin, std::ptrdiff_t v) { return skin.offsets()[v] != skin.offsets()[v + 1]; }
 
 /// v' = sum over ALL joints of w_j M_j v.
 inline Eigen::MatrixX3d skin_linear(const Skin& skin, const Matrices& matrices) {

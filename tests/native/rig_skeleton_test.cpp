@@ -98,8 +98,7 @@ TEST_F(BoneForest, TheCallerMayOverrideTheConvention) {
 }
 
 TEST_F(BoneForest, ParentsMayComeLaterAndRootsBeSeveral) {
-  const RigSkeleton skeleton =
-      read("1 2 1 0 0\n-1 -1 0 0 9\n0 1 0 2 0\n2 -1 5 5 5\n", Convention::joint);
+  const RigSkeleton skeleton = read("1 2 1 0 0\n-1 -1 0 0 9\n0 1 0 2 0\n2 -1 5 5 5\n", Convention::joint);
   EXPECT_EQ(skeleton.heads(), points({{1, 2, 9}, {0, 0, 9}, {0, 2, 9}, {5, 5, 5}}));
 }
 
@@ -121,9 +120,8 @@ TEST_F(BoneForest, TextAfterTheFifthFieldMayNameTheJoints) {
 }
 
 TEST_F(BoneForest, RoundTrips) {
-  for (const char* bytes :
-       {kBones, "0 -1 0.1 0.2 0.3 hip joint\n1 0 0.7 -0.1 1e-9 2nd\n2 -1 1 1 1 x\n",
-        "2 2 1 0 0\n0 -1 0 0 9\n1 1 0 2 0\n"}) {
+  for (const char* bytes : {kBones, "0 -1 0.1 0.2 0.3 hip joint\n1 0 0.7 -0.1 1e-9 2nd\n2 -1 1 1 1 x\n",
+                            "2 2 1 0 0\n0 -1 0 0 9\n1 1 0 2 0\n"}) {
     const RigSkeleton skeleton = read(bytes);
     const RigSkeleton back = again(skeleton);
     expect_same(back, skeleton);
@@ -138,8 +136,7 @@ TEST_F(BoneForest, RefusesRowsThatAreNone) {
   EXPECT_EQ(said(""), "a.bf holds no joints");
   EXPECT_EQ(said("\n \r\n"), "a.bf holds no joints");
   EXPECT_EQ(said("0 -1 0 0\n"), "a.bf, line 1: the line ends where an offset is expected");
-  EXPECT_EQ(said("0 -1 0 0 0\n1\n"),
-            "a.bf, line 2: the line ends where the parent's row is expected");
+  EXPECT_EQ(said("0 -1 0 0 0\n1\n"), "a.bf, line 2: the line ends where the parent's row is expected");
   EXPECT_EQ(said("x -1 0 0 0\n"), "a.bf, line 1: expected a weight index, found \"x\"");
   EXPECT_EQ(said("\n0 -1 0 nan 0\n"), "a.bf, line 2: expected an offset, found \"nan\"");
   EXPECT_EQ(said("0 -1.5 0 0 0\n"), "a.bf, line 1: expected the parent's row, found \"-1.5\"");
@@ -147,42 +144,35 @@ TEST_F(BoneForest, RefusesRowsThatAreNone) {
 }
 
 TEST_F(BoneForest, RefusesTreesThatAreNone) {
-  EXPECT_EQ(said("0 -1 0 0 0\n1 2 0 0 0\n"),
-            "a.bf: joint 1 has parent 2; expected -1 (a root) to 1");
+  EXPECT_EQ(said("0 -1 0 0 0\n1 2 0 0 0\n"), "a.bf: joint 1 has parent 2; expected -1 (a root) to 1");
   EXPECT_EQ(said("0 -2 0 0 0\n"), "a.bf: joint 0 has parent -2; expected -1 (a root) to 0");
   EXPECT_EQ(said("0 -1 0 0 0\n1 2 0 0 0\n2 1 0 0 0\n"),
             "a.bf: joint 1 is its own ancestor: its chain of parents is a cycle");
-  EXPECT_EQ(said("0 -1 0 0 0\n0 0 0 0 0\n"),
-            "a.bf: two joints have weight column 0, the second is joint 1");
+  EXPECT_EQ(said("0 -1 0 0 0\n0 0 0 0 0\n"), "a.bf: two joints have weight column 0, the second is joint 1");
 }
 
 TEST_F(BoneForest, RefusesToWriteWhatItWouldReadDifferently) {
   const auto heads = points({{0, 0, 0}, {1, 0, 0}}), tails = points({{1, 0, 0}, {2, 0, 0}});
+  EXPECT_EQ(refused(RigSkeleton(Integers{-1, 0}, heads, tails, {-1, 0}, {}, Convention::joint), "a.bf"),
+            "a.bf cannot hold this skeleton: a .bf file is read in the bone convention if a root is "
+            "without a column of weights");
+  EXPECT_EQ(refused(RigSkeleton(Integers{-1, 0}, heads, heads, {0, 1}, {}, Convention::bone), "a.bf"),
+            "a.bf cannot hold joint joint_1 in the bone convention: it does not start where its "
+            "parent's bone ends");
   EXPECT_EQ(
-      refused(RigSkeleton(Integers{-1, 0}, heads, tails, {-1, 0}, {}, Convention::joint), "a.bf"),
-      "a.bf cannot hold this skeleton: a .bf file is read in the bone convention if a root is "
-      "without a column of weights");
-  EXPECT_EQ(
-      refused(RigSkeleton(Integers{-1, 0}, heads, heads, {0, 1}, {}, Convention::bone), "a.bf"),
-      "a.bf cannot hold joint joint_1 in the bone convention: it does not start where its "
-      "parent's bone ends");
-  EXPECT_EQ(
-      refused(RigSkeleton(Integers{-1}, points({{0, 0, 0}}), points({{0, 0, 0}}), {0}, {},
-                          Convention::bone),
-              "a.bf"),
+      refused(RigSkeleton(Integers{-1}, points({{0, 0, 0}}), points({{0, 0, 0}}), {0}, {}, Convention::bone), "a.bf"),
       "a.bf cannot hold this skeleton: a .bf file is read in the joint convention unless a root "
       "is without a column of weights");
-  EXPECT_EQ(
-      refused(RigSkeleton(Integers{-1, 0}, heads, tails, {-1, 0}, {}, Convention::bone), "a.bf"),
-      "a.bf cannot hold the root bone joint_0: a .bf file has a row for the joint that it starts "
-      "from; write a .tgf file");
+  EXPECT_EQ(refused(RigSkeleton(Integers{-1, 0}, heads, tails, {-1, 0}, {}, Convention::bone), "a.bf"),
+            "a.bf cannot hold the root bone joint_0: a .bf file has a row for the joint that it starts "
+            "from; write a .tgf file");
   for (const std::string name : {"12", "# hip", " hip", "hip\nx", "-1.5 hip"}) {
-    EXPECT_EQ(refused(RigSkeleton(Integers{-1}, points({{0, 0, 0}}), points({{0, 0, 0}}), {0},
-                                  {name}, Convention::joint),
-                      "a.bf"),
-              "a.bf cannot hold the name \"" + printable(name) +
-                  "\" of joint 0: it reads as a number, a comment "
-                  "or nothing");
+    EXPECT_EQ(
+        refused(RigSkeleton(Integers{-1}, points({{0, 0, 0}}), points({{0, 0, 0}}), {0}, {name}, Convention::joint),
+                "a.bf"),
+        "a.bf cannot hold the name \"" + printable(name) +
+            "\" of joint 0: it reads as a number, a comment "
+            "or nothing");
   }
 }
 
@@ -219,24 +209,17 @@ TEST_F(TrivialGraph, RoundTrips) {
 TEST_F(TrivialGraph, RefusesGraphsThatAreNone) {
   EXPECT_EQ(said("", "a.tgf"), "a.tgf holds no bones");
   EXPECT_EQ(said(kJoints, "a.tgf"), "a.tgf holds no bones");
-  EXPECT_EQ(said("1 0 0 0\n3 0 0 0\n", "a.tgf"),
-            "a.tgf, line 2: joint 3 where joint 2 is expected");
-  EXPECT_EQ(said("1 0 0\n", "a.tgf"),
-            "a.tgf, line 1: the line ends where a coordinate is expected");
+  EXPECT_EQ(said("1 0 0 0\n3 0 0 0\n", "a.tgf"), "a.tgf, line 2: joint 3 where joint 2 is expected");
+  EXPECT_EQ(said("1 0 0\n", "a.tgf"), "a.tgf, line 1: the line ends where a coordinate is expected");
   EXPECT_EQ(said("a 0 0 0\n", "a.tgf"), "a.tgf, line 1: expected a joint's number, found \"a\"");
   EXPECT_EQ(said("1 0 inf 0\n", "a.tgf"), "a.tgf, line 1: expected a coordinate, found \"inf\"");
-  EXPECT_EQ(said(kJoints + "#\n1 6\n", "a.tgf"),
-            "a.tgf, line 7: joint 6 does not exist; there are 5");
-  EXPECT_EQ(said(kJoints + "#\n0 1\n", "a.tgf"),
-            "a.tgf, line 7: joint 0 does not exist; there are 5");
-  EXPECT_EQ(said(kJoints + "#\n1\n", "a.tgf"),
-            "a.tgf, line 7: the line ends where a joint's number is expected");
-  EXPECT_EQ(said(kJoints + "#\n1 2\n3 2\n", "a.tgf"),
-            "a.tgf, line 8: a second bone ends at joint 2; expected a tree");
+  EXPECT_EQ(said(kJoints + "#\n1 6\n", "a.tgf"), "a.tgf, line 7: joint 6 does not exist; there are 5");
+  EXPECT_EQ(said(kJoints + "#\n0 1\n", "a.tgf"), "a.tgf, line 7: joint 0 does not exist; there are 5");
+  EXPECT_EQ(said(kJoints + "#\n1\n", "a.tgf"), "a.tgf, line 7: the line ends where a joint's number is expected");
+  EXPECT_EQ(said(kJoints + "#\n1 2\n3 2\n", "a.tgf"), "a.tgf, line 8: a second bone ends at joint 2; expected a tree");
   EXPECT_EQ(said(kJoints + "#\n1 2\n2 1\n", "a.tgf"),
             "a.tgf: joint 0 is its own ancestor: its chain of parents is a cycle");
-  EXPECT_EQ(said(kJoints + "#\n1 1\n", "a.tgf"),
-            "a.tgf: joint 0 is its own ancestor: its chain of parents is a cycle");
+  EXPECT_EQ(said(kJoints + "#\n1 1\n", "a.tgf"), "a.tgf: joint 0 is its own ancestor: its chain of parents is a cycle");
 }
 
 TEST_F(TrivialGraph, RefusesTheJointConvention) {
@@ -249,19 +232,16 @@ TEST_F(TrivialGraph, RefusesToWriteWhatItCannotHold) {
   const Integers parents{-1, 0};
   EXPECT_EQ(refused(RigSkeleton(parents, heads, tails, {0, 1}, {}, Convention::joint), "a.tgf"),
             "a.tgf cannot hold a skeleton in the joint convention; write a .bf file");
-  EXPECT_EQ(
-      refused(RigSkeleton(parents, heads, tails, {1, 0}, {}, Convention::bone), "a.tgf"),
-      "a.tgf cannot hold joint joint_0: its bones are the columns of weights, in order; write a "
-      ".bf file");
-  EXPECT_EQ(
-      refused(RigSkeleton(parents, heads, heads, {0, 1}, {"a", "b"}, Convention::bone), "a.tgf"),
-      "a.tgf cannot hold joint b in the bone convention: it does not start where its parent's "
-      "bone ends");
+  EXPECT_EQ(refused(RigSkeleton(parents, heads, tails, {1, 0}, {}, Convention::bone), "a.tgf"),
+            "a.tgf cannot hold joint joint_0: its bones are the columns of weights, in order; write a "
+            ".bf file");
+  EXPECT_EQ(refused(RigSkeleton(parents, heads, heads, {0, 1}, {"a", "b"}, Convention::bone), "a.tgf"),
+            "a.tgf cannot hold joint b in the bone convention: it does not start where its parent's "
+            "bone ends");
 }
 
 TEST_F(RigSkeletonFile, RefusesUnknownEndings) {
-  const std::string expected =
-      "a.txt is no skeleton file; expected a name that ends in .bf or .tgf";
+  const std::string expected = "a.txt is no skeleton file; expected a name that ends in .bf or .tgf";
   EXPECT_EQ(said(kBones, "a.txt"), expected);
   EXPECT_EQ(complaint([&] { write_skeleton(folder_.path("a.txt"), read(kBones)); }), expected);
   EXPECT_EQ(complaint([&] { read_skeleton(folder_.path("none.bf")); }),
@@ -280,24 +260,20 @@ TEST(RigSkeleton, KeepsWhatItIsGiven) {
 
 TEST(RigSkeleton, RefusesWhatIsWrong) {
   const auto two = points({{1, 2, 3}, {4, 5, 6}}), one = points({{1, 2, 3}});
-  const auto said = [](const Integers& parents, const Eigen::MatrixX3d& heads,
-                       const Eigen::MatrixX3d& tails, const Integers& columns) {
+  const auto said = [](const Integers& parents, const Eigen::MatrixX3d& heads, const Eigen::MatrixX3d& tails,
+                       const Integers& columns) {
     return complaint([&] { RigSkeleton(parents, heads, tails, columns, {}, Convention::joint); });
   };
   const Integers chain{-1, 0}, columns{0, 1};
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(said(chain, one, two, columns), "there are 1 head; the skeleton has 2 joints");
-  EXPECT_EQ(said(chain, two, one, columns),
-            "there are 1 tail and 2 weight columns; the skeleton has 2 joints");
-  EXPECT_EQ(said(chain, two, two, {0}),
-            "there are 2 tails and 1 weight column; the skeleton has 2 joints");
-  EXPECT_EQ(said(chain, two, points({{1, 2, 3}, {nan, 5, 6}}), columns),
-            "a tail holds a number that is not finite");
+  EXPECT_EQ(said(chain, two, one, columns), "there are 1 tail and 2 weight columns; the skeleton has 2 joints");
+  EXPECT_EQ(said(chain, two, two, {0}), "there are 2 tails and 1 weight column; the skeleton has 2 joints");
+  EXPECT_EQ(said(chain, two, points({{1, 2, 3}, {nan, 5, 6}}), columns), "a tail holds a number that is not finite");
   EXPECT_EQ(said(chain, points({{1, 2, 3}, {nan, 5, 6}}), two, columns),
             "the rest transform of joint 1 holds a number that is not finite");
   EXPECT_EQ(said(chain, two, two, {0, -2}), "joint 1 has weight column -2; expected -1 or more");
-  EXPECT_EQ(said(chain, two, two, {4, 4}),
-            "two joints have weight column 4, the second is joint 1");
+  EXPECT_EQ(said(chain, two, two, {4, 4}), "two joints have weight column 4, the second is joint 1");
   EXPECT_EQ(said({-1, 7}, two, two, columns), "joint 1 has parent 7; expected -1 (a root) to 1");
 }
 

@@ -33,8 +33,7 @@ class RigFolder : public testing::Test {
       for (int bone = 0; bone < 2; ++bone) {
         for (int row = 0; row < 3; ++row) {
           for (int column = 0; column < 4; ++column) {
-            table(8 * row + 4 * bone + column, frame) =
-                100 * frame + 50 * bone + 4 * row + column + 1;
+            table(8 * row + 4 * bone + column, frame) = 100 * frame + 50 * bone + 4 * row + column + 1;
           }
         }
       }
@@ -103,8 +102,7 @@ TEST_F(RigFolder, AnimationIsOneMatrixAJoint) {
   EXPECT_EQ(rig.animation->frames, 2);
   ASSERT_EQ(rig.animation->matrices.size(), 6u);
   EXPECT_EQ(rig.animation->matrices[3], Matrix4<double>::Identity());  // the root has no column
-  const Matrix4<double> expected{
-      {151, 152, 153, 154}, {155, 156, 157, 158}, {159, 160, 161, 162}, {0, 0, 0, 1}};
+  const Matrix4<double> expected{{151, 152, 153, 154}, {155, 156, 157, 158}, {159, 160, 161, 162}, {0, 0, 0, 1}};
   EXPECT_EQ(rig.animation->matrices[5], expected);
 }
 
@@ -120,9 +118,8 @@ TEST_F(RigFolder, RoundTripsBitForBit) {
   write_animation();
   const Rig rig = read();
   const TemporaryFolder other;
-  const RigPaths paths{other.path("mesh.obj"), other.path("skeleton.bf"),
-                       other.path("weights.dmat"), other.path("pose.dmat"),
-                       other.path("anim.dmat")};
+  const RigPaths paths{other.path("mesh.obj"), other.path("skeleton.bf"), other.path("weights.dmat"),
+                       other.path("pose.dmat"), other.path("anim.dmat")};
   write_rig(paths, rig);
   const Rig back = read_rig(find_rig(other.path()));
   EXPECT_EQ(back.mesh.positions, rig.mesh.positions);
@@ -136,8 +133,8 @@ TEST_F(RigFolder, RoundTripsBitForBit) {
 
 TEST_F(RigFolder, WritesNoPosesThatItDoesNotHave) {
   const TemporaryFolder other;
-  write_rig({other.path("mesh.obj"), other.path("skeleton.bf"), other.path("weights.dmat"),
-             other.path("pose.dmat"), other.path("anim.dmat")},
+  write_rig({other.path("mesh.obj"), other.path("skeleton.bf"), other.path("weights.dmat"), other.path("pose.dmat"),
+             other.path("anim.dmat")},
             read());
   EXPECT_FALSE(std::filesystem::exists(other.path("pose.dmat")));
   EXPECT_FALSE(std::filesystem::exists(other.path("anim.dmat")));
@@ -156,8 +153,7 @@ TEST_F(RigFolder, ASkeletonThatCannotBeWrittenLeavesEverything) {
 }
 
 TEST_F(RigFolder, RefusesFoldersThatAreNone) {
-  EXPECT_EQ(complaint([&] { find_rig(folder_.path("none")); }),
-            "there is no folder " + folder_.path("none").string());
+  EXPECT_EQ(complaint([&] { find_rig(folder_.path("none")); }), "there is no folder " + folder_.path("none").string());
   EXPECT_EQ(complaint([&] { find_rig(folder_.path("mesh.obj")); }),
             "there is no folder " + folder_.path("mesh.obj").string());
 }
@@ -168,8 +164,7 @@ TEST_F(RigFolder, RefusesMissingParts) {
   std::filesystem::remove(folder_.path("mesh.obj"));
   EXPECT_EQ(said(), "there is no file " + folder_.path("mesh.obj").string());
   std::filesystem::remove(folder_.path("skeleton.bf"));
-  EXPECT_EQ(said(), "there is neither skeleton.bf nor skeleton.tgf in " +
-                        folder_.path(".").parent_path().string());
+  EXPECT_EQ(said(), "there is neither skeleton.bf nor skeleton.tgf in " + folder_.path(".").parent_path().string());
 }
 
 TEST_F(RigFolder, RefusesWeightsThatDoNotFitTheMesh) {
@@ -206,10 +201,9 @@ TEST_F(RigFolder, RefusesColumnsBeyondTheAnimation) {
 
 TEST_F(RigFolder, RefusesPosesThatDoNotFit) {
   folder_.file("pose.dmat", "1 5\n1 2 3 4 5\n");
-  EXPECT_EQ(
-      said(),
-      "pose.dmat: there are 5 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for "
-      "3 joints");
+  EXPECT_EQ(said(),
+            "pose.dmat: there are 5 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for "
+            "3 joints");
 }
 
 TEST_F(RigFolder, RefusesAnimationThatDoesNotFit) {
@@ -236,20 +230,15 @@ TEST_F(RigCheck, TakesWhatIsRight) {
 }
 
 TEST_F(RigCheck, Faces) {
-  const std::string offsets =
-      "mesh.obj: the faces' offsets do not rise from 0 to 3, the number of corners";
-  for (const std::vector<std::int32_t>& wrong :
-       {std::vector<std::int32_t>{}, {1, 3}, {0, 2}, {0, 4, 3}, {0}}) {
+  const std::string offsets = "mesh.obj: the faces' offsets do not rise from 0 to 3, the number of corners";
+  for (const std::vector<std::int32_t>& wrong : {std::vector<std::int32_t>{}, {1, 3}, {0, 2}, {0, 4, 3}, {0}}) {
     EXPECT_EQ(said_of([&](Rig& rig) { rig.mesh.face_offsets = wrong; }), offsets);
   }
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_vertices[1] = 3; }),
             "mesh.obj: a face names vertex 3; there are 3 vertices");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_vertices[1] = -1; }),
             "mesh.obj: a face names vertex -1; there are 3 vertices");
-  EXPECT_EQ(said_of([](Rig& rig) {
-              rig.mesh.face_materials = {-1, -1};
-            }),
-            "mesh.obj has 1 face and 2 face materials");
+  EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_materials = {-1, -1}; }), "mesh.obj has 1 face and 2 face materials");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_materials = {0}; }),
             "mesh.obj: a face has material 0; there are 0 materials");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_materials = {-2}; }),
@@ -259,10 +248,8 @@ TEST_F(RigCheck, Faces) {
 TEST_F(RigCheck, Numbers) {
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.positions[4] = static_cast<float>(kNan); }),
             "mesh.obj: a position is not finite");
-  EXPECT_EQ(said_of([](Rig& rig) { rig.weights(1, 1) = kNan; }),
-            "weights.dmat: a weight is not finite");
-  EXPECT_EQ(said_of([](Rig& rig) { rig.animation->matrices[2](0, 0) = kNan; }),
-            "anim.dmat: a matrix is not finite");
+  EXPECT_EQ(said_of([](Rig& rig) { rig.weights(1, 1) = kNan; }), "weights.dmat: a weight is not finite");
+  EXPECT_EQ(said_of([](Rig& rig) { rig.animation->matrices[2](0, 0) = kNan; }), "anim.dmat: a matrix is not finite");
 }
 
 TEST_F(RigCheck, Weights) {
@@ -277,8 +264,7 @@ TEST_F(RigCheck, Weights) {
 TEST_F(RigCheck, PosesAndAnimation) {
   EXPECT_EQ(said_of([](Rig& rig) { rig.poses = PoseClip(1, {Eigen::Quaterniond::Identity()}); }),
             "pose.dmat has poses of 1 joint; the skeleton has 3");
-  EXPECT_EQ(said_of([](Rig& rig) { rig.animation->frames = 2; }),
-            "anim.dmat has 3 matrices for 2 frames of 3 joints");
+  EXPECT_EQ(said_of([](Rig& rig) { rig.animation->frames = 2; }), "anim.dmat has 3 matrices for 2 frames of 3 joints");
 }
 
 }  // namespace

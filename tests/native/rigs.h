@@ -24,8 +24,7 @@ inline Eigen::Vector3d vector(Random& random, double size) {
   return {uniform(random, -size, size), uniform(random, -size, size), uniform(random, -size, size)};
 }
 
-inline Matrix4<double> rigid(const Eigen::Quaterniond& rotation,
-                             const Eigen::Vector3d& translation) {
+inline Matrix4<double> rigid(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
   Matrix4<double> matrix = Matrix4<double>::Identity();
   matrix.topLeftCorner<3, 3>() = rotation.normalized().toRotationMatrix();
   matrix.topRightCorner<3, 1>() = translation;
@@ -48,9 +47,7 @@ inline Matrices random_pose(Random& random, std::ptrdiff_t count, double size = 
   return pose;
 }
 
-inline Matrices identities(std::ptrdiff_t count) {
-  return Matrices(count, Matrix4<double>::Identity());
-}
+inline Matrices identities(std::ptrdiff_t count) { return Matrices(count, Matrix4<double>::Identity()); }
 
 /// 0 <- 1 <- 2 ...
 inline std::vector<std::int32_t> chain(std::int32_t count) {
@@ -94,9 +91,7 @@ class SkinMaker {
     for (const double weight : weights) weights_.push_back(static_cast<float>(weight / sum));
     offsets_.back() = static_cast<std::int64_t>(joints_.size());
   }
-  Skin skin(std::int32_t joint_count) const {
-    return Skin(positions_, offsets_, joints_, weights_, joint_count);
-  }
+  Skin skin(std::int32_t joint_count) const { return Skin(positions_, offsets_, joints_, weights_, joint_count); }
 
  private:
   std::vector<float> positions_, weights_;
@@ -122,8 +117,7 @@ inline Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t jo
 
 /// A skin like a real one: neighbouring vertices share joints. Vertex v has `influences` of them,
 /// beginning at v / 48, in random order; every 37th vertex has none, which leaves it at rest.
-inline Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints,
-                          std::int32_t influences) {
+inline Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints, std::int32_t influences) {
   SkinMaker maker;
   for (std::ptrdiff_t v = 0; v < vertices; ++v) {
     maker.add_vertex(random);
@@ -140,8 +134,7 @@ inline Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t 
 }
 
 enum class Layout { column_major, row_major, padded, backwards };
-constexpr Layout kLayouts[] = {Layout::column_major, Layout::row_major, Layout::padded,
-                               Layout::backwards};
+constexpr Layout kLayouts[] = {Layout::column_major, Layout::row_major, Layout::padded, Layout::backwards};
 
 /// Owns the memory of F x J matrices in one of the layouts.
 template <class T>
@@ -195,9 +188,7 @@ inline Matrices through_float(const Matrices& matrices) {
 /// The largest coordinate of a - b, where a is V x 3 row by row; NaN if there is one in either.
 inline double distance(const std::vector<float>& a, const Eigen::MatrixX3d& b) {
   using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
-  return (Eigen::Map<const Rows>(a.data(), b.rows(), 3).cast<double>() - b)
-      .cwiseAbs()
-      .maxCoeff<Eigen::PropagateNaN>();
+  return (Eigen::Map<const Rows>(a.data(), b.rows(), 3).cast<double>() - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
 }
 
 }  // namespace sinew::rigs

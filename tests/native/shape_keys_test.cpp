@@ -39,8 +39,7 @@ Keys some_keys(rigs::Random& random, std::size_t vertices) {
   for (std::size_t k = 0; k < keys.relative_to.size(); ++k) {
     keys.positions.push_back(k == 0 ? Floats(3 * vertices) : keys.positions[k / 2]);
     for (std::size_t v = 0; v < vertices; ++v) {
-      const bool changes =
-          k == 0 || (k == 1 && v % 1000 > 700) || (k == 2 && random() % 5 == 0) || k == 3 || k == 5;
+      const bool changes = k == 0 || (k == 1 && v % 1000 > 700) || (k == 2 && random() % 5 == 0) || k == 3 || k == 5;
       for (std::size_t i = 3 * v; changes && i < 3 * v + 3; ++i) keys.positions[k][i] = any();
     }
     keys.weights.emplace_back();
@@ -60,8 +59,7 @@ Floats summed(const Keys& keys, const Floats& values) {
     const auto r = static_cast<std::size_t>(keys.relative_to[k]);
     if (values[k] == 0 || r >= values.size()) continue;
     for (std::size_t i = 0; i < shape.size(); ++i) {
-      const volatile float factor =
-          keys.weights[k].empty() ? values[k] : keys.weights[k][i / 3] * values[k];
+      const volatile float factor = keys.weights[k].empty() ? values[k] : keys.weights[k][i / 3] * values[k];
       const volatile float difference = keys.positions[r][i] - keys.positions[k][i];
       const volatile float product = factor * difference;
       shape[i] -= product;
@@ -90,8 +88,8 @@ TEST(ShapeKeys, AreThePlainLoopToTheBit) {
     EXPECT_EQ(made.count(), 7);
     EXPECT_EQ(made.vertex_count(), vertices);
     EXPECT_TRUE(std::ranges::equal(made.base(), keys.positions[0]));
-    for (const Floats& values : {Floats(7), Floats{9, 0.3f, -0.7f, 1, 1, 0.1f, 1},
-                                 Floats{0, 0, 0.33f, 0, 0, 0, 0}, Floats{1, 1, 1, 1, 1, 1, 1}}) {
+    for (const Floats& values : {Floats(7), Floats{9, 0.3f, -0.7f, 1, 1, 0.1f, 1}, Floats{0, 0, 0.33f, 0, 0, 0, 0},
+                                 Floats{1, 1, 1, 1, 1, 1, 1}}) {
       EXPECT_EQ(sum_of(made, values), summed(keys, values));
     }
   }
@@ -121,8 +119,7 @@ TEST(ShapeKeys, MarkWhatTheyChange) {
   constexpr std::size_t kVertices = 5001;
   const Keys keys = some_keys(random, kVertices);
   const ShapeKeys made = keys.made();
-  for (const Floats& values :
-       {Floats(7), Floats{0, 0.3f, 0, 0, 0, 0, 0}, Floats{1, 0, 1, 1, 1, 0, 1}}) {
+  for (const Floats& values : {Floats(7), Floats{0, 0.3f, 0, 0, 0, 0, 0}, Floats{1, 0, 1, 1, 1, 0, 1}}) {
     const Floats shape = sum_of(made, values);
     for (const std::size_t t : {0, 1}) {
       const std::size_t count = std::min(kTile, kVertices - t * kTile);

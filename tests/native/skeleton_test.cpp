@@ -109,8 +109,8 @@ TEST(Skeleton, RefusesSizesThatDiffer) {
 }
 
 TEST(Skeleton, RefusesAParentThatDoesNotExist) {
-  for (const std::int32_t parent : {-2, 3, std::numeric_limits<std::int32_t>::min(),
-                                    std::numeric_limits<std::int32_t>::max()}) {
+  for (const std::int32_t parent :
+       {-2, 3, std::numeric_limits<std::int32_t>::min(), std::numeric_limits<std::int32_t>::max()}) {
     EXPECT_EQ(complaint([&] {
                 Skeleton(Parents{-1, parent, 1}, rigs::identities(3));
               }),
@@ -120,8 +120,7 @@ TEST(Skeleton, RefusesAParentThatDoesNotExist) {
 
 TEST(Skeleton, RefusesCycles) {
   const auto said = [](const Parents& parents) {
-    return complaint(
-        [&] { Skeleton(parents, rigs::identities(static_cast<std::ptrdiff_t>(parents.size()))); });
+    return complaint([&] { Skeleton(parents, rigs::identities(static_cast<std::ptrdiff_t>(parents.size()))); });
   };
   const std::string is_cycle = " is its own ancestor: its chain of parents is a cycle";
   EXPECT_EQ(said({0}), "joint 0" + is_cycle);
@@ -130,8 +129,7 @@ TEST(Skeleton, RefusesCycles) {
 }
 
 TEST(Skeleton, RefusesNumbersThatAreNotFinite) {
-  for (const double bad :
-       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     Matrices rest = rigs::identities(3);
     rest[2](1, 3) = bad;
     EXPECT_EQ(complaint([&] { Skeleton(rigs::chain(3), rest); }),
@@ -142,8 +140,7 @@ TEST(Skeleton, RefusesNumbersThatAreNotFinite) {
 TEST(Skeleton, RefusesARestTransformWithoutAnInverse) {
   Matrices rest = rigs::identities(3);
   rest[1](0, 0) = 0;
-  EXPECT_EQ(complaint([&] { Skeleton(rigs::chain(3), rest); }),
-            "the rest transform of joint 1 cannot be inverted");
+  EXPECT_EQ(complaint([&] { Skeleton(rigs::chain(3), rest); }), "the rest transform of joint 1 cannot be inverted");
 }
 
 }  // namespace

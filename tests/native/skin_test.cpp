@@ -36,8 +36,7 @@ TEST(Skin, KeepsInfluencesInTheirOrder) {
 
 TEST(Skin, AVertexOfNothingButZerosHasNoInfluence) {
   const Floats four(12, 1.0f);
-  const Skin skin(four, Offsets{0, 0, 2, 4, 5}, Joints{0, 1, 1, 0, 1},
-                  Floats{0, -0.0f, 0, 0.75f, 0.5f}, 2);
+  const Skin skin(four, Offsets{0, 0, 2, 4, 5}, Joints{0, 1, 1, 0, 1}, Floats{0, -0.0f, 0, 0.75f, 0.5f}, 2);
   EXPECT_TRUE(std::ranges::equal(skin.offsets(), Offsets{0, 0, 0, 2, 3}));
   EXPECT_TRUE(std::ranges::equal(skin.joints(), Joints{1, 0, 1}));
   EXPECT_TRUE(std::ranges::equal(skin.weights(), Floats{0, 0.75f, 0.5f}));
@@ -57,8 +56,8 @@ TEST(Skin, FromDenseLeavesOutZerosAlone) {
   // Row by row, and the same table column by column.
   const std::vector<double> rows{0.25, 0, 0.75, 0, -1e-9, 1};
   const std::vector<double> columns{0.25, 0, 0, -1e-9, 0.75, 1};
-  for (const Skin& skin : {Skin::from_dense(kTwo, rows.data(), 2, 3, 3, 1),
-                           Skin::from_dense(kTwo, columns.data(), 2, 3, 1, 2)}) {
+  for (const Skin& skin :
+       {Skin::from_dense(kTwo, rows.data(), 2, 3, 3, 1), Skin::from_dense(kTwo, columns.data(), 2, 3, 1, 2)}) {
     EXPECT_EQ(skin.joint_count(), 3);
     EXPECT_TRUE(std::ranges::equal(skin.offsets(), Offsets{0, 2, 4}));
     EXPECT_TRUE(std::ranges::equal(skin.joints(), Joints{0, 2, 1, 2}));
@@ -67,32 +66,26 @@ TEST(Skin, FromDenseLeavesOutZerosAlone) {
 }
 
 TEST(Skin, RefusesWhatIsWrong) {
-  const auto said = [](const Floats& positions, const Offsets& offsets, const Joints& joints,
-                       const Floats& weights, std::ptrdiff_t count) {
+  const auto said = [](const Floats& positions, const Offsets& offsets, const Joints& joints, const Floats& weights,
+                       std::ptrdiff_t count) {
     return complaint([&] { Skin(positions, offsets, joints, weights, count); });
   };
   const Offsets one_each{0, 1, 2};
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1, 1}, 2), "(no complaint)");
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1, 1}, -2), "joint_count is -2; expected 0 or more");
-  EXPECT_EQ(said({1, 2, 3, 4}, {0, 1}, {0}, {1}, 2),
-            "rest_positions has 4 numbers; expected three a vertex");
+  EXPECT_EQ(said({1, 2, 3, 4}, {0, 1}, {0}, {1}, 2), "rest_positions has 4 numbers; expected three a vertex");
   EXPECT_EQ(said(kTwo, {0, 2}, {0, 1}, {1, 1}, 2),
             "offsets has 2 entries; expected 3, one more than there are vertices");
-  EXPECT_EQ(said(kTwo, {}, {0, 1}, {1, 1}, 2),
-            "offsets has 0 entries; expected 3, one more than there are vertices");
-  EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1}, 2),
-            "joints has 2 entries and weights has 1; expected as many of each");
+  EXPECT_EQ(said(kTwo, {}, {0, 1}, {1, 1}, 2), "offsets has 0 entries; expected 3, one more than there are vertices");
+  EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1}, 2), "joints has 2 entries and weights has 1; expected as many of each");
   EXPECT_EQ(said(kTwo, {1, 1, 2}, {0, 1}, {1, 1}, 2),
             "offsets runs from 1 to 2; expected 0 to 2, the number of influences");
   EXPECT_EQ(said(kTwo, {0, 1, 3}, {0, 1}, {1, 1}, 2),
             "offsets runs from 0 to 3; expected 0 to 2, the number of influences");
   EXPECT_EQ(said(kTwo, {0, 3, 2}, {0, 1}, {1, 1}, 2), "offsets falls at vertex 1");
-  EXPECT_EQ(said({1, 2, 3, 4, kNan, 6}, one_each, {0, 1}, {1, 1}, 2),
-            "the rest position of vertex 1 is not finite");
-  EXPECT_EQ(said(kTwo, one_each, {0, 2}, {1, 1}, 2),
-            "influence 1 names joint 2; there are 2 joints");
-  EXPECT_EQ(said(kTwo, one_each, {-1, 0}, {1, 1}, 2),
-            "influence 0 names joint -1; there are 2 joints");
+  EXPECT_EQ(said({1, 2, 3, 4, kNan, 6}, one_each, {0, 1}, {1, 1}, 2), "the rest position of vertex 1 is not finite");
+  EXPECT_EQ(said(kTwo, one_each, {0, 2}, {1, 1}, 2), "influence 1 names joint 2; there are 2 joints");
+  EXPECT_EQ(said(kTwo, one_each, {-1, 0}, {1, 1}, 2), "influence 0 names joint -1; there are 2 joints");
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1, kNan}, 2), "the weight of influence 1 is not finite");
 }
 

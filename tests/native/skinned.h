@@ -20,8 +20,8 @@ inline std::vector<float> skinned(SkinFunction skin_by, const Skin& skin, const 
   const std::ptrdiff_t size = 3 * frames * skin.vertex_count();
   std::vector<float> positions(size + 8, kUntouched);
   skin_by(skin, stack.read(), std::span(positions).first(size));
-  EXPECT_TRUE(std::all_of(positions.begin() + size, positions.end(),
-                          [](float number) { return number == kUntouched; }));
+  EXPECT_TRUE(
+      std::all_of(positions.begin() + size, positions.end(), [](float number) { return number == kUntouched; }));
   positions.resize(size);
   return positions;
 }

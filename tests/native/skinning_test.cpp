@@ -29,8 +29,8 @@ struct Crowd {
     add(random, 30001, 30, 9, SkinningMethod::linear);
   }
 
-  void add(rigs::Random& random, std::ptrdiff_t vertices, std::int32_t joints,
-           std::ptrdiff_t frames, SkinningMethod method) {
+  void add(rigs::Random& random, std::ptrdiff_t vertices, std::int32_t joints, std::ptrdiff_t frames,
+           SkinningMethod method) {
     skins.push_back(rigs::coherent_skin(random, vertices, joints, std::min(joints, 3)));
     matrices.push_back(std::make_unique<rigs::Stack<float>>(frames, joints));
     for (std::ptrdiff_t f = 0; f < frames; ++f) {
@@ -80,8 +80,7 @@ TEST(SkinAll, OneSkinInManyPoses) {
     MatrixStack<const float> frame = poses.read();
     frame.data += f * frame.frame_stride;
     frame.frames = 1;
-    jobs.push_back(
-        {&skin, frame, std::span(results).subspan(f * 1500, 1500), SkinningMethod::linear, {}});
+    jobs.push_back({&skin, frame, std::span(results).subspan(f * 1500, 1500), SkinningMethod::linear, {}});
   }
   skin_all(jobs);
   EXPECT_EQ(results, expected);
@@ -94,15 +93,13 @@ TEST(SkinAll, NothingIsWrittenIfAJobIsWrong) {
   std::vector<Floats> results;
   auto jobs = crowd.jobs(results);
   jobs[2].positions = jobs[2].positions.first(9);
-  EXPECT_EQ(complaint([&] { skin_all(jobs); }),
-            "job 2: the result holds 9 numbers; expected 360 (3 x 40 x 3)");
+  EXPECT_EQ(complaint([&] { skin_all(jobs); }), "job 2: the result holds 9 numbers; expected 360 (3 x 40 x 3)");
   for (const Floats& result : results) {
     EXPECT_TRUE(std::ranges::all_of(result, [](float number) { return number == -77; }));
   }
   jobs = crowd.jobs(results);
   jobs[3].matrices.joints = 499;
-  EXPECT_EQ(complaint([&] { skin_all(jobs); }),
-            "job 3: there are 499 matrices a frame; the skin has 500 joints");
+  EXPECT_EQ(complaint([&] { skin_all(jobs); }), "job 3: there are 499 matrices a frame; the skin has 500 joints");
 }
 
 TEST(SkinAll, ResultsThatOverlapAreRefused) {
@@ -111,8 +108,7 @@ TEST(SkinAll, ResultsThatOverlapAreRefused) {
   rigs::Stack<float> pose(rigs::random_pose(random, 4), 1);
   Floats memory(90);
   const auto job = [&](std::size_t first) {
-    return SkinningJob{
-        &skin, pose.read(), std::span(memory).subspan(first, 30), SkinningMethod::linear, {}};
+    return SkinningJob{&skin, pose.read(), std::span(memory).subspan(first, 30), SkinningMethod::linear, {}};
   };
   skin_all(std::vector{job(60), job(0), job(30)});
   EXPECT_EQ(complaint([&] {

@@ -28,12 +28,10 @@ TEST(Smooth, IsTheSlowFormula) {
       EXPECT_EQ(smooth.vertex_count(), mesh.vertices);
       for (const Smooth::Settings& settings :
            {Smooth::Settings{}, Smooth::Settings{0.3f, 7}, Smooth::Settings{-0.4f, 2},
-            Smooth::Settings{1.5f, 3, true, false, true},
-            Smooth::Settings{1, 2, false, true, false}}) {
+            Smooth::Settings{1.5f, 3, true, false, true}, Smooth::Settings{1, 2, false, true, false}}) {
         Floats own = positions;
         smooth.apply(settings, own);
-        const auto expected =
-            meshes::meant(mesh, meshes::points_of(positions), effective, settings);
+        const auto expected = meshes::meant(mesh, meshes::points_of(positions), effective, settings);
         EXPECT_LT(meshes::largest_difference(own, expected), 2e-6);
       }
     }
@@ -52,9 +50,8 @@ TEST(Smooth, LeavesAloneWhatItDoesNotMove) {
   const meshes::Mesh mesh = meshes::sheet(random, 9, 9);
   const Floats positions = meshes::random_positions(random, mesh.vertices);
   const Smooth all(mesh.topology());
-  for (const Smooth::Settings& settings :
-       {Smooth::Settings{0, 3}, Smooth::Settings{1, 0}, Smooth::Settings{1, -5},
-        Smooth::Settings{1, 3, false, false, false}}) {
+  for (const Smooth::Settings& settings : {Smooth::Settings{0, 3}, Smooth::Settings{1, 0}, Smooth::Settings{1, -5},
+                                           Smooth::Settings{1, 3, false, false, false}}) {
     Floats own = positions;
     all.apply(settings, own);
     EXPECT_EQ(own, positions);
@@ -74,16 +71,12 @@ TEST(Smooth, OfNoVertices) {
 TEST(Smooth, RefusesWhatIsWrong) {
   const auto topology = std::make_shared<Topology>(3, std::span<const std::int32_t>{});
   const Floats two(2, 1.0f), bad{0, 1, std::numeric_limits<float>::infinity()};
-  EXPECT_EQ(complaint([&] { Smooth(topology, {two}); }),
-            "weights has 2 numbers; the mesh has 3 vertices");
+  EXPECT_EQ(complaint([&] { Smooth(topology, {two}); }), "weights has 2 numbers; the mesh has 3 vertices");
   EXPECT_EQ(complaint([&] { Smooth(topology, {bad}); }), "weights is not finite at vertex 2");
   Floats positions(6);
-  EXPECT_EQ(complaint([&] { Smooth(topology).apply({}, positions); }),
-            "positions has 6 numbers; expected 9 (3 x 3)");
+  EXPECT_EQ(complaint([&] { Smooth(topology).apply({}, positions); }), "positions has 6 numbers; expected 9 (3 x 3)");
   positions.resize(9);
-  EXPECT_EQ(complaint([&] {
-              Smooth(topology).apply({std::numeric_limits<float>::quiet_NaN()}, positions);
-            }),
+  EXPECT_EQ(complaint([&] { Smooth(topology).apply({std::numeric_limits<float>::quiet_NaN()}, positions); }),
             "factor is nan; expected a finite number");
 }
 

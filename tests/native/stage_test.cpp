@@ -32,9 +32,7 @@ struct Staging {
               Staged<Smooth>{&*smooth, {0.3f, 2}}, Staged<Hook>{&*hook, hooked}};
   }
 
-  Deformer deformer() const {
-    return Deformer({std::make_shared<Layer>(skin, SkinningMethod::linear)});
-  }
+  Deformer deformer() const { return Deformer({std::make_shared<Layer>(skin, SkinningMethod::linear)}); }
 
   /// One after the other, on what the deformer alone makes.
   Floats expected() const {
@@ -96,8 +94,7 @@ TEST(Stages, NeedNoSkin) {
             "there are no layers and no shape keys; expected rest_positions");
   Floats none;
   Deformer(std::ptrdiff_t{0}).deform({}, none);
-  EXPECT_EQ(complaint([] { Deformer(std::ptrdiff_t{-1}); }),
-            "the vertex count is -1; expected 0 or more");
+  EXPECT_EQ(complaint([] { Deformer(std::ptrdiff_t{-1}); }), "the vertex count is -1; expected 0 or more");
 }
 
 TEST(Stages, SayWhatTheyTook) {
@@ -109,11 +106,9 @@ TEST(Stages, SayWhatTheyTook) {
   for (const double one : milliseconds) EXPECT_GE(one, 0);
   EXPECT_GT(milliseconds[2], 0);
   milliseconds.resize(4);
-  EXPECT_EQ(complaint([&] {
-              Deformer(staging.mesh.vertices)
-                  .deform({}, positions, {}, rest, staging.stages, milliseconds);
-            }),
-            "milliseconds has 4 numbers; expected 5, one more than there are stages");
+  EXPECT_EQ(
+      complaint([&] { Deformer(staging.mesh.vertices).deform({}, positions, {}, rest, staging.stages, milliseconds); }),
+      "milliseconds has 4 numbers; expected 5, one more than there are stages");
 }
 
 TEST(Stages, WriteNothingIfOneIsWrong) {
@@ -126,8 +121,7 @@ TEST(Stages, WriteNothingIfOneIsWrong) {
     return complaint([&] { alone.deform({}, positions, {}, rest, stages); });
   };
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_EQ(said(Staged<Smooth>{&*staging.smooth, {nan}}),
-            "stage 1: factor is nan; expected a finite number");
+  EXPECT_EQ(said(Staged<Smooth>{&*staging.smooth, {nan}}), "stage 1: factor is nan; expected a finite number");
   const Hook small(3, std::nullopt);
   EXPECT_EQ(said(Staged<Hook>{&small}), "stage 1 has 3 vertices; the deformer has " +
                                             std::to_string(staging.mesh.vertices / 1000) + "," +

@@ -27,8 +27,8 @@ TEST(Text, NumbersAreWholeWordsAndFinite) {
   EXPECT_EQ(parsed<double>(".5"), "0.5");
   EXPECT_EQ(parsed<float>("0.1"), "0.1");
   EXPECT_EQ(parsed<std::int32_t>("+7"), "7");
-  for (const char* word : {"", "+", "-", "+-5", "++5", "1.5x", "1,5", "nan", "-inf", "infinity",
-                           "1e400", "-1e5000", "0x10", "abc"}) {
+  for (const char* word :
+       {"", "+", "-", "+-5", "++5", "1.5x", "1,5", "nan", "-inf", "infinity", "1e400", "-1e5000", "0x10", "abc"}) {
     EXPECT_EQ(parsed<double>(word), "no") << word;
   }
   for (const char* word : {"1.5", "1e3", "99999999999", "x"}) {
@@ -115,8 +115,7 @@ TEST(Text, ReadFileSaysWhyItCannot) {
   const TemporaryFolder folder;
   const std::string path = folder.path("a");
   EXPECT_EQ(complaint([&] { read_file(path); }), "there is no file " + path);
-  EXPECT_EQ(complaint([&] { read_file(folder.path()); }),
-            folder.path().string() + " is a folder; expected a file");
+  EXPECT_EQ(complaint([&] { read_file(folder.path()); }), folder.path().string() + " is a folder; expected a file");
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
   EXPECT_TRUE(complaint([&] { read_file(path); }).starts_with(path + " cannot be read: "));
 }
@@ -127,8 +126,7 @@ TEST(Text, ReadFileRefusesWhatMayNotBeRead) {
   ASSERT_EQ(chmod(path.c_str(), 0), 0);
   if (access(path.c_str(), R_OK) == 0) path = "/sys/bus/platform/drivers_probe";  // we are root
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no file that root may not read";
-  EXPECT_EQ(complaint([&] { read_file(path); }),
-            path.string() + " cannot be read: Permission denied");
+  EXPECT_EQ(complaint([&] { read_file(path); }), path.string() + " cannot be read: Permission denied");
 }
 
 TEST(Text, ReadFileRefusesAFileThatEndsEarly) {
@@ -165,12 +163,10 @@ TEST(Text, WriteFileThatFailsLeavesTheOldFile) {
 TEST(Text, WriteFileSaysWhyItCannot) {
   const TemporaryFolder folder;
   const std::string nowhere = folder.path("none") / "a";
-  EXPECT_EQ(complaint([&] { write_file(nowhere, "new"); }),
-            nowhere + " cannot be written: No such file or directory");
+  EXPECT_EQ(complaint([&] { write_file(nowhere, "new"); }), nowhere + " cannot be written: No such file or directory");
   const std::string taken = folder.path("taken");
   std::filesystem::create_directory(taken);
-  EXPECT_EQ(complaint([&] { write_file(taken, "new"); }),
-            taken + " cannot be written: Is a directory");
+  EXPECT_EQ(complaint([&] { write_file(taken, "new"); }), taken + " cannot be written: Is a directory");
   EXPECT_FALSE(std::filesystem::exists(taken + ".partial"));
 }
 

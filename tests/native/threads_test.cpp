@@ -29,8 +29,7 @@ TEST(Threads, CountIsWhatWasAskedForOrWhatTheMachineHas) {
 TEST(Threads, NegativeCountIsRefusedAndChangesNothing) {
   const ThreadsOfATest threads_of_a_test;
   set_thread_count(1);
-  EXPECT_EQ(complaint([] { set_thread_count(-1); }),
-            "the thread count is -1; expected 0 (all) or a positive number");
+  EXPECT_EQ(complaint([] { set_thread_count(-1); }), "the thread count is -1; expected 0 (all) or a positive number");
   EXPECT_EQ(thread_count(), 1);
 }
 

@@ -46,8 +46,7 @@ TEST(Topology, ABoundaryEdgeHasOneFace) {
   EXPECT_FALSE(open.is_boundary(4));  // a wire
   EXPECT_FALSE(open.is_boundary(5));
   const Ints tetrahedron_edges{0, 1, 0, 2, 0, 3, 1, 2, 2, 3, 3, 1};
-  const Topology closed(4, tetrahedron_edges, Ints{0, 3, 6, 9, 12},
-                        Ints{0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2});
+  const Topology closed(4, tetrahedron_edges, Ints{0, 3, 6, 9, 12}, Ints{0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2});
   for (std::size_t v = 0; v < 4; ++v) EXPECT_FALSE(closed.is_boundary(v));
   // Three faces on the edge 0-1, and three that are alone on their outer edges.
   const Topology fins(5, Ints{0, 1, 1, 2, 2, 0, 1, 3, 3, 0, 1, 4, 4, 0}, Ints{0, 3, 6, 9},
@@ -69,22 +68,17 @@ TEST(Topology, OfNothing) {
 }
 
 TEST(Topology, RefusesWhatIsWrong) {
-  const auto said = [](std::ptrdiff_t vertices, const Ints& edges, const Ints& offsets,
-                       const Ints& corners) {
+  const auto said = [](std::ptrdiff_t vertices, const Ints& edges, const Ints& offsets, const Ints& corners) {
     return complaint([&] { Topology(vertices, edges, offsets, corners); });
   };
   EXPECT_EQ(said(-1, {}, {}, {}), "the vertex count is -1; expected 0 or more");
-  EXPECT_EQ(said(1 << 30, {}, {}, {}),
-            "there are 1,073,741,824 vertices; expected 536,870,912 at most");
+  EXPECT_EQ(said(1 << 30, {}, {}, {}), "there are 1,073,741,824 vertices; expected 536,870,912 at most");
   EXPECT_EQ(said(3, {0, 1, 2}, {}, {}), "edges has 3 numbers; expected two an edge");
   EXPECT_EQ(said(3, {0, 3}, {}, {}), "edges names vertex 3; the mesh has 3 vertices");
   EXPECT_EQ(said(3, {0, -1}, {}, {}), "edges names vertex -1; the mesh has 3 vertices");
-  EXPECT_EQ(said(3, {}, {0, 3}, {0, 1, 7}),
-            "corner_vertices names vertex 7; the mesh has 3 vertices");
-  EXPECT_EQ(said(3, {}, {}, {0, 1, 2}),
-            "face_offsets goes from 0 to 0; expected 0 to 3, the number of corners");
-  EXPECT_EQ(said(3, {}, {1, 3}, {0, 1, 2}),
-            "face_offsets goes from 1 to 3; expected 0 to 3, the number of corners");
+  EXPECT_EQ(said(3, {}, {0, 3}, {0, 1, 7}), "corner_vertices names vertex 7; the mesh has 3 vertices");
+  EXPECT_EQ(said(3, {}, {}, {0, 1, 2}), "face_offsets goes from 0 to 0; expected 0 to 3, the number of corners");
+  EXPECT_EQ(said(3, {}, {1, 3}, {0, 1, 2}), "face_offsets goes from 1 to 3; expected 0 to 3, the number of corners");
   EXPECT_EQ(said(3, {}, {0, 2, 3}, {0, 1, 2}), "face 0 has 2 corners; expected three at least");
   EXPECT_EQ(said(3, {}, {0, 5, 3}, {0, 1, 2}), "face 1 has -2 corners; expected three at least");
   EXPECT_EQ(said(3, {0, 1, 1, 2}, {0, 3}, {0, 1, 2}),

@@ -13,13 +13,13 @@ TEST(Utf8, IsToldFromOtherBytes) {
     EXPECT_TRUE(is_utf8(text)) << text;
   }
   for (const char* bytes : {"gr\xF6\xDF"
-                            "e",                  // Latin-1
-                            "\xC3",               // cut
-                            "ab\xE9\xAA",         // cut
-                            "\xE9\xAA\xAAx\x80",  // a part without its beginning
+                            "e",                                             // Latin-1
+                            "\xC3",                                          // cut
+                            "ab\xE9\xAA",                                    // cut
+                            "\xE9\xAA\xAAx\x80",                             // a part without its beginning
                             "\xC0\xAF", "\xE0\x80\x80", "\xF0\x80\x80\x80",  // longer than need be
-                            "\xED\xA0\x80",                     // half of a UTF-16 pair
-                            "\xF4\x90\x80\x80", "\xFF\xFE"}) {  // beyond the last letter
+                            "\xED\xA0\x80",                                  // half of a UTF-16 pair
+                            "\xF4\x90\x80\x80", "\xFF\xFE"}) {               // beyond the last letter
     EXPECT_FALSE(is_utf8(bytes)) << printable(bytes);
   }
 }

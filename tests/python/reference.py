@@ -5,9 +5,11 @@ import numpy as np
 
 def forward_kinematics(parents, rest, local):
     """F(j) = F(p(j)) R(j) T(j) for one frame, by recursion."""
+
     def world(j):
         own = rest[j] @ local[j].astype(np.float64)
         return own if parents[j] < 0 else world(parents[j]) @ own
+
     return np.array([world(j) for j in range(len(parents))]).reshape(-1, 4, 4)
 
 
@@ -21,10 +23,14 @@ def skin_linear(rest, weights, matrices):
 def quaternion(matrix):
     """w x y z of a rotation matrix: the eigenvector for the largest eigenvalue (Bar-Itzhack)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix[:3, :3]
-    k = np.array([[xx - yy - zz, 0, 0, 0],
-                  [yx + xy, yy - xx - zz, 0, 0],
-                  [zx + xz, zy + yz, zz - xx - yy, 0],
-                  [zy - yz, xz - zx, yx - xy, xx + yy + zz]])
+    k = np.array(
+        [
+            [xx - yy - zz, 0, 0, 0],
+            [yx + xy, yy - xx - zz, 0, 0],
+            [zx + xz, zy + yz, zz - xx - yy, 0],
+            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+        ]
+    )
     x, y, z, w = np.linalg.eigh(k)[1][:, -1]
     return np.array([w, x, y, z])
 
@@ -37,8 +43,7 @@ def rotation(q):
 
 
 def multiply(p, q):
-    return np.concatenate([[p[0] * q[0] - p[1:] @ q[1:]],
-                           p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])])
+    return np.concatenate([[p[0] * q[0] - p[1:] @ q[1:]], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])])
 
 
 def skin_dual_quaternion(rest, offsets, joints, weights, matrices):
@@ -48,7 +53,7 @@ def skin_dual_quaternion(rest, offsets, joints, weights, matrices):
     moved = rest.astype(np.float64)
     for v in range(len(rest)):
         r, d = np.zeros(4), np.zeros(4)
-        for joint, weight in zip(joints[offsets[v]:offsets[v + 1]], weights[offsets[v]:offsets[v + 1]]):
+        for joint, weight in zip(joints[offsets[v] : offsets[v + 1]], weights[offsets[v] : offsets[v + 1]]):
             signed = -float(weight) if r @ real[joint] < 0 else float(weight)
             r, d = r + signed * real[joint], d + signed * dual[joint]
         if r.any():

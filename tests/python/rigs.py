@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import reference
-import sinew_native as sinew
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "rigs"  # other people's rigs, not part of the project

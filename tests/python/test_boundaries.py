@@ -13,9 +13,20 @@ MODULES = sorted(ADDON.rglob("*.py"))
 
 BLENDER = {"addon_utils", "bgl", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
 # Which files outside of blender/, ui/ and cli/ talk to Blender; all others work on arrays and on what those give them.
-MAY_IMPORT_BLENDER = {"binding/bind", "binding/deformed_copy", "binding/old_files", "binding/properties",
-                      "binding/wiring", "profiling/measure", "rigs/clip_keyframes", "rigs/rig_import", "session/characters",
-                      "session/deformed_copies", "session/handlers", "without_native"}
+MAY_IMPORT_BLENDER = {
+    "binding/bind",
+    "binding/deformed_copy",
+    "binding/old_files",
+    "binding/properties",
+    "binding/wiring",
+    "profiling/measure",
+    "rigs/clip_keyframes",
+    "rigs/rig_import",
+    "session/characters",
+    "session/deformed_copies",
+    "session/handlers",
+    "without_native",
+}
 
 
 def imported(path):
@@ -53,8 +64,10 @@ def rooms_known(path):
 
 def test_imports_are_seen(tmp_path):
     path = tmp_path / "a.py"
-    path.write_text("import os.path, bpy as b\ndef f():\n  from bpy_extras.io import x\n"
-                    "  from . import native, deform\nfrom .outputs import OUTPUTS\n")
+    path.write_text(
+        "import os.path, bpy as b\ndef f():\n  from bpy_extras.io import x\n"
+        "  from . import native, deform\nfrom .outputs import OUTPUTS\n"
+    )
     assert imported(path) == ({"os", "bpy", "bpy_extras"}, {"native", "deform", "outputs"})
 
 
@@ -78,9 +91,15 @@ def test_only_native_imports_the_compiled_module(path):
         assert "sinew_native" not in packages | own
 
 
-@pytest.mark.parametrize("room, may_know", [
-    ("blender", {"native"}), ("deform", {"native"}), ("profiling", {"binding", "blender", "session"}),
-    ("cli", {"binding", "blender", "profiling", "rigs", "session"})])
+@pytest.mark.parametrize(
+    "room, may_know",
+    [
+        ("blender", {"native"}),
+        ("deform", {"native"}),
+        ("profiling", {"binding", "blender", "session"}),
+        ("cli", {"binding", "blender", "profiling", "rigs", "session"}),
+    ],
+)
 def test_who_may_know_whom(room, may_know):
     for path in (ADDON / room).glob("*.py"):
         assert rooms_known(path) <= may_know, path.name

@@ -21,8 +21,9 @@ def cost(name, *times, **more):
     return costs.ObjectCost((name, None), "MESH", parts, **more)
 
 
-@pytest.mark.parametrize("words, frames", [
-    ("1-40", (1, 40)), ("7-7", (7, 7)), ("-5-10", (-5, 10)), ("-9--3", (-9, -3))])
+@pytest.mark.parametrize(
+    "words, frames", [("1-40", (1, 40)), ("7-7", (7, 7)), ("-5-10", (-5, 10)), ("-9--3", (-9, -3))]
+)
 def test_frames_are_read(words, frames):
     assert costs.parse_frames(words) == frames
 
@@ -39,8 +40,9 @@ def test_reversed_frames_are_said():
 
 
 def test_frames_are_those_that_playing_shows():
-    scene = SimpleNamespace(use_preview_range=False, frame_start=1, frame_end=250,
-                            frame_preview_start=20, frame_preview_end=30)
+    scene = SimpleNamespace(
+        use_preview_range=False, frame_start=1, frame_end=250, frame_preview_start=20, frame_preview_end=30
+    )
     assert costs.frames_of(scene) == (1, 250)
     scene.use_preview_range = True
     assert costs.frames_of(scene) == (20, 30)
@@ -82,6 +84,7 @@ def test_what_is_less_than_the_drift_is_nothing():
 def test_more_frames_tell_smaller_differences():
     def noise(count):
         return costs.noise([5.0, 6.0] * count, [6.0, 5.0] * count)
+
     assert noise(2) == pytest.approx(4 * noise(32)) and noise(32) > costs.LEAST_NOISE
 
 
@@ -101,21 +104,35 @@ def test_the_dearest_comes_first_and_what_costs_nothing_to_measure_is_left_out()
     assert [each.name[0] for each in found] == ["much", "some", "little"]
 
 
-@pytest.mark.parametrize("modifiers, sentence", [
-    ([ARMATURE, SMOOTH], None),
-    ([ARMATURE, SUBSURF], "Sub is left to the graphics card or to drawing"),
-    ([ARMATURE, SUBSURF, SMOOTH, ARMATURE], "Smooth comes after Sub, so the processor has to subdivide: put it before"),
-    ([SUBSURF, SMOOTH, ("Second", "SUBSURF")], "Second is left to the graphics card"),
-    ([], None)])
+@pytest.mark.parametrize(
+    "modifiers, sentence",
+    [
+        ([ARMATURE, SMOOTH], None),
+        ([ARMATURE, SUBSURF], "Sub is left to the graphics card or to drawing"),
+        (
+            [ARMATURE, SUBSURF, SMOOTH, ARMATURE],
+            "Smooth comes after Sub, so the processor has to subdivide: put it before",
+        ),
+        ([SUBSURF, SMOOTH, ("Second", "SUBSURF")], "Second is left to the graphics card"),
+        ([], None),
+    ],
+)
 def test_what_keeps_subdivision_on_the_processor(modifiers, sentence):
     found = costs.about_subdivision(modifiers)
     assert len(found) == (sentence is not None)
     assert all(each.startswith(sentence) for each in found)
 
 
-@pytest.mark.parametrize("modifiers, names", [
-    ([ARMATURE, SMOOTH], set()), ([], set()), ([ARMATURE, SUBSURF, SMOOTH], {"Sub", "Smooth"}),
-    ([ARMATURE, ("Cloth", "CLOTH"), SUBSURF], {"Sub"}), ([("Mirror", "MIRROR"), ARMATURE], {"Mirror", "Rig"})])
+@pytest.mark.parametrize(
+    "modifiers, names",
+    [
+        ([ARMATURE, SMOOTH], set()),
+        ([], set()),
+        ([ARMATURE, SUBSURF, SMOOTH], {"Sub", "Smooth"}),
+        ([ARMATURE, ("Cloth", "CLOTH"), SUBSURF], {"Sub"}),
+        ([("Mirror", "MIRROR"), ARMATURE], {"Mirror", "Rig"}),
+    ],
+)
 def test_what_follows_the_deforming_modifiers_may_be_switched_off_but_for_simulations(modifiers, names):
     assert costs.after_deforming(modifiers, {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}) == names
 
@@ -124,13 +141,20 @@ def saving(ms, noise_ms=0.2):
     return costs.Part("a", "SAVES", ms, costs.DIFFERENCE, noise_ms)
 
 
-@pytest.mark.parametrize("found, words", [
-    (cost("a", saves=saving(2.5)), "saves 2.50 ms"),
-    (cost("a", saves=saving(0.0)), "saves below 0.20 ms"),
-    (cost("a", reason="nothing deforms it that Sinew could take over"), "nothing deforms it that Sinew could take over"),
-    (cost("a", is_bound=True), "accelerated"),
-    (cost("a", is_bound=True, reason="Its armature is gone"), "Its armature is gone"),
-    (cost("a"), "")])
+@pytest.mark.parametrize(
+    "found, words",
+    [
+        (cost("a", saves=saving(2.5)), "saves 2.50 ms"),
+        (cost("a", saves=saving(0.0)), "saves below 0.20 ms"),
+        (
+            cost("a", reason="nothing deforms it that Sinew could take over"),
+            "nothing deforms it that Sinew could take over",
+        ),
+        (cost("a", is_bound=True), "accelerated"),
+        (cost("a", is_bound=True, reason="Its armature is gone"), "Its armature is gone"),
+        (cost("a"), ""),
+    ],
+)
 def test_what_accelerate_has_to_do_with_it(found, words):
     assert costs.verdict(found) == words
 
@@ -140,15 +164,20 @@ def test_only_differences_drown_in_the_noise():
     assert costs.part_text(saving(0.3)) == "0.30 ms"
     assert costs.part_text(costs.Part("a", "SMOOTH", 0.0, costs.CLOCK)) == "0.00 ms"
     assert costs.part_text(costs.Part("a", "KEYS", None, "absolute keys cannot be muted")) == (
-        "absolute keys cannot be muted")
+        "absolute keys cannot be muted"
+    )
 
 
 def test_the_report_has_a_row_for_each_object_and_each_part():
     dear = cost("dear", 2.0, 1.0, saves=saving(1.0), remarks=["It is dear."])
     profile = costs.Profile([1, 2, 9], 4.0, 0.1, [dear, cost("cheap", 0.5, reason="no")])
     assert costs.rows(profile) == [
-        ("dear", "3.00 ms", "saves 1.00 ms"), ("  part 0", "2.00 ms", ""), ("  part 1", "1.00 ms", ""),
-        ("cheap", "0.50 ms", "no"), ("  part 0", "0.50 ms", "")]
+        ("dear", "3.00 ms", "saves 1.00 ms"),
+        ("  part 0", "2.00 ms", ""),
+        ("  part 1", "1.00 ms", ""),
+        ("cheap", "0.50 ms", "no"),
+        ("  part 0", "0.50 ms", ""),
+    ]
     assert costs.remarks(profile) == ["dear: It is dear."]
     assert costs.heading(profile) == "3 frames from 1 to 9: 4.00 ms a frame, give or take 0.10 ms"
     assert costs.heading(costs.Profile([4], 4.0, 0.1, [])).startswith("frame 4: ")
@@ -159,4 +188,9 @@ def test_the_document_is_json():
     found = json.loads(json.dumps(profile.document()))
     assert found["objects"][0]["name"] == "a" and found["objects"][0]["ms"] == 2.0
     assert found["objects"][0]["parts"][1] == {
-        "name": "part 1", "kind": "SMOOTH", "ms": None, "how": costs.CLOCK, "noise_ms": 0.0}
+        "name": "part 1",
+        "kind": "SMOOTH",
+        "ms": None,
+        "how": costs.CLOCK,
+        "noise_ms": 0.0,
+    }

@@ -5,10 +5,10 @@ import threading
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import reference
 import rigs
-import sinew_native as sinew
 from test_skeleton import said
 
 METHODS = ["linear", "dual_quaternion"]
@@ -77,16 +77,22 @@ def test_layers_are_mixed_by_their_shares(random):
     skin, positions, weights = rigs.dense_skin(random, 300, J)
     other, _, other_weights = rigs.dense_skin(random, 300, 5)
     shares = random.random((2, 300))
-    deformer = sinew.Deformer([
-        sinew.Layer(skin, "linear"), sinew.Layer(other, "dual_quaternion", share=shares[0]),
-        sinew.Layer(skin, "dual_quaternion", share=shares[1])])
+    deformer = sinew.Deformer(
+        [
+            sinew.Layer(skin, "linear"),
+            sinew.Layer(other, "dual_quaternion", share=shares[0]),
+            sinew.Layer(skin, "dual_quaternion", share=shares[1]),
+        ]
+    )
     assert deformer.vertex_count == 300
     poses = [(turned(random, J), None), (turned(random, 5), spaces(random)[3]), (turned(random, J), None)]
     out = np.empty((300, 3), np.float32)
     deformer.deform(poses, out)
     shape = skinned("linear", skin, weights, *poses[0], positions)
-    for share, layer, (pose, space), dense in ((shares[0], other, poses[1], other_weights),
-                                               (shares[1], skin, poses[2], weights)):
+    for share, layer, (pose, space), dense in (
+        (shares[0], other, poses[1], other_weights),
+        (shares[1], skin, poses[2], weights),
+    ):
         own = skinned("dual_quaternion", layer, dense, pose, space, positions)
         shape += share[:, None] * (own - shape)
     assert np.abs(out - shape).max() < 4e-6
@@ -97,13 +103,16 @@ def some_keys(random, vertices=V):
     one with a group, one that is relative to none there is."""
     base = random.uniform(-1, 1, (vertices, 3)).astype(np.float32)
     part, whole, group = base.copy(), base.copy(), random.random(vertices).astype(np.float32)
-    part[vertices // 3:vertices // 2] += 0.1
+    part[vertices // 3 : vertices // 2] += 0.1
     whole += random.uniform(-0.1, 0.1, base.shape).astype(np.float32)
     further = whole.copy()
     further[::7] += 0.3
     group[::3] = 0
-    return ([base, part, whole, further, whole, whole], np.array([0, 0, 0, 2, 0, 17]),
-            [None, None, None, None, group, None])
+    return (
+        [base, part, whole, further, whole, whole],
+        np.array([0, 0, 0, 2, 0, 17]),
+        [None, None, None, None, group, None],
+    )
 
 
 def summed(positions, relative_to, weights, values):
@@ -209,9 +218,15 @@ def bendy(random, vertices=V):
     listed = np.arange(vertices // 3, vertices)
     weights = random.dirichlet(np.ones(3), len(listed)).astype(np.float32)
     axes = np.linalg.inv(rigs.random_matrices(random, 3, size=0.5))[:, 1] / 0.7  # many points beyond an end
-    return {"vertices": listed, "offsets": 3 * np.arange(len(listed) + 1),
-            "bones": np.tile([2, 0, 1], len(listed)), "weights": weights.ravel(),
-            "first_joints": np.array([0, 5, 8]), "segments": np.array([4, 2, 1]), "axes": axes}
+    return {
+        "vertices": listed,
+        "offsets": 3 * np.arange(len(listed) + 1),
+        "bones": np.tile([2, 0, 1], len(listed)),
+        "weights": weights.ravel(),
+        "first_joints": np.array([0, 5, 8]),
+        "segments": np.array([4, 2, 1]),
+        "axes": axes,
+    }
 
 
 def split_skin(given, positions, points, space=None):
@@ -223,7 +238,7 @@ def split_skin(given, positions, points, space=None):
     influences = [[(8, 1.0)] for _ in range(len(positions))]
     for i, v in enumerate(listed):
         influences[v] = []
-        for k in range(*given["offsets"][i:i + 2]):
+        for k in range(*given["offsets"][i : i + 2]):
             bone, weight = given["bones"][k], float(given["weights"][k])
             place = min(max(axes[bone, :3] @ points[v] + axes[bone, 3], 0), 1) * n[bone]
             index = min(int(place), n[bone] - 1) if n[bone] > 1 else 0
@@ -231,8 +246,13 @@ def split_skin(given, positions, points, space=None):
             parts = [(first[bone] + index, weight * (1 - blend)), (first[bone] + index + 1, weight * blend)]
             influences[v] += [part for part in parts if part[1] != 0]
     flat = [part for own in influences for part in own]
-    return sinew.Skin(positions, np.cumsum([0] + [len(own) for own in influences]),
-                      np.array([joint for joint, _ in flat]), np.array([weight for _, weight in flat]), 9)
+    return sinew.Skin(
+        positions,
+        np.cumsum([0] + [len(own) for own in influences]),
+        np.array([joint for joint, _ in flat]),
+        np.array([weight for _, weight in flat]),
+        9,
+    )
 
 
 def ways_to_skin(random):
@@ -263,9 +283,10 @@ def test_bends_follow_the_points(random):
                 pose[:, :3, :3] *= [1, 1.2, 0.9]
             poses = [(pose, space)]
 
-            def plain(own_skin, *arguments):
+            def plain(own_skin, *arguments, how=how, poses=poses):
                 sinew.Deformer([sinew.Layer(own_skin, **how)], sinew.ShapeKeys(*keys)).deform(
-                    poses, expected, *arguments)
+                    poses, expected, *arguments
+                )
                 return expected
 
             layer = sinew.Layer(skin, **how, bends=bends, split_space=space)
@@ -305,13 +326,14 @@ def test_refuses_bends_that_do_not_fit(random):
 
     assert complains(vertices=np.array([2, 3, 3, 5])) == "vertices does not rise at entry 2"
     assert complains(vertices=np.arange(4.0)) == "vertices is float64; expected integers"
-    assert complains(offsets=np.array([0, 12])) == \
-        "offsets has 2 entries; expected 5, one more than there are vertices"
+    assert complains(offsets=np.array([0, 12])) == "offsets has 2 entries; expected 5, one more than there are vertices"
     assert complains(bones=np.full(12, 3)) == "influence 0 names bone 3; there are 3 bones"
     assert complains(weights=np.full(12, np.nan)) == "the weight of influence 0 is not finite"
     assert complains(weights=np.ones((12, 1))) == "weights has shape (12, 1); expected one axis"
-    assert complains(first_joints=np.array([0, 5])) == \
-        "first_joints has 2 entries and segments has 3; expected as many of each"
+    assert (
+        complains(first_joints=np.array([0, 5]))
+        == "first_joints has 2 entries and segments has 3; expected as many of each"
+    )
     assert complains(segments=np.array([4, 2, 0])) == "bone 2 has 0 segments; expected 1 to 16,777,215"
     assert complains(axes=np.zeros((3, 3))) == "axes has shape (3, 3); expected (B, 4)"
     assert complains(axes=np.zeros((2, 4))) == "axes has 8 numbers; expected four for each of 3 bones"
@@ -319,15 +341,21 @@ def test_refuses_bends_that_do_not_fit(random):
     assert said(sinew.Layer, skin, "linear", bends=bends) == "bends names vertex 6; the skin has 6 vertices"
     bends = sinew.Bends(**{**given, "first_joints": np.array([0, 5, 9])})
     assert said(sinew.Layer, skin, "linear", bends=bends) == "bends names joint 9; the skin has 9 joints"
-    assert said(sinew.Layer, skin, "linear", split_space=np.eye(3)) == \
-        "split_space has shape (3, 3); expected (4, 4)"
+    assert said(sinew.Layer, skin, "linear", split_space=np.eye(3)) == "split_space has shape (3, 3); expected (4, 4)"
 
 
 def everything(random, vertices=30000):
     """(deformer, arguments of deform without out) with layers of all kinds on keys."""
     skin, _, _ = rigs.dense_skin(random, vertices, J)
-    layers = [sinew.Layer(skin, METHODS[i % 2], mask=random.random(vertices) if i else None,
-                          share=random.random(vertices) if i else None) for i in range(4)]
+    layers = [
+        sinew.Layer(
+            skin,
+            METHODS[i % 2],
+            mask=random.random(vertices) if i else None,
+            share=random.random(vertices) if i else None,
+        )
+        for i in range(4)
+    ]
     poses = [(turned(random, J), space) for space in spaces(random)]
     deformer = sinew.Deformer(layers, sinew.ShapeKeys(*some_keys(random, vertices)))
     return deformer, poses, np.float32([0, 0.1, 0.2, 0.3, 0.4, 0.5])
@@ -388,36 +416,37 @@ def test_refuses_what_it_is_made_of():
     small = sinew.Skin.from_dense(np.zeros((4, 3)), np.ones((4, 2)))
     layer = sinew.Layer(skin, "linear")
     assert (layer.vertex_count, layer.joint_count) == (5, 2)
-    assert said(sinew.Layer, skin, "cubic") == \
-        'there is no method "cubic"; expected linear or dual_quaternion'
-    assert said(sinew.Layer, skin, "dual_quaternion", "frame") == \
-        "there are 0 rest frames; expected 2"
-    assert said(sinew.Layer, skin, "linear", mask=np.ones(4)) == \
-        "mask has 4 numbers; the skin has 5 vertices"
-    assert said(sinew.Layer, skin, "linear", share=np.ones((5, 1))) == \
-        "share has shape (5, 1); expected one axis"
+    assert said(sinew.Layer, skin, "cubic") == 'there is no method "cubic"; expected linear or dual_quaternion'
+    assert said(sinew.Layer, skin, "dual_quaternion", "frame") == "there are 0 rest frames; expected 2"
+    assert said(sinew.Layer, skin, "linear", mask=np.ones(4)) == "mask has 4 numbers; the skin has 5 vertices"
+    assert said(sinew.Layer, skin, "linear", share=np.ones((5, 1))) == "share has shape (5, 1); expected one axis"
     assert said(sinew.Layer, skin, "linear", mask=np.full(5, np.nan)) == "mask is not finite at vertex 0"
     assert said(sinew.Deformer, []) == "there are no layers and no shape keys; expected some"
-    assert said(sinew.Deformer, [layer, sinew.Layer(small, "linear", share=np.ones(4))]) == \
-        "layer 1 has 4 vertices; layer 0 has 5"
+    assert (
+        said(sinew.Deformer, [layer, sinew.Layer(small, "linear", share=np.ones(4))])
+        == "layer 1 has 4 vertices; layer 0 has 5"
+    )
     assert said(sinew.Deformer, [layer, layer]) == "layer 1 has no share; only the first has none"
-    assert said(sinew.Deformer, [sinew.Layer(skin, "linear", share=np.ones(5))]) == \
-        "layer 0 has a share; there is nothing that it could be mixed with"
+    assert (
+        said(sinew.Deformer, [sinew.Layer(skin, "linear", share=np.ones(5))])
+        == "layer 0 has a share; there is nothing that it could be mixed with"
+    )
     points = np.zeros((5, 3))
-    assert said(sinew.Deformer, [layer], sinew.ShapeKeys([points[:4]], [0])) == \
-        "the keys have 4 vertices; the layers have 5"
+    assert (
+        said(sinew.Deformer, [layer], sinew.ShapeKeys([points[:4]], [0]))
+        == "the keys have 4 vertices; the layers have 5"
+    )
     assert said(sinew.ShapeKeys, [], np.array([], int)) == "there are no shape keys; expected the base at least"
     assert said(sinew.ShapeKeys, [points, points[:4]], [0, 0]) == "key 1 has 4 vertices; key 0 has 5"
-    assert said(sinew.ShapeKeys, [points, points.ravel()], [0, 0]) == \
-        "positions[1] has shape (15,); expected (V, 3)"
+    assert said(sinew.ShapeKeys, [points, points.ravel()], [0, 0]) == "positions[1] has shape (15,); expected (V, 3)"
     assert said(sinew.ShapeKeys, [points], [0, 0]) == "relative_to has 2 entries; there are 1 key"
     assert said(sinew.ShapeKeys, [points], [0.5]) == "relative_to is float64; expected integers"
-    assert said(sinew.ShapeKeys, [points, points], [0, 0], [None]) == \
-        "weights has 1 entry; there are 2 keys"
-    assert said(sinew.ShapeKeys, [points], [0], []) == \
-        "weights has 0 entries; expected one a key, or None"
-    assert said(sinew.ShapeKeys, [points, points], [0, 0], [None, np.ones(4)]) == \
-        "key 1 has 4 weights; there are 5 vertices"
+    assert said(sinew.ShapeKeys, [points, points], [0, 0], [None]) == "weights has 1 entry; there are 2 keys"
+    assert said(sinew.ShapeKeys, [points], [0], []) == "weights has 0 entries; expected one a key, or None"
+    assert (
+        said(sinew.ShapeKeys, [points, points], [0, 0], [None, np.ones(4)])
+        == "key 1 has 4 weights; there are 5 vertices"
+    )
     assert said(sinew.ShapeKeys, [points, points + np.inf], [0, 0]) == "vertex 0 of key 1 is not finite"
 
 
@@ -438,32 +467,29 @@ def test_refuses_arguments_that_do_not_fit():
     assert complains([], out) == "there are 0 poses; the deformer has 1 layer"
     assert complains([pose], out) == "pose 0 is not a tuple (matrices, space)"
     assert complains([(pose, None, 1)], out) == "pose 0 is not a tuple (matrices, space)"
-    assert complains([(pose[:1], None)], out) == \
-        "layer 0: there are 1 matrix a frame; the skin has 2 joints"
-    assert complains([(pose[None], None)], out) == \
-        "pose 0: matrices has shape (1, 2, 4, 4); expected (J, 4, 4)"
-    assert complains([(pose.astype(float), None)], out) == \
-        "pose 0: matrices is float64; expected float32"
+    assert complains([(pose[:1], None)], out) == "layer 0: there are 1 matrix a frame; the skin has 2 joints"
+    assert complains([(pose[None], None)], out) == "pose 0: matrices has shape (1, 2, 4, 4); expected (J, 4, 4)"
+    assert complains([(pose.astype(float), None)], out) == "pose 0: matrices is float64; expected float32"
     assert complains([([1], None)], out) == "pose 0: matrices is a list; expected a numpy array"
     assert complains([(pose, np.eye(3))], out) == "pose 0: space has shape (3, 3); expected (4, 4)"
-    assert complains([(pose, np.eye(4, dtype=np.float32))], out) == \
-        "pose 0: space is float32; expected float64"
+    assert complains([(pose, np.eye(4, dtype=np.float32))], out) == "pose 0: space is float32; expected float64"
     assert complains(good, out[:4]) == "out has shape (4, 3); expected (5, 3)"
     assert complains(good, out.astype(float)) == "out is float64; expected float32"
     assert complains(good, out, np.zeros(2, np.float32)) == "there are key values, but no shape keys"
-    assert complains(good, out, np.zeros(3, np.float32), by=with_keys) == \
-        "there are 3 key values; expected 2, one a key"
+    assert (
+        complains(good, out, np.zeros(3, np.float32), by=with_keys) == "there are 3 key values; expected 2, one a key"
+    )
     assert complains(good, out, np.zeros(2), by=with_keys) == "key_values is float64; expected float32"
-    assert complains(good, out, np.zeros((2, 1), np.float32), by=with_keys) == \
-        "key_values has shape (2, 1); expected (K,)"
-    assert complains(good, out, np.zeros(2, np.float32), points, by=with_keys) == \
-        "there are key_values and rest_positions; expected one"
-    assert complains(good, out, None, points[:4]) == \
-        "rest_positions has 12 numbers; expected 15 (5 x 3)"
-    assert complains(good, out, None, points.ravel()) == \
-        "rest_positions has shape (15,); expected (V, 3)"
-    assert complains(good, out, None, np.zeros((5, 6), np.float32)[:, ::2]) == \
-        "rest_positions is not C-contiguous"
+    assert (
+        complains(good, out, np.zeros((2, 1), np.float32), by=with_keys) == "key_values has shape (2, 1); expected (K,)"
+    )
+    assert (
+        complains(good, out, np.zeros(2, np.float32), points, by=with_keys)
+        == "there are key_values and rest_positions; expected one"
+    )
+    assert complains(good, out, None, points[:4]) == "rest_positions has 12 numbers; expected 15 (5 x 3)"
+    assert complains(good, out, None, points.ravel()) == "rest_positions has shape (15,); expected (V, 3)"
+    assert complains(good, out, None, np.zeros((5, 6), np.float32)[:, ::2]) == "rest_positions is not C-contiguous"
     assert complains(good, out, None, out) == "the result and rest_positions overlap"
     deformer.deform(good, out)
     assert not out.any()

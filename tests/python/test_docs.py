@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 import sinew_native as sinew
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,11 +39,14 @@ def test_an_old_reference_is_noticed(tmp_path):
 def test_the_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     page = API.read_text(encoding="utf-8")
-    examples = [block for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-                if "= sinew." in block and "sinew_native as sinew  #" not in block]
+    examples = [
+        block
+        for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+        if "= sinew." in block and "sinew_native as sinew  #" not in block
+    ]
     assert len(examples) == 2
     names = {}
-    exec(compile("".join(examples), str(API), "exec"), names)  # noqa: S102
+    exec(compile("".join(examples), str(API), "exec"), names)
     skin, matrices, shapes = names["skin"], names["matrices"], names["shapes"]
     assert names["positions"].shape == (skin.vertex_count, 3)
     assert np.array_equal(shapes[7], sinew.skin_linear(skin, matrices[7]))

@@ -8,19 +8,21 @@ import os
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import rigs
-import sinew_native as sinew
 from test_skeleton import said
 
 
 def rig_folder(path, skeleton="-1 -1 0 0 0\n0 0 1 0 0\n1 1 1 0 0\n"):
     """A triangle on two bones."""
     path.mkdir(exist_ok=True)
-    texts = {"mesh.obj": "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl green skin\nf 1 2 3\n",
-             "skeleton.bf": skeleton,
-             "weights.dmat": "2 3\n1 0.5 0\n0 0.5 1\n",
-             "pose.dmat": "2 9\n0 0 0 0 0 0 0 0 0\n0 0 0 0 0 90 0 0 0\n"}
+    texts = {
+        "mesh.obj": "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl green skin\nf 1 2 3\n",
+        "skeleton.bf": skeleton,
+        "weights.dmat": "2 3\n1 0.5 0\n0 0.5 1\n",
+        "pose.dmat": "2 9\n0 0 0 0 0 0 0 0 0\n0 0 0 0 0 90 0 0 0\n",
+    }
     for name, text in texts.items():
         (path / name).write_text(text)
     return path
@@ -30,12 +32,22 @@ def animated_rig(folder):
     rig = sinew.read_rig(rig_folder(folder))
     animation = rigs.random_matrices(np.random.default_rng(5), 4, 3)
     animation[:, 0] = np.eye(4)  # the root has no column
-    return sinew.Rig(rig.positions, rig.face_offsets, rig.face_vertices, rig.skeleton, rig.weights,
-                     rig.poses, animation, rig.face_materials, rig.material_names,
-                     rig.material_library)
+    return sinew.Rig(
+        rig.positions,
+        rig.face_offsets,
+        rig.face_vertices,
+        rig.skeleton,
+        rig.weights,
+        rig.poses,
+        animation,
+        rig.face_materials,
+        rig.material_names,
+        rig.material_library,
+    )
 
 
 # --- .dmat ----------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("shape", [(5, 3), (1, 1), (0, 4), (4, 0), (0, 0)])
@@ -54,8 +66,10 @@ def test_dmat_text_by_default_and_by_name(tmp_path):
     assert (tmp_path / "a.dmat").read_bytes() == b"0 0\n1 1\n" + np.array([1.0]).tobytes()
 
 
-@pytest.mark.parametrize("array", [np.arange(6).reshape(2, 3), np.arange(6.0).reshape(3, 2).T,
-                                   np.arange(12, dtype=np.float32).reshape(2, 6)[:, ::2]])
+@pytest.mark.parametrize(
+    "array",
+    [np.arange(6).reshape(2, 3), np.arange(6.0).reshape(3, 2).T, np.arange(12, dtype=np.float32).reshape(2, 6)[:, ::2]],
+)
 def test_dmat_of_any_reals_and_strides(tmp_path, array):
     sinew.write_dmat(tmp_path / "a.dmat", array)
     assert np.array_equal(sinew.read_dmat(tmp_path / "a.dmat"), array)
@@ -82,23 +96,26 @@ def test_dmat_refuses_what_is_wrong(tmp_path):
     path.write_text("")
     assert said(sinew.read_dmat, path) == "a.dmat is empty; expected a first line `columns rows`"
     path.write_text("2 2\n1 2 3 x")
-    assert said(sinew.read_dmat, path) == \
-        'a.dmat, row 1, column 1: expected a finite number, found "x"'
+    assert said(sinew.read_dmat, path) == 'a.dmat, row 1, column 1: expected a finite number, found "x"'
     path.write_bytes(b"0 0\n25000 50000\n" + bytes(4))  # 10 GB in 20 bytes
-    assert said(sinew.read_dmat, path) == \
-        "a.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"
+    assert said(sinew.read_dmat, path) == "a.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"
     path.write_text("old")
-    assert said(sinew.write_dmat, path, np.array([[1, np.nan]])) == \
-        "row 0, column 1 of the matrix for a.dmat is not finite"
+    assert (
+        said(sinew.write_dmat, path, np.array([[1, np.nan]]))
+        == "row 0, column 1 of the matrix for a.dmat is not finite"
+    )
     assert said(sinew.write_dmat, path, np.zeros(3)) == "array has shape (3,); expected (rows, columns)"
     assert said(sinew.write_dmat, path, np.array([["a"]])) == "array is <U1; expected real numbers"
     assert path.read_text() == "old"
-    assert said(sinew.write_dmat, tmp_path / "none" / "a.dmat", np.eye(2)) == \
-        f"{tmp_path / 'none' / 'a.dmat'} cannot be written: No such file or directory"
+    assert (
+        said(sinew.write_dmat, tmp_path / "none" / "a.dmat", np.eye(2))
+        == f"{tmp_path / 'none' / 'a.dmat'} cannot be written: No such file or directory"
+    )
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.dmat"]
 
 
 # --- skeletons ------------------------------------------------------------------------------------
+
 
 def test_read_skeleton(tmp_path):
     path = tmp_path / "a.bf"
@@ -121,8 +138,9 @@ def test_rig_skeleton_and_its_defaults():
     skeleton = sinew.RigSkeleton(np.array([-1, 0]), np.zeros((2, 3)), np.ones((2, 3)), np.array([1, 0]))
     assert skeleton.convention == "joint" and skeleton.names == ["joint_0", "joint_1"]
     assert skeleton.tails.tolist() == np.ones((2, 3)).tolist()
-    named = sinew.RigSkeleton(np.array([-1]), np.zeros((1, 3)), np.zeros((1, 3)), np.array([-1]),
-                              names=["hip"], convention="bone")
+    named = sinew.RigSkeleton(
+        np.array([-1]), np.zeros((1, 3)), np.zeros((1, 3)), np.array([-1]), names=["hip"], convention="bone"
+    )
     assert named.convention == "bone" and named.names == ["hip"]
 
 
@@ -143,25 +161,32 @@ def test_skeletons_refuse_what_is_wrong(tmp_path):
     path.write_text("0 -1 0 0 0\n0 0 x 0 0\n")
     assert said(sinew.read_skeleton, path) == 'a.bf, line 2: expected an offset, found "x"'
     path.write_text("0 1 0 0 0\n1 0 0 0 0\n")
-    assert said(sinew.read_skeleton, path) == \
-        "a.bf: joint 0 is its own ancestor: its chain of parents is a cycle"
+    assert said(sinew.read_skeleton, path) == "a.bf: joint 0 is its own ancestor: its chain of parents is a cycle"
     assert said(sinew.read_skeleton, tmp_path / "none.tgf") == f"there is no file {tmp_path / 'none.tgf'}"
-    assert said(sinew.read_skeleton, path, "edge") == \
-        'the convention is "edge"; expected "bone" or "joint"'
+    assert said(sinew.read_skeleton, path, "edge") == 'the convention is "edge"; expected "bone" or "joint"'
     points = np.zeros((2, 3))
-    assert said(sinew.RigSkeleton, np.array([-1, 0]), points[:1], points, np.array([0, 1])) == \
-        "there are 1 head; the skeleton has 2 joints"
-    assert said(sinew.RigSkeleton, np.array([-1, 0]), points[:, :2], points, np.array([0, 1])) == \
-        "heads has shape (2, 2); expected (J, 3)"
-    assert said(sinew.RigSkeleton, np.array([-1, 0]), points, points, np.array([3, 3])) == \
-        "two joints have weight column 3, the second is joint 1"
+    assert (
+        said(sinew.RigSkeleton, np.array([-1, 0]), points[:1], points, np.array([0, 1]))
+        == "there are 1 head; the skeleton has 2 joints"
+    )
+    assert (
+        said(sinew.RigSkeleton, np.array([-1, 0]), points[:, :2], points, np.array([0, 1]))
+        == "heads has shape (2, 2); expected (J, 3)"
+    )
+    assert (
+        said(sinew.RigSkeleton, np.array([-1, 0]), points, points, np.array([3, 3]))
+        == "two joints have weight column 3, the second is joint 1"
+    )
     skeleton = sinew.RigSkeleton(np.array([-1]), points[:1], points[:1], np.array([0]))
-    assert said(sinew.write_skeleton, tmp_path / "a.tgf", skeleton) == \
-        "a.tgf cannot hold a skeleton in the joint convention; write a .bf file"
+    assert (
+        said(sinew.write_skeleton, tmp_path / "a.tgf", skeleton)
+        == "a.tgf cannot hold a skeleton in the joint convention; write a .bf file"
+    )
     assert not (tmp_path / "a.tgf").exists()
 
 
 # --- rigs -----------------------------------------------------------------------------------------
+
 
 def test_read_rig(tmp_path):
     rig = sinew.read_rig(rig_folder(tmp_path))
@@ -183,8 +208,15 @@ def test_parts_may_be_named(tmp_path):
     for old, new in (("mesh.obj", "m.obj"), ("skeleton.bf", "s.bf"), ("weights.dmat", "w.dmat")):
         (folder / old).rename(folder / new)
     (folder / "walk.dmat").write_text("1 12\n0 0 0 1\n0 0.8 0 0.6\n0 0 0 1\n")
-    rig = sinew.read_rig(folder, mesh="m.obj", skeleton=folder / "s.bf", weights="w.dmat",
-                         pose="walk.dmat", convention="joint", quaternion_order="xyzw")
+    rig = sinew.read_rig(
+        folder,
+        mesh="m.obj",
+        skeleton=folder / "s.bf",
+        weights="w.dmat",
+        pose="walk.dmat",
+        convention="joint",
+        quaternion_order="xyzw",
+    )
     assert rig.skeleton.convention == "joint"
     assert rig.poses.rotations.tolist()[0][1] == [0.6, 0, 0.8, 0]
     assert said(sinew.read_rig, folder) == f"there is neither skeleton.bf nor skeleton.tgf in {folder}"
@@ -195,8 +227,13 @@ def test_rig_round_trip(tmp_path):
     assert rig.animation.shape == (4, 3, 4, 4) and rig.animation.dtype == np.float64
     (tmp_path / "b").mkdir()
     sinew.write_rig(tmp_path / "b", rig)
-    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == \
-        ["anim.dmat", "mesh.obj", "pose.dmat", "skeleton.bf", "weights.dmat"]
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [
+        "anim.dmat",
+        "mesh.obj",
+        "pose.dmat",
+        "skeleton.bf",
+        "weights.dmat",
+    ]
     back = sinew.read_rig(tmp_path / "b")
     for key in ("positions", "face_offsets", "face_vertices", "face_materials", "weights", "animation"):
         assert np.array_equal(getattr(back, key), getattr(rig, key)), key
@@ -228,8 +265,17 @@ def test_rig_defaults():
 def test_rig_views_are_read_only_and_outlive_their_owner(tmp_path):
     rig = animated_rig(tmp_path / "a")
     skeleton = rig.skeleton
-    views = [rig.positions, rig.face_offsets, rig.face_vertices, rig.face_materials, rig.weights,
-             rig.animation, skeleton.heads, skeleton.tails, skeleton.weight_columns]
+    views = [
+        rig.positions,
+        rig.face_offsets,
+        rig.face_vertices,
+        rig.face_materials,
+        rig.weights,
+        rig.animation,
+        skeleton.heads,
+        skeleton.tails,
+        skeleton.weight_columns,
+    ]
     kept = [view.copy() for view in views]
     for view in views:
         with pytest.raises(ValueError, match="read-only"):
@@ -243,8 +289,13 @@ def test_rig_views_are_read_only_and_outlive_their_owner(tmp_path):
 def test_rigs_refuse_what_is_wrong(tmp_path):
     folder = rig_folder(tmp_path / "a")
     good = sinew.read_rig(folder)
-    parts = {"positions": good.positions, "face_offsets": good.face_offsets,
-             "face_vertices": good.face_vertices, "skeleton": good.skeleton, "weights": good.weights}
+    parts = {
+        "positions": good.positions,
+        "face_offsets": good.face_offsets,
+        "face_vertices": good.face_vertices,
+        "skeleton": good.skeleton,
+        "weights": good.weights,
+    }
 
     def refused(**changed):
         return said(sinew.Rig, **{**parts, **changed})
@@ -253,42 +304,45 @@ def test_rigs_refuse_what_is_wrong(tmp_path):
     assert refused(weights=good.weights * np.nan) == "weights.dmat: a weight is not finite"
     assert refused(weights=np.ones(3)) == "weights has shape (3,); expected (rows, columns)"
     assert refused(positions=np.zeros((3, 2))) == "positions has shape (3, 2); expected (V, 3)"
-    assert refused(face_vertices=np.array([0, 1, 3])) == \
-        "mesh.obj: a face names vertex 3; there are 3 vertices"
+    assert refused(face_vertices=np.array([0, 1, 3])) == "mesh.obj: a face names vertex 3; there are 3 vertices"
     assert refused(animation=np.ones((3, 4, 4))) == "animation has shape (3, 4, 4); expected (F, J, 4, 4)"
-    assert refused(animation=np.ones((2, 1, 4, 4))) == \
-        "anim.dmat has 2 matrices for 2 frames of 3 joints"
+    assert refused(animation=np.ones((2, 1, 4, 4))) == "anim.dmat has 2 matrices for 2 frames of 3 joints"
     assert refused(animation=np.array(1.0)) == "animation has shape (); expected (F, J, 4, 4)"
 
     (folder / "pose.dmat").write_text("1 2\n0 0")
-    assert said(sinew.read_rig, folder) == \
-        "pose.dmat: there are 2 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints"
-    assert said(sinew.read_rig, folder, quaternion_order="wzyx") == \
-        'the quaternion order is "wzyx"; expected "wxyz" or "xyzw"'
+    assert (
+        said(sinew.read_rig, folder)
+        == "pose.dmat: there are 2 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints"
+    )
+    assert (
+        said(sinew.read_rig, folder, quaternion_order="wzyx")
+        == 'the quaternion order is "wzyx"; expected "wxyz" or "xyzw"'
+    )
     (folder / "weights.dmat").unlink()
     assert said(sinew.read_rig, folder) == f"there is no file {folder / 'weights.dmat'}"
     assert said(sinew.read_rig, folder / "none") == f"there is no folder {folder / 'none'}"
-    assert said(sinew.write_rig, folder / "none", good) == \
-        f"{folder / 'none' / 'skeleton.bf'} cannot be written: No such file or directory"
+    assert (
+        said(sinew.write_rig, folder / "none", good)
+        == f"{folder / 'none' / 'skeleton.bf'} cannot be written: No such file or directory"
+    )
 
 
 def test_a_column_beyond_the_animation_is_refused_before_it_is_read(tmp_path):
     folder = rig_folder(tmp_path, skeleton="-1 -1 0 0 0\n0 0 1 0 0\n900000 1 1 0 0\n")
     (folder / "pose.dmat").unlink()
     sinew.write_dmat(folder / "anim.dmat", np.zeros((24, 1)))
-    assert said(sinew.read_rig, folder) == \
-        "skeleton.bf: joint 2 has weight column 900000, weights.dmat has 2 columns"
+    assert said(sinew.read_rig, folder) == "skeleton.bf: joint 2 has weight column 900000, weights.dmat has 2 columns"
 
 
 # --- encodings ------------------------------------------------------------------------------------
+
 
 def test_names_in_latin_1_are_read(tmp_path):
     folder = rig_folder(tmp_path, skeleton="-1 -1 0 0 0 Hüfte\n0 0 1 0 0 Knöchel\n1 1 1 0 0 骨\n")
     utf8 = sinew.read_rig(folder)
     assert utf8.skeleton.names == ["Hüfte", "Knöchel", "骨"]
     (folder / "skeleton.bf").write_text("-1 -1 0 0 0 Hüfte\n0 0 1 0 0 Knöchel\n1 1 1 0 0 Fuß\n", "latin-1")
-    (folder / "mesh.obj").write_text(
-        "mtllib größe.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl grün\nf 1 2 3\n", "latin-1")
+    (folder / "mesh.obj").write_text("mtllib größe.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl grün\nf 1 2 3\n", "latin-1")
     rig = sinew.read_rig(folder)
     assert rig.skeleton.names == ["Hüfte", "Knöchel", "Fuß"]
     assert (rig.material_names, rig.material_library) == (["grün"], "größe.mtl")
@@ -299,18 +353,18 @@ def test_utf_16_is_said(tmp_path, encoding):
     path = tmp_path / "a.dmat"
     path.write_bytes("1 1\n5".encode(encoding))
     assert said(sinew.read_dmat, path).startswith(
-        "a.dmat is UTF-16 text; save it as UTF-8" if encoding == "utf-16"
-        else "a.dmat: expected a first line `columns rows`, found ")
+        "a.dmat is UTF-16 text; save it as UTF-8"
+        if encoding == "utf-16"
+        else "a.dmat: expected a first line `columns rows`, found "
+    )
 
 
 def test_excerpts_are_cut_between_letters(tmp_path):
     path = tmp_path / "a.dmat"
     path.write_text("1 1\na" + 50 * "ö", "utf-8")
-    assert said(sinew.read_dmat, path) == \
-        f'a.dmat, row 0, column 0: expected a finite number, found "a{39 * "ö"}"'
+    assert said(sinew.read_dmat, path) == f'a.dmat, row 0, column 0: expected a finite number, found "a{39 * "ö"}"'
     path.write_text("1 1\ngröße", "latin-1")
-    assert said(sinew.read_dmat, path) == \
-        r'a.dmat, row 0, column 0: expected a finite number, found "gr\xf6\xdfe"'
+    assert said(sinew.read_dmat, path) == r'a.dmat, row 0, column 0: expected a finite number, found "gr\xf6\xdfe"'
 
 
 def test_files_with_names_that_are_no_text(tmp_path):

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
 import sinew_native
 from sinew_native import host
 
@@ -19,8 +18,13 @@ class DeformVertex(ctypes.Structure):
 
 
 class Bone(ctypes.Structure):
-    _fields_ = [("next", ctypes.c_void_p), ("other", ctypes.c_double), ("motion", ctypes.c_float * 16),
-                ("segment_count", ctypes.c_int32), ("segments", ctypes.c_void_p)]
+    _fields_ = [
+        ("next", ctypes.c_void_p),
+        ("other", ctypes.c_double),
+        ("motion", ctypes.c_float * 16),
+        ("segment_count", ctypes.c_int32),
+        ("segments", ctypes.c_void_p),
+    ]
 
 
 class Key(ctypes.Structure):
@@ -40,8 +44,9 @@ def chained(structs):
 def test_weights_in_stored_order():
     rows = [[(3, 0.5), (1, 0.25)], [], [(0, 1.0)]]
     entries = [(Weight * max(len(row), 1))(*row) for row in rows]
-    vertices = (DeformVertex * 3)(*[
-        (ctypes.addressof(own) if row else None, len(row), 0) for own, row in zip(entries, rows)])
+    vertices = (DeformVertex * 3)(
+        *[(ctypes.addressof(own) if row else None, len(row), 0) for own, row in zip(entries, rows)]
+    )
     offsets, groups, weights = host.read_weights(ctypes.addressof(vertices), 3)
     assert offsets.tolist() == [0, 2, 2, 3] and offsets.dtype == np.int64
     assert groups.tolist() == [3, 1, 0] and weights.tolist() == [0.5, 0.25, 1.0]
@@ -68,9 +73,15 @@ def test_a_pose_with_segments():
     assert np.array_equal(read(bones), np.concatenate((motions[:1], segments[1:])))
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    (dict(first=(0, -1), counts=(1, 0)), "more bones"), (dict(first=(0, -1, 1, -1), counts=(1, 0, 3, 0)), "fewer bones"),
-    (dict(counts=(1, 0, 4), joints=5), "other segments"), (dict(joints=3), "too few matrices")])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (dict(first=(0, -1), counts=(1, 0)), "more bones"),
+        (dict(first=(0, -1, 1, -1), counts=(1, 0, 3, 0)), "fewer bones"),
+        (dict(counts=(1, 0, 4), joints=5), "other segments"),
+        (dict(joints=3), "too few matrices"),
+    ],
+)
 def test_another_pose_than_was_thought(arguments, sentence):
     bones, _, _ = pose()
     with pytest.raises(ValueError, match=sentence):
@@ -97,10 +108,22 @@ def posed():
     deformer = sinew_native.Deformer([sinew_native.Layer(skin, "linear")])
     address = ctypes.addressof(owner)
     shortcut = host.Shortcut(
-        deformer, [(address + Owner.state.offset, 4)], [(address, [0, -1, 1], [1, 0, 3])],
-        (Pose.first.offset, Pose.array.offset, *BONE), [(address + Owner.mode.offset, 0b0011, 0b0100)])
-    return SimpleNamespace(shortcut=shortcut, deformer=deformer, owner=owner, pose=own, bones=bones, array=array,
-                           motions=motions, segments=segments)
+        deformer,
+        [(address + Owner.state.offset, 4)],
+        [(address, [0, -1, 1], [1, 0, 3])],
+        (Pose.first.offset, Pose.array.offset, *BONE),
+        [(address + Owner.mode.offset, 0b0011, 0b0100)],
+    )
+    return SimpleNamespace(
+        shortcut=shortcut,
+        deformer=deformer,
+        owner=owner,
+        pose=own,
+        bones=bones,
+        array=array,
+        motions=motions,
+        segments=segments,
+    )
 
 
 def as_poses(posed, space=None):
@@ -156,9 +179,16 @@ def test_a_shortcut_through_another_pose(posed, spoil):
     assert posed.owner.mode == 0b1011 and not out.any()
 
 
-@pytest.mark.parametrize("poses, sentence", [
-    ([], "0 entries; the deformer has 1 layers"), ([(0, [], [])], "one number a bone"),
-    ([(0, [0, 1], [1])], "one number a bone"), ([(0, [3], [3])], "too few joints"), ([(0, [0], [0])], "too few joints")])
+@pytest.mark.parametrize(
+    "poses, sentence",
+    [
+        ([], "0 entries; the deformer has 1 layers"),
+        ([(0, [], [])], "one number a bone"),
+        ([(0, [0, 1], [1])], "one number a bone"),
+        ([(0, [3], [3])], "too few joints"),
+        ([(0, [0], [0])], "too few joints"),
+    ],
+)
 def test_a_shortcut_that_does_not_fit(posed, poses, sentence):
     with pytest.raises(ValueError, match=sentence):
         host.Shortcut(posed.deformer, [], poses, (0,) * 6, [])

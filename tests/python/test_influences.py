@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import sinew_native as sinew
 
 import rigs
-import sinew_native as sinew
 
 PATH = Path(__file__).resolve().parents[2] / "addon" / "sinew" / "deform" / "influences.py"
 spec = importlib.util.spec_from_file_location("influences", PATH)
@@ -22,13 +22,18 @@ def bones(count=2, segments=None, deform=None, multiply=None, curved=False):
     rest[:, 1, 3] = np.arange(count)
     ones = np.ones(count)
     return rules.Bones(
-        names=tuple(f"b{i}" for i in range(count)), rest=rest, length=ones,
+        names=tuple(f"b{i}" for i in range(count)),
+        rest=rest,
+        length=ones,
         deform=np.ones(count, bool) if deform is None else np.array(deform),
-        head_radius=0.25 * ones, tail_radius=0.25 * ones, envelope_distance=0.5 * ones,
+        head_radius=0.25 * ones,
+        tail_radius=0.25 * ones,
+        envelope_distance=0.5 * ones,
         envelope_weight=np.arange(1.0, count + 1),
         multiply=np.zeros(count, bool) if multiply is None else np.array(multiply),
         segments=np.ones(count, int) if segments is None else np.array(segments),
-        curved=np.full(count, curved))
+        curved=np.full(count, curved),
+    )
 
 
 def dense(result):
@@ -45,13 +50,11 @@ def of(entries, own_bones, points=None, segment_at=None, **settings):
     bone = np.array([b for b, _ in flat], np.int32)
     weight = np.array([w for _, w in flat], np.float32)
     points = np.zeros((len(entries), 3)) if points is None else np.array(points, float)
-    return rules.influences(
-        offsets, bone, weight, own_bones, rules.Rules(**settings), points, segment_at)
+    return rules.influences(offsets, bone, weight, own_bones, rules.Rules(**settings), points, segment_at)
 
 
 def test_weights_are_normalised_over_bones_that_deform():
-    result = of([[(0, 0.3), (1, 0.3)], [(0, 0.2), (-1, 0.7)], [(1, 1.0)], [(0, 5e-5)], []],
-                bones(deform=[True, False]))
+    result = of([[(0, 0.3), (1, 0.3)], [(0, 0.2), (-1, 0.7)], [(1, 1.0)], [(0, 5e-5)], []], bones(deform=[True, False]))
     assert dense(result).tolist() == [[1, 0], [1, 0], [0, 0], [0, 0], [0, 0]]  # one joint, and the one that stays
     assert not result.hang_on_shape
 
@@ -68,8 +71,7 @@ def test_envelope_by_distance():
 
 
 def test_envelopes_for_vertices_without_weights_alone():
-    result = of([[(0, 1.0)], [], []], bones(), points=[[0, 1.5, 0], [0, 1, 0], [9, 9, 9]],
-                use_envelopes=True)
+    result = of([[(0, 1.0)], [], []], bones(), points=[[0, 1.5, 0], [0, 1, 0], [9, 9, 9]], use_envelopes=True)
     table = dense(result)
     assert np.allclose(table, [[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 0, 0]])  # envelope weights 1 and 2
     assert result.hang_on_shape
@@ -81,11 +83,11 @@ def test_envelope_multiplies():
 
 
 def test_segments_share_a_bone():
-    result = of([[(0, 1.0)]] * 4, bones(1, segments=[4]),
-                points=[[0, -1, 0], [0, 0.375, 0], [0, 0.5, 0], [0, 3, 0]])
+    result = of([[(0, 1.0)]] * 4, bones(1, segments=[4]), points=[[0, -1, 0], [0, 0.375, 0], [0, 0.5, 0], [0, 3, 0]])
     assert result.joint_count == 5 and not result.hang_on_shape
-    assert np.allclose(dense(result), [[1, 0, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0, 0],
-                                       [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0]])
+    assert np.allclose(
+        dense(result), [[1, 0, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0]]
+    )
 
 
 def test_bends_hold_influences_that_are_not_split():
@@ -112,7 +114,7 @@ def test_bends_split_as_influences_do():
     own_bones = bones(3, segments=[4, 1, 3])
     own_bones.rest = rigs.random_matrices(random, 3, size=0.3)
     own_bones.length = np.array([0.7, 1, 0.5])
-    entries = [[(b, w) for b, w in zip(random.permutation(3)[:1 + v % 3], random.random(3))] for v in range(400)]
+    entries = [[(b, w) for b, w in zip(random.permutation(3)[: 1 + v % 3], random.random(3))] for v in range(400)]
     rest, points = random.uniform(-1, 1, (2, 400, 3)).astype(np.float32)
     pose = np.tile(np.eye(4, dtype=np.float32), (own_bones.joint_count + 1, 1, 1))
     pose[:-1, :3, 3] = random.uniform(-1, 1, (own_bones.joint_count, 3))
@@ -136,13 +138,20 @@ def test_segments_along_a_curve_are_asked_for():
         asked.append((bone, point.tolist()))
         return 2, 0.25
 
-    result = of([[(1, 1.0)], [(0, 1.0)]], bones(2, segments=[1, 4], curved=True),
-                points=[[0, 1.5, 0], [0, 0, 0]], segment_at=segment_at)
+    result = of(
+        [[(1, 1.0)], [(0, 1.0)]],
+        bones(2, segments=[1, 4], curved=True),
+        points=[[0, 1.5, 0], [0, 0, 0]],
+        segment_at=segment_at,
+    )
     assert asked == [(1, [0, 1.5, 0])]
     assert result.hang_on_shape and result.bends is None
     assert np.allclose(dense(result), [[0, 0, 0, 0.75, 0.25, 0, 0], [1, 0, 0, 0, 0, 0, 0]])
 
 
 def test_weights_of_one_group():
-    assert rules.group_weights(np.array([0, 2, 2, 3]), np.array([1, 0, 1]), np.array([0.5, 0.25, 1.0]),
-                               1).tolist() == [0.5, 0, 1]
+    assert rules.group_weights(np.array([0, 2, 2, 3]), np.array([1, 0, 1]), np.array([0.5, 0.25, 1.0]), 1).tolist() == [
+        0.5,
+        0,
+        1,
+    ]

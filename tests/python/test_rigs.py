@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import rigs
-import sinew_native as sinew
 
 METHODS = {"lbs": sinew.skin_linear, "dqs": sinew.skin_dual_quaternion}
 

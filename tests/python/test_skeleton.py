@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import reference
 import rigs
-import sinew_native as sinew
 
 FUNCTIONS = [sinew.forward_kinematics, sinew.skinning_matrices]
 
@@ -56,25 +56,25 @@ def test_skeleton_refuses_what_is_wrong():
     two = np.tile(np.eye(4), (2, 1, 1))
     nan = two.copy()
     nan[1, 2, 3] = np.nan
-    assert said(sinew.Skeleton, np.array([-1, 2]), two) == \
-        "joint 1 has parent 2; expected -1 (a root) to 1"
-    assert said(sinew.Skeleton, np.array([1, 0]), two) == \
-        "joint 0 is its own ancestor: its chain of parents is a cycle"
-    assert said(sinew.Skeleton, np.array([-1, 0]), nan) == \
-        "the rest transform of joint 1 holds a number that is not finite"
-    assert said(sinew.Skeleton, np.array([-1]), two) == \
-        "there are 1 parent and 2 rest transforms; expected one of each a joint"
-    assert said(sinew.Skeleton, np.array([[-1, 0]]), two) == \
-        "parents has shape (1, 2); expected one axis"
-    assert said(sinew.Skeleton, np.array([-1, 0]), two[:, :3]) == \
-        "rest has shape (2, 3, 4); expected (J, 4, 4)"
+    assert said(sinew.Skeleton, np.array([-1, 2]), two) == "joint 1 has parent 2; expected -1 (a root) to 1"
+    assert said(sinew.Skeleton, np.array([1, 0]), two) == "joint 0 is its own ancestor: its chain of parents is a cycle"
+    assert (
+        said(sinew.Skeleton, np.array([-1, 0]), nan)
+        == "the rest transform of joint 1 holds a number that is not finite"
+    )
+    assert (
+        said(sinew.Skeleton, np.array([-1]), two)
+        == "there are 1 parent and 2 rest transforms; expected one of each a joint"
+    )
+    assert said(sinew.Skeleton, np.array([[-1, 0]]), two) == "parents has shape (1, 2); expected one axis"
+    assert said(sinew.Skeleton, np.array([-1, 0]), two[:, :3]) == "rest has shape (2, 3, 4); expected (J, 4, 4)"
     assert said(sinew.Skeleton, np.array([-1.0, 0.0]), two) == "parents is float64; expected integers"
-    assert said(sinew.Skeleton, np.array([-1, 0]), two.astype(complex)) == \
-        "rest is complex128; expected real numbers"
-    assert said(sinew.Skeleton, np.array([-1, 2**31]), two) == \
-        "parents holds 2147483648, which is out of range"
-    assert said(sinew.Skeleton, np.array([2**64 - 1, 0], np.uint64), two) == \
-        "parents holds 18446744073709551615, which is out of range"
+    assert said(sinew.Skeleton, np.array([-1, 0]), two.astype(complex)) == "rest is complex128; expected real numbers"
+    assert said(sinew.Skeleton, np.array([-1, 2**31]), two) == "parents holds 2147483648, which is out of range"
+    assert (
+        said(sinew.Skeleton, np.array([2**64 - 1, 0], np.uint64), two)
+        == "parents holds 18446744073709551615, which is out of range"
+    )
     with pytest.raises(TypeError):
         sinew.Skeleton(None, two)
 
@@ -169,18 +169,16 @@ def test_refuses_arrays_that_do_not_fit(random, function, name):
     for bad in (good.astype(np.float16), good.astype(int), good.astype(">f4"), good.astype(bool)):
         assert re.fullmatch(f"{name} is .*; expected float32 or float64", said(function, skeleton, bad))
     for shape in [(4, 4, 3), (4, 3, 4), (4, 4), (1, 2, 4, 4, 4), (), (64,)]:
-        assert said(function, skeleton, np.zeros(shape)) == \
-            f"{name} has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
-    assert said(function, skeleton, good[:, :3]) == \
-        "there are 3 matrices a frame; the skeleton has 4 joints"
-    assert said(function, skeleton, good, out[0]) == \
-        "the result holds 1 x 4 matrices; expected 2 x 4"
-    assert said(function, skeleton, good, out[:, :3]) == \
-        "the result holds 2 x 3 matrices; expected 2 x 4"
-    assert said(function, skeleton, good, out.astype(np.float64)) == \
-        "out is float64; expected float32"
-    assert said(function, skeleton, good, out[..., :3]) == \
-        "out has shape (2, 4, 4, 3); expected (J, 4, 4) or (F, J, 4, 4)"
+        assert (
+            said(function, skeleton, np.zeros(shape)) == f"{name} has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
+        )
+    assert said(function, skeleton, good[:, :3]) == "there are 3 matrices a frame; the skeleton has 4 joints"
+    assert said(function, skeleton, good, out[0]) == "the result holds 1 x 4 matrices; expected 2 x 4"
+    assert said(function, skeleton, good, out[:, :3]) == "the result holds 2 x 3 matrices; expected 2 x 4"
+    assert said(function, skeleton, good, out.astype(np.float64)) == "out is float64; expected float32"
+    assert (
+        said(function, skeleton, good, out[..., :3]) == "out has shape (2, 4, 4, 3); expected (J, 4, 4) or (F, J, 4, 4)"
+    )
     assert said(function, skeleton, good, out.tolist()) == "out is a list; expected a numpy array"
     odd = np.zeros(good.nbytes + 1, np.uint8)[1:].view(np.float32).reshape(good.shape)
     assert said(function, skeleton, odd) == f"{name} has numbers at odd addresses; pass a copy"
@@ -223,14 +221,16 @@ def test_pose_clip_refuses_what_is_wrong():
     one = np.tile([1.0, 0, 0, 0], (2, 3, 1))
     assert said(sinew.PoseClip, one[0]) == "rotations has shape (3, 4); expected (P, J, 4)"
     assert said(sinew.PoseClip, one[:, :, :3]) == "rotations has shape (2, 3, 3); expected (P, J, 4)"
-    assert said(sinew.PoseClip, one[:0]) == \
-        "there are 0 rotations for 3 joints; expected one a joint for each of at least one pose"
-    assert said(sinew.PoseClip, one[:, :0]) == \
-        "there are 0 rotations for 0 joints; expected one a joint for each of at least one pose"
-    assert said(sinew.PoseClip, one * 0) == \
-        "the quaternion of joint 0 in pose 0 has length 0; expected 1"
-    assert said(sinew.PoseClip, one * np.nan) == \
-        "the quaternion of joint 0 in pose 0 has length nan; expected 1"
+    assert (
+        said(sinew.PoseClip, one[:0])
+        == "there are 0 rotations for 3 joints; expected one a joint for each of at least one pose"
+    )
+    assert (
+        said(sinew.PoseClip, one[:, :0])
+        == "there are 0 rotations for 0 joints; expected one a joint for each of at least one pose"
+    )
+    assert said(sinew.PoseClip, one * 0) == "the quaternion of joint 0 in pose 0 has length 0; expected 1"
+    assert said(sinew.PoseClip, one * np.nan) == "the quaternion of joint 0 in pose 0 has length nan; expected 1"
     assert said(sinew.PoseClip(one).sample, np.nan) == "the time of a pose is nan; expected a finite number"
 
 
@@ -248,8 +248,6 @@ def test_rotation_transforms(random):
 def test_rotation_transforms_refuse_what_is_wrong(random):
     q = np.tile([1.0, 0, 0, 0], (4, 1))
     assert said(sinew.rotation_transforms, q[0]) == "rotations has shape (4,); expected (J, 4)"
-    assert said(sinew.rotation_transforms, q, np.zeros((3, 4, 4))) == \
-        "the result holds 1 x 3 matrices; expected 1 x 4"
-    assert said(sinew.rotation_transforms, q, np.zeros((4, 4, 4), np.float32)) == \
-        "out is float32; expected float64"
+    assert said(sinew.rotation_transforms, q, np.zeros((3, 4, 4))) == "the result holds 1 x 3 matrices; expected 1 x 4"
+    assert said(sinew.rotation_transforms, q, np.zeros((4, 4, 4), np.float32)) == "out is float32; expected float64"
     assert said(sinew.rotation_transforms, q, [1]) == "out is a list; expected a numpy array"

@@ -7,10 +7,10 @@ import tracemalloc
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import reference
 import rigs
-import sinew_native as sinew
 from test_skeleton import said
 
 METHODS = [sinew.skin_linear, sinew.skin_dual_quaternion]
@@ -25,13 +25,13 @@ def random():
 def expected(method, skin, weights, matrices):
     if method is sinew.skin_linear:
         return reference.skin_linear(skin.rest_positions, weights, matrices)
-    return reference.skin_dual_quaternion(skin.rest_positions, skin.offsets, skin.joints, skin.weights,
-                                          matrices)
+    return reference.skin_dual_quaternion(skin.rest_positions, skin.offsets, skin.joints, skin.weights, matrices)
 
 
 def test_skin_keeps_influences_in_order():
-    skin = sinew.Skin(np.arange(6.0).reshape(2, 3), np.array([0, 3, 4]), np.array([2, 0, 2, 1]),
-                      np.array([0.5, 0.25, 0.25, 0.75]), 3)
+    skin = sinew.Skin(
+        np.arange(6.0).reshape(2, 3), np.array([0, 3, 4]), np.array([2, 0, 2, 1]), np.array([0.5, 0.25, 0.25, 0.75]), 3
+    )
     assert (skin.vertex_count, skin.joint_count, skin.influence_count) == (2, 3, 4)
     assert (skin.most_influences, skin.unweighted_count, skin.largest_sum_error) == (3, 0, 0.25)
     assert skin.rest_positions.dtype == np.float32
@@ -56,46 +56,54 @@ def test_skin_from_dense(order, dtype):
 def test_skin_refuses_what_is_wrong():
     points, offsets, joints, weights = np.zeros((2, 3)), np.array([0, 1, 2]), np.array([0, 1]), np.ones(2)
     assert sinew.Skin(points, offsets, joints, weights, 2).vertex_count == 2
-    assert said(sinew.Skin, points[:, :2], offsets, joints, weights, 2) == \
-        "rest_positions has shape (2, 2); expected (V, 3)"
-    assert said(sinew.Skin, points.ravel(), offsets, joints, weights, 2) == \
-        "rest_positions has shape (6,); expected (V, 3)"
-    assert said(sinew.Skin, points + np.inf, offsets, joints, weights, 2) == \
-        "the rest position of vertex 0 is not finite"
-    assert said(sinew.Skin, points, offsets[:2], joints, weights, 2) == \
-        "offsets has 2 entries; expected 3, one more than there are vertices"
-    assert said(sinew.Skin, points, offsets * 1.0, joints, weights, 2) == \
-        "offsets is float64; expected integers"
-    assert said(sinew.Skin, points, offsets, joints[:, None], weights, 2) == \
-        "joints has shape (2, 1); expected one axis"
-    assert said(sinew.Skin, points, offsets, joints, weights, 1) == \
-        "influence 1 names joint 1; there are 1 joint"
-    assert said(sinew.Skin, points, offsets, joints + 2**40, weights, 2) == \
-        f"joints holds {2**40}, which is out of range"
-    assert said(sinew.Skin, points, offsets, joints, weights * np.nan, 2) == \
-        "the weight of influence 0 is not finite"
-    assert said(sinew.Skin, points, offsets, joints, weights * 1e39, 2) == \
-        "the weight of influence 0 is not finite"  # as float32
-    assert said(sinew.Skin, points, offsets, joints, weights, -1) == \
-        "joint_count is -1; expected 0 or more"
+    assert (
+        said(sinew.Skin, points[:, :2], offsets, joints, weights, 2)
+        == "rest_positions has shape (2, 2); expected (V, 3)"
+    )
+    assert (
+        said(sinew.Skin, points.ravel(), offsets, joints, weights, 2)
+        == "rest_positions has shape (6,); expected (V, 3)"
+    )
+    assert (
+        said(sinew.Skin, points + np.inf, offsets, joints, weights, 2) == "the rest position of vertex 0 is not finite"
+    )
+    assert (
+        said(sinew.Skin, points, offsets[:2], joints, weights, 2)
+        == "offsets has 2 entries; expected 3, one more than there are vertices"
+    )
+    assert said(sinew.Skin, points, offsets * 1.0, joints, weights, 2) == "offsets is float64; expected integers"
+    assert (
+        said(sinew.Skin, points, offsets, joints[:, None], weights, 2) == "joints has shape (2, 1); expected one axis"
+    )
+    assert said(sinew.Skin, points, offsets, joints, weights, 1) == "influence 1 names joint 1; there are 1 joint"
+    assert (
+        said(sinew.Skin, points, offsets, joints + 2**40, weights, 2) == f"joints holds {2**40}, which is out of range"
+    )
+    assert said(sinew.Skin, points, offsets, joints, weights * np.nan, 2) == "the weight of influence 0 is not finite"
+    assert (
+        said(sinew.Skin, points, offsets, joints, weights * 1e39, 2) == "the weight of influence 0 is not finite"
+    )  # as float32
+    assert said(sinew.Skin, points, offsets, joints, weights, -1) == "joint_count is -1; expected 0 or more"
     for count in (2**24 + 1, 2**32, 2**63 - 1):
-        assert said(sinew.Skin, points, offsets, joints, weights, count) == \
-            f"joint_count is {count:,}; expected at most 16,777,216"
+        assert (
+            said(sinew.Skin, points, offsets, joints, weights, count)
+            == f"joint_count is {count:,}; expected at most 16,777,216"
+        )
     # Said before memory is asked for, which such arrays do not have.
     many = np.broadcast_to(np.float32(0), (2**33, 3))
-    assert said(sinew.Skin, many, offsets, joints, weights, 2) == \
-        f"there are {2**33:,} vertices; expected at most 2,147,483,647"
-    assert said(sinew.Skin, points, offsets, np.broadcast_to(np.int32(0), 2**33), weights, 2) == \
-        f"there are {2**33:,} influences; expected at most 2,147,483,647"
-    assert said(sinew.Skin.from_dense, many, many) == \
-        f"there are {2**33:,} vertices; expected at most 2,147,483,647"
-    assert said(sinew.Skin.from_dense, points, many.T) == \
-        f"joint_count is {2**33:,}; expected at most 16,777,216"
+    assert (
+        said(sinew.Skin, many, offsets, joints, weights, 2)
+        == f"there are {2**33:,} vertices; expected at most 2,147,483,647"
+    )
+    assert (
+        said(sinew.Skin, points, offsets, np.broadcast_to(np.int32(0), 2**33), weights, 2)
+        == f"there are {2**33:,} influences; expected at most 2,147,483,647"
+    )
+    assert said(sinew.Skin.from_dense, many, many) == f"there are {2**33:,} vertices; expected at most 2,147,483,647"
+    assert said(sinew.Skin.from_dense, points, many.T) == f"joint_count is {2**33:,}; expected at most 16,777,216"
     assert said(sinew.Skin.from_dense, points, weights) == "weights has shape (2,); expected (V, J)"
-    assert said(sinew.Skin.from_dense, points, np.ones((3, 2))) == \
-        "weights has 3 rows; there are 2 vertices"
-    assert said(sinew.Skin.from_dense, points, np.full((2, 2), "a")) == \
-        "weights is <U1; expected real numbers"
+    assert said(sinew.Skin.from_dense, points, np.ones((3, 2))) == "weights has 3 rows; there are 2 vertices"
+    assert said(sinew.Skin.from_dense, points, np.full((2, 2), "a")) == "weights is <U1; expected real numbers"
 
 
 def test_views_are_read_only_and_outlive_their_owner(random):
@@ -200,17 +208,19 @@ def test_refuses_arrays_that_do_not_fit(random, method):
     for bad in (matrices.astype(np.float64), matrices.astype(">f4"), matrices.astype(int)):
         assert re.fullmatch("matrices is .*; expected float32", said(method, skin, bad))
     for shape in [(4, 4, 3), (4, 4), (64,), (1, 1, 4, 4, 4)]:
-        assert said(method, skin, np.zeros(shape, np.float32)) == \
-            f"matrices has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
+        assert (
+            said(method, skin, np.zeros(shape, np.float32))
+            == f"matrices has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
+        )
     assert said(method, skin, matrices[:, :3]) == "there are 3 matrices a frame; the skin has 4 joints"
     for shape in [(50, 3), (3, 50, 3), (2, 49, 3), (2, 50, 4), (300,)]:
-        assert said(method, skin, matrices, np.zeros(shape, np.float32)) == \
-            f"out has shape {shape}; expected (2, 50, 3)"
+        assert (
+            said(method, skin, matrices, np.zeros(shape, np.float32)) == f"out has shape {shape}; expected (2, 50, 3)"
+        )
     assert said(method, skin, matrices[0], out) == "out has shape (2, 50, 3); expected (50, 3)"
     assert said(method, skin, matrices, out.astype(np.float64)) == "out is float64; expected float32"
     assert said(method, skin, matrices, np.asfortranarray(out)) == "out is not C-contiguous"
-    assert said(method, skin, matrices, np.zeros((2, 50, 6), np.float32)[:, :, ::2]) == \
-        "out is not C-contiguous"
+    assert said(method, skin, matrices, np.zeros((2, 50, 6), np.float32)[:, :, ::2]) == "out is not C-contiguous"
     assert said(method, skin, matrices, out.tolist()) == "out is a list; expected a numpy array"
     odd = np.zeros(out.nbytes + 1, np.uint8)[1:].view(np.float32).reshape(out.shape)
     assert said(method, skin, matrices, odd) == "out has numbers at odd addresses; pass a copy"
@@ -232,8 +242,12 @@ def test_unpickled_arrays_are_taken(random, method):
 def crowd(random):
     """Jobs of several sizes and both methods, and what each gives alone."""
     jobs, alone = [], []
-    for vertices, frames, method in [(100, None, "linear"), (3000, 4, "dual_quaternion"), (0, 2, "linear"),
-                                     (700, 3, "linear")]:
+    for vertices, frames, method in [
+        (100, None, "linear"),
+        (3000, 4, "dual_quaternion"),
+        (0, 2, "linear"),
+        (700, 3, "linear"),
+    ]:
         weights = random.random((vertices, 5))
         skin = sinew.Skin.from_dense(random.random((vertices, 3)), weights)
         shape = (5,) if frames is None else (frames, 5)
@@ -260,8 +274,7 @@ def test_skin_all_takes_what_becomes_of_scale(random, stretch):
     frames = np.tile(np.eye(4), (4, 1, 1))
     out = np.empty_like(positions, np.float32)
     sinew.skin_all([(skin, matrices, out, "dual_quaternion", stretch, frames)])
-    assert np.array_equal(
-        out, sinew.skin_dual_quaternion(skin, matrices, stretch=stretch, rest_frames=frames))
+    assert np.array_equal(out, sinew.skin_dual_quaternion(skin, matrices, stretch=stretch, rest_frames=frames))
     assert not np.array_equal(out, sinew.skin_dual_quaternion(skin, matrices))
 
 
@@ -272,18 +285,19 @@ def test_skin_all_refuses_what_is_wrong(random):
     def said_of(*job):
         return said(sinew.skin_all, [jobs[1], job])
 
-    assert said_of(skin, matrices, out, "cubic") == \
-        'job 1: there is no method "cubic"; expected linear or dual_quaternion'
-    assert said_of(skin, matrices, out) == \
-        "job 1: expected (skin, matrices, out, method[, stretch, rest_frames])"
+    assert (
+        said_of(skin, matrices, out, "cubic") == 'job 1: there is no method "cubic"; expected linear or dual_quaternion'
+    )
+    assert said_of(skin, matrices, out) == "job 1: expected (skin, matrices, out, method[, stretch, rest_frames])"
     frames = np.tile(np.eye(4), (5, 1, 1))
-    assert said_of(skin, matrices, out, method, "odd", frames) == \
-        'job 1: there is no stretch "odd"; expected polar, frame or frame_each'
+    assert (
+        said_of(skin, matrices, out, method, "odd", frames)
+        == 'job 1: there is no stretch "odd"; expected polar, frame or frame_each'
+    )
     assert said_of(skin, matrices, None, method) == "job 1: out is a NoneType; expected a numpy array"
     assert said_of(skin, matrices.tolist(), out, method) == "job 1: matrices is a list; expected a numpy array"
     assert said_of(skin, matrices, out[1:], method) == "job 1: out has shape (99, 3); expected (100, 3)"
-    assert said_of(skin, matrices[:4], out, method) == \
-        "job 1: there are 4 matrices a frame; the skin has 5 joints"
+    assert said_of(skin, matrices[:4], out, method) == "job 1: there are 4 matrices a frame; the skin has 5 joints"
     assert said(sinew.skin_all, [jobs[0], jobs[0]]) == "the results of job 0 and job 1 overlap"
     with pytest.raises(TypeError, match=r"job 1: expected \(Skin, array, array, str\["):
         sinew.skin_all([jobs[1], ("skin", matrices, out, method)])
@@ -325,8 +339,7 @@ def test_another_rest_shape_is_checked_first(random):
     wrong = positions.copy()
     wrong[7, 1] = np.nan
     assert said(skin.set_rest_positions, wrong) == "the rest position of vertex 7 is not finite"
-    assert said(skin.set_rest_positions, positions[:19]) == \
-        "positions has 57 numbers; the skin has 60 (20 x 3)"
+    assert said(skin.set_rest_positions, positions[:19]) == "positions has 57 numbers; the skin has 60 (20 x 3)"
     assert said(skin.set_rest_positions, positions.ravel()) == "positions has shape (60,); expected (V, 3)"
     assert np.array_equal(skin.rest_positions, positions)
 
@@ -347,11 +360,11 @@ def test_one_scaled_joint_is_its_matrix(random):
     matrices, frames, _, _ = scaled_joints(random, 6)
     points = random.random((600, 3))
     skin = sinew.Skin.from_dense(points, np.repeat(np.eye(6), 100, axis=0))
-    expected = np.einsum("vrc,vc->vr", np.repeat(matrices, 100, axis=0).astype(float),
-                         np.column_stack([points, np.ones(600)]))[:, :3]
+    expected = np.einsum(
+        "vrc,vc->vr", np.repeat(matrices, 100, axis=0).astype(float), np.column_stack([points, np.ones(600)])
+    )[:, :3]
     for stretch in ("polar", "frame", "frame_each"):
-        moved = sinew.skin_dual_quaternion(
-            skin, matrices, None, stretch, None if stretch == "polar" else frames)
+        moved = sinew.skin_dual_quaternion(skin, matrices, None, stretch, None if stretch == "polar" else frames)
         assert np.abs(moved - expected).max() < 5e-6
 
 

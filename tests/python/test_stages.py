@@ -5,9 +5,9 @@ import threading
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import rigs
-import sinew_native as sinew
 from test_skeleton import said
 
 ROWS, COLUMNS = 40, 50
@@ -67,8 +67,11 @@ def test_topology(topology):
 
 def test_corrective_smooth(random, topology, shape):
     weights = random.random(V).astype(np.float32)
-    for group, effective in (({}, np.ones(V)), ({"weights": weights}, weights),
-                             ({"weights": weights.astype(float), "invert": True}, 1 - weights)):
+    for group, effective in (
+        ({}, np.ones(V)),
+        ({"weights": weights}, weights),
+        ({"weights": weights.astype(float), "invert": True}, 1 - weights),
+    ):
         smooth = sinew.CorrectiveSmooth(topology, **group)
         assert smooth.vertex_count == V
         only = applied(smooth.stage(0.3, 4, only_smooth=True), shape)
@@ -181,8 +184,11 @@ def test_several_threads_may_use_one(topology, shape):
 def test_what_has_nothing():
     nothing = np.zeros((0, 3), np.float32)
     empty = sinew.Topology(0, np.zeros((0, 2), int))
-    for stage in (sinew.Smooth(empty).stage(), sinew.CorrectiveSmooth(empty, nothing).stage(),
-                  sinew.Hook(0).stage(np.eye(4))):
+    for stage in (
+        sinew.Smooth(empty).stage(),
+        sinew.CorrectiveSmooth(empty, nothing).stage(),
+        sinew.Hook(0).stage(np.eye(4)),
+    ):
         stage.apply(nothing)
     loose = sinew.Topology(2, np.zeros((0, 2), int))
     shape = np.ones((2, 3), np.float32)
@@ -200,23 +206,33 @@ def test_refuses_what_it_is_made_of(topology):
     assert said(sinew.Topology, 3, edges.ravel()) == "edges has shape (6,); expected (E, 2)"
     assert said(sinew.Topology, 3, edges + 0.5) == "edges is float64; expected integers"
     assert said(sinew.Topology, 2, edges) == "edges names vertex 2; the mesh has 2 vertices"
-    assert said(sinew.Topology, 3, edges, face, corners + 3) == \
-        "corner_vertices names vertex 3; the mesh has 3 vertices"
-    assert said(sinew.Topology, 3, edges, corner_vertices=corners) == \
-        "face_offsets goes from 0 to 0; expected 0 to 3, the number of corners"
-    assert said(sinew.Topology, 3, edges[:2], face, corners) == \
-        "face 0 has a side from vertex 2 to vertex 0, which is none of the edges"
+    assert (
+        said(sinew.Topology, 3, edges, face, corners + 3) == "corner_vertices names vertex 3; the mesh has 3 vertices"
+    )
+    assert (
+        said(sinew.Topology, 3, edges, corner_vertices=corners)
+        == "face_offsets goes from 0 to 0; expected 0 to 3, the number of corners"
+    )
+    assert (
+        said(sinew.Topology, 3, edges[:2], face, corners)
+        == "face 0 has a side from vertex 2 to vertex 0, which is none of the edges"
+    )
     for kind in (sinew.Smooth, sinew.CorrectiveSmooth):
         assert said(kind, topology, weights=np.ones(3)) == "weights has 3 numbers; the mesh has 2,000 vertices"
         assert said(kind, topology, weights=np.full(V, np.nan)) == "weights is not finite at vertex 0"
-    assert said(sinew.CorrectiveSmooth, topology, np.zeros((3, 3))) == \
-        "rest_positions has shape (3, 3); expected (2000, 3)"
-    assert said(sinew.CorrectiveSmooth, topology, np.zeros((0, 3))) == \
-        "rest_positions has shape (0, 3); expected (2000, 3)"
-    assert said(sinew.CorrectiveSmooth, topology, np.full((V, 3), np.inf)) == \
-        "rest_positions is not finite at vertex 0"
-    assert said(sinew.CorrectiveSmooth, topology, corner_angle="exact") == \
-        'there is no corner_angle "exact"; expected polynomial or arc_cosine'
+    assert (
+        said(sinew.CorrectiveSmooth, topology, np.zeros((3, 3)))
+        == "rest_positions has shape (3, 3); expected (2000, 3)"
+    )
+    assert (
+        said(sinew.CorrectiveSmooth, topology, np.zeros((0, 3)))
+        == "rest_positions has shape (0, 3); expected (2000, 3)"
+    )
+    assert said(sinew.CorrectiveSmooth, topology, np.full((V, 3), np.inf)) == "rest_positions is not finite at vertex 0"
+    assert (
+        said(sinew.CorrectiveSmooth, topology, corner_angle="exact")
+        == 'there is no corner_angle "exact"; expected polynomial or arc_cosine'
+    )
     assert said(sinew.Hook, 3, face) == "vertices names vertex 3; the mesh has 3 vertices"
     assert said(sinew.Hook, 3, weights=np.ones(1)) == "weights has 1 number; the mesh has 3 vertices"
 
@@ -225,18 +241,21 @@ def test_refuses_settings(topology, shape):
     smooth = sinew.CorrectiveSmooth(topology, shape)
     assert said(smooth.stage, float("nan")) == "factor is nan; expected a finite number"
     assert said(smooth.stage, scale=float("inf")) == "scale is inf; expected a finite number"
-    assert said(smooth.stage, smooth_type="SIMPLE") == \
-        'there is no smooth_type "SIMPLE"; expected simple or length_weighted'
-    assert said(sinew.CorrectiveSmooth(topology).stage) == \
-        "there are no rest positions; expected some, or only_smooth"
+    assert (
+        said(smooth.stage, smooth_type="SIMPLE")
+        == 'there is no smooth_type "SIMPLE"; expected simple or length_weighted'
+    )
+    assert said(sinew.CorrectiveSmooth(topology).stage) == "there are no rest positions; expected some, or only_smooth"
     assert said(smooth.set_rest_positions, shape[:3]) == "rest_positions has 9 numbers; expected 6,000 (2000 x 3)"
     assert said(sinew.Smooth(topology).stage, float("nan")) == "factor is nan; expected a finite number"
     hook = sinew.Hook(V)
     assert said(hook.stage, np.eye(3)) == "matrix has shape (3, 3); expected (4, 4)"
     assert said(hook.stage, np.full((4, 4), np.nan)) == "matrix is not finite"
-    assert said(hook.stage, np.eye(4), falloff="curve") == \
-        'there is no falloff "curve"; expected one of none, constant, linear, smooth, sharp, root, sphere, ' \
+    assert (
+        said(hook.stage, np.eye(4), falloff="curve")
+        == 'there is no falloff "curve"; expected one of none, constant, linear, smooth, sharp, root, sphere, '
         "inverse_square"
+    )
     assert said(hook.stage, np.eye(4), uniform=np.eye(4)) == "uniform has shape (4, 4); expected (3, 3)"
 
 
@@ -249,12 +268,18 @@ def test_refuses_what_it_works_on(topology, shape):
     shape.setflags(write=False)
     assert said(stage.apply, shape) == "positions is read-only"
     deformer, out = sinew.Deformer(vertex_count=V), np.zeros((V, 3), np.float32)
-    assert said(deformer.deform, [], out, rest_positions=shape, stages=[stage, 7]) == \
-        "stage 1 is no Stage; expected what stage(...) of a hook or a smoothing gives"
-    assert said(deformer.deform, [], out, rest_positions=shape, stages=[sinew.Hook(3).stage(np.eye(4))]) == \
-        "stage 0 has 3 vertices; the deformer has 2,000"
-    assert said(deformer.deform, [], out, rest_positions=shape, stages=[stage], milliseconds=np.zeros(3)) == \
-        "milliseconds has shape (3,); expected (2,)"
+    assert (
+        said(deformer.deform, [], out, rest_positions=shape, stages=[stage, 7])
+        == "stage 1 is no Stage; expected what stage(...) of a hook or a smoothing gives"
+    )
+    assert (
+        said(deformer.deform, [], out, rest_positions=shape, stages=[sinew.Hook(3).stage(np.eye(4))])
+        == "stage 0 has 3 vertices; the deformer has 2,000"
+    )
+    assert (
+        said(deformer.deform, [], out, rest_positions=shape, stages=[stage], milliseconds=np.zeros(3))
+        == "milliseconds has shape (3,); expected (2,)"
+    )
     assert said(deformer.deform, [], out) == "there are no layers and no shape keys; expected rest_positions"
     keys = sinew.ShapeKeys([shape], [0])
     assert said(sinew.Deformer, [], keys, V) == "there is a vertex_count beside layers or keys; expected one"

@@ -7,7 +7,6 @@ from types import WrapperDescriptorType
 
 import numpy as np
 import pytest
-
 import sinew_native as sinew
 
 STUB = Path(__file__).resolve().parents[2] / "native" / "bindings" / "sinew_native.pyi"
@@ -57,13 +56,20 @@ def members_of_stub(node):
 
 def members_of_class(cls):
     kinds = {property: "property", staticmethod: "staticmethod"}
-    return {name: kinds.get(type(value), "method") for name, value in vars(cls).items()
-            if is_public(name) and not isinstance(value, WrapperDescriptorType)}  # has no constructor
+    return {
+        name: kinds.get(type(value), "method")
+        for name, value in vars(cls).items()
+        if is_public(name) and not isinstance(value, WrapperDescriptorType)
+    }  # has no constructor
 
 
 def test_docstrings_are_understood():
-    assert of_docstring("f(self: a.B, x: Dict[str, int] = {}, *, y: Tuple[int, ...]) -> None\n\nz") == \
-        [("self", False), ("x", True), ("*", False), ("y", False)]
+    assert of_docstring("f(self: a.B, x: Dict[str, int] = {}, *, y: Tuple[int, ...]) -> None\n\nz") == [
+        ("self", False),
+        ("x", True),
+        ("*", False),
+        ("y", False),
+    ]
     assert of_docstring("f() -> int") == []
 
 
@@ -86,8 +92,7 @@ def methods():
     for name, node in CLASSES.items():
         for function in node.body:
             if isinstance(function, ast.FunctionDef) and kind_of_stub(function) != "property":
-                yield pytest.param(getattr(getattr(sinew, name), function.name), function,
-                                   id=f"{name}.{function.name}")
+                yield pytest.param(getattr(getattr(sinew, name), function.name), function, id=f"{name}.{function.name}")
     for function in FUNCTIONS:
         yield pytest.param(getattr(sinew, function.name), function, id=function.name)
 
@@ -104,18 +109,31 @@ def samples():
     skeleton = sinew.RigSkeleton(np.array([-1]), np.zeros((1, 3)), np.ones((1, 3)), np.array([0]))
     one = np.eye(4, dtype=np.float32)[None]
     poses = sinew.PoseClip(np.array([[[1.0, 0, 0, 0]]]))
-    rig = sinew.Rig(np.zeros((3, 3)), np.array([0, 3]), np.array([0, 1, 2]), skeleton, np.ones((3, 1)),
-                    poses, one[None])
+    rig = sinew.Rig(
+        np.zeros((3, 3)), np.array([0, 3]), np.array([0, 1, 2]), skeleton, np.ones((3, 1)), poses, one[None]
+    )
     skin = sinew.Skin.from_dense(np.zeros((1, 3)), np.ones((1, 1)))
     layer, keys = sinew.Layer(skin, "linear"), sinew.ShapeKeys([np.zeros((1, 3))], np.array([0]))
     numbers = np.array([0])
     bends = sinew.Bends(numbers, np.array([0, 1]), numbers, np.ones(1), numbers, np.array([1]), np.zeros((1, 4)))
     topology = sinew.Topology(1, np.zeros((0, 2), int))
     hook = sinew.Hook(1)
-    return {"Topology": topology, "Smooth": sinew.Smooth(topology), "Hook": hook, "Stage": hook.stage(np.eye(4)),
-            "CorrectiveSmooth": sinew.CorrectiveSmooth(topology), "Bends": bends, "Skeleton": sinew.Skeleton(np.array([-1]), one), "RigSkeleton": skeleton,
-            "PoseClip": poses, "Rig": rig, "Skin": skin, "Layer": layer, "ShapeKeys": keys,
-            "Deformer": sinew.Deformer([layer], keys)}
+    return {
+        "Topology": topology,
+        "Smooth": sinew.Smooth(topology),
+        "Hook": hook,
+        "Stage": hook.stage(np.eye(4)),
+        "CorrectiveSmooth": sinew.CorrectiveSmooth(topology),
+        "Bends": bends,
+        "Skeleton": sinew.Skeleton(np.array([-1]), one),
+        "RigSkeleton": skeleton,
+        "PoseClip": poses,
+        "Rig": rig,
+        "Skin": skin,
+        "Layer": layer,
+        "ShapeKeys": keys,
+        "Deformer": sinew.Deformer([layer], keys),
+    }
 
 
 @pytest.mark.parametrize("name", CLASSES)

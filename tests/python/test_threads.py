@@ -5,9 +5,9 @@ import threading
 
 import numpy as np
 import pytest
+import sinew_native as sinew
 
 import rigs
-import sinew_native as sinew
 from test_skeleton import said
 
 SKELETON, _, _ = rigs.skeleton(np.random.default_rng(1), 60)
@@ -31,8 +31,7 @@ def test_thread_count():
     for count in (1, 2, 1024):
         sinew.set_thread_count(count)
         assert sinew.thread_count() == min(count, machine)
-    assert said(sinew.set_thread_count, -1) == \
-        "the thread count is -1; expected 0 (all) or a positive number"
+    assert said(sinew.set_thread_count, -1) == "the thread count is -1; expected 0 (all) or a positive number"
     assert sinew.thread_count() == machine
 
 
@@ -71,14 +70,16 @@ def file_calls(tmp_path_factory):
         "write_skeleton": lambda: sinew.write_skeleton(bf, skeleton),
         "read_skeleton": lambda: sinew.read_skeleton(bf),
         "write_rig": lambda: sinew.write_rig(folder, rig),
-        "read_rig": lambda: sinew.read_rig(folder)}
+        "read_rig": lambda: sinew.read_rig(folder),
+    }
     for write in "write_dmat", "write_skeleton", "write_rig":
         calls[write]()
     return calls
 
 
-@pytest.mark.parametrize("name", [
-    "write_dmat", "read_dmat", "write_skeleton", "read_skeleton", "write_rig", "read_rig"])
+@pytest.mark.parametrize(
+    "name", ["write_dmat", "read_dmat", "write_skeleton", "read_skeleton", "write_rig", "read_rig"]
+)
 def test_files_are_read_and_written_without_the_gil(file_calls, name):
     assert_runs_beside(file_calls[name])
 

@@ -11,15 +11,17 @@ from pathlib import Path
 import pytest
 
 LIBRARY = Path(os.environ["SINEW_BUILD"]) / "native" / "libsinew.a"
-pytestmark = pytest.mark.skipif(platform.machine() != "x86_64" or not shutil.which("objdump"),
-                                reason="reads x86-64 code with objdump")
+pytestmark = pytest.mark.skipif(
+    platform.machine() != "x86_64" or not shutil.which("objdump"), reason="reads x86-64 code with objdump"
+)
 
 
 @pytest.fixture(scope="module")
 def functions():
     """{name: [instruction]} of everything in the kernels' object file."""
-    text = subprocess.run(["objdump", "-d", "-C", "--no-show-raw-insn", LIBRARY], check=True,
-                          capture_output=True, text=True).stdout
+    text = subprocess.run(
+        ["objdump", "-d", "-C", "--no-show-raw-insn", LIBRARY], check=True, capture_output=True, text=True
+    ).stdout
     result = {}
     for line in text.splitlines():
         if header := re.match(r"[0-9a-f]+ <(.*)>:$", line):
@@ -30,8 +32,7 @@ def functions():
 
 
 def code(functions, target, kernel):
-    own = [lines for name, lines in functions.items()
-           if f"{target}::" in name and re.search(rf"::{kernel}\(", name)]
+    own = [lines for name, lines in functions.items() if f"{target}::" in name and re.search(rf"::{kernel}\(", name)]
     assert own, f"no {kernel} for {target}"
     return [line for lines in own for line in lines]
 

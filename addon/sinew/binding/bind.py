@@ -79,8 +79,10 @@ def bind_anew(ob):
             if output == "MODIFIER":
                 raise
             bind(ob, armature, source=source, is_shown=False)
-            notice.show(f"{ob.name} has the output Modifier now, for Blender's own modifier deforms it: "
-                        f"{characters.of(ob).way.reason}")
+            notice.show(
+                f"{ob.name} has the output Modifier now, for Blender's own modifier deforms it: "
+                f"{characters.of(ob).way.reason}"
+            )
     except BindingError as error:
         notice.show(f"{error} (it was bound by Sinew 0.1, and Blender's own modifier deforms it now)")
 
@@ -147,7 +149,7 @@ def displaced_modifiers(ob):
     own = nodes.find_modifier(ob)
     if own is None or meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:  # it did not come first
         return []
-    before = list(ob.modifiers)[:ob.modifiers.find(own.name)]
+    before = list(ob.modifiers)[: ob.modifiers.find(own.name)]
     return [modifier for modifier in before if modifier.type in ways.WANTS_DEFORM_ONLY]
 
 
@@ -221,18 +223,28 @@ def release_if_undone(ob):
     in for are switched off if its own was applied, for they would deform the mesh again."""
     has_hook, taken = wiring.carrier_of(ob) is not None, [modifier.name for modifier in wiring.taken_modifiers(ob)]
     attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
-    if (ob.data.is_editmode or ob.library or ob.override_library
-            or old_files.is_old(ob) or has_hook and (attribute is None or nodes.find_modifier(ob))):
+    if (
+        ob.data.is_editmode
+        or ob.library
+        or ob.override_library
+        or old_files.is_old(ob)
+        or has_hook
+        and (attribute is None or nodes.find_modifier(ob))
+    ):
         return False
     may_be_applied = attribute is not None and (taken or ob.sinew.last_armature is None)
     was_applied = may_be_applied and characters.of(ob).has_taken(
-        meshes.read_positions(ob.data), meshes.read_attribute(attribute))
+        meshes.read_positions(ob.data), meshes.read_attribute(attribute)
+    )
     stood_in_for = (*taken, *runs.of(ob, taken).stages)
     unbind(ob)
     for name in stood_in_for if was_applied else ():
         ob.modifiers[name].show_viewport = ob.modifiers[name].show_render = False
-    notice.show(f"{ob.name} has taken its shape for good and is no longer bound to Sinew" if was_applied else
-                f"{ob.name} has lost the modifier that Sinew needs and is no longer bound to it")
+    notice.show(
+        f"{ob.name} has taken its shape for good and is no longer bound to Sinew"
+        if was_applied
+        else f"{ob.name} has lost the modifier that Sinew needs and is no longer bound to it"
+    )
     return True
 
 

@@ -11,15 +11,14 @@ class BindingError(Exception):
 def armature_modifier(ob, armature=None):
     """The mesh's first Armature modifier (on this armature), or None."""
     for modifier in ob.modifiers:
-        if (modifier.type == "ARMATURE" and modifier.object is not None
-                and armature in (None, modifier.object)):
+        if modifier.type == "ARMATURE" and modifier.object is not None and armature in (None, modifier.object):
             return modifier
     return None
 
 
 def first_of_mix(ob, modifier):
     """The modifier with which the mix begins that `modifier` is part of, or itself."""
-    before = list(ob.modifiers)[:ob.modifiers.find(modifier.name)]
+    before = list(ob.modifiers)[: ob.modifiers.find(modifier.name)]
     first = modifier
     while before and first.use_multi_modifier and before[-1].type == "ARMATURE":
         first = before.pop()
@@ -70,7 +69,8 @@ def check_bindable(ob, armature):
         raise BindingError(f"{ob.name} is the deformed copy of {ob.sinew.copy_of.name}: bind that one")
     if ob.library:
         raise BindingError(
-            f"{ob.name} is linked from another file; make a library override of it first, or bind it there")
+            f"{ob.name} is linked from another file; make a library override of it first, or bind it there"
+        )
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
     if armature is None:
@@ -81,21 +81,23 @@ def check_bindable(ob, armature):
     if ob.parent == armature and ob.parent_type == "ARMATURE":
         raise BindingError(
             f"{ob.name} is deformed by its parent {armature.name} itself (parent type Armature), which Sinew cannot "
-            "stand in for: parent it to the object and give it an Armature modifier")
+            "stand in for: parent it to the object and give it an Armature modifier"
+        )
     replaced = armature_modifier(ob, armature)
     if replaced and first_of_mix(ob, replaced) != replaced:
         raise BindingError(
             f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
-            f"bind the mesh to {first_of_mix(ob, replaced).object.name}")
+            f"bind the mesh to {first_of_mix(ob, replaced).object.name}"
+        )
     held = {*wiring.SHOWS, wiring.CARRIER}
     for modifier in modifiers_to_take(ob, armature):
         animated = held.intersection(animation.animated_properties(ob, modifier))
         if animated and modifier not in wiring.taken_modifiers(ob):
             raise BindingError(
                 f"{modifier.name} of {ob.name} is switched by drivers or keyframes ({', '.join(sorted(animated))}), "
-                "and Sinew has to switch it itself: remove these first")
+                "and Sinew has to switch it itself: remove these first"
+            )
     if replaced and replaced.use_bone_envelopes:
         return
     if not has_group_of(ob, armature):
-        raise BindingError(
-            f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
+        raise BindingError(f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")

@@ -26,8 +26,10 @@ def check(ob, taken, sharer_count, gets_armature=False):
     it."""
     way = ways.foresee(ob, ob.data, taken, sharer_count, gets_armature=gets_armature)
     if not way.in_pass:
-        raise OutputError(f"{ob.name} cannot have the output Mesh, for Blender's own modifier deforms it: "
-                          f"{way.reason}. Mend that first, or use the output Modifier")
+        raise OutputError(
+            f"{ob.name} cannot have the output Mesh, for Blender's own modifier deforms it: "
+            f"{way.reason}. Mend that first, or use the output Modifier"
+        )
 
 
 def find(ob):

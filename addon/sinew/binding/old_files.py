@@ -1,6 +1,6 @@
 """Files of Sinew 0.1: there the Armature modifier of a bound mesh was switched off and taken off its armature, and
 frame handlers deformed. The output Mesh wrote the shape into the mesh itself, with the rest shape in an attribute; a
-later version left the modifier where it was, but bound to nothing. Such a mesh is bound anew when its file is opened."""
+later version left the modifier where it was, but bound to nothing. Such a mesh is bound anew when its file opens."""
 
 import bpy
 
@@ -15,10 +15,18 @@ def is_old(ob):
     settings, own = ob.sinew, nodes.find_modifier(ob)
     if not settings.is_bound or ob.library is not None:
         return False
-    return bool(settings.held) or wiring.carrier_of(ob) is None and bool(
-        len(settings.replaced) or ANCHOR in ob
-        or settings.last_armature is None and meshes.point_attribute(ob.data, REST_ATTRIBUTE)
-        or own and own.node_group[nodes.VERSION_PROPERTY] < nodes.NODE_GROUP_VERSION)
+    return (
+        bool(settings.held)
+        or wiring.carrier_of(ob) is None
+        and bool(
+            len(settings.replaced)
+            or ANCHOR in ob
+            or settings.last_armature is None
+            and meshes.point_attribute(ob.data, REST_ATTRIBUTE)
+            or own
+            and own.node_group[nodes.VERSION_PROPERTY] < nodes.NODE_GROUP_VERSION
+        )
+    )
 
 
 def give_back(ob):

@@ -3,7 +3,14 @@ object how the clip of an imported rig plays."""
 
 import bpy
 from bpy.props import (
-    BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..session import characters, in_pass
 from . import bind, deformed_copy, wiring
@@ -12,19 +19,25 @@ from .old_files import SinewReplacedModifier
 
 METHODS = (
     ("LINEAR", "Linear", "Linear blend skinning: what the Armature modifier does by default"),
-    ("DUAL_QUATERNION", "Dual Quaternion",
-     "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
-     "modifier does with Preserve Volume"),
+    (
+        "DUAL_QUATERNION",
+        "Dual Quaternion",
+        "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
+        "modifier does with Preserve Volume",
+    ),
 )
 SOURCES = (
     ("CLIP", "Rig's Poses", "The poses that were imported with the rig; the armature follows them"),
-    ("ARMATURE", "Armature", "The armature as Blender poses it: keyframes, constraints, drivers, "
-     "posing by hand"),
+    ("ARMATURE", "Armature", "The armature as Blender poses it: keyframes, constraints, drivers, posing by hand"),
 )
 OUTPUT_ITEMS = (
     ("MODIFIER", "Modifier", "Show the shape through a modifier: the mesh keeps its rest shape"),
-    ("MESH", "Mesh", "Show it, and write it on each frame into the vertices of a hidden copy of the object as well, for "
-     "scripts and exporters that read a mesh's vertices"),
+    (
+        "MESH",
+        "Mesh",
+        "Show it, and write it on each frame into the vertices of a hidden copy of the object as well, for "
+        "scripts and exporters that read a mesh's vertices",
+    ),
 )
 CLIP_MODES = (
     ("REST", "Rest", "The rest pose"),
@@ -79,17 +92,34 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     """On mesh objects: `object.sinew`. What an Armature modifier can say, its own modifier says."""
 
     method: EnumProperty(
-        items=METHODS, name="Method", description="How the joints' motions are blended: the Armature modifier's "
-        "Preserve Volume", get=_read_method, set=_write_method)
+        items=METHODS,
+        name="Method",
+        description="How the joints' motions are blended: the Armature modifier's Preserve Volume",
+        get=_read_method,
+        set=_write_method,
+    )
     source: EnumProperty(
-        items=SOURCES, name="Pose", description="Where the pose comes from", default="ARMATURE",
-        update=_apply_source, override=OVERRIDE)
+        items=SOURCES,
+        name="Pose",
+        description="Where the pose comes from",
+        default="ARMATURE",
+        update=_apply_source,
+        override=OVERRIDE,
+    )
     output: EnumProperty(
-        items=OUTPUT_ITEMS, name="Output", description="Where the deformed positions go",
-        update=_apply_output, override=OVERRIDE)
+        items=OUTPUT_ITEMS,
+        name="Output",
+        description="Where the deformed positions go",
+        update=_apply_output,
+        override=OVERRIDE,
+    )
     show_shape: BoolProperty(
-        name="Deform", default=True, update=_apply_show_shape, override=OVERRIDE,
-        description="Write the deformed shape into the copy; off: the rest shape (output Mesh)")
+        name="Deform",
+        default=True,
+        update=_apply_show_shape,
+        override=OVERRIDE,
+        description="Write the deformed shape into the copy; off: the rest shape (output Mesh)",
+    )
 
     # Kept by bind.py, not for people to set.
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
@@ -97,8 +127,8 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
-    # Of a deformed copy (deformed_copy.py): the name of its object, how many vertices it was given, and of which edition
-    # of the object's mesh it is.
+    # Of a deformed copy (deformed_copy.py): the name of its object, how many vertices it was given, and of which
+    # edition of the object's mesh it is.
     copied_from: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
     copied_vertices: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
     copied_edition: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
@@ -106,7 +136,8 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     # Of older files, see old_files.py.
     held: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
     replaced: CollectionProperty(
-        type=SinewReplacedModifier, options={"HIDDEN"}, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
+        type=SinewReplacedModifier, options={"HIDDEN"}, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
+    )
 
     # Read by the hook of wiring.py.
     deform_now: FloatProperty(options={"HIDDEN"}, get=_deform_now)
@@ -145,20 +176,41 @@ class SinewClipSettings(bpy.types.PropertyGroup):
     """On armature objects: `object.sinew_clip`, how the imported poses play."""
 
     mode: EnumProperty(
-        items=CLIP_MODES, name="Mode", description="Which of the rig's poses is shown",
-        update=_apply_clip, override=OVERRIDE)
+        items=CLIP_MODES,
+        name="Mode",
+        description="Which of the rig's poses is shown",
+        update=_apply_clip,
+        override=OVERRIDE,
+    )
     factor: FloatProperty(
-        name="Factor", description="0 is the first pose, 1 the last", min=0.0, max=1.0,
-        default=1.0, subtype="FACTOR", update=_apply_clip, override=OVERRIDE)
+        name="Factor",
+        description="0 is the first pose, 1 the last",
+        min=0.0,
+        max=1.0,
+        default=1.0,
+        subtype="FACTOR",
+        update=_apply_clip,
+        override=OVERRIDE,
+    )
     frame_start: FloatProperty(
-        name="Start Frame", description="The scene's frame that shows the first pose", default=1.0,
-        update=_apply_clip, override=OVERRIDE)
+        name="Start Frame",
+        description="The scene's frame that shows the first pose",
+        default=1.0,
+        update=_apply_clip,
+        override=OVERRIDE,
+    )
     speed: FloatProperty(
-        name="Speed", description="Poses a frame", default=1.0, soft_min=-4.0, soft_max=4.0,
-        update=_apply_clip, override=OVERRIDE)
+        name="Speed",
+        description="Poses a frame",
+        default=1.0,
+        soft_min=-4.0,
+        soft_max=4.0,
+        update=_apply_clip,
+        override=OVERRIDE,
+    )
     loop: BoolProperty(
-        name="Loop", description="Begin again after the last pose", default=True,
-        update=_apply_clip, override=OVERRIDE)
+        name="Loop", description="Begin again after the last pose", default=True, update=_apply_clip, override=OVERRIDE
+    )
 
 
 CLASSES = (SinewReplacedModifier, SinewObjectSettings, SinewClipSettings)
@@ -167,10 +219,8 @@ CLASSES = (SinewReplacedModifier, SinewObjectSettings, SinewClipSettings)
 def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
-    bpy.types.Object.sinew = PointerProperty(
-        type=SinewObjectSettings, override=OVERRIDE)
-    bpy.types.Object.sinew_clip = PointerProperty(
-        type=SinewClipSettings, override=OVERRIDE)
+    bpy.types.Object.sinew = PointerProperty(type=SinewObjectSettings, override=OVERRIDE)
+    bpy.types.Object.sinew_clip = PointerProperty(type=SinewClipSettings, override=OVERRIDE)
 
 
 def unregister():

@@ -49,7 +49,7 @@ def of(ob, taken):
 def is_in_place(ob, own, taken, run):
     """Whether Sinew's modifier of that name, which puts the shape in place, has nothing before it but what Sinew
     stands in for. ob: original; taken: names of Armature modifiers; run: the Run behind them."""
-    before = list(ob.modifiers)[:ob.modifiers.find(own)]
+    before = list(ob.modifiers)[: ob.modifiers.find(own)]
     return all(modifier.name in taken or modifier.name in run.stages or _does_nothing(modifier) for modifier in before)
 
 

@@ -45,8 +45,10 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
         if modifier in taken[:1] or not taken:
             break
         if not nodes.is_sinew(modifier) and wiring.is_shown(modifier):
-            return Way(BLENDER, f"{modifier.name} comes before {taken[0].name}, and only Blender knows what it "
-                                "does to the shape")
+            return Way(
+                BLENDER,
+                f"{modifier.name} comes before {taken[0].name}, and only Blender knows what it does to the shape",
+            )
     idle = "" if taken or gets_armature else why_idle(ob.original)
     if idle:
         return Way(BLENDER, f"It {idle}")
@@ -62,8 +64,12 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
         return _through_keys(ob.original, mesh.shape_keys, taken)
     for modifier in ob.original.modifiers:
         if modifier.type in WANTS_DEFORM_ONLY:
-            return Way(BLENDER, f"{modifier.name} lets only deforming modifiers stand before it: give the mesh a "
-                                "shape key, and Sinew goes through that", wants_keys=True)
+            return Way(
+                BLENDER,
+                f"{modifier.name} lets only deforming modifiers stand before it: give the mesh a "
+                "shape key, and Sinew goes through that",
+                wants_keys=True,
+            )
     return Way(ATTRIBUTE)
 
 
@@ -83,10 +89,17 @@ def hangs_on_shape(ob, taken):
     """Whether it depends on where a vertex is what moves it, in ways of which Sinew works out the outcome but once:
     envelopes, and B-bones that are mapped along their curve."""
     groups = {group.name for group in ob.original.vertex_groups}
-    return any(modifier.use_bone_envelopes or any(
-        bone.use_deform and bone.name in groups and (
-            bone.use_envelope_multiply or bone.bbone_segments > 1 and armatures.is_curved(bone))
-        for bone in modifier.object.data.bones) for modifier in taken if modifier.object is not None)
+    return any(
+        modifier.use_bone_envelopes
+        or any(
+            bone.use_deform
+            and bone.name in groups
+            and (bone.use_envelope_multiply or bone.bbone_segments > 1 and armatures.is_curved(bone))
+            for bone in modifier.object.data.bones
+        )
+        for modifier in taken
+        if modifier.object is not None
+    )
 
 
 def _through_keys(ob, keys, taken):
@@ -97,8 +110,11 @@ def _through_keys(ob, keys, taken):
     if animation.is_muting_animated(keys):
         return Way(BLENDER, "The muting of a shape key is animated")
     if any(modifier.show_viewport != modifier.show_render for modifier in taken):
-        return Way(BLENDER, "Its Armature modifier is not shown alike in viewport and render, which cannot be told "
-                            "apart through shape keys")
+        return Way(
+            BLENDER,
+            "Its Armature modifier is not shown alike in viewport and render, which cannot be told "
+            "apart through shape keys",
+        )
     if taken and not wiring.is_shown(taken[0]):
         return Way(BLENDER, "Its Armature modifier is switched off")
     return Way(KEYS)

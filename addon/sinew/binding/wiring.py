@@ -31,16 +31,23 @@ def hook_of(ob, modifier):
 
 
 def _is_hook(curve):
-    return any(variable.type == "SINGLE_PROP" and variable.targets[0].data_path == HOOK
-               for variable in curve.driver.variables)
+    return any(
+        variable.type == "SINGLE_PROP" and variable.targets[0].data_path == HOOK for variable in curve.driver.variables
+    )
 
 
 def carrier_of(ob):
     """The modifier with the hook, or None. ob: original or evaluated."""
     if not ob.animation_data:
         return None
-    return next((modifier for modifier in ob.modifiers
-                 if modifier.type in {"ARMATURE", "NODES"} and hook_of(ob, modifier) is not None), None)
+    return next(
+        (
+            modifier
+            for modifier in ob.modifiers
+            if modifier.type in {"ARMATURE", "NODES"} and hook_of(ob, modifier) is not None
+        ),
+        None,
+    )
 
 
 def taken_modifiers(ob):
@@ -54,7 +61,7 @@ def mixed_modifiers(ob, modifier):
     shape as the first, and the two results are mixed. An ordinary modifier stands alone."""
     chain = [modifier]
     originals = ob.original.modifiers  # in an evaluated copy Sinew itself has switched them off
-    for later in list(ob.modifiers)[ob.modifiers.find(modifier.name) + 1:]:
+    for later in list(ob.modifiers)[ob.modifiers.find(modifier.name) + 1 :]:
         if later.type != "ARMATURE" or not later.use_multi_modifier:
             break
         if later.object is not None and is_shown(originals[later.name]):
@@ -67,8 +74,11 @@ def driven_settings(ob, modifiers):
     if not ob.animation_data:
         return []
     starts = tuple(path_of(modifier, "") for modifier in modifiers)
-    return [curve.data_path.rpartition(".")[2] for curve in ob.animation_data.drivers
-            if curve.data_path.startswith(starts) and not curve.data_path.endswith(CARRIER)]
+    return [
+        curve.data_path.rpartition(".")[2]
+        for curve in ob.animation_data.drivers
+        if curve.data_path.startswith(starts) and not curve.data_path.endswith(CARRIER)
+    ]
 
 
 def is_shown(modifier):
@@ -146,8 +156,11 @@ def bendy_bones(armature):
 def bendy_bones_of(hook):
     """The same, of those that a hook waits for."""
     targets = [variable.targets[0] for variable in hook.driver.variables if variable.type == "SINGLE_PROP"]
-    return frozenset((values.key_of(target.id), target.data_path) for target in targets
-                     if target.id is not None and target.data_path.startswith("pose."))
+    return frozenset(
+        (values.key_of(target.id), target.data_path)
+        for target in targets
+        if target.id is not None and target.data_path.startswith("pose.")
+    )
 
 
 def targets_of(hook):

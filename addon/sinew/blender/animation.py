@@ -16,7 +16,8 @@ def animated_paths(block):
         return set()
     actions = {data.action, *(strip.action for track in data.nla_tracks for strip in track.strips)} - {None}
     return {curve.data_path for curve in data.drivers} | {
-        curve.data_path for action in actions for curve in action_curves(action)}
+        curve.data_path for action in actions for curve in action_curves(action)
+    }
 
 
 def is_muting_animated(keys):
@@ -27,8 +28,9 @@ def is_muting_animated(keys):
 def action_curves(action):
     if hasattr(action, "fcurves"):  # before 5.0
         return list(action.fcurves)
-    return [curve for layer in action.layers for strip in layer.strips
-            for bag in strip.channelbags for curve in bag.fcurves]
+    return [
+        curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
+    ]
 
 
 def find_curve(block, path):
@@ -39,8 +41,18 @@ def find_curve(block, path):
     slot = getattr(data, "action_slot", None)  # 4.4 and later
     if slot is None:
         return data.action.fcurves.find(path)
-    return next((curve for layer in data.action.layers for strip in layer.strips for bag in strip.channelbags
-                 if bag.slot == slot for curve in bag.fcurves if curve.data_path == path), None)
+    return next(
+        (
+            curve
+            for layer in data.action.layers
+            for strip in layer.strips
+            for bag in strip.channelbags
+            if bag.slot == slot
+            for curve in bag.fcurves
+            if curve.data_path == path
+        ),
+        None,
+    )
 
 
 def find_driver(ob, path):

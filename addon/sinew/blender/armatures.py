@@ -4,14 +4,24 @@ import numpy as np
 from mathutils import Vector
 
 _BONE_NUMBERS = (
-    ("use_deform", 1, bool), ("use_envelope_multiply", 1, bool), ("bbone_segments", 1, np.int32),
-    ("matrix_local", 16, np.float32), ("length", 1, np.float32), ("head_radius", 1, np.float32),
-    ("tail_radius", 1, np.float32), ("envelope_distance", 1, np.float32),
-    ("envelope_weight", 1, np.float32), ("bbone_curveinx", 1, np.float32),
-    ("bbone_curveinz", 1, np.float32), ("bbone_curveoutx", 1, np.float32),
-    ("bbone_curveoutz", 1, np.float32), ("bbone_rollin", 1, np.float32),
-    ("bbone_rollout", 1, np.float32), ("bbone_easein", 1, np.float32),
-    ("bbone_easeout", 1, np.float32))
+    ("use_deform", 1, bool),
+    ("use_envelope_multiply", 1, bool),
+    ("bbone_segments", 1, np.int32),
+    ("matrix_local", 16, np.float32),
+    ("length", 1, np.float32),
+    ("head_radius", 1, np.float32),
+    ("tail_radius", 1, np.float32),
+    ("envelope_distance", 1, np.float32),
+    ("envelope_weight", 1, np.float32),
+    ("bbone_curveinx", 1, np.float32),
+    ("bbone_curveinz", 1, np.float32),
+    ("bbone_curveoutx", 1, np.float32),
+    ("bbone_curveoutz", 1, np.float32),
+    ("bbone_rollin", 1, np.float32),
+    ("bbone_rollout", 1, np.float32),
+    ("bbone_easein", 1, np.float32),
+    ("bbone_easeout", 1, np.float32),
+)
 
 
 def bone_signature(armature):
@@ -40,12 +50,18 @@ def read_bones(armature):
 
     rest = np.array([bone.matrix_local for bone in bones], np.float64).reshape(-1, 4, 4)
     return dict(
-        names=tuple(bone.name for bone in bones), deform=numbers("use_deform", bool), rest=rest,
-        length=numbers("length"), head_radius=numbers("head_radius"),
-        tail_radius=numbers("tail_radius"), envelope_distance=numbers("envelope_distance"),
-        envelope_weight=numbers("envelope_weight"), multiply=numbers("use_envelope_multiply", bool),
+        names=tuple(bone.name for bone in bones),
+        deform=numbers("use_deform", bool),
+        rest=rest,
+        length=numbers("length"),
+        head_radius=numbers("head_radius"),
+        tail_radius=numbers("tail_radius"),
+        envelope_distance=numbers("envelope_distance"),
+        envelope_weight=numbers("envelope_weight"),
+        multiply=numbers("use_envelope_multiply", bool),
         segments=numbers("bbone_segments", int),
-        curved=np.array([is_curved(bone) for bone in bones], bool))
+        curved=np.array([is_curved(bone) for bone in bones], bool),
+    )
 
 
 def read_channels(armature):
@@ -59,8 +75,9 @@ def read_channels(armature):
 def read_segments(armature, bone, rest=False):
     """(n + 1, 4, 4): the ends of a B-bone's n segments, space of the bone."""
     pose_bone = armature.pose.bones[bone]
-    return np.array([pose_bone.bbone_segment_matrix(k, rest=rest)
-                     for k in range(pose_bone.bone.bbone_segments + 1)], np.float64)
+    return np.array(
+        [pose_bone.bbone_segment_matrix(k, rest=rest) for k in range(pose_bone.bone.bbone_segments + 1)], np.float64
+    )
 
 
 def segment_at(armature, bone, point):

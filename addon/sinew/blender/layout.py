@@ -48,7 +48,7 @@ def parse(data):
 
     def words(place):
         (count,) = struct.unpack_from("<I", data, place)
-        parts = data[place + 4:].split(b"\0", count)[:count]
+        parts = data[place + 4 :].split(b"\0", count)[:count]
         return [part.decode() for part in parts], place + 4 + sum(map(len, parts)) + count
 
     names, place = words(after(b"NAME"))

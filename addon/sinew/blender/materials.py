@@ -1,8 +1,17 @@
 """What materials take from a mesh."""
 
 # Textures that take Generated coordinates where they are given none.
-_PROCEDURAL = {"TEX_BRICK", "TEX_CHECKER", "TEX_GABOR", "TEX_GRADIENT", "TEX_MAGIC", "TEX_MUSGRAVE", "TEX_NOISE",
-               "TEX_VORONOI", "TEX_WAVE"}
+_PROCEDURAL = {
+    "TEX_BRICK",
+    "TEX_CHECKER",
+    "TEX_GABOR",
+    "TEX_GRADIENT",
+    "TEX_MAGIC",
+    "TEX_MUSGRAVE",
+    "TEX_NOISE",
+    "TEX_VORONOI",
+    "TEX_WAVE",
+}
 
 
 def user_of_generated(ob):
@@ -18,12 +27,20 @@ def _uses_generated(tree, seen):
     if tree in seen:
         return False
     seen.add(tree)
-    return any(_takes_generated(node) or node.type == "GROUP" and node.node_tree is not None
-               and _uses_generated(node.node_tree, seen) for node in tree.nodes)
+    return any(
+        _takes_generated(node)
+        or node.type == "GROUP"
+        and node.node_tree is not None
+        and _uses_generated(node.node_tree, seen)
+        for node in tree.nodes
+    )
 
 
 def _takes_generated(node):
     if node.type == "TEX_COORD":
         return node.outputs["Generated"].is_linked
-    return (node.type in _PROCEDURAL and not node.inputs["Vector"].is_linked
-            and any(output.is_linked for output in node.outputs))
+    return (
+        node.type in _PROCEDURAL
+        and not node.inputs["Vector"].is_linked
+        and any(output.is_linked for output in node.outputs)
+    )

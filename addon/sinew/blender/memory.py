@@ -10,8 +10,8 @@ import functools
 
 import numpy as np
 
-from . import layout
 from ..native import sinew_native
+from . import layout
 
 host = sinew_native.host
 _SEEN = 0x53  # what a mark is
@@ -33,7 +33,7 @@ def region(struct, kind, member):
 _STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature"}
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _mark_offset(kind):
     return layout.structs()[_STRUCT_OF[kind]].padding()
 
@@ -66,6 +66,7 @@ def clear_mark(block, kind):
 
 
 # --- weights --------------------------------------------------------------------------------------
+
 
 def deform_vertices(mesh):
     """Address of the mesh's array of weights; 0 if it has none, None if it cannot be found."""
@@ -105,17 +106,22 @@ def _is_where_the_api_says(mesh, address):
 
 # --- poses ----------------------------------------------------------------------------------------
 
-@functools.lru_cache(maxsize=None)
+
+@functools.cache
 def pose_layout():
     """What `host.read_pose` takes."""
     kinds = layout.structs()
     bone, runtime = kinds["bPoseChannel"], kinds["bPoseChannel_Runtime"]
     start = bone.offset("runtime")
-    return (bone.offset("*next"), bone.offset("chan_mat"), start + runtime.offset("bbone_segments"),
-            start + runtime.offset("*bbone_deform_mats"))
+    return (
+        bone.offset("*next"),
+        bone.offset("chan_mat"),
+        start + runtime.offset("bbone_segments"),
+        start + runtime.offset("*bbone_deform_mats"),
+    )
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def posed_layout():
     """What `host.Shortcut` takes."""
     pose = layout.structs()["bPose"]
@@ -130,7 +136,8 @@ def read_pose(armature, first_joints, joint_counts, out):
 
 # --- shape keys -----------------------------------------------------------------------------------
 
-@functools.lru_cache(maxsize=None)
+
+@functools.cache
 def _key_layout():
     key = layout.structs()["KeyBlock"]
     return key.offset("flag"), key.offset("curval"), key.offset("*data"), key.offset("totelem")
@@ -186,6 +193,7 @@ def attribute_vectors(attribute, count):
 
 # --- bound positions of Corrective Smooth ----------------------------------------------------------
 
+
 def bound_count(modifier):
     """Of how many vertices a Corrective Smooth keeps the positions."""
     return ctypes.c_uint32.from_address(region(modifier, "CorrectiveSmoothModifierData", "bind_coords_num")[0]).value
@@ -203,7 +211,7 @@ _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
 _GROUPS, _ENVELOPES = 1, 2  # bits of an Armature modifier's way to bind
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _mode_offset():
     return layout.structs()["ModifierData"].offset("mode")
 
@@ -218,8 +226,11 @@ def bind_armature_modifier(modifier, groups, envelopes):
 def mode_switch(modifier, viewport, render):
     """(address, bits to clear, bits to set) of an int32 that switch a modifier of an evaluated object, before its
     modifiers are evaluated. Through the API it would count as an edit."""
-    return (modifier.as_pointer() + _mode_offset(), _VIEWPORT | _RENDER,
-            _VIEWPORT * bool(viewport) | _RENDER * bool(render))
+    return (
+        modifier.as_pointer() + _mode_offset(),
+        _VIEWPORT | _RENDER,
+        _VIEWPORT * bool(viewport) | _RENDER * bool(render),
+    )
 
 
 def switch_modifier(modifier, viewport, render):

@@ -127,6 +127,7 @@ def read_faces(mesh):
 
 # --- weights --------------------------------------------------------------------------------------
 
+
 def read_weights(mesh):
     """offsets (V + 1,) int64, groups (N,) int32, weights (N,) float32, in the order in which Blender stores them:
     dual quaternion skinning depends on it."""
@@ -177,8 +178,7 @@ def write_weights(mesh, dense):
         order = np.lexsort((-values, rows))
         vertices = bm.verts
         vertices.ensure_lookup_table()
-        for row, column, value in zip(
-                rows[order].tolist(), columns[order].tolist(), values[order].tolist()):
+        for row, column, value in zip(rows[order].tolist(), columns[order].tolist(), values[order].tolist()):
             vertices[row][layer][column] = value
         bm.to_mesh(mesh)
     finally:
@@ -195,6 +195,11 @@ def count_sharers(ob):
 def _may_be_evaluated(other, ob):
     """A linked object that is only there as what an override is made from is not."""
     reference = ob.override_library.reference if ob.override_library else None
-    return other != reference or bool(other.users_scene) or any(
-        each.instance_collection is not None and other.name in each.instance_collection.all_objects
-        for each in bpy.data.objects)
+    return (
+        other != reference
+        or bool(other.users_scene)
+        or any(
+            each.instance_collection is not None and other.name in each.instance_collection.all_objects
+            for each in bpy.data.objects
+        )
+    )

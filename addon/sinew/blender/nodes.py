@@ -10,8 +10,7 @@ POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the
 
 
 def is_sinew(modifier):
-    return (modifier.type == "NODES" and modifier.node_group is not None
-            and VERSION_PROPERTY in modifier.node_group)
+    return modifier.type == "NODES" and modifier.node_group is not None and VERSION_PROPERTY in modifier.node_group
 
 
 def find_modifier(ob):
@@ -50,8 +49,7 @@ def move_modifier(ob, modifier, index):
     """Raises ValueError where Blender does not allow it and it would make a difference."""
     _move(ob, modifier, index)
     place = ob.modifiers.find(modifier.name)
-    others = [m.name for m in ob.modifiers[index:place]
-              if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
+    others = [m.name for m in ob.modifiers[index:place] if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
     if others:
         raise ValueError(f"Blender does not let {modifier.name} be put before {others[0]} of {ob.name}")
 
@@ -116,6 +114,5 @@ def node_group():
 
 
 def forget_unused_groups():
-    for group in [g for g in bpy.data.node_groups
-                  if VERSION_PROPERTY in g and g.users == 0 and g.library is None]:
+    for group in [g for g in bpy.data.node_groups if VERSION_PROPERTY in g and g.users == 0 and g.library is None]:
         bpy.data.node_groups.remove(group)

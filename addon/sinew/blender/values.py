@@ -29,8 +29,7 @@ def relative_matrix(ob, armature):
     for each in ob, armature:
         if is_flat(each):
             raise Flat(f"{each.name} has a scale of 0 along an axis; give it another one")
-    return (np.linalg.inv(matrix_to_numpy(ob.matrix_world))
-            @ matrix_to_numpy(armature.matrix_world))
+    return np.linalg.inv(matrix_to_numpy(ob.matrix_world)) @ matrix_to_numpy(armature.matrix_world)
 
 
 def to_property(array):

@@ -30,8 +30,14 @@ class Contest:
 
 def deformed_meshes(objects):
     """Those that Sinew deforms, or an Armature modifier, or what Sinew could take over without one."""
-    return [ob for ob in objects if ob.type == "MESH" and (
-        ob.sinew.is_bound or any(modifier.type == "ARMATURE" for modifier in ob.modifiers) or not ways.why_idle(ob))]
+    return [
+        ob
+        for ob in objects
+        if ob.type == "MESH"
+        and (
+            ob.sinew.is_bound or any(modifier.type == "ARMATURE" for modifier in ob.modifiers) or not ways.why_idle(ob)
+        )
+    ]
 
 
 def set_up(output, frame_count):
@@ -106,7 +112,7 @@ def measure(contest):
     entries = [characters.character(ob) for ob, _ in contest.pairs]
     ours, theirs = [], []
     for start in range(0, len(contest.frames), BLOCK):
-        block = contest.frames[start:start + BLOCK]
+        block = contest.frames[start : start + BLOCK]
         ours += play(contest.scenes[0], block, entries)
         theirs += play_without_sinew(contest.scenes[1], block)
     for entry in entries:
@@ -146,8 +152,10 @@ def compare(contest):
     for frame in contest.frames:
         for scene in contest.scenes:
             scene.frame_set(frame)
-        ours, theirs = ([shape(ob, scene.view_layers[contest.layer].depsgraph) for ob in objects]
-                        for scene, objects in zip(contest.scenes, zip(*contest.pairs)))
+        ours, theirs = (
+            [shape(ob, scene.view_layers[contest.layer].depsgraph) for ob in objects]
+            for scene, objects in zip(contest.scenes, zip(*contest.pairs))
+        )
         first = first or ours
         distance = max(distance, *map(farthest, ours, theirs))
         motion = max(motion, *map(farthest, ours, first))

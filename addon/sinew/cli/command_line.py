@@ -24,9 +24,13 @@ from . import bench, command_options
 from .command_options import identifier, word
 
 BENCH_ROWS = (
-    ("pose_ms", "pose + forward kinematics"), ("skin_ms", "skinning"),
-    ("sinew_ms", "whole frame, Sinew"), ("modifier_ms", "whole frame, Armature modifier"),
-    ("largest_distance", "largest distance between the two"), ("largest_motion", "largest motion"))
+    ("pose_ms", "pose + forward kinematics"),
+    ("skin_ms", "skinning"),
+    ("sinew_ms", "whole frame, Sinew"),
+    ("modifier_ms", "whole frame, Armature modifier"),
+    ("largest_distance", "largest distance between the two"),
+    ("largest_motion", "largest motion"),
+)
 
 
 def run(arguments):
@@ -47,7 +51,7 @@ def run(arguments):
 
 def main():
     """Runs the words after `--` and ends the process."""
-    sys.exit(run(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []))
+    sys.exit(run(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []))
 
 
 def flush_blender():
@@ -57,6 +61,7 @@ def flush_blender():
 
 
 # --- commands: options -> JSON document, text -----------------------------------------------------
+
 
 def info(options):
     if options.profile:
@@ -117,8 +122,14 @@ def run_bench(options):
         if motion == 0:
             raise ValueError(f"nothing moves on these {options.frames} frames, so nothing can be measured")
         times = bench.measure(contest)
-        results.append({"method": method, **{f"{name}_ms": value for name, value in times.items()},
-                        "largest_distance": distance, "largest_motion": motion})
+        results.append(
+            {
+                "method": method,
+                **{f"{name}_ms": value for name, value in times.items()},
+                "largest_distance": distance,
+                "largest_motion": motion,
+            }
+        )
     return report_bench(options, contest, results)
 
 
@@ -126,6 +137,7 @@ COMMANDS = {"info": info, "import": import_, "export": export, "bench": run_benc
 
 
 # --- files ----------------------------------------------------------------------------------------
+
 
 def open_blend(path):
     """Whatever was referred to in the file that was open dies."""
@@ -161,8 +173,11 @@ def skeleton_path(path):
 
 def import_options(options):
     """Those that were given; the others as the importer has them."""
-    given = {field.name: getattr(options, field.name)
-             for field in dataclasses.fields(rig_import.ImportOptions) if hasattr(options, field.name)}
+    given = {
+        field.name: getattr(options, field.name)
+        for field in dataclasses.fields(rig_import.ImportOptions)
+        if hasattr(options, field.name)
+    }
     for name in {"method", "source", "output"}.intersection(given):
         given[name] = identifier(given[name])
     if given.get("convention") == "auto":
@@ -196,6 +211,7 @@ def chosen_mesh(name):
 
 # --- reports --------------------------------------------------------------------------------------
 
+
 def report_rig(path, options):
     folder, skeleton = os.path.split(path)
     rig = rig_import.read_rig(folder, skeleton, options)
@@ -220,10 +236,14 @@ def report_rig(path, options):
 def report_meshes(path, objects):
     meshes = [describe_mesh(ob) for ob in objects]
     rows = [("mesh", "vertices", "bones", "deformed by", "method", "pose", "output")]
-    rows += [tuple(mesh[key] if mesh[key] is not None else "" for key in (
-        "name", "vertices", "bones", "deformed_by", "method", "source", "output")) for mesh in meshes]
-    problems = [f"Sinew cannot deform {mesh['name']}: {mesh['problem']}"
-                for mesh in meshes if mesh["problem"]]
+    rows += [
+        tuple(
+            mesh[key] if mesh[key] is not None else ""
+            for key in ("name", "vertices", "bones", "deformed_by", "method", "source", "output")
+        )
+        for mesh in meshes
+    ]
+    problems = [f"Sinew cannot deform {mesh['name']}: {mesh['problem']}" for mesh in meshes if mesh["problem"]]
     text = table(rows) if meshes else "No mesh is deformed by an armature, shape keys or smoothing."
     return {"path": path, "meshes": meshes}, "\n".join([path, "", text, *problems])
 
@@ -231,19 +251,29 @@ def report_meshes(path, objects):
 def describe_mesh(ob):
     """What deforms it, and `problem`: why Sinew does not or could not, or None."""
     settings, armature = ob.sinew, bindable.find_armature(ob)
-    mesh = {"name": ob.name_full, "vertices": len(ob.data.vertices),
-            "armature": armature and armature.name, "bones": len(armature.data.bones) if armature else 0}
+    mesh = {
+        "name": ob.name_full,
+        "vertices": len(ob.data.vertices),
+        "armature": armature and armature.name,
+        "bones": len(armature.data.bones) if armature else 0,
+    }
     if settings.is_bound:
-        mesh |= {"deformed_by": "Sinew", "method": word(settings.method) if settings.modifiers else None,
-                 "source": word(settings.source) if settings.modifiers else None,
-                 "output": word(settings.installed_output)}
+        mesh |= {
+            "deformed_by": "Sinew",
+            "method": word(settings.method) if settings.modifiers else None,
+            "source": word(settings.source) if settings.modifiers else None,
+            "output": word(settings.installed_output),
+        }
     else:
         modifier = bindable.armature_modifier(ob) or next((m for m in ob.modifiers if m.type == "ARMATURE"), None)
         mesh |= {"deformed_by": "Blender", "method": None, "source": None, "output": None}
         if modifier is not None:
             preserves = modifier.use_deform_preserve_volume
-            mesh |= {"deformed_by": f"modifier {modifier.name}", "method": command_options.METHODS[preserves],
-                     "source": "armature"}
+            mesh |= {
+                "deformed_by": f"modifier {modifier.name}",
+                "method": command_options.METHODS[preserves],
+                "source": "armature",
+            }
     return mesh | {"problem": problem_of(ob)}
 
 
@@ -264,23 +294,40 @@ def problem_of(ob):
 
 def report_profile(path, profile):
     computer = {"blender": bpy.app.version_string, "cores": os.cpu_count()}
-    text = [f"{path}, {costs.heading(profile)}; Blender {bpy.app.version_string}, {os.cpu_count()} cores", "",
-            table([("object", "a frame", "Accelerate"), *costs.rows(profile)])]
+    text = [
+        f"{path}, {costs.heading(profile)}; Blender {bpy.app.version_string}, {os.cpu_count()} cores",
+        "",
+        table([("object", "a frame", "Accelerate"), *costs.rows(profile)]),
+    ]
     remarks = costs.remarks(profile)
     return {"path": path, **computer, **profile.document()}, "\n".join(text + ([""] + remarks if remarks else []))
 
 
 def report_bench(options, contest, results):
-    meshes = [{"name": ob.name, "vertices": len(ob.data.vertices),
-               "bones": len(ob.sinew.armature.data.bones) if ob.sinew.armature else 0} for ob, _ in contest.pairs]
+    meshes = [
+        {
+            "name": ob.name,
+            "vertices": len(ob.data.vertices),
+            "bones": len(ob.sinew.armature.data.bones) if ob.sinew.armature else 0,
+        }
+        for ob, _ in contest.pairs
+    ]
     document = {
-        "path": options.path, "blender": bpy.app.version_string, "cores": os.cpu_count(),
-        "frames": len(contest.frames), "output": options.output, "meshes": meshes,
-        "skipped": contest.skipped, "results": results}
+        "path": options.path,
+        "blender": bpy.app.version_string,
+        "cores": os.cpu_count(),
+        "frames": len(contest.frames),
+        "output": options.output,
+        "meshes": meshes,
+        "skipped": contest.skipped,
+        "results": results,
+    }
     heading = [f"{mesh['name']}: {mesh['vertices']:,} vertices, {mesh['bones']} bones" for mesh in meshes]
     heading += [f"by Blender in both: {why}" for why in contest.skipped.values()]
-    heading += [f"medians of {len(contest.frames)} frames, output {options.output}; "
-                f"Blender {bpy.app.version_string}, {os.cpu_count()} cores"]
+    heading += [
+        f"medians of {len(contest.frames)} frames, output {options.output}; "
+        f"Blender {bpy.app.version_string}, {os.cpu_count()} cores"
+    ]
     rows = [("milliseconds a frame", *(result["method"] for result in results))]
     rows += [(label, *(result[name] for result in results)) for name, label in BENCH_ROWS]
     return document, "\n".join([*heading, "", table(rows)])
@@ -291,8 +338,9 @@ def table(rows):
     cells = [[cell if isinstance(cell, str) else number_text(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells)]
     pads = [str.ljust if isinstance(cell, str) else str.rjust for cell in rows[-1]]
-    return "\n".join("  ".join(pad(cell, width) for pad, cell, width in zip(pads, row, widths)).rstrip()
-                     for row in cells)
+    return "\n".join(
+        "  ".join(pad(cell, width) for pad, cell, width in zip(pads, row, widths)).rstrip() for row in cells
+    )
 
 
 def number_text(number):

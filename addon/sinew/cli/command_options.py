@@ -11,8 +11,10 @@ METHODS = ("linear", "dual-quaternion")
 def make_parser():
     """Its `command` is the name of the command; what is not given of a rig's options is not there."""
     parser = argparse.ArgumentParser(
-        prog="sinew", description="Skeletal deformation with a native core.",
-        epilog="Exit codes: 0 done, 1 not to be done (stderr says why), 2 wrong usage.")
+        prog="sinew",
+        description="Skeletal deformation with a native core.",
+        epilog="Exit codes: 0 done, 1 not to be done (stderr says why), 2 wrong usage.",
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     add_info(commands)
     add_import(commands)
@@ -28,80 +30,122 @@ def add_command(commands, name, summary):
 
 
 def add_info(commands):
-    command = add_command(
-        commands, "info", "what is in a rig folder, or which meshes of a .blend an armature deforms")
-    command.add_argument("path", metavar="PATH", type=os.path.abspath,
-                         help="a rig folder, its skeleton file, or a .blend")
-    command.add_argument("--profile", action="store_true",
-                         help="of a .blend: play its scene and list what evaluating each object costs, dearest first, "
-                         "and what Accelerate would save; nothing is saved")
-    command.add_argument("--frames", metavar="A-B", type=frame_range,
-                         help=f"those to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
-                         "(the scene's; --frames=-5-10 from a negative one on)")
+    command = add_command(commands, "info", "what is in a rig folder, or which meshes of a .blend an armature deforms")
+    command.add_argument(
+        "path", metavar="PATH", type=os.path.abspath, help="a rig folder, its skeleton file, or a .blend"
+    )
+    command.add_argument(
+        "--profile",
+        action="store_true",
+        help="of a .blend: play its scene and list what evaluating each object costs, dearest first, "
+        "and what Accelerate would save; nothing is saved",
+    )
+    command.add_argument(
+        "--frames",
+        metavar="A-B",
+        type=frame_range,
+        help=f"those to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
+        "(the scene's; --frames=-5-10 from a negative one on)",
+    )
     add_file_options(command)
 
 
 def add_import(commands):
     command = add_command(commands, "import", "make a .blend from a rig folder")
-    command.add_argument("path", metavar="FOLDER", type=os.path.abspath,
-                         help="the rig folder, or its skeleton file")
-    command.add_argument("-o", "--output", dest="blend", metavar="FILE.blend", type=blend_path,
-                         required=True, help="where to save it")
+    command.add_argument("path", metavar="FOLDER", type=os.path.abspath, help="the rig folder, or its skeleton file")
+    command.add_argument(
+        "-o", "--output", dest="blend", metavar="FILE.blend", type=blend_path, required=True, help="where to save it"
+    )
     add_file_options(command)
     group = command.add_argument_group("the scene", argument_default=argparse.SUPPRESS)
-    group.add_argument("--up-axis", type=identifier, choices=("Y", "Z"),
-                       help="the axis of the files that points up (Y)")
+    group.add_argument(
+        "--up-axis", type=identifier, choices=("Y", "Z"), help="the axis of the files that points up (Y)"
+    )
     group.add_argument("--scale", metavar="S", type=positive_number, help="size of the imported rig (1)")
     group.add_argument("--method", choices=METHODS, help="how the joints' motions are blended (linear)")
-    group.add_argument("--source", choices=("clip", "armature"),
-                       help="where the pose comes from: the rig's own poses, or the armature (clip)")
-    group.add_argument("--frame-rate", metavar="N", type=positive_number,
-                       help="poses a second in the file, played at the scene's rate (a pose a frame)")
-    group.add_argument("--keep-frame-range", dest="set_frame_range", action="store_false",
-                       help="do not end the scene with the last pose")
+    group.add_argument(
+        "--source",
+        choices=("clip", "armature"),
+        help="where the pose comes from: the rig's own poses, or the armature (clip)",
+    )
+    group.add_argument(
+        "--frame-rate",
+        metavar="N",
+        type=positive_number,
+        help="poses a second in the file, played at the scene's rate (a pose a frame)",
+    )
+    group.add_argument(
+        "--keep-frame-range",
+        dest="set_frame_range",
+        action="store_false",
+        help="do not end the scene with the last pose",
+    )
     add_output_kind(group)
 
 
 def add_export(commands):
     command = add_command(commands, "export", "write a character of a .blend as a rig folder")
     command.add_argument("path", metavar="FILE.blend", type=blend_path)
-    command.add_argument("folder", metavar="FOLDER", type=os.path.abspath,
-                         help="made if it is missing")
+    command.add_argument("folder", metavar="FOLDER", type=os.path.abspath, help="made if it is missing")
     command.add_argument("--object", metavar="NAME", help="which mesh, if several are deformed")
-    command.add_argument("--animation", choices=("auto", "frames", "none"), default="auto",
-                         help="auto (the default): the imported poses if they are what one sees, else the scene's "
-                         "frames if the armature is animated; frames: always those")
-    command.add_argument("--up-axis", type=identifier, choices=("Y", "Z"), default="Y",
-                         help="the axis of the files that is the mesh's Z axis, if it was not imported (Y)")
+    command.add_argument(
+        "--animation",
+        choices=("auto", "frames", "none"),
+        default="auto",
+        help="auto (the default): the imported poses if they are what one sees, else the scene's "
+        "frames if the armature is animated; frames: always those",
+    )
+    command.add_argument(
+        "--up-axis",
+        type=identifier,
+        choices=("Y", "Z"),
+        default="Y",
+        help="the axis of the files that is the mesh's Z axis, if it was not imported (Y)",
+    )
 
 
 def add_bench(commands):
-    command = add_command(
-        commands, "bench", "how long a frame takes by Sinew and by Blender's Armature modifier")
-    command.add_argument("path", metavar="PATH", type=os.path.abspath,
-                         help="a rig folder, its skeleton file, or a .blend, whose deformed meshes on show "
-                         "are measured together; nothing is saved")
-    command.add_argument("--frames", metavar="N", type=positive_integer, default=40,
-                         help="how many frames, from the scene's first on (40)")
+    command = add_command(commands, "bench", "how long a frame takes by Sinew and by Blender's Armature modifier")
+    command.add_argument(
+        "path",
+        metavar="PATH",
+        type=os.path.abspath,
+        help="a rig folder, its skeleton file, or a .blend, whose deformed meshes on show "
+        "are measured together; nothing is saved",
+    )
+    command.add_argument(
+        "--frames",
+        metavar="N",
+        type=positive_integer,
+        default=40,
+        help="how many frames, from the scene's first on (40)",
+    )
     command.add_argument("--method", dest="methods", choices=(*METHODS, "both"), default="both")
     add_output_kind(command, default="modifier")
     add_file_options(command)
 
 
 def add_file_options(command):
-    group = command.add_argument_group(
-        "how to read a rig folder", argument_default=argparse.SUPPRESS)
+    group = command.add_argument_group("how to read a rig folder", argument_default=argparse.SUPPRESS)
     group.add_argument("--mesh", metavar="FILE", help="its file beside the skeleton (mesh.obj)")
     group.add_argument("--weights", metavar="FILE", help="their file (weights.dmat)")
     group.add_argument("--pose", metavar="FILE", help="file of the poses (default: pose.dmat, else anim.dmat)")
-    group.add_argument("--convention", choices=("auto", "bone", "joint"),
-                       help="what a row of a .bf file stands for (auto: as the file says)")
+    group.add_argument(
+        "--convention",
+        choices=("auto", "bone", "joint"),
+        help="what a row of a .bf file stands for (auto: as the file says)",
+    )
     group.add_argument("--quaternion-order", choices=("wxyz", "xyzw"), help="in the poses (wxyz)")
 
 
 def add_output_kind(command, **default):
-    command.add_argument("--output-kind", dest="output", choices=("modifier", "mesh"), **default,
-                         help="where the shape goes: through a modifier (the default), or into a copy of the mesh as well")
+    command.add_argument(
+        "--output-kind",
+        dest="output",
+        choices=("modifier", "mesh"),
+        **default,
+        help="where the shape goes: through a modifier (the default), or into a copy of the mesh as well",
+    )
 
 
 def blend_path(word):

@@ -76,8 +76,7 @@ class MatrixClip:
         blend = time - before
 
         def mixed(frames):
-            return frames[before] if blend == 0 else (
-                (1 - blend) * frames[before] + blend * frames[after])
+            return frames[before] if blend == 0 else ((1 - blend) * frames[before] + blend * frames[after])
 
         rotation = mixed(self._rotations)
         rotation = rotation / np.linalg.norm(rotation, axis=-1, keepdims=True)

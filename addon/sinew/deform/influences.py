@@ -114,15 +114,20 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
     if bent.any():
         if not curved:
             bends = _bends(vertex, bone, weight, bent, bones)
-        vertex, joint, weight = _split_over_segments(
-            vertex, bone, joint, weight, bent, bones, points, segment_at)
+        vertex, joint, weight = _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at)
     counts = np.bincount(vertex, minlength=vertex_count)
     return Influences(
-        np.concatenate(([0], np.cumsum(counts))), joint.astype(np.int32), weight.astype(np.float32),
-        bones.joint_count, bool(multiplied.any() or rules.use_envelopes or curved), bends,
+        np.concatenate(([0], np.cumsum(counts))),
+        joint.astype(np.int32),
+        weight.astype(np.float32),
+        bones.joint_count,
+        bool(multiplied.any() or rules.use_envelopes or curved),
+        bends,
         unweighted_count=int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM)),
-        unnormalized_count=int(np.count_nonzero(
-            (given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN))))
+        unnormalized_count=int(
+            np.count_nonzero((given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN))
+        ),
+    )
 
 
 def _only(chosen, *arrays):
@@ -174,8 +179,15 @@ def _bends(vertex, bone, weight, bent, bones):
     own = np.isin(vertex, vertices)
     used, numbers = np.unique(bone[own], return_inverse=True)
     offsets = np.concatenate(([0], np.cumsum(np.bincount(vertex)[vertices])))
-    return Bends(vertices, offsets, numbers.astype(np.int32), weight[own].astype(np.float32),
-                 bones.first_joint[used], bones.segments[used], _axes(bones)[used])
+    return Bends(
+        vertices,
+        offsets,
+        numbers.astype(np.int32),
+        weight[own].astype(np.float32),
+        bones.first_joint[used],
+        bones.segments[used],
+        _axes(bones)[used],
+    )
 
 
 def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at):

@@ -14,8 +14,17 @@ LEAST_NOISE = 0.01  # below that no clock of a whole frame can be trusted
 # standard errors of a median of normal numbers, of which each difference has one and a half.
 NOISE_FACTOR = 3.2
 # What has a memory of the frames before is left alone.
-SIMULATIONS = {"CLOTH", "COLLISION", "DYNAMIC_PAINT", "EXPLODE", "FLUID", "OCEAN", "PARTICLE_INSTANCE", "PARTICLE_SYSTEM",
-               "SOFT_BODY"}
+SIMULATIONS = {
+    "CLOTH",
+    "COLLISION",
+    "DYNAMIC_PAINT",
+    "EXPLODE",
+    "FLUID",
+    "OCEAN",
+    "PARTICLE_INSTANCE",
+    "PARTICLE_SYSTEM",
+    "SOFT_BODY",
+}
 
 last = []  # the Profile that the panel shows, of the open file: names, never references
 
@@ -55,13 +64,14 @@ class Profile:
 
     def document(self):
         """As JSON has it."""
-        objects = [{**asdict(cost), "name": cost.name[0], "library": cost.name[1], "ms": cost.ms}
-                   for cost in self.objects]
+        objects = [
+            {**asdict(cost), "name": cost.name[0], "library": cost.name[1], "ms": cost.ms} for cost in self.objects
+        ]
         return {"frames": self.frames, "frame_ms": self.frame_ms, "noise_ms": self.noise_ms, "objects": objects}
 
 
 def parse_frames(words):
-    """"A-B" as (A, B); a frame may be negative. Raises ValueError."""
+    """ "A-B" as (A, B); a frame may be negative. Raises ValueError."""
     found = re.fullmatch(r"(-?\d+)-(-?\d+)", words)
     if not found:
         raise ValueError(f"{words} is not a range of frames such as 1-40")
@@ -91,7 +101,7 @@ def spread(first, last, most=MOST_FRAMES):
 
 
 def blocks(frames, size):
-    return [frames[start:start + size] for start in range(0, len(frames), size)]
+    return [frames[start : start + size] for start in range(0, len(frames), size)]
 
 
 def set_difference(parts, before, without, after):
@@ -136,7 +146,7 @@ def after_deforming(modifiers, deforming):
     """Names of what follows the deforming ones and can be switched off for a while. modifiers: (name, type) of those
     that are shown, in their order; deforming: the types that Sinew may take over."""
     kinds = [kind in deforming for _, kind in modifiers]
-    tail = modifiers[kinds.index(False):] if False in kinds else []
+    tail = modifiers[kinds.index(False) :] if False in kinds else []
     return {name for name, kind in tail if kind not in SIMULATIONS}
 
 
@@ -147,10 +157,12 @@ def about_subdivision(modifiers):
     if "SUBSURF" not in types:
         return []
     place = len(types) - 1 - types[::-1].index("SUBSURF")
-    name, later = modifiers[place][0], modifiers[place + 1:]
+    name, later = modifiers[place][0], modifiers[place + 1 :]
     if later:
-        return [f"{later[0][0]} comes after {name}, so the processor has to subdivide: put it before {name} or switch "
-                "it off in the viewport, and the graphics card can do it"]
+        return [
+            f"{later[0][0]} comes after {name}, so the processor has to subdivide: put it before {name} or switch "
+            "it off in the viewport, and the graphics card can do it"
+        ]
     return [f"{name} is left to the graphics card or to drawing, and what it takes there is not in these numbers"]
 
 

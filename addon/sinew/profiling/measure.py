@@ -1,9 +1,9 @@
 """Plays frames of the open scene and measures what its objects cost.
 
 Where Blender has a clock for each modifier (4.x and later), that is read. Whatever else is known by its absence: a few
-frames are played with it, without it, and with it again; all of it without the modifiers
-that do not matter there, next to which it would be lost in the noise. Each absence ends with the block of frames for which
-it was made, so between two steps of `steps` the file is as it was.
+frames are played with it, without it, and with it again; all of it without the modifiers that do not matter there,
+next to which it would be lost in the noise. Each absence ends with the block of frames for which it was made,
+so between two steps of `steps` the file is as it was.
 """
 
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ from ..session.stages import KINDS
 from . import costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
-# What is played: everything, or what Sinew may take over without what follows that, or keys and Armature modifiers alone.
+# What is played: everything, what Sinew may take over without what follows that, or keys and Armature modifiers.
 WHOLE, DEFORMED, BARE = range(3)
 BLOCK = 10  # frames in a row that one absence lasts
 HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
@@ -70,8 +70,12 @@ def _measure(context, scene, frames):
     for subject in subjects:
         subject.conclude()
     whole = rounds[0]
-    return costs.Profile(frames, median(whole.before + whole.after), costs.noise(whole.before, whole.after),
-                         costs.order([subject.cost for subject in subjects]))
+    return costs.Profile(
+        frames,
+        median(whole.before + whole.after),
+        costs.noise(whole.before, whole.after),
+        costs.order([subject.cost for subject in subjects]),
+    )
 
 
 class _Round:
@@ -84,6 +88,7 @@ class _Round:
 
     def steps(self, context, scene, frames, subjects):
         """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
+
         def play(times, subjects=()):
             with _switched_off(self._off):
                 times += _play(context, scene, frames, subjects)
@@ -125,8 +130,9 @@ def _subjects(context):
     """The objects on show, also in instances, and the armatures that they hang on."""
     depsgraph = context.evaluated_depsgraph_get()
     shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
-    armatures = dict.fromkeys(block.original for block in depsgraph.ids
-                              if isinstance(block, bpy.types.Object) and block.type == "ARMATURE")
+    armatures = dict.fromkeys(
+        block.original for block in depsgraph.ids if isinstance(block, bpy.types.Object) and block.type == "ARMATURE"
+    )
     found = [_Subject(ob, depsgraph) for ob in {**shown, **armatures}]
     _share_keys(found)
     for subject in found:
@@ -164,8 +170,9 @@ class _Subject:
         self.is_deformed_by_sinew = False
         evaluated = ob.evaluated_get(depsgraph)
         if ob.type == "ARMATURE":
-            self._add_absence(Part("Pose", "POSE", None, DIFFERENCE), _at_rest, ob.data,
-                              _is_animated(ob.data, "pose_position"), BARE)
+            self._add_absence(
+                Part("Pose", "POSE", None, DIFFERENCE), _at_rest, ob.data, _is_animated(ob.data, "pose_position"), BARE
+            )
         if ob.type == "MESH" and ob.sinew.is_bound:
             self._add_own()
         self._add_modifiers(evaluated)
@@ -189,7 +196,11 @@ class _Subject:
             is_animated = "show_viewport" in animation.animated_properties(self.ob, original)
             if modifier.name in tail and not is_animated:
                 self.off[DEFORMED].append(original)
-            if modifier.type not in {"ARMATURE", *costs.SIMULATIONS} and not is_animated and not nodes.is_sinew(modifier):
+            if (
+                modifier.type not in {"ARMATURE", *costs.SIMULATIONS}
+                and not is_animated
+                and not nodes.is_sinew(modifier)
+            ):
                 self.off[BARE].append(original)
             part = Part(modifier.name, modifier.type, None, CLOCK)
             if HAS_CLOCK and self.ob.type == "MESH":
@@ -200,8 +211,9 @@ class _Subject:
                 self.cost.parts.append(part)
             elif not nodes.is_sinew(modifier):
                 part.how = DIFFERENCE
-                self._add_absence(part, _switched_off, [original], is_animated,
-                                  WHOLE if modifier.name in tail else DEFORMED)
+                self._add_absence(
+                    part, _switched_off, [original], is_animated, WHOLE if modifier.name in tail else DEFORMED
+                )
         if getattr(bpy.context.preferences.system, "use_gpu_subdivision", False):
             self.cost.remarks += costs.about_subdivision(kinds)
 
@@ -260,6 +272,7 @@ class _Absence:
 
 # --- absences: context managers that leave nothing behind ------------------------------------------
 
+
 @contextmanager
 def _at_rest(armature):
     """armature: the data-block."""
@@ -298,8 +311,11 @@ def _muted(keys):
 def bound_for_now(ob):
     """Yields the runtime side of a mesh that is bound meanwhile. Raises BindingError."""
     settings = ob.sinew
-    kept = {name: getattr(settings, name) if settings.is_property_set(name) else None
-            for name, setting in settings.bl_rna.properties.items() if not setting.is_readonly}
+    kept = {
+        name: getattr(settings, name) if settings.is_property_set(name) else None
+        for name, setting in settings.bl_rna.properties.items()
+        if not setting.is_readonly
+    }
     active = ob.modifiers.active
     active = active and active.name
     bind.bind(ob, bindable.armature_to_bind(ob))

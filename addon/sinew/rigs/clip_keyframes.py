@@ -48,8 +48,7 @@ def insert(scene, armature, first, last, shown=progress.SILENT):
 
 def new_curve(armature, action, data_path, component, group):
     if hasattr(action, "fcurve_ensure_for_datablock"):  # 5.0 and later: actions have slots
-        return action.fcurve_ensure_for_datablock(
-            armature, data_path, index=component, group_name=group)
+        return action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
     return action.fcurves.new(data_path, index=component, action_group=group)
 
 

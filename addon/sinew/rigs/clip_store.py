@@ -64,7 +64,9 @@ def load_skeleton(armature_data):
         values.from_property(clip["heads"], float, (-1, 3)),
         values.from_property(clip["tails"], float, (-1, 3)),
         values.from_property(clip["weight_columns"], np.int32, -1),
-        names, clip["convention"])
+        names,
+        clip["convention"],
+    )
 
 
 def load_poses(armature_data):
@@ -84,8 +86,7 @@ def load_poses(armature_data):
 
 def own_joints(armature):
     """(B,) the joint that each pose bone stands for, -1 for bones that somebody added."""
-    return np.array(
-        [bone.bone.get(JOINT_PROPERTY, -1) for bone in armature.pose.bones], np.int32)
+    return np.array([bone.bone.get(JOINT_PROPERTY, -1) for bone in armature.pose.bones], np.int32)
 
 
 def bones_are_where_they_were(armature):

@@ -47,19 +47,32 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
         matrices = sample_frames(context, ob, armature, joints, len(names), shown)
         matrices = files_from_mesh @ matrices @ np.linalg.inv(files_from_mesh)
 
-    left = [name for name, written in (("pose.dmat", poses), ("anim.dmat", matrices))
-            if written is None and os.path.exists(os.path.join(folder, name))]
+    left = [
+        name
+        for name, written in (("pose.dmat", poses), ("anim.dmat", matrices))
+        if written is None and os.path.exists(os.path.join(folder, name))
+    ]
     if left:
-        raise ValueError(f"{folder} has {left[0]} of another rig, which would be read with this one; remove it, "
-                         "or choose another folder")
+        raise ValueError(
+            f"{folder} has {left[0]} of another rig, which would be read with this one; remove it, "
+            "or choose another folder"
+        )
     mesh = ob.data
     face_offsets, face_vertices, face_materials = meshes.read_faces(mesh)
     material_names = [material.name if material else "none" for material in mesh.materials]
     library = "mesh.mtl" if material_names else ""
     rig = sinew_native.Rig(
-        transformed(files_from_mesh, meshes.read_positions(mesh)), face_offsets, face_vertices, skeleton,
-        dense_weights(ob, names, skeleton.weight_columns), poses, matrices,
-        np.minimum(face_materials, len(material_names) - 1) if material_names else None, material_names, library)
+        transformed(files_from_mesh, meshes.read_positions(mesh)),
+        face_offsets,
+        face_vertices,
+        skeleton,
+        dense_weights(ob, names, skeleton.weight_columns),
+        poses,
+        matrices,
+        np.minimum(face_materials, len(material_names) - 1) if material_names else None,
+        material_names,
+        library,
+    )
     sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
     if library:
         write_colors(os.path.join(folder, library), mesh.materials)
@@ -74,8 +87,7 @@ def skeleton_from_bones(armature, files_from_armature):
     heads = transformed(files_from_armature, np.array([bone.head_local for bone in bones], float))
     tails = transformed(files_from_armature, np.array([bone.tail_local for bone in bones], float))
     names = [bone.name for bone in bones]
-    skeleton = sinew_native.RigSkeleton(
-        parents, heads, tails, np.arange(len(bones)), names, "joint")
+    skeleton = sinew_native.RigSkeleton(parents, heads, tails, np.arange(len(bones)), names, "joint")
     return skeleton, names
 
 
@@ -83,8 +95,7 @@ def dense_weights(ob, names, columns):
     """(V, columns): the weights of each joint's vertex group, as they stand in the mesh."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
-    column_of_group = np.array(
-        [column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
+    column_of_group = np.array([column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
     column = column_of_group[groups]
     rows = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     dense = np.zeros((len(offsets) - 1, int(np.max(columns, initial=-1)) + 1))
@@ -100,8 +111,7 @@ def sample_frames(context, ob, armature, joints, joint_count, shown):
     frames = []
     try:
         for frame in range(scene.frame_start, scene.frame_end + 1):
-            shown.step((frame - scene.frame_start) / (scene.frame_end + 1 - scene.frame_start),
-                       f"frame {frame}")
+            shown.step((frame - scene.frame_start) / (scene.frame_end + 1 - scene.frame_start), f"frame {frame}")
             scene.frame_set(frame)
             depsgraph = context.evaluated_depsgraph_get()
             evaluated = armature.evaluated_get(depsgraph)

@@ -60,8 +60,13 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
         set_playback(scene, armature, options)
         context.view_layer.update()
         shown.step(0.8, f"binding {name}")
-        bind.bind(mesh_object, armature, options.output, options.method,
-                  options.source if clip_store.has_poses(armature.data) else "ARMATURE")
+        bind.bind(
+            mesh_object,
+            armature,
+            options.output,
+            options.method,
+            options.source if clip_store.has_poses(armature.data) else "ARMATURE",
+        )
     except Exception:
         remove(created)
         scene.frame_end = frame_end
@@ -91,8 +96,10 @@ def remark_on(rig, name):
     count = rig.clamped_weights
     if not count:
         return ""
-    return (f"{name} has {count:,} {'weight' if count == 1 else 'weights'} below 0 or above 1, which vertex groups "
-            "cannot hold: each became 0 or 1, and the weights of its vertex were divided by their sum")
+    return (
+        f"{name} has {count:,} {'weight' if count == 1 else 'weights'} below 0 or above 1, which vertex groups "
+        "cannot hold: each became 0 or 1, and the weights of its vertex were divided by their sum"
+    )
 
 
 def orientation(up_axis):
@@ -103,8 +110,14 @@ def orientation(up_axis):
 def read_rig(folder, skeleton_name, options):
     """The files as the options name and understand them. Raises ValueError or OSError."""
     return sinew_native.read_rig(
-        folder, skeleton=skeleton_name, mesh=options.mesh or None, weights=options.weights or None,
-        pose=options.pose or None, convention=options.convention, quaternion_order=options.quaternion_order)
+        folder,
+        skeleton=skeleton_name,
+        mesh=options.mesh or None,
+        weights=options.weights or None,
+        pose=options.pose or None,
+        convention=options.convention,
+        quaternion_order=options.quaternion_order,
+    )
 
 
 def set_playback(scene, armature, options):
@@ -142,8 +155,7 @@ def build_armature(context, name, rig, created):
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
             bones[joint].parent = bones[parent]
-            bones[joint].use_connect = bool(
-                may_connect and np.array_equal(heads[joint], tails[parent]))
+            bones[joint].use_connect = bool(may_connect and np.array_equal(heads[joint], tails[parent]))
     names = [bone.name for bone in bones]
     bpy.ops.object.mode_set(mode="OBJECT")
 
@@ -200,8 +212,7 @@ def assign_materials(mesh, rig, colors, created):
         if shader:
             shader.inputs["Base Color"].default_value = color
         mesh.materials.append(material)
-    mesh.polygons.foreach_set(
-        "material_index", np.maximum(rig.face_materials, 0).astype(np.int32))
+    mesh.polygons.foreach_set("material_index", np.maximum(rig.face_materials, 0).astype(np.int32))
 
 
 def read_colors(path):

@@ -119,8 +119,10 @@ class Character:
         if not targets <= wiring.targets_of(hook):
             return False
         return self.way.kind == ways.KEYS or (
-            self.own is not None and runs.is_in_place(ob.original, self.own, self.taken, self.run)
-            and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None)
+            self.own is not None
+            and runs.is_in_place(ob.original, self.own, self.taken, self.run)
+            and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None
+        )
 
     def _has_too_much(self, original):
         """Whether the file has what is there for the way through an attribute alone."""
@@ -133,8 +135,7 @@ class Character:
 
     def switch(self, ob, deforms):
         """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
-        wiring.switch(ob, self.taken, self.shown, self.binds, self.run, self.own, deforms,
-                      self.way.kind == ways.KEYS)
+        wiring.switch(ob, self.taken, self.shown, self.binds, self.run, self.own, deforms, self.way.kind == ways.KEYS)
 
     def hook_of(self, ob):
         """The hook of the object, or None."""
@@ -218,15 +219,18 @@ class Character:
                 self._rebuilds += layer is not None
                 self._check_wires(armature, layer is not None and layer.made_of != made_of)
                 layer = self.layers[number] = layers.make_layer(
-                    settings, self.weights, self._rest, armature, space, made_of, number)
+                    settings, self.weights, self._rest, armature, space, made_of, number
+                )
                 self.deformer = None
             channels = channels_of(modifier)
             found.append((layer.read_pose(armature) if channels is None else layer.with_channels(channels), space))
-        del self.layers[len(modifiers):]
+        del self.layers[len(modifiers) :]
         if self.deformer is None or len(found) != len(self.layers):
             self.deformer = sinew_native.Deformer(
-                [layer.native for layer in self.layers], self.keys and self.keys.native,
-                vertex_count=len(self._rest) if self.is_of_stages_alone() else None)
+                [layer.native for layer in self.layers],
+                self.keys and self.keys.native,
+                vertex_count=len(self._rest) if self.is_of_stages_alone() else None,
+            )
         return found
 
     def is_of_stages_alone(self):

@@ -119,6 +119,7 @@ def _gather():
 
 # --- what the main thread does for them -----------------------------------------------------------
 
+
 def keep_error(entry, error):
     """An error in one mesh is kept with it and said once, until a frame succeeds."""
     sentence = str(error)

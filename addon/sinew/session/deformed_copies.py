@@ -34,7 +34,7 @@ def follow(objects, depsgraph, changed):
         if not entry.is_copy_known or values.key_of(ob) in changed:
             try:
                 _follow_one(entry, ob, depsgraph)
-            except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
+            except Exception as error:
                 _say_once(ob, error)
 
 
@@ -64,8 +64,9 @@ def why_it_stays(ob):
     if not ob.visible_get():
         return f"while {ob.name} is hidden, for Blender does not evaluate it"
     if characters.of(ob).copy_stays:
-        return (f"while Blender's own modifier deforms {ob.name} among others, for the shape between them is not to be "
-                "had")
+        return (
+            f"while Blender's own modifier deforms {ob.name} among others, for the shape between them is not to be had"
+        )
     return ""
 
 

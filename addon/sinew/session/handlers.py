@@ -117,8 +117,10 @@ def receive_strangers(depsgraph):
                 characters.gather_again()
         elif ob.library is None and ob.override_library is None and nodes.find_modifier(ob):
             nodes.remove_modifiers(ob)
-            notice.show(f"{ob.name} has the modifiers of a mesh that is bound to Sinew: Blender's own ones deform "
-                        "it, until you bind it as well")
+            notice.show(
+                f"{ob.name} has the modifiers of a mesh that is bound to Sinew: Blender's own ones deform "
+                "it, until you bind it as well"
+            )
 
 
 def look_into_the_mail():

@@ -43,7 +43,7 @@ def deform_now(ob):
             shortcuts.learn(entry, ob)
     except (character.NotYetWired, values.Flat):  # flat: each version of Blender has its own way with that
         _stand_back(entry, ob)
-    except Exception as error:  # noqa: BLE001 - whatever it is, playback goes on
+    except Exception as error:
         characters.keep_error(entry, error)
         _stand_back(entry, ob)
 
@@ -54,7 +54,7 @@ def _stand_back(entry, ob):
     try:
         entry.switch(ob, False)
         _give_keys_back(entry, ob)
-    except Exception as error:  # noqa: BLE001 - a driver's getter must not raise
+    except Exception as error:
         characters.keep_error(entry, error)
 
 
@@ -76,8 +76,9 @@ def _prepare(entry, ob):
         entry.forget_keys()
         entry.take_rest(meshes.read_positions(mesh))
     count = len(mesh.vertices)
-    poses = entry.poses(ob, [ob.modifiers[name] for name in entry.taken],
-                        lambda modifier: posing.channels_of(ob, modifier.object))
+    poses = entry.poses(
+        ob, [ob.modifiers[name] for name in entry.taken], lambda modifier: posing.channels_of(ob, modifier.object)
+    )
     entry.check_it_pays()
     if entry.way.kind == ways.KEYS:
         out = memory.key_positions(addresses[0], count)
@@ -85,8 +86,9 @@ def _prepare(entry, ob):
         out = memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
     if out is None:
         out = np.empty((count, 3), np.float32)  # no vertex
-    in_order = entry.stages.at(ob, entry.run.stages,
-                               lambda: stages.Source(mesh, meshes.read_positions(mesh), entry.weights))
+    in_order = entry.stages.at(
+        ob, entry.run.stages, lambda: stages.Source(mesh, meshes.read_positions(mesh), entry.weights)
+    )
     return entry.deformer, poses, out, key_values, entry.rest_of_stages(), in_order
 
 

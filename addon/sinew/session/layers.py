@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..blender import armatures, memory, values
-from ..deform.influences import Bones, Influences, Rules, group_weights, influences
 from ..deform.clips import transformed
+from ..deform.influences import Bones, Influences, Rules, group_weights, influences
 from ..native import sinew_native
 
 # How Blender itself treats scaled bones when it preserves volume, ...
@@ -52,9 +52,13 @@ class Weights:
         return cls(offsets, groups, weights, names)
 
     def same_as(self, other):
-        return (other is not None and self.names == other.names
-                and np.array_equal(self.groups, other.groups) and np.array_equal(self.offsets, other.offsets)
-                and np.array_equal(self.weights, other.weights))
+        return (
+            other is not None
+            and self.names == other.names
+            and np.array_equal(self.groups, other.groups)
+            and np.array_equal(self.offsets, other.offsets)
+            and np.array_equal(self.weights, other.weights)
+        )
 
     def of_group(self, name):
         """(V,) or None if there is no such group."""
@@ -64,6 +68,7 @@ class Weights:
 
 
 # --- bones ----------------------------------------------------------------------------------------
+
 
 @dataclass
 class _Edition:
@@ -125,7 +130,8 @@ class Layer:
 
     def holds(self, made_of, mesh_from_armature):
         return self.made_of == made_of and (
-            not self.influences.hang_on_shape or self.space == _bytes(mesh_from_armature))
+            not self.influences.hang_on_shape or self.space == _bytes(mesh_from_armature)
+        )
 
     def read_pose(self, armature):
         """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
@@ -140,7 +146,7 @@ class Layer:
         used = self.bones.first_joint >= 0
         for bone in np.flatnonzero(used):
             first, count = self.bones.first_joint[bone], self.bones.joint_counts[bone]
-            numbers[first:first + count] = channels[bone].T
+            numbers[first : first + count] = channels[bone].T
         return numbers.transpose(0, 2, 1)
 
 
@@ -157,19 +163,25 @@ def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, n
     if number > 0:
         share, mask = _share(mask, len(rest)), None
     inverse = None if mesh_from_armature is None else np.linalg.pinv(mesh_from_armature)
-    own = influences(weights.offsets, bone_of_group[weights.groups], weights.weights, bones,
-                     Rules(settings.use_vertex_groups, settings.use_envelopes),
-                     transformed(inverse, rest.astype(np.float64)),
-                     lambda bone, point: armatures.segment_at(armature, bone, point))
+    own = influences(
+        weights.offsets,
+        bone_of_group[weights.groups],
+        weights.weights,
+        bones,
+        Rules(settings.use_vertex_groups, settings.use_envelopes),
+        transformed(inverse, rest.astype(np.float64)),
+        lambda bone, point: armatures.segment_at(armature, bone, point),
+    )
     rest_frames = None
     if settings.preserve_volume:
         rest_frames = np.tile(np.eye(4), (bones.joint_count + 1, 1, 1))
         for bone in np.flatnonzero(bones.first_joint >= 0):
             first, count = bones.first_joint[bone], bones.joint_counts[bone]
-            rest_frames[first:first + count] = bones.rest[bone]
+            rest_frames[first : first + count] = bones.rest[bone]
             if count > 1:
-                rest_frames[first:first + count] = bones.rest[bone] @ armatures.read_segments(
-                    armature, bone, rest=True)
+                rest_frames[first : first + count] = bones.rest[bone] @ armatures.read_segments(
+                    armature, bone, rest=True
+                )
     return _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mesh_from_armature)
 
 
@@ -181,12 +193,19 @@ def _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mes
     blank = np.tile(np.eye(4, dtype=np.float32), (bones.joint_count + 1, 1, 1))
     if own.bends is not None:
         how |= {"bends": sinew_native.Bends(**vars(own.bends)), "split_space": mesh_from_armature}
-    return Layer(sinew_native.Layer(skin, mask=mask, share=share, **how), skin, own, bones, made_of,
-                 _bytes(mesh_from_armature), blank)
+    return Layer(
+        sinew_native.Layer(skin, mask=mask, share=share, **how),
+        skin,
+        own,
+        bones,
+        made_of,
+        _bytes(mesh_from_armature),
+        blank,
+    )
 
 
 def space_between(ob, armature):
-    """(4, 4): from the space of the armature to that of the mesh object; None where they are one. Raises values.Flat."""
+    """(4, 4): from the armature's space to the mesh object's; None where they are one. Raises values.Flat."""
     if ob.matrix_world == armature.matrix_world and not values.is_flat(ob):
         return None
     return values.relative_matrix(ob, armature)

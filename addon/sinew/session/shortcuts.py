@@ -25,29 +25,46 @@ class Shortcut:
         target = wiring.target_of(entry.hook_of(ob), "mesh")
         self.mesh = target.id
         self.count = len(self.mesh.vertices)
-        watched = [memory.mark_region(ob, "OBJECT"), memory.region(ob, "Object", "mode"),
-                   memory.region(target, "DriverTarget", "*id"), memory.mark_region(self.mesh, "MESH")]
+        watched = [
+            memory.mark_region(ob, "OBJECT"),
+            memory.region(ob, "Object", "mode"),
+            memory.region(target, "DriverTarget", "*id"),
+            memory.mark_region(self.mesh, "MESH"),
+        ]
         for modifier, armature in zip(modifiers, self.armatures):
-            watched += [memory.region(modifier, "ArmatureModifierData", name)
-                        for name in ("deformflag", "multi", "defgrp_name", "*object")]
-            watched += [memory.region(armature, "Object", "mode"), memory.region(armature, "Object", "*data"),
-                        memory.mark_region(armature.data, "ARMATURE"), memory.region(armature.data, "bArmature", "flag")]
+            watched += [
+                memory.region(modifier, "ArmatureModifierData", name)
+                for name in ("deformflag", "multi", "defgrp_name", "*object")
+            ]
+            watched += [
+                memory.region(armature, "Object", "mode"),
+                memory.region(armature, "Object", "*data"),
+                memory.mark_region(armature.data, "ARMATURE"),
+                memory.region(armature.data, "bArmature", "flag"),
+            ]
         for modifier in behind:
             watched += stages.watched(modifier)
         switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in (*modifiers, *behind)]
         switches.append(memory.mode_switch(ob.modifiers[entry.own], *entry.run.shown))
-        poses = [(memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
-                 for layer, armature in zip(entry.layers, self.armatures)]
+        poses = [
+            (memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
+            for layer, armature in zip(entry.layers, self.armatures)
+        ]
         self.native = memory.host.Shortcut(self.deformer, watched, poses, memory.posed_layout(), switches)
 
     def holds(self, entry):
-        return (entry.is_made_with(self.deformer) and self.native.holds()
-                and all(layers.is_edition(*edition) for edition in self.editions))
+        return (
+            entry.is_made_with(self.deformer)
+            and self.native.holds()
+            and all(layers.is_edition(*edition) for edition in self.editions)
+        )
 
     def prepare(self, ob):
         """What its native half takes."""
-        return (memory.attribute_vectors(self.mesh.attributes[nodes.POSITION_ATTRIBUTE], self.count),
-                [layers.space_between(ob, armature) for armature in self.armatures])
+        return (
+            memory.attribute_vectors(self.mesh.attributes[nodes.POSITION_ATTRIBUTE], self.count),
+            [layers.space_between(ob, armature) for armature in self.armatures],
+        )
 
 
 def take(entry, ob):
@@ -72,13 +89,18 @@ def learn(entry, ob):
             known.clear()
         known[address] = None
     elif _is_plain(entry, ob):
-        known[address] = Shortcut(entry, ob, [ob.modifiers[name] for name in entry.taken],
-                                  [ob.modifiers[name] for name in entry.run.stages])
+        known[address] = Shortcut(
+            entry, ob, [ob.modifiers[name] for name in entry.taken], [ob.modifiers[name] for name in entry.run.stages]
+        )
 
 
 def _is_plain(entry, ob):
-    return (entry.way.kind == ways.ATTRIBUTE and entry.taken and entry.deformer.vertex_count > 0
-            and ob.sinew.source != "CLIP"
-            and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
-            and all(not layer.influences.hang_on_shape for layer in entry.layers)
-            and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken))
+    return (
+        entry.way.kind == ways.ATTRIBUTE
+        and entry.taken
+        and entry.deformer.vertex_count > 0
+        and ob.sinew.source != "CLIP"
+        and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
+        and all(not layer.influences.hang_on_shape for layer in entry.layers)
+        and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken)
+    )

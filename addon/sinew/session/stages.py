@@ -48,12 +48,14 @@ class CorrectiveSmooth:
     @staticmethod
     def make(modifier, topology, weights, rest):
         return sinew_native.CorrectiveSmooth(
-            topology, rest, weights, modifier.invert_vertex_group, modifier.use_pin_boundary, CORNER_ANGLE)
+            topology, rest, weights, modifier.invert_vertex_group, modifier.use_pin_boundary, CORNER_ANGLE
+        )
 
     @staticmethod
     def stage(native, _ob, modifier):
-        return native.stage(modifier.factor, modifier.iterations, modifier.scale, modifier.smooth_type.lower(),
-                            modifier.use_only_smooth)
+        return native.stage(
+            modifier.factor, modifier.iterations, modifier.scale, modifier.smooth_type.lower(), modifier.use_only_smooth
+        )
 
 
 class Smooth:
@@ -72,8 +74,9 @@ class Smooth:
     @staticmethod
     def stage(native, _ob, modifier):
         does_nothing = BEFORE_4_1 and modifier.vertex_group and modifier.factor < 0
-        return native.stage(modifier.factor, 0 if does_nothing else modifier.iterations,
-                            modifier.use_x, modifier.use_y, modifier.use_z)
+        return native.stage(
+            modifier.factor, 0 if does_nothing else modifier.iterations, modifier.use_x, modifier.use_y, modifier.use_z
+        )
 
 
 class Hook:
@@ -99,9 +102,14 @@ class Hook:
             place = place @ target.pose.bones[modifier.subtarget].matrix
         back = np.linalg.pinv(values.matrix_to_numpy(ob.matrix_world))
         inverse = values.matrix_to_numpy(modifier.matrix_inverse)
-        return native.stage(back @ values.matrix_to_numpy(place) @ inverse, modifier.strength,
-                            modifier.falloff_type.lower(), modifier.falloff_radius, tuple(modifier.center),
-                            inverse[:3, :3] if modifier.use_falloff_uniform else None)
+        return native.stage(
+            back @ values.matrix_to_numpy(place) @ inverse,
+            modifier.strength,
+            modifier.falloff_type.lower(),
+            modifier.falloff_radius,
+            tuple(modifier.center),
+            inverse[:3, :3] if modifier.use_falloff_uniform else None,
+        )
 
 
 KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
@@ -173,4 +181,5 @@ def _settings(kind, modifier):
 
 def _same(ours, theirs):
     return len(ours) == len(theirs) and all(
-        (a is None) == (b is None) and (a is None or np.array_equal(a, b)) for a, b in zip(ours, theirs))
+        (a is None) == (b is None) and (a is None or np.array_equal(a, b)) for a, b in zip(ours, theirs)
+    )

@@ -48,7 +48,7 @@ def measure(scene, progress):
             if sinew and perf_counter() - start > MOST_SECONDS:
                 break
             progress.step(first / MOST_FRAMES, "measuring frames")
-            block = frames[first:first + BLOCK]
+            block = frames[first : first + BLOCK]
             sinew += frame_times(scene, block)
             with character.StandAside():
                 blender += frame_times(scene, block)

@@ -36,31 +36,45 @@ def warnings(ob):
     found += _about_copy(ob)
     found += about_generated(ob)
     for modifier in doubles(ob):
-        found.append(Warning(f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
-                             ((RemoveDoubles.bl_idname, "Remove It"),), True))
+        found.append(
+            Warning(
+                f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
+                ((RemoveDoubles.bl_idname, "Remove It"),),
+                True,
+            )
+        )
     if entry is not None and entry.layers:
         influences = entry.layers[0].influences
         if influences.unweighted_count:
-            found.append(Warning(
-                f"{_vertices(influences.unweighted_count)} without a bone, left behind in the rest pose",
-                ((FillWeights.bl_idname, "Fill from Neighbors"), (SelectUnweighted.bl_idname, "Select")), True))
+            found.append(
+                Warning(
+                    f"{_vertices(influences.unweighted_count)} without a bone, left behind in the rest pose",
+                    ((FillWeights.bl_idname, "Fill from Neighbors"), (SelectUnweighted.bl_idname, "Select")),
+                    True,
+                )
+            )
         if influences.unnormalized_count:
-            found.append(Warning(
-                f"Weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
-                ((NormalizeWeights.bl_idname, "Normalize"),)))
-    if (armature is not None and ob.sinew.source == "CLIP"
-            and not clip_store.bones_are_where_they_were(armature)):
+            found.append(
+                Warning(
+                    f"Weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
+                    ((NormalizeWeights.bl_idname, "Normalize"),),
+                )
+            )
+    if armature is not None and ob.sinew.source == "CLIP" and not clip_store.bones_are_where_they_were(armature):
         found.append(Warning("Bones were moved since the import: the rig's poses do not fit", (), True))
     if bind.is_deleted(armature):
-        found.append(Warning(
-            f"{armature.name} was deleted from all collections, and still moves the mesh until you unbind it",
-            ((display.ToggleSkeleton.bl_idname, "Bring Back"), (Unbind.bl_idname, "Unbind")), True))
+        found.append(
+            Warning(
+                f"{armature.name} was deleted from all collections, and still moves the mesh until you unbind it",
+                ((display.ToggleSkeleton.bl_idname, "Bring Back"), (Unbind.bl_idname, "Unbind")),
+                True,
+            )
+        )
     elif armature is not None and not armature.visible_get():
         found.append(Warning(f"{armature.name} is hidden", ((display.ToggleSkeleton.bl_idname, "Show"),)))
     sharers = ob.data.users - ob.data.use_fake_user
     if sharers > 1:
-        found.append(Warning(f"{sharers} objects share this mesh",
-                             ((MakeSingleUser.bl_idname, "Make Single User"),)))
+        found.append(Warning(f"{sharers} objects share this mesh", ((MakeSingleUser.bl_idname, "Make Single User"),)))
     return found
 
 
@@ -74,17 +88,27 @@ def about_generated(ob):
     material = materials.user_of_generated(ob) if ob.data.shape_keys is None else None
     if material is None:
         return []
-    return [Warning(f"{material} uses Generated coordinates, which move with the shape on a mesh without shape keys",
-                    ((KeepGenerated.bl_idname, "Keep Generated"),))]
+    return [
+        Warning(
+            f"{material} uses Generated coordinates, which move with the shape on a mesh without shape keys",
+            ((KeepGenerated.bl_idname, "Keep Generated"),),
+        )
+    ]
 
 
 def doubles(ob):
     """Armature modifiers that are at work beside Sinew on an armature of its own, as parenting a bound mesh
     anew makes them."""
     ours = ob.sinew.modifiers
-    return [modifier for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object is not None
-            and modifier not in ours and modifier.object in [own.object for own in ours]
-            and (modifier.show_viewport or modifier.show_render)]
+    return [
+        modifier
+        for modifier in ob.modifiers
+        if modifier.type == "ARMATURE"
+        and modifier.object is not None
+        and modifier not in ours
+        and modifier.object in [own.object for own in ours]
+        and (modifier.show_viewport or modifier.show_render)
+    ]
 
 
 def _lower(sentence):
@@ -102,9 +126,14 @@ def bone_weights(ob):
     bones = ob.sinew.armature.data.bones
     deforming = [group.name in bones and bones[group.name].use_deform for group in ob.vertex_groups]
     groups, weights = groups.tolist(), weights.tolist()
-    return [{groups[i]: weights[i] for i in range(first, last)
-             if groups[i] >= 0 and deforming[groups[i]] and weights[i] > 0}
-            for first, last in zip(offsets[:-1].tolist(), offsets[1:].tolist())]
+    return [
+        {
+            groups[i]: weights[i]
+            for i in range(first, last)
+            if groups[i] >= 0 and deforming[groups[i]] and weights[i] > 0
+        }
+        for first, last in zip(offsets[:-1].tolist(), offsets[1:].tolist())
+    ]
 
 
 class _Cure:
@@ -114,10 +143,15 @@ class _Cure:
     @classmethod
     def poll(cls, context):
         ob = context.active_object
-        return (ob is not None and ob.type == "MESH" and ob.sinew.is_bound
-                and (ob.sinew.armature is not None or not cls.wants_armature)
-                and ob.library is None and ob.data.library is None
-                and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
+        return (
+            ob is not None
+            and ob.type == "MESH"
+            and ob.sinew.is_bound
+            and (ob.sinew.armature is not None or not cls.wants_armature)
+            and ob.library is None
+            and ob.data.library is None
+            and ob.mode in {"OBJECT", "WEIGHT_PAINT"}
+        )
 
 
 class KeepGenerated(bpy.types.Operator):
@@ -131,8 +165,14 @@ class KeepGenerated(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         ob = context.active_object
-        return (ob is not None and ob.type == "MESH" and ob.library is None and ob.data.library is None
-                and ob.data.shape_keys is None and ob.mode in {"OBJECT", "WEIGHT_PAINT"})
+        return (
+            ob is not None
+            and ob.type == "MESH"
+            and ob.library is None
+            and ob.data.library is None
+            and ob.data.shape_keys is None
+            and ob.mode in {"OBJECT", "WEIGHT_PAINT"}
+        )
 
     def execute(self, context):
         ob = context.active_object

@@ -17,15 +17,20 @@ GOLDEN = 0.618034  # neighbours in the list of groups get colours far apart
 def weight_colors(offsets, groups, weights, group_count):
     """(V, 4) float32: each group's colour, mixed by the weights, which need not sum to 1. The rest as
     `meshes.read_weights` gives it."""
-    palette = np.array([colorsys.hsv_to_rgb(i * GOLDEN % 1, 0.75 if i % 2 else 0.9, 0.85 if i % 3 else 0.6)
-                        for i in range(group_count)]).reshape(-1, 3)
+    palette = np.array(
+        [
+            colorsys.hsv_to_rgb(i * GOLDEN % 1, 0.75 if i % 2 else 0.9, 0.85 if i % 3 else 0.6)
+            for i in range(group_count)
+        ]
+    ).reshape(-1, 3)
     vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     used = groups >= 0
     colors = np.zeros((len(offsets) - 1, 3))
     sums = np.bincount(vertex[used], weights[used], minlength=len(colors))
     for channel in range(3):
         colors[:, channel] = np.bincount(
-            vertex[used], weights[used] * palette[groups[used], channel], minlength=len(colors))
+            vertex[used], weights[used] * palette[groups[used], channel], minlength=len(colors)
+        )
     weighted = sums > 0
     colors[weighted] /= sums[weighted, None]
     colors[~weighted] = UNWEIGHTED
@@ -45,8 +50,7 @@ def show_weights(ob, views):
         before["color_type"], before["type"] = views[0].shading.color_type, views[0].shading.type
     mesh[BEFORE] = before
     attribute = colors.new(COLORS, "FLOAT_COLOR", "POINT")
-    attribute.data.foreach_set("color", weight_colors(
-        *_entries_of_bones(ob), len(ob.vertex_groups)).reshape(-1))
+    attribute.data.foreach_set("color", weight_colors(*_entries_of_bones(ob), len(ob.vertex_groups)).reshape(-1))
     colors.active_color = colors[COLORS]
     for view in views:
         view.shading.type, view.shading.color_type = "SOLID", "VERTEX"
@@ -74,8 +78,9 @@ def _entries_of_bones(ob):
     armature = bindable.find_armature(ob)
     if armature is not None:
         bones = armature.data.bones
-        deforming = np.array([group.name in bones and bones[group.name].use_deform
-                              for group in ob.vertex_groups] + [False])
+        deforming = np.array(
+            [group.name in bones and bones[group.name].use_deform for group in ob.vertex_groups] + [False]
+        )
         groups = np.where(deforming[groups], groups, -1)
     return offsets, groups, weights
 
@@ -142,8 +147,9 @@ class ToggleSkeleton(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         ob = context.active_object
-        return (ob is not None and ob.type in {"MESH", "ARMATURE"} and ob.mode == "OBJECT"
-                and armature_of(ob) is not None)
+        return (
+            ob is not None and ob.type in {"MESH", "ARMATURE"} and ob.mode == "OBJECT" and armature_of(ob) is not None
+        )
 
     def execute(self, context):
         armature = armature_of(context.active_object)

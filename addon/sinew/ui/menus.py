@@ -26,8 +26,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
         layout.operator(MeasureFrames.bl_idname, icon="TIME")
         layout.separator()
-        for operator in (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser, RemoveDoubles,
-                         KeepGenerated):
+        for operator in (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser, RemoveDoubles, KeepGenerated):
             layout.operator(operator.bl_idname)
         layout.separator()
         layout.operator(OpenManual.bl_idname, icon="HELP")
@@ -46,11 +45,16 @@ def draw_submenu(menu, _context):
     menu.layout.menu(SinewMenu.bl_idname)
 
 
-PLACES = (("TOPBAR_MT_file_import", draw_import), ("TOPBAR_MT_file_export", draw_export),
-          ("VIEW3D_MT_object", draw_submenu), ("VIEW3D_MT_pose", draw_submenu))
+PLACES = (
+    ("TOPBAR_MT_file_import", draw_import),
+    ("TOPBAR_MT_file_export", draw_export),
+    ("VIEW3D_MT_object", draw_submenu),
+    ("VIEW3D_MT_pose", draw_submenu),
+)
 CLASSES = [SinewMenu]
 
 if hasattr(bpy.types, "FileHandler"):  # 4.1 and later
+
     class DropRig(bpy.types.FileHandler):
         bl_idname = "IO_FH_sinew_rig"
         bl_label = "Sinew Rig"

@@ -14,6 +14,7 @@ from . import progress
 
 def files_beside(*suffixes):
     """A search of a StringProperty of ImportRig: names of files in the folder that is chosen."""
+
     def search(operator, context, edit_text):
         folder = operator.directory or os.path.dirname(operator.filepath)
         params = getattr(context.space_data, "params", None)  # of the file browser
@@ -37,41 +38,49 @@ class ImportRig(bpy.types.Operator, ImportHelper):
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     mesh: StringProperty(
-        name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj",
-        **files_beside(".obj"))
+        name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj", **files_beside(".obj")
+    )
     weights: StringProperty(
-        name="Weights", description="File of the weights; empty: weights.dmat",
-        **files_beside(".dmat"))
+        name="Weights", description="File of the weights; empty: weights.dmat", **files_beside(".dmat")
+    )
     pose: StringProperty(
-        name="Poses", description="File of the poses; empty: pose.dmat, if there is one",
-        **files_beside(".dmat"))
+        name="Poses", description="File of the poses; empty: pose.dmat, if there is one", **files_beside(".dmat")
+    )
     convention: EnumProperty(
-        name="Convention", description="What a row of a .bf file stands for",
-        items=(("AUTO", "Automatic", "Bone, if a root has the weight index -1; else joint"),
-               ("BONE", "Bone", "The edge from its parent to the joint, turning about the parent"),
-               ("JOINT", "Joint", "The joint itself, turning about its own position")))
+        name="Convention",
+        description="What a row of a .bf file stands for",
+        items=(
+            ("AUTO", "Automatic", "Bone, if a root has the weight index -1; else joint"),
+            ("BONE", "Bone", "The edge from its parent to the joint, turning about the parent"),
+            ("JOINT", "Joint", "The joint itself, turning about its own position"),
+        ),
+    )
     quaternion_order: EnumProperty(
-        name="Quaternions", description="The order of the four numbers in the file of the poses",
-        items=(("WXYZ", "w x y z", "The real part first"),
-               ("XYZW", "x y z w", "The real part last, as libigl writes them")))
+        name="Quaternions",
+        description="The order of the four numbers in the file of the poses",
+        items=(
+            ("WXYZ", "w x y z", "The real part first"),
+            ("XYZW", "x y z w", "The real part last, as libigl writes them"),
+        ),
+    )
     up_axis: EnumProperty(
-        name="Up", description="The axis of the files that points up",
-        items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")))
-    scale: FloatProperty(
-        name="Scale", description="Size of the imported rig", default=1.0, min=1e-6, soft_max=1000)
-    source: EnumProperty(
-        name="Pose", items=properties.SOURCES, description="Where the pose comes from")
-    method: EnumProperty(
-        name="Method", items=properties.METHODS, description="How the joints' motions are blended")
-    output: EnumProperty(
-        name="Output", items=properties.OUTPUT_ITEMS,
-        description="Where the deformed positions go")
+        name="Up",
+        description="The axis of the files that points up",
+        items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")),
+    )
+    scale: FloatProperty(name="Scale", description="Size of the imported rig", default=1.0, min=1e-6, soft_max=1000)
+    source: EnumProperty(name="Pose", items=properties.SOURCES, description="Where the pose comes from")
+    method: EnumProperty(name="Method", items=properties.METHODS, description="How the joints' motions are blended")
+    output: EnumProperty(name="Output", items=properties.OUTPUT_ITEMS, description="Where the deformed positions go")
     frame_rate: FloatProperty(
-        name="Frame Rate", min=0.0, soft_max=240.0,
-        description="Poses a second in the file, played at the scene's rate; 0: a pose a frame")
+        name="Frame Rate",
+        min=0.0,
+        soft_max=240.0,
+        description="Poses a second in the file, played at the scene's rate; 0: a pose a frame",
+    )
     set_frame_range: BoolProperty(
-        name="Set Frame Range", default=True,
-        description="End the scene with the last pose, if there are more than two")
+        name="Set Frame Range", default=True, description="End the scene with the last pose, if there are more than two"
+    )
 
     def invoke(self, context, event):
         if self.files and self.directory:  # dropped: the files are known, ask for the options alone
@@ -84,10 +93,11 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         self.layout.use_property_split = True
         self.layout.use_property_decorate = False
         for label, names in (
-                ("Files", ("mesh", "weights", "pose")),
-                ("Conversion", ("convention", "quaternion_order", "up_axis", "scale")),
-                ("Animation", ("source", "frame_rate", "set_frame_range")),
-                ("Deformation", ("method", "output"))):
+            ("Files", ("mesh", "weights", "pose")),
+            ("Conversion", ("convention", "quaternion_order", "up_axis", "scale")),
+            ("Animation", ("source", "frame_rate", "set_frame_range")),
+            ("Deformation", ("method", "output")),
+        ):
             box = self.layout.box().column()
             box.label(text=label)
             for name in names:
@@ -96,10 +106,19 @@ class ImportRig(bpy.types.Operator, ImportHelper):
     def import_options(self):
         convention = None if self.convention == "AUTO" else self.convention.lower()
         return rig_import.ImportOptions(
-            mesh=self.mesh, weights=self.weights, pose=self.pose, convention=convention,
-            quaternion_order=self.quaternion_order.lower(), up_axis=self.up_axis,
-            scale=self.scale, method=self.method, source=self.source, output=self.output,
-            frame_rate=self.frame_rate, set_frame_range=self.set_frame_range)
+            mesh=self.mesh,
+            weights=self.weights,
+            pose=self.pose,
+            convention=convention,
+            quaternion_order=self.quaternion_order.lower(),
+            up_axis=self.up_axis,
+            scale=self.scale,
+            method=self.method,
+            source=self.source,
+            output=self.output,
+            frame_rate=self.frame_rate,
+            set_frame_range=self.set_frame_range,
+        )
 
     def paths(self):
         """Those that were chosen: several from the file browser or dropped, or one by script."""
@@ -146,15 +165,24 @@ class ExportRig(bpy.types.Operator, ExportHelper):
     check_extension = None  # .tgf is as good
     filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
     animation: EnumProperty(
-        name="Animation", description="What to write beside the rest pose",
-        items=(("AUTO", "Automatic",
-                "The imported poses if they are what one sees, else the scene's frames if the armature is animated"),
-               ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
-               ("NONE", "None", "The rest pose alone")))
+        name="Animation",
+        description="What to write beside the rest pose",
+        items=(
+            (
+                "AUTO",
+                "Automatic",
+                "The imported poses if they are what one sees, else the scene's frames if the armature is animated",
+            ),
+            ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
+            ("NONE", "None", "The rest pose alone"),
+        ),
+    )
     up_axis: EnumProperty(
-        name="Up", description="The axis of the files that is the mesh's Z axis. A rig that was imported goes back "
+        name="Up",
+        description="The axis of the files that is the mesh's Z axis. A rig that was imported goes back "
         "into the axes of its files",
-        items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")))
+        items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")),
+    )
 
     @classmethod
     def poll(cls, context):
@@ -166,8 +194,7 @@ class ExportRig(bpy.types.Operator, ExportHelper):
             path = os.path.join(path, "skeleton.bf")
         try:
             with progress.shown(context) as shown:
-                rig_export.export_rig(
-                    context, context.active_object, path, self.animation, self.up_axis, shown)
+                rig_export.export_rig(context, context.active_object, path, self.animation, self.up_axis, shown)
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -188,9 +215,14 @@ def selected_meshes(context):
 
 def meshes_of(context, armature):
     """The meshes of the view layer that an armature deforms, through Blender or through Sinew."""
-    return [ob for ob in context.view_layer.objects if ob.type == "MESH" and (
-        ob.sinew.armature == armature if ob.sinew.is_bound
-        else bindable.armature_modifier(ob, armature) is not None)]
+    return [
+        ob
+        for ob in context.view_layer.objects
+        if ob.type == "MESH"
+        and (
+            ob.sinew.armature == armature if ob.sinew.is_bound else bindable.armature_modifier(ob, armature) is not None
+        )
+    ]
 
 
 def selected_armature(context):
@@ -208,9 +240,7 @@ class Bind(bpy.types.Operator):
     bl_label = "Bind with Sinew"
     bl_options = {"REGISTER", "UNDO"}
 
-    output: EnumProperty(
-        name="Output", items=properties.OUTPUT_ITEMS,
-        description="Where the deformed positions go")
+    output: EnumProperty(name="Output", items=properties.OUTPUT_ITEMS, description="Where the deformed positions go")
 
     @classmethod
     def poll(cls, context):
@@ -245,7 +275,8 @@ class Unbind(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and any(
-            ob.sinew.is_bound for ob in selected_meshes(context))
+            ob.sinew.is_bound for ob in selected_meshes(context)
+        )
 
     def execute(self, context):
         for ob in selected_meshes(context):
@@ -283,13 +314,17 @@ class MeasureFrames(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return context.mode in {"OBJECT", "POSE"} and any(
-            ob.sinew.installed_output == "MODIFIER" for ob in characters.bound_objects())
+            ob.sinew.installed_output == "MODIFIER" for ob in characters.bound_objects()
+        )
 
     def execute(self, context):
         with progress.shown(context) as shown:
             measured = whole_frames.measure(context.scene, shown)
-        self.report({"INFO"}, f"A whole frame takes {measured.sinew:.2f} ms with Sinew and {measured.blender:.2f} ms "
-                              "with Blender's own modifiers")
+        self.report(
+            {"INFO"},
+            f"A whole frame takes {measured.sinew:.2f} ms with Sinew and {measured.blender:.2f} ms "
+            "with Blender's own modifiers",
+        )
         return {"FINISHED"}
 
 

@@ -39,6 +39,7 @@ def bound_mesh(context):
 
 # --- the main panel -------------------------------------------------------------------------------
 
+
 def draw_main(layout, context):
     ob = context.object
     if ob is not None and ob.type == "ARMATURE":
@@ -142,15 +143,16 @@ def draw_hiding(layout, copy):
 def draw_display(layout, ob):
     row = layout.row(align=True)
     if ob.type == "MESH":
-        row.operator(display.ToggleWeights.bl_idname, icon="GROUP_VCOL",
-                     depress=display.are_weights_shown(ob))
+        row.operator(display.ToggleWeights.bl_idname, icon="GROUP_VCOL", depress=display.are_weights_shown(ob))
     armature = display.armature_of(ob)
     if armature is not None:
-        row.operator(display.ToggleSkeleton.bl_idname, icon="ARMATURE_DATA",
-                     depress=display.is_skeleton_shown(armature))
+        row.operator(
+            display.ToggleSkeleton.bl_idname, icon="ARMATURE_DATA", depress=display.is_skeleton_shown(armature)
+        )
 
 
 # --- its parts, of a bound mesh -------------------------------------------------------------------
+
 
 def draw_clip(layout, armature):
     count = clip_store.pose_count(armature.data)
@@ -353,6 +355,17 @@ class ArmatureMain(Main, bpy.types.Panel):
         return context.object is not None and context.object.type == "ARMATURE"
 
 
-CLASSES = (SidebarMain, SidebarPoses, SidebarInfluence, SidebarChain, SidebarStatistics, ModifiersMain, ModifiersPoses,
-           ModifiersInfluence, ModifiersChain, ModifiersStatistics, ArmatureMain)
+CLASSES = (
+    SidebarMain,
+    SidebarPoses,
+    SidebarInfluence,
+    SidebarChain,
+    SidebarStatistics,
+    ModifiersMain,
+    ModifiersPoses,
+    ModifiersInfluence,
+    ModifiersChain,
+    ModifiersStatistics,
+    ArmatureMain,
+)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -14,12 +14,24 @@ ADDON = __package__.rpartition(".")[0]
 MANUAL = Path(__file__).parents[1] / "manual" / "README.html"
 
 # Numbers that stay the same from machine to machine: Blender stores them.
-_NUMBERS = {name: number for number, name in enumerate(
-    ("auto", "SCALAR", "EMU128", "SSE2", "SSSE3", "SSE4", "AVX2", "AVX3", "AVX3_DL", "AVX3_ZEN4", "AVX3_SPR"))}
+_NUMBERS = {
+    name: number
+    for number, name in enumerate(
+        ("auto", "SCALAR", "EMU128", "SSE2", "SSSE3", "SSE4", "AVX2", "AVX3", "AVX3_DL", "AVX3_ZEN4", "AVX3_SPR")
+    )
+}
 INSTRUCTION_SETS = [
     ("auto", "Automatic", "The best that this computer has", _NUMBERS["auto"]),
-    *((name, name, "For comparisons: all of them give the same shapes, to float32 rounding",
-       _NUMBERS.get(name, 100 + i)) for i, name in enumerate(sinew_native.instruction_sets()))]
+    *(
+        (
+            name,
+            name,
+            "For comparisons: all of them give the same shapes, to float32 rounding",
+            _NUMBERS.get(name, 100 + i),
+        )
+        for i, name in enumerate(sinew_native.instruction_sets())
+    ),
+]
 
 
 def of_sinew(context=None):
@@ -58,14 +70,24 @@ class SinewPreferences(bpy.types.AddonPreferences):
     bl_idname = ADDON
 
     thread_count: IntProperty(
-        name="Threads", description="The most threads that skinning takes; 0: as many as the computer has",
-        min=0, max=1024, update=_apply)
+        name="Threads",
+        description="The most threads that skinning takes; 0: as many as the computer has",
+        min=0,
+        max=1024,
+        update=_apply,
+    )
     instruction_set: EnumProperty(
-        name="Instruction Set", description="The processor's instructions that skinning uses",
-        items=INSTRUCTION_SETS, update=_apply)
+        name="Instruction Set",
+        description="The processor's instructions that skinning uses",
+        items=INSTRUCTION_SETS,
+        update=_apply,
+    )
     log_file: StringProperty(
-        name="Log File", subtype="FILE_PATH", update=_apply_log,
-        description="Where what goes wrong is written, with its traceback; empty: Blender's console")
+        name="Log File",
+        subtype="FILE_PATH",
+        update=_apply_log,
+        description="Where what goes wrong is written, with its traceback; empty: Blender's console",
+    )
 
     def draw(self, _context):
         layout = self.layout

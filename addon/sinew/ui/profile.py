@@ -30,7 +30,8 @@ class MeasureProfile(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and not (
-            context.screen and context.screen.is_animation_playing)
+            context.screen and context.screen.is_animation_playing
+        )
 
     def execute(self, context):
         try:
@@ -79,8 +80,10 @@ class MeasureProfile(bpy.types.Operator):
 
     def _frames(self, context):
         first, last = costs.frames_of(context.scene)
-        return (self.frame_start if self.properties.is_property_set("frame_start") else first,
-                self.frame_end if self.properties.is_property_set("frame_end") else last)
+        return (
+            self.frame_start if self.properties.is_property_set("frame_start") else first,
+            self.frame_end if self.properties.is_property_set("frame_end") else last,
+        )
 
     def _fail(self, error):
         self.report({"ERROR"}, str(error))

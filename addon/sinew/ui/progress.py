@@ -47,8 +47,8 @@ class _Shown:
 
 @contextmanager
 def shown(context, draws=True):
-    """`with shown(context) as progress: progress.step(0.5, "reading weights")`. Nothing without a window. draws: Blender
-    draws nothing by itself meanwhile; a modal operator lets it."""
+    """`with shown(context) as progress: progress.step(0.5, "reading weights")`. Nothing without a window. draws:
+    Blender draws nothing by itself meanwhile; a modal operator lets it."""
     if bpy.app.background or context.window is None:
         yield SILENT
         return

@@ -29,9 +29,8 @@ class Bends {
   ///               bone's length, not yet clamped.
   /// Throws InputError, naming the entry, when one of these does not hold. All are copied.
   Bends(std::span<const std::int64_t> vertices, std::span<const std::int64_t> offsets,
-        std::span<const std::int32_t> bones, std::span<const float> weights,
-        std::span<const std::int32_t> first_joints, std::span<const std::int32_t> segments,
-        std::span<const double> axes);
+        std::span<const std::int32_t> bones, std::span<const float> weights, std::span<const std::int32_t> first_joints,
+        std::span<const std::int32_t> segments, std::span<const double> axes);
 
   /// N.
   std::span<const std::int64_t> vertices() const { return vertices_; }

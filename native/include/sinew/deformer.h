@@ -38,8 +38,7 @@ class Layer {
   /// that is not finite.
   Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule = {},
         std::optional<std::span<const float>> mask = std::nullopt,
-        std::optional<std::span<const float>> share = std::nullopt,
-        std::shared_ptr<const Bends> bends = nullptr,
+        std::optional<std::span<const float>> share = std::nullopt, std::shared_ptr<const Bends> bends = nullptr,
         const std::optional<Matrix4<double>>& split_space = std::nullopt);
 
   const Skin& skin() const { return *skin_; }
@@ -84,8 +83,7 @@ class Deformer {
   /// keys    or null.
   /// Throws InputError if two have different numbers of vertices, for a first layer with a share, a
   /// later one without, or if there is nothing at all.
-  explicit Deformer(std::vector<std::shared_ptr<const Layer>> layers,
-                    std::shared_ptr<const ShapeKeys> keys = nullptr);
+  explicit Deformer(std::vector<std::shared_ptr<const Layer>> layers, std::shared_ptr<const ShapeKeys> keys = nullptr);
   /// For stages alone: rest_positions are what they get. vertex_count  V.
   explicit Deformer(std::ptrdiff_t vertex_count);
 
@@ -106,16 +104,16 @@ class Deformer {
   /// InputError, having written nothing, if a shape does not fit, for a stage's settings that are
   /// wrong, for key values without keys or with rest positions, and if positions and rest_positions
   /// overlap.
-  void deform(std::span<const LayerPose> poses, std::span<float> positions,
-              std::span<const float> key_values = {}, std::span<const float> rest_positions = {},
-              std::span<const Stage> stages = {}, std::span<double> milliseconds = {}) const;
+  void deform(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values = {},
+              std::span<const float> rest_positions = {}, std::span<const Stage> stages = {},
+              std::span<double> milliseconds = {}) const;
 
  private:
-  void check(std::span<const LayerPose> poses, std::span<float> positions,
-             std::span<const float> key_values, std::span<const float> rest_positions,
-             std::span<const Stage> stages, std::span<double> milliseconds) const;
-  void skin(std::span<const LayerPose> poses, std::span<float> positions,
-            std::span<const float> key_values, std::span<const float> rest_positions) const;
+  void check(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values,
+             std::span<const float> rest_positions, std::span<const Stage> stages,
+             std::span<double> milliseconds) const;
+  void skin(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values,
+            std::span<const float> rest_positions) const;
 
   std::vector<std::shared_ptr<const Layer>> layers_;
   std::shared_ptr<const ShapeKeys> keys_;

@@ -23,7 +23,6 @@ void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local, Ma
 /// world      F x J, F(j).
 /// matrices   F x J, out, float32 as the skinning functions take them.
 template <class T>
-void skinning_matrices(const Skeleton& skeleton, MatrixStack<const T> world,
-                       MatrixStack<float> matrices);
+void skinning_matrices(const Skeleton& skeleton, MatrixStack<const T> world, MatrixStack<float> matrices);
 
 }  // namespace sinew

@@ -28,9 +28,8 @@ class RigSkeleton : public Skeleton {
   /// weight_columns  J, the column of weights.dmat that belongs to the joint, or -1. No column may
   ///                 belong to two joints.
   /// names           J, unique; or none, and they are made from the joint's number.
-  RigSkeleton(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads,
-              Eigen::MatrixX3d tails, std::vector<std::int32_t> weight_columns,
-              std::vector<std::string> names, Convention convention);
+  RigSkeleton(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads, Eigen::MatrixX3d tails,
+              std::vector<std::int32_t> weight_columns, std::vector<std::string> names, Convention convention);
 
   const Eigen::MatrixX3d& heads() const { return heads_; }
   const Eigen::MatrixX3d& tails() const { return tails_; }
@@ -51,8 +50,7 @@ class RigSkeleton : public Skeleton {
 /// is a number or a comment (#), and if every joint has one of its own.
 /// Throws InputError with file and line for: no file, an unknown ending, an empty file, letters or
 /// too few numbers, a parent or joint that does not exist, a cycle, two joints with one column.
-RigSkeleton read_skeleton(const std::filesystem::path& path,
-                          std::optional<Convention> convention = std::nullopt);
+RigSkeleton read_skeleton(const std::filesystem::path& path, std::optional<Convention> convention = std::nullopt);
 
 /// Writes .bf or .tgf, by the path's ending, so that it reads back as the same skeleton: positions
 /// to rounding, since .bf holds differences of them, and without the names in a .tgf file.

@@ -23,8 +23,7 @@ class ShapeKeys {
   /// relative_to  K, a key's number; a key that is relative to none there is adds nothing.
   /// weights      K or none at all: w_v of each vertex (V), or nothing where a key has none.
   /// Throws InputError, naming the key, for sizes that differ or a number that is not finite.
-  ShapeKeys(std::span<const std::span<const float>> positions,
-            std::span<const std::int64_t> relative_to,
+  ShapeKeys(std::span<const std::span<const float>> positions, std::span<const std::int64_t> relative_to,
             std::span<const std::optional<std::span<const float>>> weights = {});
 
   ShapeKeys(ShapeKeys&&) noexcept;

@@ -32,15 +32,13 @@ class Skin {
   ///                 most. Vertices and influences may be 2^31 - 1.
   /// Throws InputError, naming the vertex or the entry, when one of these does not hold.
   Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
-       std::span<const std::int32_t> joints, std::span<const float> weights,
-       std::ptrdiff_t joint_count);
+       std::span<const std::int32_t> joints, std::span<const float> weights, std::ptrdiff_t joint_count);
 
   /// From a dense V x J table: column j belongs to joint j. Entries that are exactly zero are left
   /// out; all others stay, in ascending order of joints. `row_stride` and `column_stride` count
   /// elements.
-  static Skin from_dense(std::span<const float> rest_positions, const double* weights,
-                         std::ptrdiff_t rows, std::ptrdiff_t columns, std::ptrdiff_t row_stride,
-                         std::ptrdiff_t column_stride);
+  static Skin from_dense(std::span<const float> rest_positions, const double* weights, std::ptrdiff_t rows,
+                         std::ptrdiff_t columns, std::ptrdiff_t row_stride, std::ptrdiff_t column_stride);
 
   Skin(Skin&&) noexcept;
   Skin& operator=(Skin&&) noexcept;

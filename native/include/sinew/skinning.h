@@ -33,12 +33,11 @@ void skin_linear(const Skin& skin, MatrixStack<const float> matrices, std::span<
 /// to the side of the sum so far, influences in their stored order (as Blender does it).
 /// Kavan, Collins, Zara, O'Sullivan, "Geometric skinning with approximate dual quaternion
 /// blending", ACM TOG 27(4), 2008: sections 3.3 (blending) and 4.1 (antipodality), 4.2 (scale).
-void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions, const StretchRule& rule);
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions,
+                          const StretchRule& rule);
 
 /// The same with Stretch::polar.
-void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices,
-                          std::span<float> positions);
+void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions);
 
 /// What skin_linear and skin_dual_quaternion take.
 struct SkinningJob {

@@ -26,8 +26,7 @@ class Topology {
   /// Throws InputError for a vertex out of range, for offsets that do not fit, for a face with
   /// fewer than three corners and for one with a side that is no edge.
   Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> edges,
-           std::span<const std::int32_t> face_offsets = {},
-           std::span<const std::int32_t> corner_vertices = {});
+           std::span<const std::int32_t> face_offsets = {}, std::span<const std::int32_t> corner_vertices = {});
 
   /// V.
   std::ptrdiff_t vertex_count() const { return std::ssize(neighbour_begin_) - 1; }
@@ -38,8 +37,7 @@ class Topology {
 
   /// The other ends of a vertex's edges, in the order of the edges.
   std::span<const std::uint32_t> neighbours(std::size_t v) const {
-    return std::span(neighbours_)
-        .subspan(neighbour_begin_[v], neighbour_begin_[v + 1] - neighbour_begin_[v]);
+    return std::span(neighbours_).subspan(neighbour_begin_[v], neighbour_begin_[v + 1] - neighbour_begin_[v]);
   }
   /// A vertex's corners, in the order of the faces.
   std::span<const Corner> corners(std::size_t v) const {
@@ -50,10 +48,8 @@ class Topology {
 
  private:
   void take_edges(std::span<const std::int32_t> edges);
-  void take_faces(std::span<const std::int32_t> face_offsets,
-                  std::span<const std::int32_t> corner_vertices);
-  void find_boundary(std::span<const std::int32_t> edges,
-                     std::span<const std::int32_t> face_offsets,
+  void take_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices);
+  void find_boundary(std::span<const std::int32_t> edges, std::span<const std::int32_t> face_offsets,
                      std::span<const std::int32_t> corner_vertices);
 
   std::vector<std::uint32_t> neighbour_begin_;  // V + 1

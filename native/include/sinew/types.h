@@ -54,8 +54,7 @@ struct MatrixStack {
 
   /// The matrix of one joint in one frame, as an Eigen expression that reads and writes in place.
   ElementMap at(std::ptrdiff_t frame, std::ptrdiff_t joint) const {
-    return ElementMap(data + frame * frame_stride + joint * joint_stride,
-                      Strides(column_stride, row_stride));
+    return ElementMap(data + frame * frame_stride + joint * joint_stride, Strides(column_stride, row_stride));
   }
 
   /// Whether each matrix is 16 numbers in a row, column after column.
