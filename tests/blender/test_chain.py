@@ -202,6 +202,41 @@ def test_not_bound(fresh_scene, make):
     assert stages(ob) == [] and end(ob) == ("Corrective", "it is not bound: press its Bind")
 
 
+@pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+def test_bound_to_the_rest_pose_by_the_button(fresh_scene, make, before):
+    ob, twin = make(before, lambda ob: smoothed(ob, rest_source="BIND"))
+    bpy.context.scene.frame_set(7)
+    bent, keys = evaluated(ob), ob.data.shape_keys
+    for each in (ob, twin):
+        select(each)
+        assert bpy.ops.object.sinew_bind_smoothing.poll() == (each == ob)
+    select(ob)
+    assert bpy.ops.object.sinew_bind_smoothing(modifier="Corrective") == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert ob.modifiers["Armature"].object.data.pose_position == "POSE"
+    assert keys is None or not ob.show_only_shape_key
+    assert stages(ob) == ["Corrective"] and end(ob) == ("", "")
+    assert np.abs(evaluated(ob) - bent).max() > 1e-4 * diagonal(bent)
+    twin.modifiers["Corrective"].rest_source = "ORCO"  # the same shape
+    assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5, 9))
+    # Bound to another number of vertices it is bound anew.
+    for each in (ob, twin):
+        one_vertex_more(each)
+    bpy.context.view_layer.update()
+    assert end(ob)[0] == "Corrective" and "vertices" in end(ob)[1]
+    select(ob)
+    assert bpy.ops.object.sinew_bind_smoothing(modifier="Corrective") == {"FINISHED"}
+    assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5))
+    assert stages(ob) == ["Corrective"]
+
+
+def test_no_such_modifier_to_bind(fresh_scene, make):
+    ob, _twin = make(nothing)
+    select(ob)
+    with pytest.raises(RuntimeError, match="has no Corrective Smooth with the name Armature"):
+        bpy.ops.object.sinew_bind_smoothing(modifier="Armature")
+
+
 def subdivided(ob):
     smoothed(ob)
     ob.modifiers.new("Finer", "SUBSURF")

@@ -13,6 +13,7 @@ from helpers import (
     assert_same_shape,
     builtin_copy,
     data_counts,
+    depsgraph,
     evaluated,
     import_rig,
     needs_program,
@@ -349,3 +350,41 @@ def test_disabling_the_addon_leaves_nothing_running():
         bpy.ops.preferences.addon_enable(module=package)
     assert len(handlers()) == 6
     assert sys.modules[package]
+
+
+def test_nothing_of_sinew_is_in_the_evaluated_mesh(fresh_scene):
+    """A Subdivision Surface behind it would interpolate it."""
+    ob = make_mesh(make_armature(), False)
+    accelerate(ob)
+    fresh_scene.frame_set(2)
+    assert way(ob) == "ATTRIBUTE" and ".sinew_position" in ob.data.attributes
+    attributes = ob.evaluated_get(depsgraph()).data.attributes.keys()
+    assert "position" in attributes or bpy.app.version < (3, 5)
+    assert not [name for name in attributes if "sinew" in name]
+
+
+def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
+    """It would leave the attribute behind, by which an applied modifier is told from a removed one."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = twin_of(ob)
+    for frame in (1, 10):
+        pose(armature, frame, False)
+    accelerate(ob)
+    group = ob.modifiers["Sinew"].node_group
+    group["sinew_version"] -= 1
+    forget = next(node for node in group.nodes if node.bl_idname == "GeometryNodeRemoveAttribute")
+    group.links.new(forget.inputs["Geometry"].links[0].from_socket, group.nodes["Group Output"].inputs[0])
+    group.nodes.remove(forget)
+    names, path = (ob.name, twin.name), str(tmp_path / "older.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    ob, twin = (bpy.data.objects[name] for name in names)
+    bpy.context.scene.frame_set(7)
+    assert_same_shape(ob, twin)
+    select(ob)
+    bpy.ops.object.modifier_apply(modifier="Sinew")
+    bpy.context.view_layer.update()
+    assert not ob.sinew.is_bound and not ob.modifiers["Armature"].show_viewport
+    assert_same_shape(ob, twin)
+    assert len(bpy.data.node_groups) == 0

@@ -248,7 +248,10 @@ def test_the_chain_stage_by_stage(fresh_scene):
     ]
     assert sum(text.endswith(" ms") for text in chain) == 4 and "Late" not in chain
     assert "Finer goes on in Blender: only Blender knows what it does" in " ".join(chain[8:])
+    assert "object.sinew_bind_smoothing" not in chain
+    ob.modifiers["Soft"].rest_source = "BIND"
     ob.shape_key_add(name="Basis")
     fresh_scene.frame_set(3)
     fresh_scene.frame_set(4)
-    assert "Shape Keys + Armature" in draw()
+    said = draw()
+    assert "Shape Keys + Armature" in said and "object.sinew_bind_smoothing" in said

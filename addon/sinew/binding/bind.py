@@ -109,7 +109,10 @@ def _adapt(ob):
     entry.look(ob)
     if carrier is not None:
         wiring.wire(ob, carrier, runs.hooks(ob, entry.run), waits=entry.way.kind != ways.BLENDER)
-    if entry.way.kind == ways.ATTRIBUTE:
+    needs_attribute = entry.way.kind == ways.ATTRIBUTE
+    if ob.sinew.needs_attribute != needs_attribute:
+        ob.sinew.needs_attribute = needs_attribute
+    if needs_attribute:
         try:
             put_own_modifier_first(ob, entry)
         except ValueError as error:
@@ -136,6 +139,7 @@ def put_own_modifier_first(ob, entry):
     if own is None:
         nodes.add_modifier(ob, index)
         return
+    nodes.renew_group(own)
     try:
         nodes.move_modifier(ob, own, min(index, ob.modifiers.find(own.name)))
     except ValueError:
@@ -196,7 +200,7 @@ def show(ob):
 def unbind(ob):
     """Give the object back as it was; its deformed copy goes."""
     settings = ob.sinew
-    settings.is_bound = False
+    settings.is_bound = settings.needs_attribute = False
     if settings.installed_output == "MESH":
         deformed_copy.remove(ob)
     taken = wiring.taken_modifiers(ob)
@@ -222,20 +226,12 @@ def release_if_undone(ob):
     """Releases a mesh whose modifiers somebody has applied or removed, and returns whether. Modifiers that Sinew stood
     in for are switched off if its own was applied, for they would deform the mesh again."""
     has_hook, taken = wiring.carrier_of(ob) is not None, [modifier.name for modifier in wiring.taken_modifiers(ob)]
-    attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
-    if (
-        ob.data.is_editmode
-        or ob.library
-        or ob.override_library
-        or old_files.is_old(ob)
-        or has_hook
-        and (attribute is None or nodes.find_modifier(ob))
-    ):
+    lacks_own = ob.sinew.needs_attribute and not nodes.find_modifier(ob)
+    if ob.data.is_editmode or ob.library or ob.override_library or old_files.is_old(ob) or has_hook and not lacks_own:
         return False
-    may_be_applied = attribute is not None and (taken or ob.sinew.last_armature is None)
-    was_applied = may_be_applied and characters.of(ob).has_taken(
-        meshes.read_positions(ob.data), meshes.read_attribute(attribute)
-    )
+    # What its node group makes has no attribute, which the mesh still has if the modifier was removed.
+    took_shape = lacks_own and meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None
+    was_applied = took_shape and (taken or ob.sinew.last_armature is None)
     stood_in_for = (*taken, *runs.of(ob, taken).stages)
     unbind(ob)
     for name in stood_in_for if was_applied else ():

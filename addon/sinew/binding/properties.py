@@ -125,6 +125,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
+    needs_attribute: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)  # and Sinew's own modifier
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
     # Of a deformed copy (deformed_copy.py): the name of its object, how many vertices it was given, and of which

@@ -70,12 +70,13 @@ def _why_not(ob, modifier, like, shown):
         return f"its {driven[0]} is driven, and may not be there in time"
     if modifier.type == "HOOK" and modifier.falloff_type == "CURVE":
         return "only Blender knows its curve"
-    if modifier.type == "CORRECTIVE_SMOOTH" and modifier.rest_source == "BIND" and not modifier.use_only_smooth:
-        return _why_not_bound(ob, modifier)
-    return ""
+    return why_not_bound(ob, modifier)
 
 
-def _why_not_bound(ob, modifier):
+def why_not_bound(ob, modifier):
+    """Why a Corrective Smooth that asks for it has no bound positions of this mesh, or ""."""
+    if modifier.type != "CORRECTIVE_SMOOTH" or modifier.rest_source != "BIND" or modifier.use_only_smooth:
+        return ""
     if not modifier.is_bind:
         return "it is not bound: press its Bind"
     bound, own = memory.bound_count(modifier), len(ob.data.vertices)

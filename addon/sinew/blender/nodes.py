@@ -4,7 +4,7 @@ import bpy
 
 MODIFIER_NAME = "Sinew"
 NODE_GROUP_NAME = "Sinew"
-NODE_GROUP_VERSION = 3
+NODE_GROUP_VERSION = 4
 VERSION_PROPERTY = "sinew_version"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
 
@@ -31,6 +31,13 @@ def add_modifier(ob, index):
         forget_unused_groups()
         raise
     return modifier
+
+
+def renew_group(modifier):
+    """Of a file of an older Sinew."""
+    if modifier.node_group[VERSION_PROPERTY] < NODE_GROUP_VERSION and modifier.node_group.library is None:
+        modifier.node_group = node_group()
+        forget_unused_groups()
 
 
 def is_removable(ob, modifier):
@@ -101,14 +108,18 @@ def node_group():
     else:
         place = group.nodes.new("GeometryNodeSetPosition")
         value = place.inputs["Position"]
+    # Else a Subdivision Surface behind it would interpolate it.
+    forget = group.nodes.new("GeometryNodeRemoveAttribute")
+    forget.inputs["Name"].default_value = POSITION_ATTRIBUTE
     target = group.nodes.new("NodeGroupOutput")
     group.links.new(source.outputs[0], place.inputs["Geometry"])
     group.links.new(attribute.outputs["Attribute"], value)
     # A mesh that has lost the attribute keeps its own shape.
     if "Exists" in attribute.outputs:
         group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
-    group.links.new(place.outputs[0], target.inputs[0])
-    for column, node in enumerate((source, attribute, place, target)):
+    group.links.new(place.outputs[0], forget.inputs["Geometry"])
+    group.links.new(forget.outputs[0], target.inputs[0])
+    for column, node in enumerate((source, attribute, place, forget, target)):
         node.location = (200 * column, -120 if not node.inputs else 0)
     return group
 

@@ -190,11 +190,6 @@ class Character:
             self.layers, self.deformer = [], None
         self._rest = rest
 
-    def has_taken(self, own, kept):
-        """Whether a mesh without Sinew's modifier has its shape for good, since that was applied. own (V, 3): its
-        positions; kept (V, 3): in its attribute."""
-        return np.array_equal(own, kept) and (self._rest is None or not np.array_equal(own, self._rest))
-
     def is_made_with(self, deformer):
         """Whether nothing has been said since then that asks for another one."""
         return self._is_known and self.deformer is deformer and not _stands_aside

@@ -1,5 +1,6 @@
 """What a bound mesh is warned about in the panel, and the operators that cure it."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
@@ -136,6 +137,23 @@ def bone_weights(ob):
     ]
 
 
+@contextmanager
+def _at_rest(ob):
+    """The object in its rest shape meanwhile: its armatures in rest position, its Basis alone shown."""
+    armatures = {modifier.object.data for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object}
+    settings = [(armature, "pose_position", "REST") for armature in armatures if armature.library is None]
+    if ob.data.shape_keys is not None:
+        settings += [(ob, "show_only_shape_key", True), (ob, "active_shape_key_index", 0)]
+    before = [getattr(owner, name) for owner, name, _value in settings]
+    for owner, name, value in settings:
+        setattr(owner, name, value)
+    try:
+        yield
+    finally:
+        for (owner, name, _value), value in zip(settings, before):
+            setattr(owner, name, value)
+
+
 class _Cure:
     bl_options = {"REGISTER", "UNDO"}
     wants_armature = True
@@ -264,6 +282,29 @@ class SelectUnweighted(_Cure, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class BindSmoothing(_Cure, bpy.types.Operator):
+    """Bind a Corrective Smooth to the mesh as it is in the rest pose, with all shape keys at rest"""
+
+    bl_idname = "object.sinew_bind_smoothing"
+    bl_label = "Bind to the Rest Pose"
+    wants_armature = False
+    modifier: bpy.props.StringProperty(options={"SKIP_SAVE"})
+
+    def execute(self, context):
+        ob = context.active_object
+        modifier = ob.modifiers.get(self.modifier)
+        if modifier is None or modifier.type != "CORRECTIVE_SMOOTH":
+            self.report({"ERROR"}, f"{ob.name} has no Corrective Smooth with the name {self.modifier}")
+            return {"CANCELLED"}
+        with _at_rest(ob):
+            context.view_layer.update()
+            if modifier.is_bind:  # to another number of vertices: Blender's operator takes that away first
+                bpy.ops.object.correctivesmooth_bind(modifier=self.modifier)
+            bpy.ops.object.correctivesmooth_bind(modifier=self.modifier)
+        ob.update_tag()
+        return {"FINISHED"}
+
+
 class MakeSingleUser(_Cure, bpy.types.Operator):
     """Give this object a mesh of its own"""
 
@@ -277,5 +318,5 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KeepGenerated, RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser)
+CLASSES = (KeepGenerated, RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, BindSmoothing, MakeSingleUser)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

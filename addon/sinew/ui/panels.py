@@ -3,7 +3,7 @@ nothing else."""
 
 import bpy
 
-from ..binding import bindable, ways
+from ..binding import bindable, runs, ways
 from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import characters, whole_frames
@@ -187,7 +187,7 @@ def draw_influence(layout, ob):
         layout.prop(modifier, "use_bone_envelopes", text="Bone Envelopes")
 
 
-def draw_chain(layout, entry):
+def draw_chain(layout, ob, entry):
     """What Sinew stands in for, stage by stage, and where Blender goes on."""
     timings, column = entry.timings, layout.column(align=True)
     before = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken
@@ -199,6 +199,9 @@ def draw_chain(layout, entry):
     if entry.run.end:
         draw_value(column, entry.run.end, "in Blender")
         notice.draw_sentence(column, bpy.context, f"{entry.run.end} goes on in Blender: {entry.run.reason}", False)
+        end = ob.modifiers.get(entry.run.end)
+        if end is not None and runs.why_not_bound(ob, end):
+            layout.operator(cures.BindSmoothing.bl_idname).modifier = end.name
 
 
 def draw_statistics(layout, scene, entry):
@@ -284,7 +287,7 @@ class Chain:
         return entry is not None and entry.way.in_pass
 
     def draw(self, context):
-        draw_chain(layout_of(self), deformed_character(context))
+        draw_chain(layout_of(self), context.object, deformed_character(context))
 
 
 class Statistics:
