@@ -211,7 +211,7 @@ def test_bound_to_the_rest_pose_by_the_button(fresh_scene, make, before):
         select(each)
         assert bpy.ops.object.sinew_bind_smoothing.poll() == (each == ob)
     select(ob)
-    assert bpy.ops.object.sinew_bind_smoothing(modifier="Corrective") == {"FINISHED"}
+    assert bpy.ops.object.sinew_bind_smoothing() == {"FINISHED"}
     bpy.context.view_layer.update()
     assert ob.modifiers["Armature"].object.data.pose_position == "POSE"
     assert keys is None or not ob.show_only_shape_key
@@ -225,16 +225,16 @@ def test_bound_to_the_rest_pose_by_the_button(fresh_scene, make, before):
     bpy.context.view_layer.update()
     assert end(ob)[0] == "Corrective" and "vertices" in end(ob)[1]
     select(ob)
-    assert bpy.ops.object.sinew_bind_smoothing(modifier="Corrective") == {"FINISHED"}
+    assert bpy.ops.object.sinew_bind_smoothing() == {"FINISHED"}
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5))
     assert stages(ob) == ["Corrective"]
 
 
-def test_no_such_modifier_to_bind(fresh_scene, make):
-    ob, _twin = make(nothing)
+def test_nothing_to_bind(fresh_scene, make):
+    ob, _twin = make(simple)
     select(ob)
-    with pytest.raises(RuntimeError, match="has no Corrective Smooth with the name Armature"):
-        bpy.ops.object.sinew_bind_smoothing(modifier="Armature")
+    with pytest.raises(RuntimeError, match="has no Corrective Smooth that needs to be bound"):
+        bpy.ops.object.sinew_bind_smoothing()
 
 
 def subdivided(ob):

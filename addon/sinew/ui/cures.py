@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..binding import bind
+from ..binding import bind, runs
 from ..blender import materials, meshes
 from ..rigs import clip_store
 from ..session import characters, deformed_copies
@@ -283,24 +283,24 @@ class SelectUnweighted(_Cure, bpy.types.Operator):
 
 
 class BindSmoothing(_Cure, bpy.types.Operator):
-    """Bind a Corrective Smooth to the mesh as it is in the rest pose, with all shape keys at rest"""
+    """Bind each Corrective Smooth that needs it to the mesh as it is in the rest pose, with all shape keys at rest"""
 
     bl_idname = "object.sinew_bind_smoothing"
-    bl_label = "Bind to the Rest Pose"
+    bl_label = "Bind Smoothing to Rest Pose"
     wants_armature = False
-    modifier: bpy.props.StringProperty(options={"SKIP_SAVE"})
 
     def execute(self, context):
         ob = context.active_object
-        modifier = ob.modifiers.get(self.modifier)
-        if modifier is None or modifier.type != "CORRECTIVE_SMOOTH":
-            self.report({"ERROR"}, f"{ob.name} has no Corrective Smooth with the name {self.modifier}")
+        unbound = [modifier for modifier in ob.modifiers if runs.why_not_bound(ob, modifier)]
+        if not unbound:
+            self.report({"ERROR"}, f"{ob.name} has no Corrective Smooth that needs to be bound")
             return {"CANCELLED"}
         with _at_rest(ob):
             context.view_layer.update()
-            if modifier.is_bind:  # to another number of vertices: Blender's operator takes that away first
-                bpy.ops.object.correctivesmooth_bind(modifier=self.modifier)
-            bpy.ops.object.correctivesmooth_bind(modifier=self.modifier)
+            for modifier in unbound:
+                if modifier.is_bind:  # to another number of vertices: Blender's operator takes that away first
+                    bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
+                bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
         ob.update_tag()
         return {"FINISHED"}
 

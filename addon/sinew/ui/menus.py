@@ -2,7 +2,7 @@
 
 import bpy
 
-from .cures import FillWeights, KeepGenerated, MakeSingleUser, NormalizeWeights, RemoveDoubles, SelectUnweighted
+from . import cures
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, ExportRig, ImportRig, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -26,7 +26,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
         layout.operator(MeasureFrames.bl_idname, icon="TIME")
         layout.separator()
-        for operator in (NormalizeWeights, FillWeights, SelectUnweighted, MakeSingleUser, RemoveDoubles, KeepGenerated):
+        for operator in cures.CLASSES:
             layout.operator(operator.bl_idname)
         layout.separator()
         layout.operator(OpenManual.bl_idname, icon="HELP")

@@ -201,7 +201,7 @@ def draw_chain(layout, ob, entry):
         notice.draw_sentence(column, bpy.context, f"{entry.run.end} goes on in Blender: {entry.run.reason}", False)
         end = ob.modifiers.get(entry.run.end)
         if end is not None and runs.why_not_bound(ob, end):
-            layout.operator(cures.BindSmoothing.bl_idname).modifier = end.name
+            layout.operator(cures.BindSmoothing.bl_idname)
 
 
 def draw_statistics(layout, scene, entry):
