@@ -26,7 +26,7 @@ std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& of
 std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method, const std::string& stretch,
                                   const std::optional<py::array>& rest_frames, const std::optional<py::array>& mask,
                                   const std::optional<py::array>& share, std::shared_ptr<Bends> bends,
-                                  const std::optional<py::array>& split_space) {
+                                  const std::optional<py::array>& split_space, std::shared_ptr<MethodData> data) {
   std::vector<Matrix4<double>> frames;
   if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
   std::optional<Matrix4<double>> space;
@@ -39,7 +39,7 @@ std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string&
   }
   return std::make_shared<Layer>(std::move(skin), method_named(method), StretchRule{stretch_named(stretch), frames},
                                  OptionalNumbers("mask", mask), OptionalNumbers("share", share), std::move(bends),
-                                 space);
+                                 space, std::move(data));
 }
 
 std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, const py::object& relative_to,
@@ -151,9 +151,9 @@ void bind_deformer(py::module_& module) {
       module, "Layer", "One armature's say in a mesh. Immutable, but for what is done to its skin.")
       .def(py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
            py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(), py::arg("share") = py::none(),
-           py::arg("bends") = py::none(), py::arg("split_space") = py::none(),
+           py::arg("bends") = py::none(), py::arg("split_space") = py::none(), py::arg("data") = py::none(),
            "skin: a Skin of V vertices and J joints; several layers may share it.\n"
-           "method: \"linear\" or \"dual_quaternion\".\n"
+           "method: \"linear\", \"dual_quaternion\" or, with data of its own, \"blended\".\n"
            "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
            "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
            "mask: (V,), how much of the motion each vertex takes part in: "
@@ -166,7 +166,8 @@ void bind_deformer(py::module_& module) {
            "they are, and all of them on other rest positions or in another space.\n"
            "split_space: (4, 4), the space of the pose for which the skin was split, None if they "
            "are one.\n"
-           "All are copied but skin and bends. Raises ValueError for sizes that do not fit and for "
+           "data: what the method has of its own for each vertex, a BlendShares; None for a method that has nothing.\n"
+           "All are copied but skin, bends and data. Raises ValueError for sizes that do not fit and for "
            "numbers that are not finite.")
       .def_property_readonly(
           "vertex_count", [](const Layer& self) { return self.skin().vertex_count(); }, "V.")

@@ -6,30 +6,10 @@
 #include "arrays.h"
 #include "methods.h"
 #include "sinew/skinning.h"
+#include "skinned.h"
 
 namespace sinew::bindings {
 namespace {
-
-/// (V, 3), or (F, V, 3) if the matrices have an axis of frames.
-std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matrices) {
-  std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
-  if (matrices.ndim() == 4) shape.insert(shape.begin(), matrices.shape(0));
-  return shape;
-}
-
-/// Calls skin(matrices, positions) without the GIL and returns what was written.
-template <class Call>
-py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out, const Call& call) {
-  const auto stack = matrix_stack<const float>("matrices", matrices);
-  const auto shape = positions_shape(skin, matrices);
-  const py::array result = out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
-  const std::span<float> positions = written_span<float>("out", result, shape);
-  {
-    const py::gil_scoped_release release;
-    call(stack, positions);
-  }
-  return result;
-}
 
 py::array linear(const Skin& skin, const py::array& matrices, const py::object& out) {
   return skinned(skin, matrices, out, [&](auto stack, auto positions) { skin_linear(skin, stack, positions); });
@@ -50,8 +30,8 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
   for (const py::tuple& tuple : tuples) {
     const std::string where = "job " + std::to_string(jobs.size());
     try {
-      if (tuple.size() != 4 && tuple.size() != 6) {
-        throw InputError("expected (skin, matrices, out, method[, stretch, rest_frames])");
+      if (tuple.size() != 4 && tuple.size() != 6 && tuple.size() != 7) {
+        throw InputError("expected (skin, matrices, out, method[, stretch, rest_frames[, data]])");
       }
       const auto& skin = tuple[0].cast<const Skin&>();
       const py::array matrices = given_array("matrices", tuple[1]);
@@ -59,14 +39,15 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
       const std::span<float> positions =
           written_span<float>("out", given_array("out", tuple[2]), positions_shape(skin, matrices));
       SkinningJob job{&skin, stack, positions, method_named(tuple[3].cast<std::string>()), {}};
-      if (tuple.size() == 6) {
+      if (tuple.size() > 4) {
         auto& frames = rest_frames[jobs.size()];
-        frames = copied_matrices("rest_frames", given_array("rest_frames", tuple[5]), 3);
+        if (!tuple[5].is_none()) frames = copied_matrices("rest_frames", given_array("rest_frames", tuple[5]), 3);
         job.rule = {stretch_named(tuple[4].cast<std::string>()), frames};
       }
+      if (tuple.size() == 7) job.data = tuple[6].cast<const MethodData*>();
       jobs.push_back(job);
     } catch (const py::cast_error&) {
-      throw py::type_error(where + ": expected (Skin, array, array, str[, str, array])");
+      throw py::type_error(where + ": expected (Skin, array, array, str[, str, array[, MethodData]])");
     } catch (const InputError& error) {
       throw InputError(where + ": " + error.what());
     }
@@ -83,14 +64,6 @@ Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) 
   return Skin::from_dense(points_of<float>("rest_positions", rest_positions), std::span<const double>(numbers).data(),
                           rows, columns, columns, 1);
 }
-
-constexpr const char* kSkinArguments =
-    "matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any "
-    "strides, a transposed view is read in place; the last row is taken to be 0 0 0 1.\n"
-    "out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if "
-    "None.\n";
-
-constexpr const char* kSkinReturns = "Returns out. Raises ValueError if a shape or dtype does not fit.";
 
 }  // namespace
 
@@ -175,8 +148,8 @@ void bind_skinning(py::module_& module) {
   module.def("skin_all", &skin_jobs, py::arg("jobs"),
              "Several skins at once, with all threads at work on all of them.\n\n"
              "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
-             "quaternions behind them: matrices and out as of skin_linear, out not None; method "
-             "\"linear\" or \"dual_quaternion\".\n"
+             "quaternions, or (stretch, rest_frames, data), behind them: matrices and out as of skin_linear, out "
+             "not None; method and data as of Layer.\n"
              "The same bits as one call a job. Raises ValueError, and writes nothing, if a shape or dtype "
              "does not fit or two results overlap.");
 }

@@ -18,9 +18,12 @@ inline Stretch stretch_named(const std::string& name) {
 }
 
 inline SkinningMethod method_named(const std::string& name) {
-  if (name == "linear") return SkinningMethod::linear;
-  if (name == "dual_quaternion") return SkinningMethod::dual_quaternion;
-  throw InputError("there is no method \"" + name + "\"; expected linear or dual_quaternion");
+  std::string known;
+  for (const SkinningMethod method : kSkinningMethods) {
+    if (name == name_of(method)) return method;
+    known += (known.empty() ? "" : ", ") + std::string(name_of(method));
+  }
+  throw InputError("there is no method \"" + name + "\"; expected one of " + known);
 }
 
 inline SmoothType smooth_type_named(const std::string& name) {

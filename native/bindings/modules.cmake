@@ -12,6 +12,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_deformer.cpp
     bindings/bind_files.cpp
     bindings/bind_host.cpp
+    bindings/bind_method_data.cpp
     bindings/bind_shortcut.cpp
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 _Path: TypeAlias = str | os.PathLike[str]
 _Convention: TypeAlias = Literal["bone", "joint"]
-_Method: TypeAlias = Literal["linear", "dual_quaternion"]
+_Method: TypeAlias = Literal["linear", "dual_quaternion", "blended"]
 _SmoothType: TypeAlias = Literal["simple", "length_weighted"]
 _CornerAngle: TypeAlias = Literal["polynomial", "arc_cosine"]
 _Falloff: TypeAlias = Literal["none", "constant", "linear", "smooth", "sharp", "root", "sphere", "inverse_square"]
@@ -194,6 +194,25 @@ class Skin:
     def set_rest_positions(self, positions: _Reals) -> None:
         """The same influences on another shape, (V, 3). Not while another thread skins with it."""
 
+class MethodData:
+    """What a method has of its own for each vertex: the base of BlendShares. Immutable."""
+
+    @property
+    def method(self) -> str:
+        """The one method that takes it."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+
+class BlendShares(MethodData):
+    """How much of dual quaternion skinning each vertex has, for the method "blended"."""
+
+    def __init__(self, shares: _Reals) -> None:
+        """shares (V,), each from 0, linear skinning, to 1, dual quaternion skinning."""
+    @property
+    def shares(self) -> _Float32:
+        """(V,), read-only."""
+
 class Bends:
     """Influences of bones with segments, split over the segments where a vertex is. Immutable."""
 
@@ -229,10 +248,11 @@ class Layer:
         share: _Reals | None = None,
         bends: Bends | None = None,
         split_space: _Reals | None = None,
+        data: MethodData | None = None,
     ) -> None:
         """rest_frames (J, 4, 4), relative to the armature; mask and share (V,). The first layer of a
         deformer has no share, every other one has one. split_space (4, 4): in which the skin's own
-        weights were split, where bends are given."""
+        weights were split, where bends are given. data: of a method that has some for each vertex."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -406,13 +426,25 @@ def skin_dual_quaternion(
     """Dual quaternion skinning (Kavan et al. 2008). The first arguments as of skin_linear; stretch:
     what becomes of scale and shear; rest_frames (J, 4, 4), for all but "polar"."""
 
+def skin_blended(
+    skin: Skin,
+    shares: BlendShares,
+    matrices: _Float32,
+    out: _Float32 | None = None,
+    stretch: _Stretch = "polar",
+    rest_frames: _Reals | None = None,
+) -> _Float32:
+    """v' = linear + share (dual quaternion - linear). The other arguments as of skin_dual_quaternion."""
+
 def skin_all(
     jobs: Sequence[
-        tuple[Skin, _Float32, _Float32, _Method] | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals]
+        tuple[Skin, _Float32, _Float32, _Method]
+        | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals]
+        | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals | None, MethodData | None]
     ],
 ) -> None:
     """Several skins at once, with all threads at work on all of them. A job is (skin, matrices, out,
-    method[, stretch, rest_frames]), as skin_linear and skin_dual_quaternion take them."""
+    method[, stretch, rest_frames[, data]]), as Layer and skin_dual_quaternion take them."""
 
 def read_dmat(path: _Path) -> _Float64:
     """A .dmat file, text or binary: (rows, columns)."""

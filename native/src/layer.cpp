@@ -26,7 +26,8 @@ void check_bends(const Bends& bends, const Skin& skin) {
 
 Layer::Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule,
              std::optional<std::span<const float>> mask, std::optional<std::span<const float>> share,
-             std::shared_ptr<const Bends> bends, const std::optional<Matrix4<double>>& split_space)
+             std::shared_ptr<const Bends> bends, const std::optional<Matrix4<double>>& split_space,
+             std::shared_ptr<const MethodData> data)
     : skin_(std::move(skin)),
       method_(method),
       stretch_(rule.stretch),
@@ -34,8 +35,10 @@ Layer::Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const Stre
       mask_(checked("mask", mask, skin_->vertex_count())),
       share_(checked("share", share, skin_->vertex_count())),
       bends_(std::move(bends)),
-      split_space_(split_space) {
+      split_space_(split_space),
+      data_(std::move(data)) {
   check_rest_frames(rule, skin_->joint_count(), "");
+  check_data(*skin_, method_, data_.get(), "");
   if (bends_) check_bends(*bends_, *skin_);
 }
 

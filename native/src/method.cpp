@@ -1,10 +1,23 @@
 #include "method.h"
 
+#include "blended_skinning.h"
 #include "check.h"
 #include "dual_quaternion_skinning.h"
 #include "linear_skinning.h"
 
 namespace sinew {
+
+const char* name_of(SkinningMethod method) {
+  switch (method) {
+    case SkinningMethod::linear:
+      return "linear";
+    case SkinningMethod::dual_quaternion:
+      return "dual_quaternion";
+    case SkinningMethod::blended:
+      return "blended";
+  }
+  return "";
+}
 
 void check_matrices(const Skin& skin, MatrixStack<const float> matrices, const std::string& where) {
   if (matrices.joints != skin.joint_count()) {
@@ -21,32 +34,59 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
   }
 }
 
-void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, MatrixStack<const float> matrices,
-             std::ptrdiff_t frame, Palette& palette) {
-  if (method == SkinningMethod::linear) {
-    prepare_linear(matrices, frame, palette);
-  } else {
-    prepare_dual_quaternion(skin, rule, matrices, frame, palette);
+void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where) {
+  const bool has_some = method == SkinningMethod::blended;
+  if (has_some && !data) fail(where, "the method ", name_of(method), " has no data; expected some");
+  if (!data) return;
+  if (data->method() != method) {
+    fail(where, "the data is of the method ", name_of(data->method()), "; the method is ", name_of(method));
+  }
+  if (data->vertex_count() != skin.vertex_count()) {
+    fail(where, "the data has ", plural(data->vertex_count(), "vertex"), "; the skin has ",
+         grouped(skin.vertex_count()));
   }
 }
 
-void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile) {
-  const bool linear = method == SkinningMethod::linear;
-  (linear ? run_linear : run_dual_quaternion)(skin, palette, tile);
+void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, MatrixStack<const float> matrices,
+             std::ptrdiff_t frame, Palette& palette) {
+  if (method != SkinningMethod::dual_quaternion) prepare_linear(matrices, frame, palette);
+  if (method != SkinningMethod::linear) prepare_dual_quaternion(skin, rule, matrices, frame, palette);
 }
 
-void run_vertex(const Influences& influences, SkinningMethod method, const Palette& palette, const float* rest,
-                float* out) {
-  if (method == SkinningMethod::linear) {
-    linear_vertex(influences, rest, palette.matrices.data(), out);
-  } else {
-    dual_quaternion_vertex(influences, palette, rest, out);
+void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile) {
+  switch (method) {
+    case SkinningMethod::linear:
+      return run_linear(skin, palette, tile);
+    case SkinningMethod::dual_quaternion:
+      return run_dual_quaternion(skin, palette, tile);
+    case SkinningMethod::blended:
+      return run_blended(skin, palette, tile);
+  }
+}
+
+void run_vertex(std::size_t v, const Influences& influences, SkinningMethod method, const MethodData* data,
+                const Palette& palette, const float* rest, float* out) {
+  switch (method) {
+    case SkinningMethod::linear:
+      return linear_vertex(influences, rest, palette.matrices.data(), out);
+    case SkinningMethod::dual_quaternion:
+      return dual_quaternion_vertex(influences, palette, rest, out);
+    case SkinningMethod::blended:
+      return blended_vertex(influences, palette, static_cast<const BlendShares&>(*data).shares()[v], rest, out);
   }
 }
 
 double microseconds_a_vertex(SkinningMethod method) {
   // AVX2, four influences at most.
-  return method == SkinningMethod::linear ? 1.5e-3 : 2.5e-3;
+  switch (method) {
+    case SkinningMethod::linear:
+      return 1.5e-3;
+    case SkinningMethod::dual_quaternion:
+      return 2.5e-3;
+    case SkinningMethod::blended:
+      return 4e-3;
+  }
+  return 0;
 }
 
 }  // namespace sinew

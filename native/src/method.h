@@ -16,14 +16,17 @@ void check_matrices(const Skin& skin, MatrixStack<const float> matrices, const s
 /// Likewise, if there are rest frames that the rule does not want, or too few.
 void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std::string& where);
 
+/// Likewise, for data of another method or other vertices, or none where the method has some.
+void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where);
+
 void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, MatrixStack<const float> matrices,
              std::ptrdiff_t frame, Palette& palette);
 
 void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile);
 
-/// One vertex at `rest`, x y z, that has other influences than the skin says.
-void run_vertex(const Influences& influences, SkinningMethod method, const Palette& palette, const float* rest,
-                float* out);
+/// Vertex v at `rest`, x y z, that has other influences than the skin says.
+void run_vertex(std::size_t v, const Influences& influences, SkinningMethod method, const MethodData* data,
+                const Palette& palette, const float* rest, float* out);
 
 /// What a vertex costs one thread, about.
 double microseconds_a_vertex(SkinningMethod method);

@@ -58,7 +58,8 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
 
 void PosedLayer::run(const TileInput& input, LayerScratch& scratch, float* own) const {
   const std::size_t blocks = (input.count + kBlock - 1) / kBlock;
-  Tile tile{input.tile * kBlocksPerTile, input.tile * kBlocksPerTile + blocks, input.rest, input.points, own};
+  Tile tile{
+      input.tile * kBlocksPerTile, input.tile * kBlocksPerTile + blocks, input.rest, input.points, own, layer->data()};
   if (space) {
     transform(space->back, input.rest, input.count, scratch.moved);
     pack_points(scratch.moved, input.count, scratch.moved_points);
@@ -93,7 +94,8 @@ void PosedLayer::bend(const TileInput& input, const float* rest, float* own) con
       point = (back->topRows<3>() * point.homogeneous()).eval();
     }
     bends.split(static_cast<std::size_t>(at - vertices.begin()), point, split);
-    run_vertex({split.joints, split.weights}, layer->method(), palette, rest + 3 * v, own + 3 * v);
+    run_vertex(static_cast<std::size_t>(*at), {split.joints, split.weights}, layer->method(), layer->data(), palette,
+               rest + 3 * v, own + 3 * v);
   }
 }
 

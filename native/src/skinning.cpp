@@ -27,6 +27,7 @@ void check_shapes(const SkinningJob& job, const std::string& where) {
          job.matrices.frames, " x ", skin.vertex_count(), " x 3)");
   }
   check_rest_frames(job.rule, skin.joint_count(), where);
+  check_data(skin, job.method, job.data, where);
 }
 
 void check(std::span<const SkinningJob> jobs) {
@@ -122,7 +123,8 @@ struct Batch {
     const std::size_t of_frame = (part.first_frame + frame) * skin.vertex_count();
     run(skin, part.job->method, palettes[part.first_palette + frame],
         {begin, std::min(skin.blocks.size(), begin + kBlocksPerTile), skin.rest.data() + 3 * begin * kBlock,
-         skin.points.get() + begin * kBlockFloats, part.job->positions.data() + 3 * (of_frame + begin * kBlock)});
+         skin.points.get() + begin * kBlockFloats, part.job->positions.data() + 3 * (of_frame + begin * kBlock),
+         part.job->data});
   }
 };
 
@@ -164,6 +166,12 @@ void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, s
 
 void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
   skin_dual_quaternion(skin, matrices, positions, {});
+}
+
+void skin_blended(const Skin& skin, const BlendShares& shares, MatrixStack<const float> matrices,
+                  std::span<float> positions, const StretchRule& rule) {
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::blended, rule, &shares};
+  skin_all({&job, 1});
 }
 
 }  // namespace sinew

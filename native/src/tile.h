@@ -5,6 +5,8 @@
 
 namespace sinew {
 
+class MethodData;
+
 /// Vertices that are computed together. Sixteen fill one AVX-512 register, two of AVX2, four of
 /// SSE.
 constexpr int kBlock = 16;
@@ -19,7 +21,26 @@ struct Tile {
   const float* rest;       ///< x y z a vertex, before skinning
   const float* points;     ///< the same, packed
   float* positions;        ///< out, x y z a vertex
+  const MethodData* data;  ///< the whole mesh's, or null
+
+  /// Some of its blocks.
+  Tile part(std::size_t first, std::size_t last) const;
 };
+
+inline Tile Tile::part(std::size_t first, std::size_t last) const {
+  const std::size_t at = (first - begin) * kBlockFloats;
+  return {first, last, rest + at, points + at, positions + at, data};
+}
+
+/// Calls run(way, part) for the longest runs of blocks b of a tile that have the same way_of(b).
+template <class WayOf, class Run>
+void for_runs(const Tile& tile, const WayOf& way_of, const Run& run) {
+  for (std::size_t b = tile.begin, end; b < tile.end; b = end) {
+    const auto way = way_of(b);
+    for (end = b + 1; end < tile.end && way_of(end) == way;) ++end;
+    run(way, tile.part(b, end));
+  }
+}
 
 /// A tile's blocks, its vertices: points, weights and results fit the second-level cache.
 constexpr std::size_t kBlocksPerTile = 256;

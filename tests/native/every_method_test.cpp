@@ -18,9 +18,11 @@ using Floats = std::vector<float>;
 class EveryMethod : public testing::TestWithParam<SkinFunction> {};
 
 INSTANTIATE_TEST_SUITE_P(Methods, EveryMethod,
-                         testing::Values(SkinFunction(skin_linear), SkinFunction(skin_dual_quaternion)),
+                         testing::Values(SkinFunction(skin_linear), SkinFunction(skin_dual_quaternion),
+                                         SkinFunction(rigs::skin_mixed)),
                          [](const auto& method) {
-                           return std::string(method.index == 0 ? "Linear" : "DualQuaternion");
+                           const char* const names[] = {"Linear", "DualQuaternion", "Blended"};
+                           return std::string(names[method.index]);
                          });
 
 TEST_P(EveryMethod, RestPoseIsTheRestMesh) {

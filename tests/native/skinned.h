@@ -7,10 +7,25 @@
 #include <vector>
 
 #include "rigs.h"
+#include "sinew/skinning.h"
 
 namespace sinew::rigs {
 
 using SkinFunction = void (*)(const Skin&, MatrixStack<const float>, std::span<float>);
+
+/// Vertices of 0, 0.25 ... 1 side by side, and whole blocks of 0 and of 1.
+inline std::vector<float> mixed_shares(std::ptrdiff_t vertices) {
+  std::vector<float> shares;
+  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
+    const std::ptrdiff_t stretch = v / 64 % 4;
+    shares.push_back(stretch < 2 ? static_cast<float>(v * 7 % 5) / 4 : static_cast<float>(stretch - 2));
+  }
+  return shares;
+}
+
+inline void skin_mixed(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
+  skin_blended(skin, BlendShares(mixed_shares(skin.vertex_count())), matrices, positions);
+}
 
 /// F x V x 3; and nothing is written beyond the end, whatever is left of the last block.
 inline std::vector<float> skinned(SkinFunction skin_by, const Skin& skin, const Matrices& matrices,

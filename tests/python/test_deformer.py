@@ -416,7 +416,10 @@ def test_refuses_what_it_is_made_of():
     small = sinew.Skin.from_dense(np.zeros((4, 3)), np.ones((4, 2)))
     layer = sinew.Layer(skin, "linear")
     assert (layer.vertex_count, layer.joint_count) == (5, 2)
-    assert said(sinew.Layer, skin, "cubic") == 'there is no method "cubic"; expected linear or dual_quaternion'
+    assert (
+        said(sinew.Layer, skin, "cubic")
+        == 'there is no method "cubic"; expected one of linear, dual_quaternion, blended'
+    )
     assert said(sinew.Layer, skin, "dual_quaternion", "frame") == "there are 0 rest frames; expected 2"
     assert said(sinew.Layer, skin, "linear", mask=np.ones(4)) == "mask has 4 numbers; the skin has 5 vertices"
     assert said(sinew.Layer, skin, "linear", share=np.ones((5, 1))) == "share has shape (5, 1); expected one axis"

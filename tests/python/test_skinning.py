@@ -286,9 +286,12 @@ def test_skin_all_refuses_what_is_wrong(random):
         return said(sinew.skin_all, [jobs[1], job])
 
     assert (
-        said_of(skin, matrices, out, "cubic") == 'job 1: there is no method "cubic"; expected linear or dual_quaternion'
+        said_of(skin, matrices, out, "cubic")
+        == 'job 1: there is no method "cubic"; expected one of linear, dual_quaternion, blended'
     )
-    assert said_of(skin, matrices, out) == "job 1: expected (skin, matrices, out, method[, stretch, rest_frames])"
+    assert (
+        said_of(skin, matrices, out) == "job 1: expected (skin, matrices, out, method[, stretch, rest_frames[, data]])"
+    )
     frames = np.tile(np.eye(4), (5, 1, 1))
     assert (
         said_of(skin, matrices, out, method, "odd", frames)

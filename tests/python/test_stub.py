@@ -116,6 +116,7 @@ def samples():
     layer, keys = sinew.Layer(skin, "linear"), sinew.ShapeKeys([np.zeros((1, 3))], np.array([0]))
     numbers = np.array([0])
     bends = sinew.Bends(numbers, np.array([0, 1]), numbers, np.ones(1), numbers, np.array([1]), np.zeros((1, 4)))
+    shares = sinew.BlendShares(np.ones(1))
     topology = sinew.Topology(1, np.zeros((0, 2), int))
     hook = sinew.Hook(1)
     return {
@@ -124,6 +125,8 @@ def samples():
         "Hook": hook,
         "Stage": hook.stage(np.eye(4)),
         "CorrectiveSmooth": sinew.CorrectiveSmooth(topology),
+        "MethodData": shares,
+        "BlendShares": shares,
         "Bends": bends,
         "Skeleton": sinew.Skeleton(np.array([-1]), one),
         "RigSkeleton": skeleton,

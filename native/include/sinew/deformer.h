@@ -33,13 +33,15 @@ class Layer {
   ///         of them on other rest positions or in another space than split_space.
   /// split_space  mesh_from_armature of LayerPose when the skin was split; without bends it says
   ///         nothing. Compared number by number.
-  /// Throws InputError for bends that name a vertex or a joint that the skin does not have, and for
-  /// a number of rest frames, masks or shares that does not fit, and for one
-  /// that is not finite.
+  /// data    of a method that has some, null for the others.
+  /// Throws InputError for bends that name a vertex or a joint that the skin does not have, for
+  /// data of another method or number of vertices, and for a number of rest frames, masks or shares
+  /// that does not fit, and for one that is not finite.
   Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule = {},
         std::optional<std::span<const float>> mask = std::nullopt,
         std::optional<std::span<const float>> share = std::nullopt, std::shared_ptr<const Bends> bends = nullptr,
-        const std::optional<Matrix4<double>>& split_space = std::nullopt);
+        const std::optional<Matrix4<double>>& split_space = std::nullopt,
+        std::shared_ptr<const MethodData> data = nullptr);
 
   const Skin& skin() const { return *skin_; }
   SkinningMethod method() const { return method_; }
@@ -50,6 +52,8 @@ class Layer {
   /// Or null.
   const Bends* bends() const { return bends_.get(); }
   const std::optional<Matrix4<double>>& split_space() const { return split_space_; }
+  /// Or null.
+  const MethodData* data() const { return data_.get(); }
 
  private:
   std::shared_ptr<const Skin> skin_;
@@ -60,6 +64,7 @@ class Layer {
   std::optional<std::vector<float>> share_;
   std::shared_ptr<const Bends> bends_;
   std::optional<Matrix4<double>> split_space_;
+  std::shared_ptr<const MethodData> data_;
 };
 
 /// A layer's armature in one frame.

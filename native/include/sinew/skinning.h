@@ -6,6 +6,7 @@
 
 #include <span>
 
+#include "sinew/blend_shares.h"
 #include "sinew/skin.h"
 #include "sinew/skinning_method.h"
 #include "sinew/types.h"
@@ -39,13 +40,22 @@ void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, s
 /// The same with Stretch::polar.
 void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions);
 
-/// What skin_linear and skin_dual_quaternion take.
+/// Linear and dual quaternion skinning, blended: v' = linear + share (dual quaternion - linear). Where
+/// a share is 0 or 1 the one or the other to the bit.
+///
+/// skin, matrices, positions, rule   as above.
+/// shares                            V.
+void skin_blended(const Skin& skin, const BlendShares& shares, MatrixStack<const float> matrices,
+                  std::span<float> positions, const StretchRule& rule = {});
+
+/// What these functions take.
 struct SkinningJob {
   const Skin* skin;                   ///< V vertices, J joints; several jobs may share it
   MatrixStack<const float> matrices;  ///< F x J skinning matrices
   std::span<float> positions;         ///< out, F x V x 3; no part of it in another job's
   SkinningMethod method;
-  StretchRule rule{};  ///< of dual quaternions
+  StretchRule rule{};                ///< of dual quaternions
+  const MethodData* data = nullptr;  ///< of a method that has some
 };
 
 /// Does all jobs in one parallel region, whose start is thus paid for once: many small meshes keep

@@ -7,7 +7,27 @@
 
 namespace sinew {
 
-enum class SkinningMethod { linear, dual_quaternion };
+enum class SkinningMethod {
+  linear,
+  dual_quaternion,
+  blended,  ///< of the two, see BlendShares
+};
+
+constexpr SkinningMethod kSkinningMethods[] = {SkinningMethod::linear, SkinningMethod::dual_quaternion,
+                                               SkinningMethod::blended};
+
+/// As Python has it: "dual_quaternion".
+const char* name_of(SkinningMethod method);
+
+/// What a method has of its own for each vertex, made before the first frame. Immutable.
+class MethodData {
+ public:
+  virtual ~MethodData() = default;
+  /// The one method that takes it, and does not go without.
+  virtual SkinningMethod method() const = 0;
+  /// V.
+  virtual std::ptrdiff_t vertex_count() const = 0;
+};
 
 /// How dual quaternion skinning takes joints that scale or shear apart into a stretch and a rigid
 /// motion, and when the stretch is applied. Joints that only turn and move are the same in all of

@@ -1,0 +1,40 @@
+/// What the functions that skin have in common.
+#pragma once
+
+#include <vector>
+
+#include "arrays.h"
+#include "sinew/skin.h"
+
+namespace sinew::bindings {
+
+/// (V, 3), or (F, V, 3) if the matrices have an axis of frames.
+inline std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matrices) {
+  std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
+  if (matrices.ndim() == 4) shape.insert(shape.begin(), matrices.shape(0));
+  return shape;
+}
+
+/// Calls skin(matrices, positions) without the GIL and returns what was written.
+template <class Call>
+py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out, const Call& call) {
+  const auto stack = matrix_stack<const float>("matrices", matrices);
+  const auto shape = positions_shape(skin, matrices);
+  const py::array result = out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
+  const std::span<float> positions = written_span<float>("out", result, shape);
+  {
+    const py::gil_scoped_release release;
+    call(stack, positions);
+  }
+  return result;
+}
+
+constexpr const char* kSkinArguments =
+    "matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any "
+    "strides, a transposed view is read in place; the last row is taken to be 0 0 0 1.\n"
+    "out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if "
+    "None.\n";
+
+constexpr const char* kSkinReturns = "Returns out. Raises ValueError if a shape or dtype does not fit.";
+
+}  // namespace sinew::bindings
