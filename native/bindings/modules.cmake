@@ -1,7 +1,11 @@
 # The Python module, once for the Python that builds it and once for that of each folder in
 # SINEW_PYTHON_ROOTS. All go to python/ of the build folder, told apart by their suffix.
 
-find_package(Python3 REQUIRED COMPONENTS Interpreter Development.Module)
+find_package(Python3 QUIET COMPONENTS Interpreter Development.Module)
+if(NOT Python3_FOUND)
+  message(FATAL_ERROR "The headers of ${Python3_EXECUTABLE} were not found. On Debian and Ubuntu install those of the "
+    "system's Python with: apt install python3-dev.")
+endif()
 set(PYBIND11_NOPYTHON ON)  # its headers alone, which are the same for all
 find_package(pybind11 2.13 REQUIRED)  # knows numpy 2
 
