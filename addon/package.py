@@ -1,10 +1,10 @@
 """Makes the add-on's zip: one top folder `sinew/`, which Blender 3.4 as well as the extensions of 4.2
 and later install.
 
-    package.py MODULE... LICENSES FOLDER
+    package.py MODULE... FOLDER
 
-MODULE are compiled `sinew_native` files, one a Python version; LICENSES is a folder with a file for each
-library that is compiled into them. Prints the zip's path in FOLDER. The same input gives the same zip.
+MODULE are compiled `sinew_native` files, one a Python version. Prints the zip's path in FOLDER. The same
+input gives the same zip.
 """
 
 import re
@@ -32,7 +32,7 @@ def stamped(init):
     return result
 
 
-def contents(modules, licenses):
+def contents(modules):
     """{name in the zip: bytes}"""
     files = {
         path.relative_to(SOURCE).as_posix(): path.read_bytes()
@@ -41,16 +41,16 @@ def contents(modules, licenses):
     }
     files["__init__.py"] = stamped(files["__init__.py"].decode()).encode()
     files["LICENSE"] = (ROOT / "LICENSE").read_bytes()
-    files |= {f"licenses/{path.name}": path.read_bytes() for path in licenses.iterdir()}
+    files |= {f"licenses/{path.name}": path.read_bytes() for path in (ROOT / "native" / "licenses").iterdir()}
     files |= {f"manual/{name}": data for name, data in manual.pages(ROOT / "docs").items()}
     files |= {module.name: module.read_bytes() for module in modules}
     return files
 
 
 def main(arguments):
-    if len(arguments) < 3:
+    if len(arguments) < 2:
         sys.exit(__doc__)
-    *modules, licenses, folder = map(Path, arguments)
+    *modules, folder = map(Path, arguments)
     target = folder / f"sinew-{version()}.zip"
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         # Without an entry for the folder itself, 3.4 writes over an older version's files in place, of which
@@ -58,7 +58,7 @@ def main(arguments):
         folder = zipfile.ZipInfo("sinew/", EPOCH)
         folder.external_attr = 0o40755 << 16 | 0x10
         archive.writestr(folder, b"")
-        for name, data in sorted(contents(modules, licenses).items()):
+        for name, data in sorted(contents(modules).items()):
             entry = zipfile.ZipInfo(f"sinew/{name}", EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
