@@ -34,6 +34,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
 endfunction()
 
 add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS})
+include(bindings/install.cmake)
 configure_file(bindings/sinew_native.pyi ${CMAKE_BINARY_DIR}/python/sinew_native.pyi COPYONLY)
 
 set(SINEW_PYTHON_ROOTS "" CACHE STRING

@@ -1,4 +1,5 @@
-"""The compiled module without Blender: from SINEW_BUILD, or <repository>/build."""
+"""The compiled module without Blender: from SINEW_BUILD, or <repository>/build; the installed one where SINEW_BUILD
+is empty."""
 
 import os
 import sys
@@ -7,7 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(Path(os.environ.get("SINEW_BUILD", ROOT / "build")).resolve() / "python"))
+if build := os.environ.get("SINEW_BUILD", ROOT / "build"):
+    sys.path.insert(0, str(Path(build).resolve() / "python"))
 
 import sinew_native  # noqa: E402
 
