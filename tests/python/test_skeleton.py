@@ -161,7 +161,7 @@ def test_read_only_input_is_fine(random, function):
     assert np.array_equal(function(skeleton, broadcast), function(skeleton, broadcast.copy()))
 
 
-@pytest.mark.parametrize("function, name", zip(FUNCTIONS, ["local", "world"]))
+@pytest.mark.parametrize("function, name", list(zip(FUNCTIONS, ["local", "world"])))
 def test_refuses_arrays_that_do_not_fit(random, function, name):
     skeleton, _, _ = rigs.skeleton(random, 4)
     good = rigs.random_matrices(random, 2, 4, dtype=np.float32)

@@ -97,7 +97,7 @@ def methods():
         yield pytest.param(getattr(sinew, function.name), function, id=function.name)
 
 
-@pytest.mark.parametrize("live, function", methods())
+@pytest.mark.parametrize("live, function", list(methods()))
 def test_parameters(live, function):
     assert of_stub(function) == of_docstring(live.__doc__)
 
