@@ -34,7 +34,8 @@ def structs():
     """{name: Struct} of the running Blender. To be called from the main thread first: it writes a file."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "layout.blend")
-        bpy.data.libraries.write(path, set(), compress=False)
+        with bpy.data.temp_data() as data:  # apart from the open file
+            data.libraries.write(path, {data.texts.new("")}, compress=False)  # 4.2 crashes on an empty set
         with open(path, "rb") as file:
             return parse(file.read())
 
