@@ -88,10 +88,7 @@ def add_vertices(ob):
 
 def remove_vertices(ob):
     select(ob)
-    for vertex in ob.data.vertices:
-        vertex.select = vertex.index % 7 == 0
-    for parts in ob.data.edges, ob.data.polygons:
-        parts.foreach_set("select", np.zeros(len(parts), bool))
+    addon_module("blender.meshes").select_vertices(ob.data, np.arange(len(ob.data.vertices)) % 7 == 0)
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.delete(type="VERT")
     bpy.ops.object.mode_set(mode="OBJECT")

@@ -32,6 +32,16 @@ def write_positions(mesh, positions):
             mesh.vertices[0].co = positions[0]
 
 
+def select_vertices(mesh, selected):
+    """These alone, and no edge or face. selected: V bool. Not in Edit Mode."""
+    # Not by `edges[0].select`: 5.0's Mesh.from_pydata makes an attribute of the wrong type, and then that crashes.
+    for name in (".select_edge", ".select_poly"):
+        attribute = mesh.attributes.get(name)
+        if attribute is not None:
+            mesh.attributes.remove(attribute)
+    mesh.vertices.foreach_set("select", selected)
+
+
 def read_topology(mesh):
     """edges (E, 2), where the corners of each face begin (faces + 1,), vertices of the corners (C,), all int32."""
     edges, corners = np.empty(2 * len(mesh.edges), np.int32), np.empty(len(mesh.loops), np.int32)

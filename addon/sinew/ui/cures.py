@@ -271,12 +271,9 @@ class SelectUnweighted(_Cure, bpy.types.Operator):
     bl_label = "Select Vertices without Bone"
 
     def execute(self, context):
-        mesh = context.active_object.data
         selected = np.array([not entries for entries in bone_weights(context.active_object)], bool)
         context.tool_settings.mesh_select_mode = (True, False, False)
-        mesh.polygons.foreach_set("select", np.zeros(len(mesh.polygons), bool))
-        mesh.edges.foreach_set("select", np.zeros(len(mesh.edges), bool))
-        mesh.vertices.foreach_set("select", selected)
+        meshes.select_vertices(context.active_object.data, selected)
         bpy.ops.object.mode_set(mode="EDIT")
         self.report({"INFO"}, f"{selected.sum():,} vertices follow no bone")
         return {"FINISHED"}
