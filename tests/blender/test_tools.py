@@ -206,9 +206,14 @@ def cage():
     return bpy.context.object
 
 
+def in_cage(modifier):
+    modifier.object = cage()
+    modifier.precision = 3  # which is quick
+
+
 MODIFIERS = {
     "CORRECTIVE_SMOOTH": ("correctivesmooth_bind", lambda modifier: setattr(modifier, "rest_source", "BIND")),
-    "MESH_DEFORM": ("meshdeform_bind", lambda modifier: setattr(modifier, "object", cage())),
+    "MESH_DEFORM": ("meshdeform_bind", in_cage),
     "SURFACE_DEFORM": ("surfacedeform_bind", lambda modifier: setattr(modifier, "target", cage())),
 }
 
