@@ -1,20 +1,26 @@
 """Runs the Python module `bpy` as if it were the program: `-b ... --python FILE -- arguments`, `--version`.
 
-The module does not read the profile's preferences by itself, so they are read here, which starts the add-ons
-that are enabled there.
+The module does not read the profile's preferences, and reading them crashes 4.2, which then renews the icons of a
+window. The extensions that are installed in the profile are enabled here instead.
 """
 
-import os
 import runpy
 import sys
 
 import bpy
 
+
+def run(script):
+    import addon_utils  # which bpy brings
+
+    for addon in addon_utils.modules():
+        if addon.__name__.startswith("bl_ext."):
+            bpy.ops.preferences.addon_enable(module=addon.__name__)
+    runpy.run_path(script, run_name="__main__")
+
+
 arguments = sys.argv[1 : sys.argv.index("--")] if "--" in sys.argv else sys.argv[1:]
 if "--version" in arguments:
     print(f"Blender {bpy.app.version_string} (Python module)")
-    sys.exit()
-if os.path.exists(os.path.join(bpy.utils.user_resource("CONFIG"), "userpref.blend")):
-    bpy.ops.wm.read_userpref()
-script = arguments[arguments.index("--python") + 1]
-runpy.run_path(script, run_name="__main__")
+else:
+    run(arguments[arguments.index("--python") + 1])
