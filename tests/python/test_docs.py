@@ -93,3 +93,17 @@ def test_links_are_found():
     assert {"how-it-works.md", "#settings"} <= set(links(API))
     assert "frame.svg" in links(DOCS / "how-it-works.md")
     assert {"the-two-outputs", "a-frame"} <= anchors(DOCS / "how-it-works.md")
+
+
+def builds():
+    """(version, build) of each line of the one list of versions."""
+    script = (ROOT / ".ci/blender").read_text(encoding="utf-8")
+    for line in re.search(r'^VERSIONS="\\\n(.+?)"', script, re.MULTILINE | re.DOTALL)[1].splitlines():
+        _name, version, source, release = line.split()
+        yield version, f"Debian {release}" if source == "Debian" else "official module"
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", DOCS / "install.md"], ids=lambda page: page.name)
+def test_the_table_of_versions_is_what_is_tested(page):
+    rows = re.findall(r"^\| (\d\.\d)(?: LTS)? \| (.+?), \1\.\d+ \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert rows == list(builds())
