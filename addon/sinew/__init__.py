@@ -6,7 +6,7 @@ bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
     "name": "Sinew",
     "author": "The Sinew authors",
     "version": (0, 0, 0),  # set from the manifest when the zip is made
-    "blender": (3, 4, 0),
+    "blender": (3, 4, 1),
     "location": "View3D > Sidebar > Sinew; File > Import > Sinew Rig",
     "description": "Fast skeletal deformation with a native core",
     "category": "Animation",
