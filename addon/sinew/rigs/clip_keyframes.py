@@ -47,9 +47,13 @@ def insert(scene, armature, first, last, shown=progress.SILENT):
 
 
 def new_curve(armature, action, data_path, component, group):
-    if hasattr(action, "fcurve_ensure_for_datablock"):  # 5.0 and later: actions have slots
+    if not hasattr(action, "fcurves"):  # 5.0 and later
         return action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
-    return action.fcurves.new(data_path, index=component, action_group=group)
+    if not hasattr(action, "fcurve_ensure_for_datablock"):  # before 4.4: actions have no slots
+        return action.fcurves.new(data_path, index=component, action_group=group)
+    curve = action.fcurve_ensure_for_datablock(armature, data_path, index=component)
+    curve.group = action.groups.get(group) or action.groups.new(group)
+    return curve
 
 
 def fill(curve, frames, values):
