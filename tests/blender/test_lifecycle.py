@@ -324,6 +324,22 @@ def test_keyframes_from_the_clip_play_the_same(fresh_scene):
         assert np.allclose(evaluated(ob), shape, atol=1e-5)
 
 
+@pytest.mark.skipif("action_slot" not in bpy.types.AnimData.bl_rna.properties, reason="actions have no slots")
+def test_keyframes_are_those_of_the_slot_in_use(fresh_scene):
+    animation = addon_module("blender.animation")
+    first, second = (bpy.data.objects.new(name, None) for name in ("First", "Second"))
+    first.keyframe_insert("location")
+    action = first.animation_data.action
+    second.animation_data_create().action = action
+    second.animation_data.action_slot = action.slots.new("OBJECT", "Second")
+    second.keyframe_insert("scale")
+    assert animation.find_curve(first, "location") and animation.find_curve(second, "scale")
+    assert animation.find_curve(second, "location") is None
+    assert "scale" in animation.animated_paths(second)
+    second.animation_data.action_slot = None
+    assert animation.find_curve(second, "scale") is None
+
+
 def test_disabling_the_addon_leaves_nothing_running():
     package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]
 

@@ -26,7 +26,7 @@ def is_muting_animated(keys):
 
 
 def action_curves(action):
-    if hasattr(action, "fcurves"):  # before 5.0
+    if not hasattr(action, "layers"):  # before 4.4
         return list(action.fcurves)
     return [
         curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
@@ -38,8 +38,7 @@ def find_curve(block, path):
     data = block.animation_data
     if data is None or data.action is None:
         return None
-    slot = getattr(data, "action_slot", None)  # 4.4 and later
-    if slot is None:
+    if not hasattr(data, "action_slot"):  # before 4.4
         return data.action.fcurves.find(path)
     return next(
         (
@@ -47,7 +46,7 @@ def find_curve(block, path):
             for layer in data.action.layers
             for strip in layer.strips
             for bag in strip.channelbags
-            if bag.slot == slot
+            if bag.slot == data.action_slot
             for curve in bag.fcurves
             if curve.data_path == path
         ),
