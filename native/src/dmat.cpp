@@ -98,7 +98,7 @@ void append_header(std::string& bytes, Eigen::Index columns, Eigen::Index rows) 
 }  // namespace
 
 Eigen::MatrixXd read_dmat(const Path& path) {
-  const std::string name = path.filename().string();
+  const std::string name = shown(path.filename());
   const std::string bytes = read_file(path);
   if (bytes.empty()) fail(name, " is empty; expected a first line `columns rows`");
   std::string_view unread = bytes;
@@ -120,7 +120,7 @@ void write_dmat(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matri
     for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
       const double number = matrix(row, column);
       if (!std::isfinite(number)) {
-        fail("row ", row, ", column ", column, " of the matrix for ", path.filename().string(), " is not finite");
+        fail("row ", row, ", column ", column, " of the matrix for ", shown(path.filename()), " is not finite");
       }
       if (binary) {
         bytes.append(reinterpret_cast<const char*>(&number), sizeof number);

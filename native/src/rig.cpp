@@ -9,7 +9,7 @@
 namespace sinew {
 namespace {
 
-std::string name_of(const Path& path, const char* usual) { return path.empty() ? usual : path.filename().string(); }
+std::string name_of(const Path& path, const char* usual) { return path.empty() ? usual : shown(path.filename()); }
 
 void check_faces(const PolygonMesh& mesh, const std::string& name) {
   const auto corners = static_cast<std::int32_t>(mesh.face_vertices.size());
@@ -92,7 +92,7 @@ MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table, cons
   const auto& columns = skeleton.weight_columns();
   const std::ptrdiff_t bones = bone_count(skeleton);
   if (table.rows() != 12 * bones) {
-    fail(path.filename().string(), " has ", plural(table.rows(), "row"), "; expected ", 12 * bones, ", 12 for each of ",
+    fail(shown(path.filename()), " has ", plural(table.rows(), "row"), "; expected ", 12 * bones, ", 12 for each of ",
          plural(bones, "bone"));
   }
   const std::ptrdiff_t joints = skeleton.joint_count();
@@ -132,7 +132,7 @@ Eigen::MatrixXd pack_animation(const MatrixClip& clip, const RigSkeleton& skelet
 
 RigPaths find_rig(const Path& folder) {
   std::error_code error;
-  if (!std::filesystem::is_directory(folder, error)) fail("there is no folder ", folder.string());
+  if (!std::filesystem::is_directory(folder, error)) fail("there is no folder ", shown(folder));
   const auto if_there = [&](const char* name) {
     const Path path = folder / name;
     return std::filesystem::exists(path, error) ? path : Path();
@@ -167,7 +167,7 @@ void check_rig(const Rig& rig, const RigPaths& paths) {
 
 Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, QuaternionOrder order) {
   if (paths.skeleton.empty()) {
-    fail("there is neither skeleton.bf nor skeleton.tgf in ", paths.mesh.parent_path().string());
+    fail("there is neither skeleton.bf nor skeleton.tgf in ", shown(paths.mesh.parent_path()));
   }
   Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention), read_dmat(paths.weights), std::nullopt,
           std::nullopt};

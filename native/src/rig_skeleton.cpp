@@ -194,7 +194,7 @@ void check_connected(const Path& path, const RigSkeleton& skeleton) {
   for (std::ptrdiff_t j = 0; j < skeleton.joint_count(); ++j) {
     const auto parent = skeleton.parents()[j];
     if (parent >= 0 && skeleton.heads().row(j) != skeleton.tails().row(parent)) {
-      fail(path.filename().string(), " cannot hold joint ", skeleton.names()[j],
+      fail(shown(path.filename()), " cannot hold joint ", skeleton.names()[j],
            " in the bone convention: it does not start where its parent's bone ends");
     }
   }
@@ -204,7 +204,7 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
   const bool bones = skeleton.convention() == Convention::bone;
   if (bones) check_connected(path, skeleton);
   if (detected(skeleton.parents(), skeleton.weight_columns()) != skeleton.convention()) {
-    fail(path.filename().string(), " cannot hold this skeleton: a .bf file is read in the ",
+    fail(shown(path.filename()), " cannot hold this skeleton: a .bf file is read in the ",
          bones ? "joint convention unless a root" : "bone convention if a root", " is without a column of weights");
   }
   const Eigen::MatrixX3d& positions = bones ? skeleton.tails() : skeleton.heads();
@@ -212,11 +212,11 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
   for (std::ptrdiff_t j = 0; j < skeleton.joint_count(); ++j) {
     const auto parent = skeleton.parents()[j];
     if (bones && parent < 0 && skeleton.heads().row(j) != skeleton.tails().row(j)) {
-      fail(path.filename().string(), " cannot hold the root bone ", skeleton.names()[j],
+      fail(shown(path.filename()), " cannot hold the root bone ", skeleton.names()[j],
            ": a .bf file has a row for the joint that it starts from; write a .tgf file");
     }
     if (!is_name(skeleton.names()[j])) {
-      fail(path.filename().string(), " cannot hold the name \"", skeleton.names()[j], "\" of joint ", j,
+      fail(shown(path.filename()), " cannot hold the name \"", skeleton.names()[j], "\" of joint ", j,
            ": it reads as a number, a comment or nothing");
     }
     Eigen::RowVector3d offset = positions.row(j);
@@ -231,7 +231,7 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
 }
 
 std::string trivial_graph_text(const Path& path, const RigSkeleton& skeleton) {
-  const std::string name = path.filename().string();
+  const std::string name = shown(path.filename());
   if (skeleton.convention() != Convention::bone) {
     fail(name, " cannot hold a skeleton in the joint convention; write a .bf file");
   }
@@ -270,10 +270,10 @@ std::string trivial_graph_text(const Path& path, const RigSkeleton& skeleton) {
 }
 
 std::string ending(const Path& path) {
-  std::string ending = path.extension().string();
+  std::string ending = shown(path.extension());
   for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (ending != ".bf" && ending != ".tgf") {
-    fail(path.filename().string(), " is no skeleton file; expected a name that ends in .bf or .tgf");
+    fail(shown(path.filename()), " is no skeleton file; expected a name that ends in .bf or .tgf");
   }
   return ending;
 }
@@ -307,7 +307,7 @@ RigSkeleton::RigSkeleton(std::span<const std::int32_t> parents, const Eigen::Mat
 RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention) {
   if (ending(path) == ".bf") return read_bone_forest(path, convention);
   if (convention == Convention::joint) {
-    fail(path.filename().string(), " is in the bone convention, as every .tgf file; joint was asked");
+    fail(shown(path.filename()), " is in the bone convention, as every .tgf file; joint was asked");
   }
   return read_trivial_graph(path);
 }

@@ -1,26 +1,98 @@
 #include "text.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <system_error>
+
+#ifndef __cpp_lib_to_chars  // LLVM's library reads no such numbers yet; the systems that have it know this
+#include <locale.h>
+#include <stdlib.h>
+#ifdef __APPLE__
+#include <xlocale.h>
+#endif
+#endif
 
 namespace sinew {
 
+std::string shown(const Path& path) {
+  const std::u8string text = path.u8string();
+  return {text.begin(), text.end()};
+}
+
+#ifdef __cpp_lib_to_chars
+
+namespace {
+
+/// Whether a decimal number, not zero, is less than one, whatever its sign.
+bool is_below_one(std::string_view word) {
+  const std::size_t end = std::min(word.find_first_of("eE"), word.size());
+  const auto point = static_cast<std::int64_t>(std::min(word.find('.'), end));
+  const auto first = static_cast<std::int64_t>(word.find_first_of("123456789"));
+  std::int64_t exponent = 0;
+  if (end < word.size()) {
+    const std::string_view digits = word.substr(end + (word[end + 1] == '+' ? 2 : 1));
+    if (std::from_chars(digits.data(), digits.data() + digits.size(), exponent).ec != std::errc()) {
+      return digits.front() == '-';
+    }
+  }
+  const std::int64_t place = first < point ? point - first - 1 : point - first;  // of the first digit: 0 is the ones
+  return exponent < -place;
+}
+
+}  // namespace
+
+template <class Real>
+bool parse_real(std::string_view word, Real& number) {
+  const char* const end = word.data() + word.size();
+  const auto [parsed_to, error] = std::from_chars(word.data(), end, number);
+  if (parsed_to != end) return false;
+  if (error == std::errc::result_out_of_range) {  // which does not say on which side
+    number = is_below_one(word) ? 0 : std::numeric_limits<Real>::infinity();
+    if (word.starts_with('-')) number = -number;
+    return true;
+  }
+  return error == std::errc();
+}
+
+#else
+
+template <class Real>
+bool parse_real(std::string_view word, Real& number) {
+  // What is not decimal, blanks in front and a plus are more than a number may have.
+  if (word.starts_with('+') || word.find_first_not_of("0123456789.eE+-") != word.npos) return false;
+  static const locale_t kPointIsDot = newlocale(LC_ALL_MASK, "C", nullptr);
+  const std::string text(word);
+  char* end = nullptr;
+  if constexpr (std::is_same_v<Real, float>) {
+    number = strtof_l(text.c_str(), &end, kPointIsDot);
+  } else {
+    number = strtod_l(text.c_str(), &end, kPointIsDot);
+  }
+  return !text.empty() && end == text.c_str() + text.size();
+}
+
+#endif
+
+template bool parse_real(std::string_view, float&);
+template bool parse_real(std::string_view, double&);
+
 std::string read_file(const Path& path) {
   std::error_code error;
-  if (!std::filesystem::exists(path, error)) fail("there is no file ", path.string());
+  if (!std::filesystem::exists(path, error)) fail("there is no file ", shown(path));
   if (std::filesystem::is_directory(path, error)) {
-    fail(path.string(), " is a folder; expected a file");
+    fail(shown(path), " is a folder; expected a file");
   }
   const auto size = std::filesystem::file_size(path, error);
-  if (error) fail(path.string(), " cannot be read: ", error.message());
+  if (error) fail(shown(path), " cannot be read: ", error.message());
   std::ifstream stream(path, std::ios::binary);
-  if (!stream) fail(path.string(), " cannot be read: ", std::strerror(errno));
+  if (!stream) fail(shown(path), " cannot be read: ", std::strerror(errno));
   std::string bytes(size, '\0');
   stream.read(bytes.data(), static_cast<std::streamsize>(size));
   if (stream.gcount() != static_cast<std::streamsize>(size)) {
-    fail(path.string(), " cannot be read to its end");
+    fail(shown(path), " cannot be read to its end");
   }
   return bytes;
 }
@@ -30,7 +102,7 @@ void write_file(const Path& path, std::string_view bytes) {
   partial += ".partial";
   std::error_code error;
   std::ofstream stream(partial, std::ios::binary);
-  if (!stream) fail(path.string(), " cannot be written: ", std::strerror(errno));
+  if (!stream) fail(shown(path), " cannot be written: ", std::strerror(errno));
   stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   stream.close();
   if (!stream) error.assign(errno, std::generic_category());
@@ -38,13 +110,13 @@ void write_file(const Path& path, std::string_view bytes) {
   if (error) {
     std::error_code ignored;
     std::filesystem::remove(partial, ignored);
-    fail(path.string(), " cannot be written: ", error.message());
+    fail(shown(path), " cannot be written: ", error.message());
   }
 }
 
 void skip_byte_order_mark(const Path& path, std::string_view& text) {
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
-    fail(path.filename().string(), " is UTF-16 text; save it as UTF-8");
+    fail(shown(path.filename()), " is UTF-16 text; save it as UTF-8");
   }
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
 }

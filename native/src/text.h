@@ -3,6 +3,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -13,6 +14,9 @@
 namespace sinew {
 
 using Path = std::filesystem::path;
+
+/// The path for a message, as UTF-8 on every system.
+std::string shown(const Path& path);
 
 /// The whole file as bytes. Throws InputError, naming the file, if it cannot be read.
 std::string read_file(const Path& path);
@@ -26,7 +30,7 @@ auto naming(const Path& path, const Build& build) {
   try {
     return build();
   } catch (const InputError& error) {
-    fail(path.filename().string(), ": ", error.what());
+    fail(shown(path.filename()), ": ", error.what());
   }
 }
 
@@ -72,10 +76,10 @@ class LineReader {
   /// Throws InputError with the file's name and the number of the current line before the parts.
   template <class... Parts>
   [[noreturn]] void fail_here(const Parts&... parts) const {
-    fail(path_.filename().string(), ", line ", line_number_, ": ", parts...);
+    fail(shown(path_.filename()), ", line ", line_number_, ": ", parts...);
   }
 
-  std::string name() const { return path_.filename().string(); }
+  std::string name() const { return shown(path_.filename()); }
 
  private:
   Path path_;
@@ -83,8 +87,13 @@ class LineReader {
   std::string_view unread_;
   std::string_view line_;
   std::string_view rest_;
-  long line_number_ = 0;
+  std::int64_t line_number_ = 0;
 };
+
+/// Parses the whole word, which has no plus in front. False if it is no number; one out of range is
+/// zero or infinite. For float and double.
+template <class Real>
+bool parse_real(std::string_view word, Real& number);
 
 /// Parses the whole word. False if it is no number of this type, or not a finite one. A number too
 /// small for the type is zero.
@@ -94,18 +103,13 @@ bool parse_number(std::string_view word, T& number) {
     word.remove_prefix(1);
     if (word.starts_with('-')) return false;
   }
-  const char* const end = word.data() + word.size();
-  auto result = std::from_chars(word.data(), end, number);
   if constexpr (std::is_floating_point_v<T>) {
-    if (result.ec == std::errc::result_out_of_range) {  // which does not say on which side
-      long double wide = 0;
-      result = std::from_chars(word.data(), end, wide);
-      number = static_cast<T>(wide);
-    }
+    return parse_real(word, number) && std::isfinite(number);
+  } else {
+    const char* const end = word.data() + word.size();
+    const auto result = std::from_chars(word.data(), end, number);
+    return result.ec == std::errc() && result.ptr == end;
   }
-  if (result.ec != std::errc() || result.ptr != end) return false;
-  if constexpr (std::is_floating_point_v<T>) return std::isfinite(number);
-  return true;
 }
 
 template <class T>

@@ -242,7 +242,7 @@ TEST(CorrectiveSmooth, SeveralThreadsMayUseOneAtOnce) {
   for (int k = 1; k <= 4; ++k) {
     expected.push_back(applied({sheet.topology, sheet.rest}, {0.2f * k}, sheet.shape));
   }
-  std::vector<std::jthread> threads;
+  std::vector<std::thread> threads;
   std::atomic<int> wrong = 0;
   for (int t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
@@ -252,7 +252,7 @@ TEST(CorrectiveSmooth, SeveralThreadsMayUseOneAtOnce) {
       }
     });
   }
-  threads.clear();
+  for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(wrong, 0);
 }
 

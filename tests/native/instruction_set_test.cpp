@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <numbers>
 #include <thread>
 
 #include "failures.h"
@@ -99,8 +101,9 @@ TEST(InstructionSet, ASkinMadeUnderAnotherSetIsPackedAgain) {
 
 TEST(InstructionSet, ListingThemDisturbsNobody) {
   const std::vector<std::string> names = instruction_sets();
-  const std::jthread reader([&](const std::stop_token& stop) {
-    while (!stop.stop_requested()) EXPECT_EQ(instruction_sets(), names);
+  std::atomic<bool> done = false;
+  std::thread reader([&] {
+    while (!done) EXPECT_EQ(instruction_sets(), names);
   });
   int others = 0;
   for (int turn = 0; turn < 5000; ++turn) {
@@ -108,6 +111,8 @@ TEST(InstructionSet, ListingThemDisturbsNobody) {
     set_instruction_set(name);
     others += instruction_set() != name;
   }
+  done = true;
+  reader.join();
   set_instruction_set("auto");
   EXPECT_EQ(others, 0);
 }

@@ -1,8 +1,6 @@
 #include "text.h"
 
 #include <gtest/gtest.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <bit>
 
@@ -13,7 +11,7 @@ namespace sinew {
 namespace {
 
 template <class T>
-std::string parsed(const char* word) {
+std::string parsed(std::string_view word) {
   T number{};
   if (!parse_number(word, number)) return "no";
   std::string text;
@@ -35,12 +33,21 @@ TEST(Text, NumbersAreWholeWordsAndFinite) {
     EXPECT_EQ(parsed<std::int32_t>(word), "no") << word;
   }
   EXPECT_EQ(parsed<float>("1e39"), "no");
+  EXPECT_EQ(parsed<double>("1e+99999999999999999999"), "no");
+  EXPECT_EQ(parsed<double>(std::string(400, '7')), "no");
+  EXPECT_EQ(parsed<double>(std::string(800, '7') + "e-400"), "no");
 }
 
 TEST(Text, NumbersTooSmallForTheTypeAreZero) {
   EXPECT_EQ(parsed<float>("1e-60"), "0");
   EXPECT_EQ(parsed<float>("-1e-60"), "-0");
   EXPECT_EQ(parsed<double>("1e-400"), "0");
+  EXPECT_EQ(parsed<double>("1e-5000"), "0");
+  EXPECT_EQ(parsed<double>("-1.5E-99999999999999999999"), "-0");
+  EXPECT_EQ(parsed<double>("0." + std::string(400, '0') + "1"), "0");
+  EXPECT_EQ(parsed<double>("0." + std::string(800, '0') + "1e+400"), "0");
+  EXPECT_EQ(parsed<double>("0." + std::string(400, '0') + "1e400"), "0.1");
+  EXPECT_EQ(parsed<double>("0e99999999999999999999"), "0");
   EXPECT_EQ(parsed<double>("5e-324"), "5e-324");
   EXPECT_EQ(parsed<float>("1e-45"), "1e-45");
 }
@@ -113,27 +120,9 @@ TEST(Text, ReadFileGivesTheBytes) {
 
 TEST(Text, ReadFileSaysWhyItCannot) {
   const TemporaryFolder folder;
-  const std::string path = folder.path("a");
+  const std::string path = folder.path("a").string();
   EXPECT_EQ(complaint([&] { read_file(path); }), "there is no file " + path);
   EXPECT_EQ(complaint([&] { read_file(folder.path()); }), folder.path().string() + " is a folder; expected a file");
-  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
-  EXPECT_TRUE(complaint([&] { read_file(path); }).starts_with(path + " cannot be read: "));
-}
-
-TEST(Text, ReadFileRefusesWhatMayNotBeRead) {
-  const TemporaryFolder folder;
-  std::filesystem::path path = folder.file("a", "secret");
-  ASSERT_EQ(chmod(path.c_str(), 0), 0);
-  if (access(path.c_str(), R_OK) == 0) path = "/sys/bus/platform/drivers_probe";  // we are root
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no file that root may not read";
-  EXPECT_EQ(complaint([&] { read_file(path); }), path.string() + " cannot be read: Permission denied");
-}
-
-TEST(Text, ReadFileRefusesAFileThatEndsEarly) {
-  // The kernel says 4096 bytes and gives a handful.
-  const char* path = "/sys/devices/system/cpu/online";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
-  EXPECT_EQ(complaint([&] { read_file(path); }), std::string(path) + " cannot be read to its end");
 }
 
 TEST(Text, WriteFileReplacesTheWholeFile) {
@@ -146,27 +135,27 @@ TEST(Text, WriteFileReplacesTheWholeFile) {
 
 TEST(Text, WriteFileThatFailsLeavesTheOldFile) {
   const TemporaryFolder folder;
-  const std::string path = folder.file("a", "old");
-  const auto said = [&] { return complaint([&] { write_file(path, "new"); }); };
-  // The neighbour cannot be opened ...
+  const std::filesystem::path path = folder.file("a", "old");
   std::filesystem::create_directory(folder.path("a.partial"));
-  EXPECT_EQ(said(), path + " cannot be written: Is a directory");
+  EXPECT_TRUE(complaint([&] { write_file(path, "new"); }).starts_with(path.string() + " cannot be written: "));
   EXPECT_EQ(folder.bytes("a"), "old");
-  std::filesystem::remove(folder.path("a.partial"));
-  // ... or the disk is full.
-  std::filesystem::create_symlink("/dev/full", folder.path("a.partial"));
-  EXPECT_EQ(said(), path + " cannot be written: No space left on device");
-  EXPECT_EQ(folder.bytes("a"), "old");
-  EXPECT_FALSE(std::filesystem::is_symlink(folder.path("a.partial")));
+}
+
+TEST(Text, FilesMayHaveNamesOfAnyLanguage) {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder.path() / u8"größe-骨.bf";
+  EXPECT_TRUE(complaint([&] { read_file(path); }).ends_with("größe-骨.bf"));
+  write_file(path, "bytes");
+  EXPECT_EQ(read_file(path), "bytes");
 }
 
 TEST(Text, WriteFileSaysWhyItCannot) {
   const TemporaryFolder folder;
-  const std::string nowhere = folder.path("none") / "a";
+  const std::string nowhere = (folder.path("none") / "a").string();
   EXPECT_EQ(complaint([&] { write_file(nowhere, "new"); }), nowhere + " cannot be written: No such file or directory");
-  const std::string taken = folder.path("taken");
+  const std::string taken = folder.path("taken").string();
   std::filesystem::create_directory(taken);
-  EXPECT_EQ(complaint([&] { write_file(taken, "new"); }), taken + " cannot be written: Is a directory");
+  EXPECT_TRUE(complaint([&] { write_file(taken, "new"); }).starts_with(taken + " cannot be written: "));
   EXPECT_FALSE(std::filesystem::exists(taken + ".partial"));
 }
 

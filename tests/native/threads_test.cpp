@@ -69,15 +69,14 @@ TEST(Threads, CallersDoNotDisturbEachOther) {
   };
   const std::vector<float> expected = deform();
   std::vector<std::vector<float>> results(4);
-  {
-    std::vector<std::jthread> callers;
-    for (auto& result : results) {
-      callers.emplace_back([&] {
-        for (int turn = 0; turn < 3; ++turn) result = deform();
-      });
-    }
-    for (int count = 1; count < 20; ++count) set_thread_count(count % 4);
+  std::vector<std::thread> callers;
+  for (auto& result : results) {
+    callers.emplace_back([&] {
+      for (int turn = 0; turn < 3; ++turn) result = deform();
+    });
   }
+  for (int count = 1; count < 20; ++count) set_thread_count(count % 4);
+  for (std::thread& caller : callers) caller.join();
   for (const auto& result : results) EXPECT_EQ(result, expected);
 }
 
