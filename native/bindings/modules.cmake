@@ -24,16 +24,21 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/module.cpp)
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
   target_link_libraries(${target} PRIVATE sinew)
-  # Nothing of a static TBB or Highway is to be seen from outside, or to be taken from another add-on's.
-  target_link_options(${target} PRIVATE -Wl,--exclude-libs,ALL $<$<CONFIG:Release>:-s>)
+  if(UNIX AND NOT APPLE)
+    # Nothing of a static TBB or Highway is to be seen from outside, or to be taken from another add-on's.
+    target_link_options(${target} PRIVATE -Wl,--exclude-libs,ALL $<$<CONFIG:Release>:-s>)
+  elseif(MINGW)
+    target_link_options(${target} PRIVATE -static $<$<CONFIG:Release>:-s>)  # no compiler's DLL beside it
+  endif()
   target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
   set_target_properties(${target} PROPERTIES
-    PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}.so
+    PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}$<IF:$<BOOL:${WIN32}>,.pyd,.so>
     LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
   add_dependencies(modules ${target})
 endfunction()
 
 add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS})
+target_link_libraries(sinew_native PRIVATE Python3::Module)  # its import library on Windows, nothing on Linux
 include(bindings/install.cmake)
 configure_file(bindings/sinew_native.pyi ${CMAKE_BINARY_DIR}/python/sinew_native.pyi COPYONLY)
 
