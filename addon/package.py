@@ -3,10 +3,11 @@ and later install.
 
     package.py MODULE... FOLDER
 
-MODULE are compiled `sinew_native` files, one a Python version. Prints the zip's path in FOLDER. The same
-input gives the same zip.
+MODULE are compiled `sinew_native` files, one a Python version and a system. Prints the zip's path in FOLDER.
+The same input gives the same zip.
 """
 
+import platform
 import re
 import sys
 import zipfile
@@ -17,6 +18,14 @@ import manual
 SOURCE = Path(__file__).parent / "sinew"
 ROOT = SOURCE.parent.parent
 EPOCH = (1980, 1, 1, 0, 0, 0)  # zip entries carry a time; ours must not
+
+# A module's name ends in what its Python calls the system; the manifest has Blender's names for them.
+PLATFORMS = {
+    "-x86_64-linux-gnu.so": "linux-x64",
+    "-aarch64-linux-gnu.so": "linux-arm64",
+    "-win_amd64.pyd": "windows-x64",
+    "-darwin.so": "macos-arm64" if platform.machine() == "arm64" else "macos-x64",
+}
 
 
 def version():
@@ -32,6 +41,21 @@ def stamped(init):
     return result
 
 
+def for_platforms(manifest, modules):
+    """The manifest with the systems of the modules. modules: names of files."""
+    found = set()
+    for module in modules:
+        names = [name for ending, name in PLATFORMS.items() if module.endswith(ending)]
+        if not names:
+            sys.exit(f"package.py: {module} is for no system that Blender has; expected *{', *'.join(PLATFORMS)}")
+        found |= set(names)
+    listed = ", ".join(f'"{name}"' for name in sorted(found))
+    result, count = re.subn(r"^platforms = .*$", f"platforms = [{listed}]", manifest, flags=re.MULTILINE)
+    if count != 1:
+        sys.exit("package.py: blender_manifest.toml has no line for the platforms")
+    return result
+
+
 def contents(modules):
     """{name in the zip: bytes}"""
     files = {
@@ -40,6 +64,8 @@ def contents(modules):
         if path.suffix in {".py", ".toml"}
     }
     files["__init__.py"] = stamped(files["__init__.py"].decode()).encode()
+    manifest = files["blender_manifest.toml"].decode()
+    files["blender_manifest.toml"] = for_platforms(manifest, [module.name for module in modules]).encode()
     files["LICENSE"] = (ROOT / "LICENSE").read_bytes()
     files |= {f"licenses/{path.name}": path.read_bytes() for path in (ROOT / "native" / "licenses").iterdir()}
     files |= {f"manual/{name}": data for name, data in manual.pages(ROOT / "docs").items()}

@@ -1,7 +1,9 @@
 """The only import of the compiled module: `sinew_native`, or None and a sentence that says why."""
 
 import platform
+import re
 import sys
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 from . import bl_info
@@ -13,17 +15,12 @@ VERSION = ".".join(map(str, bl_info["version"]))
 
 def problem_of_import(error, files):
     """Why the module could not be had, for people. files: names of those in this package."""
-    versions = [
-        f"{name.split('cpython-')[1][0]}.{name.split('cpython-')[1][1:].split('-')[0]}"
-        for name in sorted(files)
-        if "cpython-" in name
-    ]
-    if PYTHON in versions and platform.system() == "Linux":
+    if any(f"sinew_native{suffix}" in files for suffix in EXTENSION_SUFFIXES):
         return f"Sinew's native library for {HERE} does not load: {error}"
-    return (
-        f"Sinew has no native library for {HERE}; this package has those for "
-        f"Python {', '.join(versions) or '(none)'} on Linux x86_64"
-    )
+    # cpython-311-x86_64-linux-gnu, cpython-311-darwin, cp311-win_amd64
+    made_for = [re.search(r"\.c(?:python-|p)3(\d+)-([\w-]+)\.", name) for name in sorted(files)]
+    there = ", ".join(f"Python 3.{found[1]} ({found[2]})" for found in made_for if found)
+    return f"Sinew has no native library for {HERE}; this package has {f'those for {there}' if there else 'none'}"
 
 
 def _load():

@@ -218,13 +218,16 @@ def test_switches_of_what_is_shown(output):
 def test_preferences_without_a_module():
     """The sentence that stands in the preferences where no module fits."""
     problem = addon_module("native").problem_of_import
-    files = ["sinew_native.cpython-36-x86_64-linux-gnu.so"]
+    files = ["sinew_native.cpython-36-x86_64-linux-gnu.so", "sinew_native.cp37-win_amd64.pyd"]
     assert "no native library for Python" in problem(ImportError("nothing"), files)
-    assert "has those for Python 3.6 on Linux" in problem(ImportError("nothing"), files)
+    assert problem(ImportError("nothing"), files).endswith(
+        "this package has those for Python 3.7 (win_amd64), Python 3.6 (x86_64-linux-gnu)"
+    )
+    assert problem(ImportError("nothing"), []).endswith("this package has none")
     import sys
 
     here = f"sinew_native.cpython-{sys.version_info.major}{sys.version_info.minor}-x86_64-linux-gnu.so"
-    assert problem(ImportError("GLIBC_9 not found"), [here]).endswith("does not load: GLIBC_9 not found")
+    assert problem(ImportError("GLIBC_9 not found"), [*files, here]).endswith("does not load: GLIBC_9 not found")
 
 
 def test_the_chain_stage_by_stage(fresh_scene):
