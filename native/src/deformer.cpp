@@ -9,6 +9,7 @@
 #include "kernels.h"
 #include "method.h"
 #include "parallel.h"
+#include "per_thread.h"
 #include "posed_layer.h"
 #include "vertex_numbers.h"
 
@@ -31,11 +32,6 @@ struct Scratch {
   LayerScratch layer;
 };
 
-Scratch& scratch_of_thread() {
-  thread_local const std::unique_ptr<Scratch> scratch = std::make_unique<Scratch>();
-  return *scratch;
-}
-
 /// One frame, as its tiles see it.
 struct Frame {
   std::span<const PosedLayer> layers;
@@ -50,7 +46,7 @@ struct Frame {
 
   void run_tile(std::size_t t) const {
     const std::size_t first = t * kTile, count = std::min(kTile, vertices - first);
-    Scratch& scratch = scratch_of_thread();
+    Scratch& scratch = per_thread<Scratch>();
     TileInput tile{t, count, input + 3 * first, nullptr, {all_moved, nullptr}};
     if (packed) tile.points = packed->points.get() + 3 * first;
     if (keys && keys->change(t, key_values)) {
@@ -206,7 +202,7 @@ void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions
 
   // Kept from call to call, and never fewer than were used before: a frame allocates nothing. What
   // runs in parallel does not come back here, so a thread needs one list.
-  thread_local std::vector<PosedLayer> posed;
+  auto& posed = per_thread<std::vector<PosedLayer>>();
   if (posed.size() < layers_.size()) posed.resize(layers_.size());
   for (std::size_t i = 0; i < layers_.size(); ++i) posed[i].take(*layers_[i], poses[i]);
 

@@ -4,6 +4,7 @@
 
 #include "kernels.h"
 #include "method.h"
+#include "per_thread.h"
 
 // CMakeLists.txt has this file compiled without fused multiply-adds: what is mixed is then the same
 // on every machine.
@@ -78,7 +79,7 @@ void PosedLayer::run(const TileInput& input, LayerScratch& scratch, float* own) 
 /// rest  the input as the layer skins it: space of the mesh or of the armature.
 /// own   out, in that same space.
 void PosedLayer::bend(const TileInput& input, const float* rest, float* own) const {
-  thread_local Bends::Split split;
+  auto& split = per_thread<Bends::Split>();
   const bool all = input.moved.all || split_elsewhere;
   if (!all && !input.moved.touched) return;
   const Bends& bends = *layer->bends();

@@ -8,6 +8,7 @@
 #include "check.h"
 #include "method.h"
 #include "parallel.h"
+#include "per_thread.h"
 
 namespace sinew {
 namespace {
@@ -36,7 +37,7 @@ void check(std::span<const SkinningJob> jobs) {
   };
   for (std::size_t i = 0; i < jobs.size(); ++i) check_shapes(jobs[i], where(i));
 
-  thread_local std::vector<std::size_t> by_address;  // keeps its memory
+  auto& by_address = per_thread<std::vector<std::size_t>>();  // keeps its memory
   by_address.clear();
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     if (!jobs[i].positions.empty()) by_address.push_back(i);
@@ -134,7 +135,7 @@ void skin_all(std::span<const SkinningJob> jobs) {
   check(jobs);
   // Kept from call to call, so that a frame allocates nothing. What runs in parallel does not come
   // back here, so a thread needs one.
-  thread_local Batch batch;
+  auto& batch = per_thread<Batch>();
   batch.clear();
   for (const SkinningJob& job : jobs) {
     if (job.skin->vertex_count() == 0) continue;
