@@ -1,6 +1,9 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <exception>
+#include <new>
+
 #include "sinew/instruction_set.h"
 #include "sinew/threads.h"
 
@@ -14,11 +17,25 @@ void bind_stages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 }  // namespace sinew::bindings
 
+namespace {
+
+/// pybind11's own message would be "std::bad_alloc".
+void translate_no_memory(std::exception_ptr thrown) {
+  try {
+    std::rethrow_exception(thrown);
+  } catch (const std::bad_alloc&) {
+    PyErr_SetString(PyExc_MemoryError, "there is not enough memory; close what is not needed, or take a smaller mesh");
+  }
+}
+
+}  // namespace
+
 PYBIND11_MODULE(sinew_native, module) {
   module.doc() =
       "Skeletal deformation: forward kinematics, skinning, shape keys, smoothing and the files of "
       "a rig "
       "folder.";
+  pybind11::register_local_exception_translator(&translate_no_memory);
   module.attr("__version__") = SINEW_VERSION;
   sinew::bindings::bind_skeleton(module);
   sinew::bindings::bind_files(module);

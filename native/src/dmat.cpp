@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "text.h"
+#include "write_files.h"
 
 namespace sinew {
 namespace {
@@ -112,7 +113,7 @@ Eigen::MatrixXd read_dmat(const Path& path) {
   return matrix;
 }
 
-void write_dmat(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matrix, bool binary) {
+std::string dmat_bytes(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matrix, bool binary) {
   std::string bytes;
   if (binary) append_header(bytes, 0, 0);
   append_header(bytes, matrix.cols(), matrix.rows());
@@ -130,7 +131,11 @@ void write_dmat(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matri
       }
     }
   }
-  write_file(path, bytes);
+  return bytes;
+}
+
+void write_dmat(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>& matrix, bool binary) {
+  write_file(path, dmat_bytes(path, matrix, binary));
 }
 
 }  // namespace sinew

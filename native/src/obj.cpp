@@ -1,18 +1,20 @@
 #include "sinew/obj.h"
 
-#include <algorithm>
+#include <unordered_map>
 
 #include "text.h"
+#include "write_files.h"
 
 namespace sinew {
 namespace {
 
-std::int32_t material_index(PolygonMesh& mesh, std::string_view name) {
-  auto& names = mesh.material_names;
-  const auto found = std::find(names.begin(), names.end(), name);
-  const auto index = static_cast<std::int32_t>(found - names.begin());
-  if (found == names.end()) names.emplace_back(name);
-  return index;
+/// The numbers of the materials by their names, as they stand in the file.
+using MaterialNumbers = std::unordered_map<std::string_view, std::int32_t>;
+
+std::int32_t material_index(PolygonMesh& mesh, MaterialNumbers& numbers, std::string_view name) {
+  const auto [entry, is_new] = numbers.try_emplace(name, static_cast<std::int32_t>(numbers.size()));
+  if (is_new) mesh.material_names.emplace_back(name);
+  return entry->second;
 }
 
 void read_vertex(LineReader& file, PolygonMesh& mesh) {
@@ -44,6 +46,7 @@ void read_face(LineReader& file, PolygonMesh& mesh) {
 PolygonMesh read_obj(const Path& path) {
   LineReader file(path);
   PolygonMesh mesh;
+  MaterialNumbers numbers;
   std::int32_t material = -1;
   while (file.next_line()) {
     const std::string_view keyword = file.word();
@@ -54,7 +57,7 @@ PolygonMesh read_obj(const Path& path) {
       mesh.face_materials.push_back(material);
     } else if (keyword == "usemtl") {
       const std::string_view name = trimmed(file.rest());
-      material = name.empty() ? -1 : material_index(mesh, name);
+      material = name.empty() ? -1 : material_index(mesh, numbers, name);
     } else if (keyword == "mtllib") {
       mesh.material_library = trimmed(file.rest());
     }
@@ -71,7 +74,7 @@ PolygonMesh read_obj(const Path& path) {
   return mesh;
 }
 
-void write_obj(const Path& path, const PolygonMesh& mesh) {
+std::string obj_text(const PolygonMesh& mesh) {
   std::string text;
   if (!mesh.material_library.empty()) text += "mtllib " + mesh.material_library + '\n';
   for (std::ptrdiff_t v = 0; v < mesh.vertex_count(); ++v) {
@@ -95,7 +98,9 @@ void write_obj(const Path& path, const PolygonMesh& mesh) {
     }
     text += '\n';
   }
-  write_file(path, text);
+  return text;
 }
+
+void write_obj(const Path& path, const PolygonMesh& mesh) { write_file(path, obj_text(mesh)); }
 
 }  // namespace sinew

@@ -1,5 +1,9 @@
 #include "parallel.h"
 
+#include <oneapi/tbb/info.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -12,54 +16,24 @@
 #include "check.h"
 #include "sinew/threads.h"
 
-#ifndef SINEW_STD_THREADS
-#include <oneapi/tbb/info.h>
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/task_arena.h>
-#endif
-
 namespace sinew {
 namespace {
 
-#ifdef SINEW_STD_THREADS
-
-// For the thread sanitizer, which cannot see the synchronisation inside TBB's own, uninstrumented
-// library and would report it as races: the same ranges, dealt to plain threads.
-class Pool {
- public:
-  explicit Pool(int threads) : threads_(threads) {}
-  int threads() const { return threads_; }
-
-  template <class Chunk>
-  void run(std::size_t chunks, const Chunk& chunk) const {
-    const std::size_t count = std::min<std::size_t>(threads_, chunks);
-    std::exception_ptr thrown;
-    std::mutex thrown_mutex;
-    {
-      std::vector<std::jthread> workers;
-      for (std::size_t worker = 0; worker < count; ++worker) {
-        workers.emplace_back([&, worker] {
-          try {
-            for (std::size_t c = worker; c < chunks; c += count) chunk(c);
-          } catch (...) {
-            const std::lock_guard lock(thrown_mutex);
-            thrown = std::current_exception();
-          }
-        });
-      }
-    }
-    if (thrown) std::rethrow_exception(thrown);
-  }
-
- private:
-  int threads_;
-};
-
-int machine_threads() { return std::max(4, static_cast<int>(std::thread::hardware_concurrency())); }
-
-#else
-
 int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
+
+/// Whether the system gives that many threads more, as it does not without memory for their stacks.
+bool can_start(int count) {
+  std::vector<std::thread> threads;
+  bool started = true;
+  try {
+    threads.reserve(count);
+    while (static_cast<int>(threads.size()) < count) threads.emplace_back([] {});
+  } catch (const std::exception&) {
+    started = false;
+  }
+  for (std::thread& thread : threads) thread.join();
+  return started;
+}
 
 // An arena of our own: neither its size nor its work mixes with other users of TBB in the process,
 // Blender among them. Never more threads than the machine has: TBB has no more workers, warns on
@@ -69,6 +43,13 @@ class Pool {
   explicit Pool(int threads) : threads_(threads), arena_(threads) {}
   int threads() const { return threads_; }
 
+  /// To be asked before run: when a worker cannot be started TBB throws, with tasks left behind that refer to what is
+  /// gone by then.
+  bool has_workers() {
+    if (!has_workers_) has_workers_ = can_start(threads_ - 1);
+    return has_workers_;
+  }
+
   template <class Chunk>
   void run(std::size_t chunks, const Chunk& chunk) {
     arena_.execute(
@@ -77,10 +58,9 @@ class Pool {
 
  private:
   int threads_;
+  std::atomic<bool> has_workers_ = false;
   oneapi::tbb::task_arena arena_;
 };
-
-#endif
 
 std::mutex pool_mutex;
 std::shared_ptr<Pool> pool;  // guarded by pool_mutex; a call in flight keeps its own reference
@@ -132,7 +112,7 @@ void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody bod
   const std::size_t chunks = (count + grain - 1) / grain;
   if (chunks == 1) return body(closure, 0, count);
   const std::shared_ptr<Pool> threads = current_pool();
-  if (threads->threads() == 1) return body(closure, 0, count);
+  if (threads->threads() == 1 || !threads->has_workers()) return body(closure, 0, count);
   threads->run(chunks, [=](std::size_t chunk) { body(closure, chunk * grain, std::min(count, (chunk + 1) * grain)); });
   last_region_end.store(std::chrono::steady_clock::now(), std::memory_order_relaxed);
 }

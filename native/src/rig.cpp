@@ -5,6 +5,7 @@
 
 #include "sinew/dmat.h"
 #include "text.h"
+#include "write_files.h"
 
 namespace sinew {
 namespace {
@@ -86,6 +87,14 @@ std::ptrdiff_t bone_count(const RigSkeleton& skeleton) {
   return std::ranges::count_if(skeleton.weight_columns(), [](auto column) { return column >= 0; });
 }
 
+/// A joint without weights has a matrix too, of which the file says nothing: a small file could ask for any memory.
+void check_animation_size(const Path& path, std::ptrdiff_t frames, std::ptrdiff_t bones, std::ptrdiff_t joints) {
+  constexpr std::ptrdiff_t kMostJointsPerBone = 16, kAlwaysFits = 1 << 20;
+  if (joints <= kMostJointsPerBone * bones || frames <= kAlwaysFits / joints) return;
+  fail(shown(path.filename()), " has ", plural(frames, "frame"), " of ", plural(bones, "bone"), ", the skeleton has ",
+       plural(joints, "joint"), ": too many matrices for joints without weights; remove such joints from the skeleton");
+}
+
 /// `skeleton` has passed check_rig: its weight columns are 0 to bones - 1, each once.
 /// A frame is, column-major, a (4 * bones) x 3 matrix that stacks the transposed 3x4 matrices.
 MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table, const RigSkeleton& skeleton) {
@@ -96,6 +105,7 @@ MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table, cons
          plural(bones, "bone"));
   }
   const std::ptrdiff_t joints = skeleton.joint_count();
+  check_animation_size(path, table.cols(), bones, joints);
   MatrixClip clip{table.cols(), {}};
   clip.matrices.assign(table.cols() * joints, Matrix4<double>::Identity());
   for (Eigen::Index frame = 0; frame < table.cols(); ++frame) {
@@ -185,14 +195,18 @@ Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, Quater
 
 void write_rig(const RigPaths& paths, const Rig& rig) {
   check_rig(rig, paths);
-  // The skeleton first: its format may not be able to hold it, and then nothing has been touched.
-  write_skeleton(paths.skeleton, rig.skeleton);
-  write_obj(paths.mesh, rig.mesh);
-  write_dmat(paths.weights, rig.weights);
-  if (rig.poses && !paths.poses.empty()) write_dmat(paths.poses, rig.poses->to_table());
-  if (rig.animation && !paths.animation.empty()) {
-    write_dmat(paths.animation, pack_animation(*rig.animation, rig.skeleton), /*binary=*/true);
+  FilesToWrite files;
+  files.add(paths.skeleton, skeleton_text(paths.skeleton, rig.skeleton));
+  files.add(paths.mesh, obj_text(rig.mesh));
+  files.add(paths.weights, dmat_bytes(paths.weights, rig.weights, /*binary=*/false));
+  if (rig.poses && !paths.poses.empty()) {
+    files.add(paths.poses, dmat_bytes(paths.poses, rig.poses->to_table(), /*binary=*/false));
   }
+  if (rig.animation && !paths.animation.empty()) {
+    const Eigen::MatrixXd table = pack_animation(*rig.animation, rig.skeleton);
+    files.add(paths.animation, dmat_bytes(paths.animation, table, /*binary=*/true));
+  }
+  files.replace();
 }
 
 }  // namespace sinew

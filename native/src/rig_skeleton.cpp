@@ -6,6 +6,7 @@
 #include <set>
 
 #include "text.h"
+#include "write_files.h"
 
 namespace sinew {
 namespace {
@@ -312,8 +313,10 @@ RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention
   return read_trivial_graph(path);
 }
 
-void write_skeleton(const Path& path, const RigSkeleton& skeleton) {
-  write_file(path, ending(path) == ".bf" ? bone_forest_text(path, skeleton) : trivial_graph_text(path, skeleton));
+std::string skeleton_text(const Path& path, const RigSkeleton& skeleton) {
+  return ending(path) == ".bf" ? bone_forest_text(path, skeleton) : trivial_graph_text(path, skeleton);
 }
+
+void write_skeleton(const Path& path, const RigSkeleton& skeleton) { write_file(path, skeleton_text(path, skeleton)); }
 
 }  // namespace sinew

@@ -97,23 +97,6 @@ std::string read_file(const Path& path) {
   return bytes;
 }
 
-void write_file(const Path& path, std::string_view bytes) {
-  Path partial = path;
-  partial += ".partial";
-  std::error_code error;
-  std::ofstream stream(partial, std::ios::binary);
-  if (!stream) fail(shown(path), " cannot be written: ", std::strerror(errno));
-  stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  stream.close();
-  if (!stream) error.assign(errno, std::generic_category());
-  if (!error) std::filesystem::rename(partial, path, error);
-  if (error) {
-    std::error_code ignored;
-    std::filesystem::remove(partial, ignored);
-    fail(shown(path), " cannot be written: ", error.message());
-  }
-}
-
 void skip_byte_order_mark(const Path& path, std::string_view& text) {
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
     fail(shown(path.filename()), " is UTF-16 text; save it as UTF-8");

@@ -21,9 +21,6 @@ std::string shown(const Path& path);
 /// The whole file as bytes. Throws InputError, naming the file, if it cannot be read.
 std::string read_file(const Path& path);
 
-/// Writes the whole file through a temporary neighbour, so that a failure leaves what was there.
-void write_file(const Path& path, std::string_view bytes);
-
 /// Rethrows what `build()` finds wrong with the file's name in front.
 template <class Build>
 auto naming(const Path& path, const Build& build) {

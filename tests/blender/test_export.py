@@ -1,5 +1,7 @@
 """What is exported imports to the same thing."""
 
+import signal
+
 import bpy
 import numpy as np
 import pytest
@@ -147,3 +149,28 @@ def test_a_mesh_without_size_along_an_axis(fresh_scene, tmp_path):
     with pytest.raises(RuntimeError, match="Tube has a scale of 0 along an axis; give it another one"):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("most_bytes", (0, 200, 10_000, 200_000))
+def test_a_full_disk_leaves_the_rig_that_was_there(fresh_scene, tmp_path, most_bytes):
+    resource = pytest.importorskip("resource")
+    ob, _ = import_rig("ogre")
+    bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert "mesh.mtl" in before and len(before["mesh.obj"]) > 200_000
+    ob.data.vertices[0].co.x += 1
+    ob.data.materials[0].diffuse_color[0] /= 2
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, limits[1]))
+    try:
+        with pytest.raises(RuntimeError, match="File too large"):
+            bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
+    assert (tmp_path / "mesh.obj").read_bytes() != before["mesh.obj"]
+    assert (tmp_path / "mesh.mtl").read_bytes() != before["mesh.mtl"]
+    assert {path.name for path in tmp_path.iterdir()} == set(before)

@@ -1,6 +1,8 @@
 """From a bound mesh back to a rig folder."""
 
+import contextlib
 import os
+import secrets
 
 import numpy as np
 
@@ -73,9 +75,10 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
         material_names,
         library,
     )
-    sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
-    if library:
-        write_colors(os.path.join(folder, library), mesh.materials)
+    with contextlib.ExitStack() as written:
+        if library:
+            written.enter_context(replaced(os.path.join(folder, library), colors(mesh.materials)))
+        sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
 
 
 def skeleton_from_bones(armature, files_from_armature):
@@ -126,9 +129,25 @@ def sample_frames(context, ob, armature, joints, joint_count, shown):
     return np.array(frames)
 
 
-def write_colors(path, materials):
-    with open(path, "w", encoding="utf-8") as file:
-        for material in materials:
-            color = material.diffuse_color[:3] if material else (0.8, 0.8, 0.8)
-            file.write(f"newmtl {material.name if material else 'none'}\n")
-            file.write("Kd {:.6g} {:.6g} {:.6g}\n".format(*color))
+def colors(materials):
+    """The text of an .mtl file."""
+    text = ""
+    for material in materials:
+        color = material.diffuse_color[:3] if material else (0.8, 0.8, 0.8)
+        text += f"newmtl {material.name if material else 'none'}\n"
+        text += "Kd {:.6g} {:.6g} {:.6g}\n".format(*color)
+    return text
+
+
+@contextlib.contextmanager
+def replaced(path, text):
+    """Write a file that takes its place when the `with` block has succeeded; what was there stays if it fails."""
+    neighbour = f"{path}.partial-{secrets.token_hex(4)}"
+    try:
+        with open(neighbour, "x", encoding="utf-8") as file:
+            file.write(text)
+        yield
+        os.replace(neighbour, path)
+    finally:
+        if os.path.exists(neighbour):
+            os.remove(neighbour)

@@ -55,7 +55,8 @@ Rig read_rig(const RigPaths& paths, std::optional<Convention> convention = std::
              QuaternionOrder order = QuaternionOrder::wxyz);
 
 /// Writes mesh, skeleton and weights, and those of poses and animation that the rig has and that
-/// have a path. Poses are written as quaternions, w x y z. Throws InputError.
+/// have a path. Poses are written as quaternions, w x y z. All files go to their places together,
+/// when they are written: a failure leaves those that were there. Throws InputError.
 void write_rig(const RigPaths& paths, const Rig& rig);
 
 }  // namespace sinew
