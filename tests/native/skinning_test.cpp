@@ -86,7 +86,14 @@ TEST(SkinAll, OneSkinInManyPoses) {
   EXPECT_EQ(results, expected);
 }
 
-TEST(SkinAll, NoJobsAreNothing) { skin_all({}); }
+TEST(SkinAll, NoJobsWriteNothing) {
+  Crowd crowd;
+  std::vector<Floats> results;
+  skin_all(crowd.jobs(results));
+  for (Floats& result : results) std::ranges::fill(result, -77.0f);
+  skin_all({});  // nor what was done before once more
+  for (const Floats& result : results) EXPECT_EQ(result, Floats(result.size(), -77));
+}
 
 TEST(SkinAll, NothingIsWrittenIfAJobIsWrong) {
   Crowd crowd;
