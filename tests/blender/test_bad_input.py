@@ -96,7 +96,8 @@ def test_bad_rig_folder(tmp_path, case):
 
 @pytest.mark.parametrize("step", ("bind.wiring.wire", "bind.adapt", "bind.show", "meshes.write_weights"))
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
-def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkeypatch, tmp_path, step, output):
+@pytest.mark.parametrize("kind", (ValueError, KeyboardInterrupt))
+def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkeypatch, tmp_path, kind, step, output):
     bpy.ops.mesh.primitive_cube_add()
     cube, before = bpy.context.active_object, data_counts()
     owner = addon_module("rigs.rig_import")
@@ -105,7 +106,7 @@ def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkey
         owner = getattr(owner, name)
 
     def fail(*_arguments, **_named):
-        raise ValueError("it was told to fail")
+        raise kind("it was told to fail")
 
     monkeypatch.setattr(owner, function, fail)
     with pytest.raises(RuntimeError, match="it was told to fail"):
@@ -116,6 +117,39 @@ def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkey
     assert bpy.context.active_object == cube and bpy.context.selected_objects == [cube]
     monkeypatch.undo()
     import_rig("capsule", output=output)
+
+
+@pytest.mark.parametrize("step", range(4))
+def test_an_import_that_is_interrupted_between_its_steps_takes_everything_back(fresh_scene, tmp_path, step):
+    bpy.ops.mesh.primitive_cube_add()
+    cube, before = bpy.context.active_object, data_counts()
+    rig_import = addon_module("rigs.rig_import")
+
+    class Interrupted:
+        steps = 0
+
+        def step(self, share, text):
+            if self.steps == step:
+                raise KeyboardInterrupt
+            self.steps += 1
+
+    path = copied_rig(tmp_path) / "skeleton.bf"
+    with pytest.raises(KeyboardInterrupt):
+        rig_import.import_rig(bpy.context, path, rig_import.ImportOptions(pose="walk.dmat"), Interrupted())
+    assert data_counts() == before and fresh_scene.frame_end == 250
+    assert bpy.context.active_object == cube and bpy.context.selected_objects == [cube]
+
+
+def test_an_import_without_memory_takes_everything_back(monkeypatch, tmp_path):
+    before = data_counts()
+
+    def fail(*_arguments, **_named):
+        raise MemoryError
+
+    monkeypatch.setattr(addon_module("blender.meshes"), "write_weights", fail)
+    with pytest.raises(RuntimeError, match="There is not enough memory"):
+        bpy.ops.import_scene.sinew_rig(filepath=str(copied_rig(tmp_path) / "skeleton.bf"))
+    assert data_counts() == before
 
 
 def test_missing_skeleton_and_named_files(tmp_path):

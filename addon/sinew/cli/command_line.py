@@ -41,7 +41,7 @@ def run(arguments):
         return stop.code or 0
     try:
         document, text = COMMANDS[options.command](options)
-    except (ValueError, OSError, bindable.BindingError, bind.OutputError) as error:
+    except (ValueError, OSError, MemoryError, bindable.BindingError, bind.OutputError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
     flush_blender()
@@ -154,6 +154,8 @@ def sentence(error):
     """The reason that an error gives; operators put "Error: " before it."""
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return str(error) or "there is not enough memory"
     return str(error).strip().splitlines()[-1].removeprefix("Error: ")
 
 

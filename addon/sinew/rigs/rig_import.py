@@ -67,7 +67,7 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
             options.method,
             options.source if clip_store.has_poses(armature.data) else "ARMATURE",
         )
-    except Exception:
+    except BaseException:  # an interrupt too
         remove(created)
         scene.frame_end = frame_end
         context.view_layer.objects.active = active

@@ -140,8 +140,8 @@ class ImportRig(bpy.types.Operator, ImportHelper):
                     *objects, remark = rig_import.import_rig(context, path, self.import_options(), part)
                     imported.append(objects)
                     problems += [remark] if remark else []
-                except (ValueError, OSError, bindable.BindingError) as error:
-                    problems.append(str(error))
+                except (ValueError, OSError, MemoryError, bindable.BindingError) as error:
+                    problems.append(str(error) or "There is not enough memory")
         for problem in problems:
             self.report({"WARNING" if imported else "ERROR"}, problem)
         if not imported:
@@ -195,8 +195,8 @@ class ExportRig(bpy.types.Operator, ExportHelper):
         try:
             with progress.shown(context) as shown:
                 rig_export.export_rig(context, context.active_object, path, self.animation, self.up_axis, shown)
-        except (ValueError, OSError) as error:
-            self.report({"ERROR"}, str(error))
+        except (ValueError, OSError, MemoryError) as error:
+            self.report({"ERROR"}, str(error) or "There is not enough memory")
             return {"CANCELLED"}
         self.report({"INFO"}, f"Exported {context.active_object.name} to {os.path.dirname(path)}")
         return {"FINISHED"}
