@@ -117,7 +117,8 @@ std::string dmat_bytes(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>
   std::string bytes;
   if (binary) append_header(bytes, 0, 0);
   append_header(bytes, matrix.cols(), matrix.rows());
-  for (Eigen::Index column = 0; column < matrix.cols(); ++column) {
+  const Eigen::Index columns = matrix.rows() == 0 ? 0 : matrix.cols();  // of nothing there may be billions
+  for (Eigen::Index column = 0; column < columns; ++column) {
     for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
       const double number = matrix(row, column);
       if (!std::isfinite(number)) {

@@ -200,5 +200,12 @@ TEST_F(Dmat, RefusesToWriteWhatItCouldNotRead) {
   }
 }
 
+TEST(Dmat, BillionsOfColumnsWithoutRowsAreAHeader) {
+  const TemporaryFolder folder;
+  const auto path = folder.file("a.dmat", "2147483605 0\n");
+  write_dmat(path, read_dmat(path));
+  EXPECT_EQ(folder.bytes("a.dmat"), "2147483605 0\n");
+}
+
 }  // namespace
 }  // namespace sinew
