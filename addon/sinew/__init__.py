@@ -12,25 +12,33 @@ bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
     "category": "Animation",
 }
 
-# What is left of an older version that this one was installed over. The compiled module cannot be loaded twice.
-for _name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
-    if not _name.endswith(".sinew_native"):
-        del sys.modules[_name]
-        globals().pop(_name.rpartition(".")[2], None)
 
-from . import native  # noqa: E402
+def _forget_older_version():
+    """What is left of one that this was installed over. The compiled module cannot be loaded twice."""
+    for name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
+        if not name.endswith(".sinew_native"):
+            del sys.modules[name]
+            globals().pop(name.rpartition(".")[2], None)
 
-if native.sinew_native is None:
-    from . import without_native
 
-    MODULES = (without_native,)
-else:
+def _modules():
+    """In the order in which they are registered."""
+    from . import native
+
+    if native.sinew_native is None:
+        from . import without_native
+
+        return (without_native,)
     from .binding import properties
     from .cli import command_line
     from .session import handlers
     from .ui import cures, display, menus, operators, panels, preferences, profile
 
-    MODULES = (properties, preferences, operators, cures, display, menus, panels, profile, handlers, command_line)
+    return properties, preferences, operators, cures, display, menus, panels, profile, handlers, command_line
+
+
+_forget_older_version()
+MODULES = _modules()
 
 
 def register():

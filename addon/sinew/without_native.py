@@ -2,8 +2,8 @@
 
 import bpy
 
+from .feedback import notice
 from .native import problem
-from .ui import notice
 
 
 class SinewPreferences(bpy.types.AddonPreferences):

@@ -68,7 +68,7 @@ def import_by_file_browser():
     yield 1.5
     browser = next(window for window in windows() for each in window.screen.areas if each.type == "FILE_BROWSER")
     yield from picture("import")
-    addon_module("ui.progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
+    addon_module("feedback.progress").SHOWN_AFTER = 0  # in the status bar, however quick this machine is
     with bpy.context.temp_override(window=browser, area=browser.screen.areas[0]):
         space = browser.screen.areas[0].spaces.active
         assert space.params.filename == "skeleton.bf"
@@ -272,7 +272,7 @@ def pictures_of_properties_and_preferences():
 
 def an_error():
     """A sentence pops up, once, and Blender's own modifier goes on deforming."""
-    ob, notice = bpy.data.objects["ogre"], addon_module("ui.notice")
+    ob, notice = bpy.data.objects["ogre"], addon_module("feedback.notice")
     yield from when_allowed(close_other_windows)
     yield 0.5
     shown, show = [], notice._show_now

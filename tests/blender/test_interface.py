@@ -217,7 +217,7 @@ def test_progress_of_several_files():
     said = []
     whole = SimpleNamespace(step=lambda share, _text: said.append(share))
     for number in range(2):
-        part = addon_module("ui.progress").Part(whole, number, 2)
+        part = addon_module("feedback.progress").Part(whole, number, 2)
         part.step(0.0, "reading")
         part.step(0.5, "building")
     assert said == [0.0, 0.25, 0.5, 0.75]

@@ -190,7 +190,7 @@ def test_a_long_sentence_in_a_narrow_sidebar():
         region=SimpleNamespace(width=440), preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=2.0))
     )
     notes = Notes()
-    addon_module("ui.notice").draw_sentence(notes, context, sentence, True)
+    addon_module("feedback.notice").draw_sentence(notes, context, sentence, True)
     assert " ".join(notes.said) == sentence and 2 < len(notes.said) < 7
 
 

@@ -11,10 +11,10 @@ ROOT = Path(__file__).resolve().parents[2]
 if build := os.environ.get("SINEW_BUILD", ROOT / "build"):
     sys.path.insert(0, str(Path(build).resolve() / "python"))
 
-import sinew_native  # noqa: E402
-
 
 @pytest.fixture(autouse=True)
 def keep_thread_count():
+    import sinew_native
+
     yield
     sinew_native.set_thread_count(0)

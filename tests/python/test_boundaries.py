@@ -1,8 +1,11 @@
-"""Who may know whom, read from the sources. The reasons stand in CONTRIBUTING.md's layout: logic runs
-without Blender, one file talks to TBB, one to the compiled module."""
+"""Who may know whom. The layers stand in docs/how-it-works.md: logic runs without Blender, one file talks to TBB, one
+to the compiled module."""
 
 import ast
+import graphlib
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,107 +13,132 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 ADDON = ROOT / "addon" / "sinew"
 MODULES = sorted(ADDON.rglob("*.py"))
-
-BLENDER = {"addon_utils", "bgl", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
-# Which files outside of blender/, ui/ and cli/ talk to Blender; all others work on arrays and on what those give them.
-MAY_IMPORT_BLENDER = {
-    "binding/bind",
-    "binding/deformed_copy",
-    "binding/old_files",
-    "binding/properties",
-    "binding/wiring",
-    "profiling/measure",
-    "rigs/clip_keyframes",
-    "rigs/rig_import",
-    "session/characters",
-    "session/deformed_copies",
-    "session/handlers",
-    "without_native",
+# From the lowest. What stands together in one does not know each other, but for the files of KNOT.
+LAYERS = (
+    {"native"},
+    {"blender", "deform", "feedback"},
+    {"binding", "rigs", "session"},
+    {"profiling"},
+    {"ui", "cli", "without_native"},
+    {"__init__"},
+)
+KNOT = {"binding", "rigs", "session"}
+PURE = {
+    "blender.materials",
+    "cli.command_options",
+    "deform.clips",
+    "deform.influences",
+    "native",
+    "profiling.costs",
+    "session.mail",
 }
-
-
-def imported(path):
-    """(top-level packages, names of the add-on's own modules) that a file imports, at any depth."""
-    packages, own = set(), set()
-    for node in ast.walk(ast.parse(path.read_text(), str(path))):
-        if isinstance(node, ast.Import):
-            packages |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            packages.add(node.module.split(".")[0])
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            own.add(node.module.split(".")[0])
-        elif isinstance(node, ast.ImportFrom):
-            own |= {alias.name for alias in node.names}
-    return packages, own
-
-
-def role(path):
-    """The folder that a file is in, or its own name."""
-    return path.relative_to(ADDON).with_suffix("").parts[0]
+# Imports the modules that are named, where Blender's cannot be had, and the add-on's list of modules is not wanted.
+WITHOUT_BLENDER = """
+import importlib, sys, types
+for name in ("bpy", "bmesh", "mathutils", "bpy_extras", "gpu"):
+    sys.modules[name] = None
+package = types.ModuleType("sinew")
+package.__path__, package.bl_info = [sys.argv[1]], {"version": (0, 0, 0)}
+sys.modules["sinew"] = package
+for name in sys.argv[2:]:
+    importlib.import_module("sinew." + name)
+"""
 
 
 def name_of(path):
-    return path.relative_to(ADDON).with_suffix("").as_posix()
+    return ".".join(path.relative_to(ADDON).with_suffix("").parts)
 
 
-def rooms_known(path):
-    """The folders of the add-on, other than its own, that a file imports from."""
+def room_of(name):
+    """The folder that a module is in, or its own name."""
+    return name.split(".")[0]
+
+
+NAMES = {name_of(path) for path in MODULES}
+
+
+def imported(path, names=NAMES, top=ADDON):
+    """The add-on's own modules (of those names) that a file imports, at any depth."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(), str(path))):
-        if isinstance(node, ast.ImportFrom) and node.level == 2:
+        if isinstance(node, ast.ImportFrom) and node.level:
+            folder = path.parents[node.level - 1].relative_to(top).parts
+            base = (*folder, *(node.module or "").split(".")) if node.module else folder
+            for alias in node.names:
+                found |= {".".join((*base, alias.name)), ".".join(base)} & names
+    return found
+
+
+def packages_of(path):
+    """Top-level names that a file imports, at any depth."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(), str(path))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
             found |= {node.module.split(".")[0]} if node.module else {alias.name for alias in node.names}
     return found
 
 
 def test_imports_are_seen(tmp_path):
-    path = tmp_path / "a.py"
+    path = tmp_path / "ui" / "a.py"
+    path.parent.mkdir()
     path.write_text(
         "import os.path, bpy as b\ndef f():\n  from bpy_extras.io import x\n"
-        "  from . import native, deform\nfrom .outputs import OUTPUTS\n"
+        "  from . import b\nfrom .c import D\nfrom ..rigs.d import e\nfrom .. import native\n"
     )
-    assert imported(path) == ({"os", "bpy", "bpy_extras"}, {"native", "deform", "outputs"})
+    names = {"ui.a", "ui.b", "ui.c", "rigs.d", "native", "b"}
+    assert imported(path, names, tmp_path) == {"ui.b", "ui.c", "rigs.d", "native"}
+    assert packages_of(path) == {"os", "bpy", "bpy_extras", "b", "c", "rigs", "native"}
 
 
-def test_there_are_files_to_look_at():
-    assert {"deform", "native", "blender", "session"} <= {role(path) for path in MODULES}
+def test_every_folder_has_a_layer():
+    assert {room_of(name) for name in NAMES} == set().union(*LAYERS)
     assert len(headers_and_sources()) > 20
 
 
-@pytest.mark.parametrize("path", MODULES, ids=name_of)
-def test_only_some_modules_know_blender(path):
-    packages, _ = imported(path)
-    if role(path) not in {"blender", "ui", "cli"} and name_of(path) not in MAY_IMPORT_BLENDER:
-        assert not packages & BLENDER
+def test_all_of_deform_is_logic():
+    assert {name for name in NAMES if name.startswith("deform.")} - {"deform.__init__"} <= PURE
+
+
+@pytest.mark.parametrize("name", sorted(PURE))
+def test_logic_is_imported_without_blender(name):
+    result = subprocess.run(
+        [sys.executable, "-c", WITHOUT_BLENDER, str(ADDON), name], capture_output=True, text=True, timeout=60
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_what_needs_blender_is_refused_there():
+    result = subprocess.run(
+        [sys.executable, "-c", WITHOUT_BLENDER, str(ADDON), "blender.meshes"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert "import of bmesh halted" in result.stderr
+
+
+def test_layers_know_those_below_them_alone():
+    number = {room: i for i, layer in enumerate(LAYERS) for room in layer}
+    for path in MODULES:
+        room = room_of(name_of(path))
+        for other in {room_of(name) for name in imported(path)} - {room, "__init__"}:
+            is_below = number[other] < number[room]
+            assert is_below or {room, other} <= KNOT, f"{name_of(path)} imports {other}"
+
+
+def test_no_two_modules_know_each_other():
+    graph = {name_of(path): imported(path) for path in MODULES}
+    assert graph["ui.panels"] >= {"ui.cures", "session.characters"}
+    graphlib.TopologicalSorter(graph).prepare()  # CycleError names the circle
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_only_native_imports_the_compiled_module(path):
-    packages, own = imported(path)
     # `from .native import sinew_native` is the way for the others.
     if name_of(path) != "native":
-        assert "sinew_native" not in packages | own
-
-
-@pytest.mark.parametrize(
-    "room, may_know",
-    [
-        ("blender", {"native"}),
-        ("deform", {"native"}),
-        ("profiling", {"binding", "blender", "session"}),
-        ("cli", {"binding", "blender", "profiling", "rigs", "session"}),
-    ],
-)
-def test_who_may_know_whom(room, may_know):
-    for path in (ADDON / room).glob("*.py"):
-        assert rooms_known(path) <= may_know, path.name
-
-
-def test_the_command_line_alone_knows_the_command_line():
-    assert [path.name for path in MODULES if "cli" in rooms_known(path)] == []
-
-
-def test_native_knows_nothing_above():
-    assert imported(ADDON / "native.py")[1] <= {"sinew_native", "bl_info"}
+        assert "sinew_native" not in packages_of(path)
 
 
 def headers_and_sources():

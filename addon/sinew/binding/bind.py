@@ -3,10 +3,10 @@
 import bpy
 
 from ..blender import memory, meshes, nodes, values
+from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..session import character, characters, deformed_copies
-from ..ui import notice
 from . import deformed_copy, old_files, runs, ways, wiring
 from .bindable import BindingError, check_bindable, modifiers_to_take
 from .deformed_copy import OutputError

@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 
+from ..feedback import progress
 from ..session import characters
-from ..ui import progress
 from . import clip_store, posing
 
 

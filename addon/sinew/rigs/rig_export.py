@@ -9,8 +9,8 @@ import numpy as np
 from ..binding import bindable
 from ..blender import armatures, meshes, values
 from ..deform.clips import transformed
+from ..feedback import progress
 from ..native import sinew_native
-from ..ui import progress
 from . import clip_store, rig_import
 
 

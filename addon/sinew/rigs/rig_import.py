@@ -9,8 +9,8 @@ import numpy as np
 
 from ..binding import bind, deformed_copy
 from ..blender import meshes, nodes
+from ..feedback import progress
 from ..native import sinew_native
-from ..ui import progress
 from . import clip_store
 
 # A bone of no length would vanish; this share of the rig's size is short but can be seen.

@@ -12,8 +12,8 @@ import time
 import bpy
 
 from ..blender import meshes, values
+from ..feedback import notice
 from ..native import sinew_native
-from ..ui import notice
 from . import layers, mail
 from .character import Character
 

@@ -8,13 +8,13 @@ from bpy.app.handlers import persistent
 
 from ..binding import bind, deformed_copy, old_files, ways, wiring
 from ..blender import layout, nodes, values
-from ..profiling import costs
+from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from ..ui import notice
 from . import characters, deformed_copies, mail, whole_frames
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
+forgotten_with_file = [notice.forget, whole_frames.forget]  # functions, called when another file is opened
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
 
 
@@ -54,9 +54,8 @@ def on_depsgraph_update(_scene, depsgraph):
 def on_load(*_):
     global _is_file_unknown
     _is_file_unknown = True
-    notice.forget()
-    costs.last.clear()
-    whole_frames.forget()
+    for forget_more in forgotten_with_file:
+        forget_more()
     forget()
     take_over_open_file()
 

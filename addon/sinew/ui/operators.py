@@ -7,9 +7,9 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatPrope
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..binding import bind, bindable, properties
+from ..feedback import progress
 from ..rigs import clip_keyframes, rig_export, rig_import
 from ..session import characters, whole_frames
-from . import progress
 
 
 def files_beside(*suffixes):

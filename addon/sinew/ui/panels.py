@@ -4,10 +4,11 @@ nothing else."""
 import bpy
 
 from ..binding import bindable, runs, ways
+from ..feedback import notice
 from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import characters, whole_frames
-from . import cures, display, notice
+from . import cures, display
 from .operators import Bind, ClipToKeyframes, ImportRig, MeasureFrames, Unbind, meshes_of
 
 WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}

@@ -6,8 +6,9 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ..binding import bind, bindable
+from ..feedback import notice, progress
 from ..profiling import costs, measure
-from . import notice, progress
+from ..session import handlers
 from .panels import InSidebar
 
 MOST_OBJECTS = 12  # that are listed
@@ -165,4 +166,14 @@ def draw_row(column, name, value, icon):
 
 
 CLASSES = (MeasureProfile, AccelerateOne, SidebarProfile)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register():
+    register_classes()
+    handlers.forgotten_with_file.append(costs.last.clear)
+
+
+def unregister():
+    handlers.forgotten_with_file.remove(costs.last.clear)
+    unregister_classes()
