@@ -9,28 +9,84 @@ import pytest
 from characters import accelerate, make_armature, make_mesh, make_tube, pose, smoothed
 from helpers import addon_module, depsgraph, evaluated, import_rig, make_fail, select
 
+LAYOUT = bpy.types.UILayout.bl_rna
+
 
 class Notes:
-    """A layout: whatever is asked of it, it notes the texts and names and goes on."""
+    """A layout that draws nothing: it notes the texts and names it is given, goes on, and refuses what Blender's own
+    layout would refuse."""
 
     def __init__(self):
-        self.said = []
+        vars(self)["said"] = []
+
+    def __setattr__(self, name, value):
+        check(LAYOUT.properties[name], value)
 
     def __getattr__(self, name):
-        def call(*arguments, text=None, **_options):
-            if name in {"prop", "prop_search"}:
-                owner, attribute = arguments[:2]
-                assert hasattr(owner, attribute), f"{owner} has no {attribute}"
-                self.said.append(owner.bl_rna.properties[attribute].name if text is None else text)
-            elif name == "operator":
-                category, _, operator = arguments[0].partition(".")
-                getattr(getattr(bpy.ops, category), operator).get_rna_type()  # KeyError: there is none
-                self.said.append(arguments[0] if text is None else text)
-            elif text is not None:
-                self.said.append(text)
-            return self
+        known = {each.identifier: each for each in LAYOUT.functions[name].parameters if not each.is_output}
+
+        def call(*arguments, **options):
+            positional = [each for each in known.values() if each.is_required]
+            given = dict(zip((each.identifier for each in positional), arguments))
+            assert len(arguments) <= len(positional) and set(given) | set(options) <= set(known), (name, options)
+            assert {each.identifier for each in positional} <= set(given) | set(options), name
+            for option, value in options.items():
+                check(known[option], value)
+            self.note(name, {**given, **options})
+            return properties_of(given["operator"]) if name == "operator" else self
 
         return call
+
+    def note(self, name, given):
+        text = given.get("text")
+        if name in {"prop", "prop_search"}:
+            rna = given["data"].bl_rna.properties[given["property"]]  # KeyError: there is none
+            text = rna.name if text is None else text
+        if name == "prop_search":
+            assert given["search_data"].bl_rna.properties[given["search_property"]].type == "COLLECTION"
+        if name == "operator":
+            assert operator_type(given["operator"])
+            text = given["operator"] if text is None else text
+        if text is not None:
+            self.said.append(text)
+
+
+def properties_of(operator):
+    """What a layout gives back of an operator: its properties may be set, and nothing else."""
+    return type("Properties", (), {"__slots__": tuple(operator_type(operator).properties.keys())})()
+
+
+def operator_type(name):
+    category, _, operator = name.partition(".")
+    return getattr(getattr(bpy.ops, category), operator).get_rna_type()  # KeyError: there is none
+
+
+def check(rna, value):
+    """Whether a property or a parameter takes a value."""
+    kinds = {"STRING": str, "BOOLEAN": bool, "INT": int, "FLOAT": (int, float), "ENUM": str}
+    assert isinstance(value, kinds.get(rna.type, object)), (rna.identifier, value)
+    if rna.type == "ENUM":
+        assert value in rna.enum_items, (rna.identifier, value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    (
+        lambda layout: layout.lable(text="a"),
+        lambda layout: layout.label(txt="a"),
+        lambda layout: layout.label(text=1),
+        lambda layout: layout.label(text="a", icon="NO_ICON_OF_BLENDER"),
+        lambda layout: layout.prop(bpy.context.scene),
+        lambda layout: layout.prop(bpy.context.scene, "frame_currant"),
+        lambda layout: layout.operator("object.sinew_nothing"),
+        lambda layout: setattr(layout.operator("object.sinew_bind"), "out", "MESH"),
+        lambda layout: setattr(layout, "alignement", "RIGHT"),
+        lambda layout: setattr(layout, "alignment", "ASIDE"),
+    ),
+)
+def test_the_notes_refuse_what_blender_refuses(wrong):
+    with pytest.raises((AssertionError, AttributeError, KeyError)):
+        wrong(Notes())
 
 
 def draw(place="Sidebar"):
