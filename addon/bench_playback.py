@@ -2,7 +2,7 @@
 
     blender -b --python-exit-code 1 --python addon/bench_playback.py -- [options]
 
-Medians of whole `scene.frame_set` calls over 40 different frames, turn and turn about: the rig alone (the
+Medians of whole `scene.frame_set` calls over 40 different frames, alternating: the rig alone (the
 meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. The meshes add something to
 the rig alone; how many times less they add with Sinew is what the two are judged by. Without options: a chain
 of 22 bones with up to a million vertices and ten such characters in one scene, and Rigify's human.
@@ -102,7 +102,7 @@ def measure(rig, vertices, count=1, variant="", preserve_volume=False, outputs=(
     select(*meshes)
     looked_at = meshes if variant == "subdivision" else ()
     times, bound, worst = {}, {}, 0.0
-    for _ in range(ROUNDS if vertices * count < 500_000 else 1):  # turn and turn about: the pace drifts
+    for _ in range(ROUNDS if vertices * count < 500_000 else 1):  # alternating: the pace drifts
         with without_handlers():
             times.setdefault("rig", []).extend(frame_times_of_the_rig(meshes))
             select(*meshes)  # what is hidden loses it

@@ -33,7 +33,7 @@ def _load():
     if module.__version__ != VERSION:
         return None, (
             f"Sinew {VERSION} was installed over {module.__version__}, whose native library is "
-            "still at work: restart Blender"
+            "still loaded: restart Blender"
         )
     return module, ""
 

@@ -46,7 +46,7 @@ void require_dtype(const char* name, const py::array& array) {
 /// What numpy calls aligned: the first number and every stride are multiples of a number's size.
 inline void require_aligned(const char* name, const py::array& array) {
   if (!(array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_)) {
-    throw InputError(std::string(name) + " has numbers at odd addresses; pass a copy");
+    throw InputError(std::string(name) + " is not aligned in memory; pass " + std::string(name) + ".copy()");
   }
 }
 
@@ -81,7 +81,7 @@ MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
   if constexpr (std::is_const_v<T>) {
     stack.data = static_cast<T*>(array.data());
   } else {
-    if (!array.writeable()) throw InputError(std::string(name) + " is read-only");
+    if (!array.writeable()) throw InputError(std::string(name) + " is read-only; pass a writable array");
     stack.data = static_cast<T*>(const_cast<py::array&>(array).mutable_data());
   }
   return stack;
@@ -179,10 +179,10 @@ std::span<T> written_span(const char* name, const py::array& array, const std::v
       static_cast<std::size_t>(array.ndim()) == shape.size() && std::equal(shape.begin(), shape.end(), array.shape());
   if (!fits) wrong_shape(name, array, shape_text(py::array(py::dtype::of<bool>(), shape)));
   if (!(array.flags() & py::array::c_style)) {
-    throw InputError(std::string(name) + " is not C-contiguous");
+    throw InputError(std::string(name) + " is not C-contiguous; pass a C-contiguous array");
   }
   require_aligned(name, array);
-  if (!array.writeable()) throw InputError(std::string(name) + " is read-only");
+  if (!array.writeable()) throw InputError(std::string(name) + " is read-only; pass a writable array");
   return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()), static_cast<std::size_t>(array.size())};
 }
 
@@ -194,7 +194,7 @@ inline std::span<const float> numbers_span(const char* name, const py::array& ar
   }
   require_dtype<float>(name, array);
   if (!(array.flags() & py::array::c_style)) {
-    throw InputError(std::string(name) + " is not C-contiguous");
+    throw InputError(std::string(name) + " is not C-contiguous; pass a C-contiguous array");
   }
   require_aligned(name, array);
   return {static_cast<const float*>(array.data()), static_cast<std::size_t>(array.size())};

@@ -60,12 +60,12 @@ std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, co
       group_spans.push_back(groups.emplace_back(name.c_str(), (*weights)[k]));
     }
     // None at all says something else to the library.
-    if (groups.empty()) throw InputError("weights has 0 entries; expected one a key, or None");
+    if (groups.empty()) throw InputError("weights has 0 entries; expected one per key, or None");
   }
   const auto numbers = py::array::ensure(relative_to);  // a list will do
   if (!numbers) {
     PyErr_Clear();
-    throw InputError("relative_to is no list of numbers");
+    throw InputError("relative_to is not a list of numbers");
   }
   const std::vector<std::int64_t> relative = list_of<std::int64_t>("relative_to", numbers);
   const py::gil_scoped_release release;

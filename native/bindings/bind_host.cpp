@@ -58,7 +58,7 @@ void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
     if (first(b) < 0) continue;
     if (first(b) + counts(b) > joints) throw InputError("out has too few matrices for the joints");
     if (!copy_motions(bone, members, counts(b), matrices + first(b) * kMatrix)) {
-      throw InputError("a bone has other segments than the skin was made for");
+      throw InputError("a bone has other segments than the skin was made for; make the skin again");
     }
   }
   if (bone != 0) throw InputError("the pose has more bones than the skin was made for");

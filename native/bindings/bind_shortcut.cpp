@@ -57,7 +57,7 @@ struct PoseSource {
              const std::vector<std::int32_t>& joint_counts, std::ptrdiff_t joints)
       : at(pose_at), bone_count(std::ssize(first_joints)), matrices(16 * joints, 0.0f) {
     if (first_joints.empty() || first_joints.size() != joint_counts.size()) {
-      throw InputError("first_joints and joint_counts need one number a bone each");
+      throw InputError("first_joints and joint_counts need one number per bone each");
     }
     for (std::ptrdiff_t j = 0; j < joints; ++j) {
       for (int i = 0; i < 4; ++i) matrices[16 * j + 5 * i] = 1.0f;
@@ -120,7 +120,7 @@ class Shortcut {
     if (milliseconds) {
       times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});
     }
-    if (spaces.size() != sources_.size()) throw InputError("spaces needs one entry a layer");
+    if (spaces.size() != sources_.size()) throw InputError("spaces needs one entry per layer");
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       poses_[i].mesh_from_armature.reset();
       if (!spaces[i]) continue;
@@ -147,13 +147,13 @@ class Shortcut {
     // Both ends of the list tell that the array is that of these bones.
     if (bones == 0 || bone(0) != read<Address>(pose + layout_.list) ||
         bone(source.bone_count - 1) != read<Address>(pose + layout_.list + sizeof(Address))) {
-      throw InputError("the pose has other bones than the skin was made for");
+      throw InputError("the pose has other bones than the skin was made for; make the skin again");
     }
     char* const matrices = reinterpret_cast<char*>(source.matrices.data());
     for (const PoseSource::Bone& each : source.bones) {
       char* const to = matrices + each.first_joint * kMatrix;
       if (!copy_motions(bone(each.number), layout_.bone, each.joint_count, to)) {
-        throw InputError("a bone has other segments than the skin was made for");
+        throw InputError("a bone has other segments than the skin was made for; make the skin again");
       }
     }
   }

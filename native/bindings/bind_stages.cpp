@@ -162,7 +162,7 @@ void bind_stages(py::module_& module) {
           "smooth_type: \"simple\" or \"length_weighted\".\n"
           "only_smooth: nothing is added.\n"
           "What the rest shape loses is kept from frame to frame, while factor, iterations and "
-          "smooth_type stay. Raises ValueError for a name that is none, for numbers that are not "
+          "smooth_type stay. Raises ValueError for an unknown name, for numbers that are not "
           "finite, and without rest positions unless only_smooth.");
 
   py::class_<Smooth, std::shared_ptr<Smooth>>(
@@ -220,7 +220,7 @@ void bind_stages(py::module_& module) {
           "radius: 0 is no falloff.\n"
           "center: x, y, z in the space of the mesh.\n"
           "uniform: (3, 3): distances are measured after it. None: in the space of the mesh.\n"
-          "Raises ValueError for a falloff that is none, for shapes that do not fit and for "
+          "Raises ValueError for an unknown falloff, for shapes that do not fit and for "
           "numbers "
           "that are not finite.");
 }

@@ -396,7 +396,7 @@ class Deformer:
         stages: Sequence[Stage] = (),
         milliseconds: _Float64 | None = None,
     ) -> None:
-        """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) a layer; out (V, 3); key_values
+        """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; out (V, 3); key_values
         (K,); rest_positions (V, 3) in place of the skin's own and of the keys; stages work on the result
         in this order; milliseconds (S + 1,), out: of keys and layers, then of each stage."""
 

@@ -28,7 +28,7 @@ inline std::vector<Stage> stages_of(const pybind11::sequence& list) {
   for (const pybind11::handle stage : list) {
     if (!pybind11::isinstance<StageOfPython>(stage)) {
       throw InputError("stage " + std::to_string(stages.size()) +
-                       " is no Stage; expected what stage(...) of a hook or a smoothing gives");
+                       " is not a Stage; expected what stage(...) of a CorrectiveSmooth, Smooth or Hook returns");
     }
     stages.push_back(stage.cast<const StageOfPython&>().stage);
   }

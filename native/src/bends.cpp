@@ -13,7 +13,7 @@ void check_vertices(std::span<const std::int64_t> vertices, std::span<const std:
                     std::int64_t influences) {
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     if (vertices[i] < 0) fail("entry ", i, " of vertices is ", vertices[i], "; expected 0 or more");
-    if (i > 0 && vertices[i] <= vertices[i - 1]) fail("vertices does not rise at entry ", i);
+    if (i > 0 && vertices[i] <= vertices[i - 1]) fail("vertices does not increase at entry ", i);
   }
   if (offsets.size() != vertices.size() + 1) {
     fail("offsets has ", plural(std::ssize(offsets), "entry"), "; expected ", grouped(std::ssize(vertices) + 1),

@@ -166,7 +166,7 @@ void Deformer::check(std::span<const LayerPose> poses, std::span<float> position
     if (!rest_positions.empty()) fail("there are key values and rest positions; expected one");
     if (std::ssize(key_values) != keys_->count()) {
       fail("there are ", plural(std::ssize(key_values), "key value"), "; expected ", grouped(keys_->count()),
-           ", one a key");
+           ", one per key");
     }
   }
   if (rest_positions.empty()) {

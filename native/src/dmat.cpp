@@ -36,8 +36,8 @@ Header take_header(const std::string& name, std::string_view& unread) {
 }
 
 [[noreturn]] void ends_early(const std::string& name, Header header, std::size_t numbers) {
-  fail(name, " ends after ", plural(static_cast<long long>(numbers), "number"), "; ", plural(header.columns, "column"),
-       " x ", plural(header.rows, "row"), " were due");
+  fail(name, " ends after ", plural(static_cast<long long>(numbers), "number"), "; its header promises ",
+       plural(header.columns, "column"), " x ", plural(header.rows, "row"));
 }
 
 std::size_t count_words(std::string_view text) {

@@ -24,7 +24,7 @@ template <class T>
 void check_shapes(const Skeleton& skeleton, MatrixStack<const T> in, std::ptrdiff_t out_frames,
                   std::ptrdiff_t out_joints) {
   if (in.joints != skeleton.joint_count()) {
-    fail("there are ", plural(in.joints, "matrix"), " a frame; the skeleton has ",
+    fail("there are ", plural(in.joints, "matrix"), " per frame; the skeleton has ",
          plural(skeleton.joint_count(), "joint"));
   }
   if (out_frames != in.frames || out_joints != in.joints) {

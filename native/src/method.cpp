@@ -21,7 +21,7 @@ const char* name_of(SkinningMethod method) {
 
 void check_matrices(const Skin& skin, MatrixStack<const float> matrices, const std::string& where) {
   if (matrices.joints != skin.joint_count()) {
-    fail(where, "there are ", plural(matrices.joints, "matrix"), " a frame; the skin has ",
+    fail(where, "there are ", plural(matrices.joints, "matrix"), " per frame; the skin has ",
          plural(skin.joint_count(), "joint"));
   }
 }

@@ -11,7 +11,7 @@ void parallel_ranges(std::size_t count, std::size_t grain, RangeBody body, const
 }  // namespace detail
 
 /// Whether threads are likely to finish work sooner that takes one thread so long. A thread that
-/// sleeps has to be woken, one that has just worked has not: so it hangs on when the last region
+/// sleeps has to be woken, one that has just worked has not: so it depends on when the last region
 /// ended. Says no where there is but one thread.
 bool threads_pay(double microseconds);
 

@@ -23,7 +23,7 @@ PoseClip::PoseClip(std::ptrdiff_t joint_count, std::vector<Eigen::Quaterniond> r
   const auto total = static_cast<std::ptrdiff_t>(rotations_.size());
   if (joint_count <= 0 || total == 0 || total % joint_count != 0) {
     fail("there are ", plural(total, "rotation"), " for ", plural(joint_count, "joint"),
-         "; expected one a joint for each of at least one pose");
+         "; expected one per joint for each of at least one pose");
   }
   pose_count_ = total / joint_count;
   for (std::ptrdiff_t i = 0; i < total; ++i) {
@@ -39,7 +39,7 @@ PoseClip::PoseClip(std::ptrdiff_t joint_count, std::vector<Eigen::Quaterniond> r
 PoseClip PoseClip::from_table(const Eigen::MatrixXd& table, std::ptrdiff_t joint_count, QuaternionOrder order) {
   const bool euler = table.rows() == 3 * joint_count;
   if (!euler && table.rows() != 4 * joint_count) {
-    fail("there are ", plural(table.rows(), "number"), " a pose; expected ", 3 * joint_count, " (Euler angles) or ",
+    fail("there are ", plural(table.rows(), "number"), " per pose; expected ", 3 * joint_count, " (Euler angles) or ",
          4 * joint_count, " (quaternions) for ", plural(joint_count, "joint"));
   }
   std::vector<Eigen::Quaterniond> rotations;

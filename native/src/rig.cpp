@@ -17,7 +17,7 @@ void check_faces(const PolygonMesh& mesh, const std::string& name) {
   const auto& offsets = mesh.face_offsets;
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners ||
       !std::is_sorted(offsets.begin(), offsets.end())) {
-    fail(name, ": the faces' offsets do not rise from 0 to ", grouped(corners), ", the number of corners");
+    fail(name, ": the faces' offsets do not increase from 0 to ", grouped(corners), ", the number of corners");
   }
   for (const std::int32_t vertex : mesh.face_vertices) {
     if (vertex < 0 || vertex >= mesh.vertex_count()) {
@@ -48,7 +48,7 @@ void check_numbers(const Rig& rig, const RigPaths& paths) {
 void check_weights(const Rig& rig, const RigPaths& paths) {
   const std::string weights = name_of(paths.weights, "weights.dmat");
   const std::string skeleton = name_of(paths.skeleton, "the skeleton");
-  if (rig.weights.cols() == 0) fail(weights, " has no columns; expected one a bone");
+  if (rig.weights.cols() == 0) fail(weights, " has no columns; expected one per bone");
   if (rig.weights.rows() != rig.mesh.vertex_count()) {
     fail(weights, " has ", plural(rig.weights.rows(), "row"), ", ", name_of(paths.mesh, "mesh.obj"), " has ",
          plural(rig.mesh.vertex_count(), "vertex"));

@@ -59,7 +59,7 @@ BoneForest read_rows(LineReader& file) {
     std::string_view blank = file.line();
     if (next_word(blank).empty()) continue;
     forest.weight_columns.push_back(file.number<std::int32_t>("a weight index"));
-    if (forest.weight_columns.back() < -1) file.fail_here("a weight index is -1 (none) or more");
+    if (forest.weight_columns.back() < -1) file.fail_here("expected a weight index of -1 (none) or more");
     forest.parents.push_back(file.number<std::int32_t>("the parent's row"));
     Eigen::Vector3d offset;
     for (double& coordinate : offset) coordinate = file.number<double>("an offset");
@@ -145,7 +145,7 @@ RigSkeleton read_trivial_graph(const Path& path) {
   while (next_of_section(file)) {
     const auto number = file.number<std::int32_t>("a joint's number");
     if (number != static_cast<std::int32_t>(joints.size()) + 1) {
-      file.fail_here("joint ", number, " where joint ", joints.size() + 1, " is expected");
+      file.fail_here("joint ", number, " found; expected joint ", joints.size() + 1);
     }
     Eigen::Vector3d position;
     for (double& coordinate : position) coordinate = file.number<double>("a coordinate");
@@ -274,7 +274,7 @@ std::string ending(const Path& path) {
   std::string ending = shown(path.extension());
   for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (ending != ".bf" && ending != ".tgf") {
-    fail(shown(path.filename()), " is no skeleton file; expected a name that ends in .bf or .tgf");
+    fail(shown(path.filename()), " is not a skeleton file; expected a name that ends in .bf or .tgf");
   }
   return ending;
 }
@@ -308,7 +308,8 @@ RigSkeleton::RigSkeleton(std::span<const std::int32_t> parents, const Eigen::Mat
 RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention) {
   if (ending(path) == ".bf") return read_bone_forest(path, convention);
   if (convention == Convention::joint) {
-    fail(shown(path.filename()), " is in the bone convention, as every .tgf file; joint was asked");
+    fail(shown(path.filename()),
+         " is in the bone convention, like every .tgf file; the joint convention was asked for");
   }
   return read_trivial_graph(path);
 }

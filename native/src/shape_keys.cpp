@@ -50,7 +50,7 @@ void check(std::span<const std::span<const float>> positions, std::span<const st
   }
   const std::size_t numbers = positions[0].size();
   if (numbers % 3 != 0) {
-    fail("key 0 has ", plural(std::ssize(positions[0]), "number"), "; expected three a vertex");
+    fail("key 0 has ", plural(std::ssize(positions[0]), "number"), "; expected three per vertex");
   }
   for (std::size_t k = 0; k < positions.size(); ++k) {
     if (positions[k].size() != numbers) {

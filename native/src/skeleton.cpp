@@ -54,7 +54,7 @@ Skeleton::Skeleton(std::span<const std::int32_t> parents, std::span<const Matrix
     : parents_(parents.begin(), parents.end()), rest_(rest.begin(), rest.end()) {
   if (parents.size() != rest.size()) {
     fail("there are ", plural(parents.size(), "parent"), " and ", plural(rest.size(), "rest transform"),
-         "; expected one of each a joint");
+         "; expected one of each per joint");
   }
   check_parents(parents);
 

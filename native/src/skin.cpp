@@ -84,7 +84,7 @@ void Skin::check() const {
   check_counts(static_cast<std::int64_t>(rest_positions_.size() / 3), static_cast<std::int64_t>(joints_.size()),
                joint_count_);
   if (rest_positions_.size() % 3 != 0) {
-    fail("rest_positions has ", plural(rest_positions_.size(), "number"), "; expected three a vertex");
+    fail("rest_positions has ", plural(rest_positions_.size(), "number"), "; expected three per vertex");
   }
   const std::size_t vertices = rest_positions_.size() / 3;
   if (offsets_.size() != vertices + 1) {

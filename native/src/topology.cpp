@@ -54,7 +54,7 @@ Topology::Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> ed
     fail("there are ", plural(vertex_count, "vertex"), "; expected ", grouped(kMostVertices), " at most");
   }
   if (edges.size() % 2 != 0) {
-    fail("edges has ", plural(std::ssize(edges), "number"), "; expected two an edge");
+    fail("edges has ", plural(std::ssize(edges), "number"), "; expected two per edge");
   }
   check_vertices("edges", edges, vertex_count);
   check_vertices("corner_vertices", corner_vertices, vertex_count);
@@ -104,7 +104,7 @@ void Topology::find_boundary(std::span<const std::int32_t> edges, std::span<cons
       const auto found = std::ranges::find(neighbours(from), to);
       if (found == neighbours(from).end()) {
         fail("face ", f, " has a side from vertex ", corner_vertices[corner], " to vertex ", corner_vertices[next],
-             ", which is none of the edges");
+             ", which is not one of the edges");
       }
       auto& count = faces_of[edge_at[neighbour_begin_[from] + (found - neighbours(from).begin())]];
       count = std::min(count + 1, 2);

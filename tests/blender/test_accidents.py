@@ -160,7 +160,7 @@ def test_an_armature_modifier_that_cannot_be_put_first(fresh_scene, monkeypatch)
     ob.modifiers.new("Cast", "CAST")
     monkeypatch.setattr(addon_module("blender.nodes"), "_move", lambda *_: None)
     select(ob, armature)
-    with pytest.raises(RuntimeError, match="Blender does not let Armature be put before Cast of Tube"):
+    with pytest.raises(RuntimeError, match="Blender does not allow Armature before Cast on Tube"):
         bpy.ops.object.sinew_bind()
     assert [modifier.name for modifier in ob.modifiers] == ["Cast"]
     assert not ob.sinew.is_bound and not ob.sinew.has_added_modifier and traces() == []

@@ -282,7 +282,7 @@ def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
 
 
 def test_bones_are_compared_after_edits_alone(fresh_scene, monkeypatch):
-    """Not on a frame; and once, however many meshes hang on the armature."""
+    """Not on a frame; and once, however many meshes use the armature."""
     armature = make_armature()
     objects = [make_mesh(armature, False) for _ in range(3)]
     twin = twin_of(objects[0])

@@ -41,7 +41,10 @@ CASES = {
     "cycle": (write("skeleton.bf", "0 1 0 0 0\n1 0 0 1 0\n"), "skeleton.bf.*cycle"),
     "parent out of range": (replace_line("skeleton.bf", 1, "1 77 0 1 0"), "skeleton.bf.*joint 1 has parent 77"),
     "NaN": (replace_line("weights.dmat", 3, "nan"), 'weights.dmat, row 2, column 0.*"nan"'),
-    "truncated binary": (truncated_binary, "weights.dmat ends after 7 numbers; 5 columns x 100 rows were due"),
+    "truncated binary": (
+        truncated_binary,
+        "weights.dmat ends after 7 numbers; its header promises 5 columns x 100 rows",
+    ),
     "empty file": (write("weights.dmat", ""), "weights.dmat is empty"),
     "empty skeleton": (write("skeleton.bf", ""), "skeleton.bf holds no joints"),
     "empty mesh": (write("mesh.obj", ""), "mesh.obj holds no vertices"),
@@ -56,7 +59,7 @@ CASES = {
                 write("anim.dmat", "20000000 0\n"),
             )
         ],
-        "weights.dmat has no columns; expected one a bone",
+        "weights.dmat has no columns; expected one per bone",
     ),
     "columns without end": (
         write("weights.dmat", "9223372036854775807 0\n"),
@@ -71,7 +74,7 @@ CASES = {
         r'found "gr\\xf6\\xdfe"',
     ),
     "weight column without a bone": (replace_line("skeleton.bf", 1, "9 0 0 1 0"), "joint 1 has weight column 9"),
-    "huge header": (huge_header, "weights.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"),
+    "huge header": (huge_header, "weights.dmat ends after 0 numbers; its header promises 25,000 columns x 50,000 rows"),
     "wrong pose": (write("pose.dmat", "2 3\n0 0 0 0 0 0\n"), "pose.dmat: there are 3 numbers a pose"),
     "face without vertex": (
         lambda folder: (folder / "mesh.obj").open("a").write("f 1 2 999999\n"),
@@ -219,25 +222,25 @@ def test_what_cannot_be_followed_is_refused_and_left_alone():
     twin = ob.copy()
     bpy.context.collection.objects.link(twin)
     select(ob)
-    with pytest.raises(RuntimeError, match="cannot have the output Mesh.*: 2 objects share this mesh"):
+    with pytest.raises(RuntimeError, match="cannot use the output Mesh.*: 2 objects share this mesh"):
         bpy.ops.object.sinew_bind(output="MESH")
     bpy.data.objects.remove(twin)
     ob.shape_key_add(name="Basis")
     ob.data.shape_keys.use_relative = False
-    with pytest.raises(RuntimeError, match="cannot have the output Mesh.*absolute ones"):
+    with pytest.raises(RuntimeError, match="cannot use the output Mesh.*absolute ones"):
         bpy.ops.object.sinew_bind(output="MESH")
     assert not ob.sinew.is_bound and [m.name for m in ob.modifiers] == ["Armature"]
     ob.shape_key_clear()
     ob.modifiers.new("Wave", "WAVE")
     ob.modifiers.move(1, 0) if hasattr(ob.modifiers, "move") else bpy.ops.object.modifier_move_up(modifier="Wave")
-    with pytest.raises(RuntimeError, match="cannot have the output Mesh.*Wave comes before Armature"):
+    with pytest.raises(RuntimeError, match="cannot use the output Mesh.*Wave comes before Armature"):
         bpy.ops.object.sinew_bind(output="MESH")
     other = ob.modifiers["Armature"].object.copy()
     bpy.context.collection.objects.link(other)
     second = ob.modifiers.new("Second", "ARMATURE")
     second.object, second.use_multi_modifier = other, True
     select(other, ob)
-    with pytest.raises(RuntimeError, match="Multi Modifier mixes Second of capsule with"):
+    with pytest.raises(RuntimeError, match="capsule mixes Second with"):
         bpy.ops.object.sinew_bind()
     assert not ob.sinew.is_bound
     assert [m.name for m in ob.modifiers] == ["Wave", "Armature", "Second"]

@@ -199,7 +199,7 @@ def test_bind_coordinates(fresh_scene, make):
 def test_not_bound(fresh_scene, make):
     ob, twin = make(lambda ob: smoothed(ob, rest_source="BIND"))
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5))
-    assert stages(ob) == [] and end(ob) == ("Corrective", "it is not bound: press its Bind")
+    assert stages(ob) == [] and end(ob) == ("Corrective", "it is not bound: press Bind in that modifier")
 
 
 @pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
@@ -271,7 +271,7 @@ def switched_by_keyframes(ob):
 @pytest.mark.parametrize(
     "behind, name, reason",
     [
-        (subdivided, "Finer", "only Blender knows what it does"),
+        (subdivided, "Finer", "Sinew cannot evaluate it"),
         (driven, "Driven", "its factor is driven"),
         (by_curve, "Hook", "its curve"),
         (in_renders_alone, "Render", "not shown where Armature is"),

@@ -160,7 +160,8 @@ def test_info_says_what_deforms_a_mesh_and_what_sinew_cannot(document, tmp_path)
             "method": "linear",
             "source": "armature",
             "output": None,
-            "problem": "No vertex group of Tube.002 has the name of a deforming bone of Rig",
+            "problem": "No vertex group of Tube.002 is named after a deforming bone of Rig: rename the groups, or "
+            "parent the mesh with automatic weights",
         },
     }
 
@@ -321,7 +322,7 @@ def test_bench_of_a_mesh_without_an_armature(document, tmp_path):
     assert found["meshes"] == [{"name": "Tube", "vertices": 1200, "bones": 0}]
 
 
-def test_bench_does_not_hang_on_the_preferences_of_duplication(document, capsule_blend):
+def test_bench_does_not_depend_on_the_preferences_of_duplication(document, capsule_blend):
     edit = bpy.context.preferences.edit
     edit.use_duplicate_mesh = edit.use_duplicate_armature = edit.use_duplicate_action = False
     try:
@@ -413,7 +414,9 @@ def test_export_wants_one_mesh(sinew, tmp_path):
         sinew("export", path, tmp_path / "rig")
     )
     assert "no mesh Rig; those" in one_sentence(sinew("export", path, tmp_path / "rig", "--object", "Rig"))
-    assert one_sentence(sinew("export", path, tmp_path / "rig", "--object", "Cube")) == ("Cube is bound to no armature")
+    assert one_sentence(sinew("export", path, tmp_path / "rig", "--object", "Cube")) == (
+        "Cube has no armature: give it one, or choose another mesh"
+    )
     assert not (tmp_path / "rig").exists()
 
 

@@ -347,7 +347,7 @@ def test_its_name_is_taken(fresh_scene):
 
 def test_it_cannot_be_bound(tube):
     select(show_copy(tube))
-    with pytest.raises(RuntimeError, match="Tube.deformed is the deformed copy of Tube: bind that one"):
+    with pytest.raises(RuntimeError, match="Tube.deformed is the deformed copy of Tube; bind that mesh instead"):
         bpy.ops.object.sinew_bind()
 
 

@@ -78,7 +78,7 @@ def test_a_second_deformation(fresh_scene, character):
     ob.modifiers.new("Again", "ARMATURE").object = armature
     select(ob)
     (warning,) = errors(ob)
-    assert "once more" in warning.text
+    assert "a second time" in warning.text
     assert bpy.ops.object.sinew_remove_doubles() == {"FINISHED"}
     assert errors(ob) == []
     fresh_scene.frame_set(5)

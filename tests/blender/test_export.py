@@ -130,7 +130,7 @@ def test_poses_of_another_rig_in_the_folder(fresh_scene, tmp_path, left):
 
 def test_errors_are_sentences(tmp_path):
     bpy.ops.mesh.primitive_cube_add()
-    with pytest.raises(RuntimeError, match="Cube is bound to no armature"):
+    with pytest.raises(RuntimeError, match="Cube has no armature: give it one, or choose another mesh"):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
     import_rig("capsule")
     with pytest.raises(RuntimeError, match="There is no folder"):
@@ -146,7 +146,7 @@ def test_a_mesh_without_size_along_an_axis(fresh_scene, tmp_path):
     accelerate(ob)
     ob.scale.x = 0
     bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match="Tube has a scale of 0 along an axis; give it another one"):
+    with pytest.raises(RuntimeError, match="Tube has a scale of 0 along an axis; set another scale"):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"))
     assert not list(tmp_path.iterdir())
 

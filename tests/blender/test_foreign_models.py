@@ -21,7 +21,7 @@ IMPORTERS = {
 }
 CRASHES = {"teapot_instancenodes.DAE"}  # Blender 4.5, while it reads it
 # What keeps a mesh from being taken over; anything else that an error says is a failure.
-REASONS = ("has the name of a deforming bone",)
+REASONS = ("is named after a deforming bone",)
 
 
 def files():

@@ -50,7 +50,7 @@ def test_weights_that_do_not_sum_to_1(tube, fresh_scene):
     accelerate(tube)
     before = evaluated(tube)
     count = int((np.abs(sums(tube) - 1) > 0.05).sum())
-    assert warnings(tube) == [f"Weights of {count:,} vertices do not sum to 1"]
+    assert warnings(tube) == [f"The weights of {count:,} vertices do not sum to 1"]
     assert bpy.ops.object.sinew_normalize_weights() == {"FINISHED"}
     fresh_scene.frame_set(2)
     fresh_scene.frame_set(1)
@@ -62,7 +62,7 @@ def test_vertices_without_a_bone(tube, fresh_scene):
     for group in tube.vertex_groups:
         group.remove(range(40, 60))
     accelerate(tube)
-    assert warnings(tube)[0] == "20 vertices without a bone, left behind in the rest pose"
+    assert warnings(tube)[0] == "20 vertices without a bone: kept in the rest pose"
     assert bpy.ops.object.sinew_select_unweighted() == {"FINISHED"}
     assert tube.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
@@ -101,7 +101,10 @@ def test_bones_that_no_longer_fit_the_poses(fresh_scene):
     select(armature)
     armature.scale = (2, 2, 2)
     bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
-    assert "Bones were moved since the import: the rig's poses do not fit" in warnings(ob)
+    assert (
+        "Bones were moved after the import, so the rig's poses no longer fit: undo that, or set Pose to Armature"
+        in warnings(ob)
+    )
     ob.sinew.source = "ARMATURE"
     assert not any("Bones were moved" in text for text in warnings(ob))
 

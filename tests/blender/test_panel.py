@@ -160,7 +160,8 @@ def test_mesh_without_an_armature(fresh_scene):
     bpy.context.view_layer.update()
     said = draw()
     assert (
-        "Blender's own modifier deforms it: it has no armature, shape keys or smoothing that Sinew could take over"
+        "Blender's own modifier deforms it: it has no armature, shape keys or smoothing that Sinew could take "
+        "over: add one of them"
     ) in said
     assert "2 objects share this mesh" in said
     assert bpy.ops.object.sinew_make_single_user.poll() and not bpy.ops.object.sinew_fill_weights.poll()
@@ -306,7 +307,7 @@ def test_the_chain_stage_by_stage(fresh_scene):
         "in Blender",
     ]
     assert sum(text.endswith(" ms") for text in chain) == 4 and "Late" not in chain
-    assert "Finer goes on in Blender: only Blender knows what it does" in " ".join(chain[8:])
+    assert "Blender takes over at Finer: Sinew cannot evaluate it" in " ".join(chain[8:])
     assert "object.sinew_bind_smoothing" not in chain
     ob.modifiers["Soft"].rest_source = "BIND"
     ob.shape_key_add(name="Basis")

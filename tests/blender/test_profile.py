@@ -238,7 +238,7 @@ def test_why_a_mesh_cannot_be_bound_is_said(figure):
     ob, _ = figure
     for group in list(ob.vertex_groups):
         group.name = f"no {group.name}"
-    assert "No vertex group of Tube has the name of a deforming bone" in reason_of(ob)
+    assert "No vertex group of Tube is named after a deforming bone" in reason_of(ob)
 
 
 def test_why_blender_would_go_on_deforming_is_said(figure):
@@ -289,7 +289,7 @@ def test_a_modifier_after_subdivision_is_said(figure):
     assert remark.startswith("Late comes after Sub, so the processor has to subdivide")
     ob.modifiers["Late"].show_viewport = False
     (remark,) = costs_of(measure())[ob.name].remarks
-    assert remark.startswith("Sub is left to the graphics card")
+    assert remark.startswith("Sub runs on the graphics card")
 
 
 def test_nothing_is_said_of_subdivision_where_the_preferences_leave_it_to_the_processor(figure):
@@ -365,7 +365,7 @@ def test_simulations_are_not_switched_off(figure, monkeypatch):
     assert set(seen) == {(True, True), (True, False)}
     assert ob.modifiers["Sub"].show_viewport
     part = next(part for part in cost.parts if part.name == "Cloth")
-    assert part.how == ("Blender's clock" if HAS_CLOCK else "a simulation is not switched off")
+    assert part.how == ("Blender's clock" if HAS_CLOCK else "simulations are not switched off")
 
 
 @pytest.mark.parametrize("absent", ["_at_rest", "_muted", "_switched_off", "bound_for_now"])
@@ -461,9 +461,9 @@ def test_another_file_has_no_profile(figure):
 
 
 def test_bad_input_is_said(figure):
-    with pytest.raises(RuntimeError, match=r"the last frame \(1\) comes before the first \(9\)"):
+    with pytest.raises(RuntimeError, match=r"the last frame \(1\) comes before the first \(9\): swap them"):
         bpy.ops.scene.sinew_profile(frame_start=9, frame_end=1)
-    with pytest.raises(RuntimeError, match="There is no object Nobody any more: measure again"):
+    with pytest.raises(RuntimeError, match="Nobody no longer exists: measure again"):
         bpy.ops.object.sinew_accelerate_one(name="Nobody")
     for ob in list(bpy.data.objects):
         bpy.data.objects.remove(ob)
@@ -529,6 +529,6 @@ def test_the_command_line_says_what_is_wrong(sinew, tmp_path):
         1,
         "sinew: the scene shows nothing that has bones, shape keys or modifiers\n",
     )
-    assert sinew("info", path, "--frames", "1-2")[::2] == (1, "sinew: --frames belongs to --profile\n")
+    assert sinew("info", path, "--frames", "1-2")[::2] == (1, "sinew: --frames needs --profile\n")
     code, _, err = sinew("info", "--profile", tmp_path)
     assert code == 1 and "--profile wants a .blend" in err

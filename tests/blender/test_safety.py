@@ -324,7 +324,7 @@ def test_objects_that_share_a_mesh(fresh_scene):
     fresh_scene.frame_set(5)
     assert_same_shape(objects[1], twins[1])
     assert_same_shape(objects[0], twins[0])
-    with pytest.raises(RuntimeError, match="2 objects share this mesh.* Mend that first, or use the output Modifier"):
+    with pytest.raises(RuntimeError, match="2 objects share this mesh.* Fix that first, or use the output Modifier"):
         bpy.ops.object.sinew_bind(output="MESH")
     select(objects[1])
     bpy.ops.object.sinew_unbind()

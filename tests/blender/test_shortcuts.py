@@ -202,7 +202,7 @@ def test_another_pose_than_was_thought(in_use):
             return True
 
         def deform(self, *_):
-            raise ValueError("the pose has other bones than the skin was made for")
+            raise ValueError("the pose has other bones than the skin was made for; make the skin again")
 
     shortcut.native = Wrong()
     scene.frame_set(5)

@@ -281,7 +281,7 @@ def test_nothing_is_left_to_take_over(fresh_scene, make):
         each.modifiers.remove(each.modifiers["Corrective"])
     assert_same_on_all_frames(fresh_scene, ob, twin, (2, 3))
     reason = addon_module("session.characters").character(ob).way.reason
-    assert reason == "It has no armature, shape keys or smoothing that Sinew could take over"
+    assert reason == "It has no armature, shape keys or smoothing that Sinew could take over: add one of them"
     for each in (ob, twin):
         plain(each)
     assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 6))
@@ -320,7 +320,7 @@ def test_an_armature_modifier_is_added(fresh_scene, make, keys, behind, first):
             to_front(each, "Armature")
     assert_same_on_all_frames(fresh_scene, ob, twin, (3, 4, 5))
     entry = addon_module("session.characters").character(ob)
-    said = "Armature comes first, and the mesh was bound without it: unbind it, and accelerate it again"
+    said = "Armature comes first, and the mesh was bound without it: unbind the mesh and accelerate it again"
     if keys is nothing and first:
         assert said in entry.way.reason and not entry.is_deforming
     else:
@@ -358,7 +358,7 @@ def posed(ob):
 
 @pytest.mark.parametrize("before", (nothing, posed), ids=lambda part: part.__name__)
 def test_sinews_modifier_is_applied(fresh_scene, make, before):
-    """Nothing of what it stood in for deforms the mesh once more."""
+    """Nothing of what it stood in for deforms the mesh a second time."""
     ob, _twin = make(before, corrective, plain)
     fresh_scene.frame_set(3)
     shape = evaluated(ob)
@@ -534,11 +534,11 @@ def under_a_lattice(ob):
 @pytest.mark.parametrize(
     "part, sentence",
     [
-        (nothing, "Tube has no armature, shape keys or smoothing that Sinew could take over"),
-        (lone_basis, "Tube has no armature, shape keys or smoothing that Sinew could take over"),
-        (lambda ob: ob.modifiers.new("Mirror", "MIRROR"), "Mirror comes first, and only Blender knows what it does"),
+        (nothing, "Tube has no armature, shape keys or smoothing that Sinew could take over: add one of them"),
+        (lone_basis, "Tube has no armature, shape keys or smoothing that Sinew could take over: add one of them"),
+        (lambda ob: ob.modifiers.new("Mirror", "MIRROR"), "Mirror comes first, and Sinew cannot evaluate it"),
         (driven_smoothing, "Corrective comes first, and its factor is driven"),
-        (under_a_lattice, "Tube is deformed by its parent Cage itself, before all modifiers"),
+        (under_a_lattice, "Tube is deformed by its parent Cage directly, before any modifier"),
     ],
     ids=("nothing", "basis", "mirror", "driver", "lattice"),
 )

@@ -330,7 +330,7 @@ TEST(Bends, RefuseWhatDoesNotFit) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   EXPECT_EQ(said([](Given&) {}), "(no complaint)");
   EXPECT_EQ(said([](Given& g) { g.vertices[0] = -1; }), "entry 0 of vertices is -1; expected 0 or more");
-  EXPECT_EQ(said([](Given& g) { g.vertices[1] = 1; }), "vertices does not rise at entry 1");
+  EXPECT_EQ(said([](Given& g) { g.vertices[1] = 1; }), "vertices does not increase at entry 1");
   EXPECT_EQ(said([](Given& g) { g.offsets.pop_back(); }),
             "offsets has 2 entries; expected 3, one more than there are vertices");
   EXPECT_EQ(said([](Given& g) { g.offsets[2] = 4; }),

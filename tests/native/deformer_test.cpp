@@ -383,7 +383,7 @@ TEST(Deformer, RefusesWhatDoesNotFit) {
   };
   const LayerPose good{four.read()};
   EXPECT_EQ(said({good}, positions), "there are 1 pose; the deformer has 2 layers");
-  EXPECT_EQ(said({good, {three.read()}}, positions), "layer 1: there are 3 matrices a frame; the skin has 4 joints");
+  EXPECT_EQ(said({good, {three.read()}}, positions), "layer 1: there are 3 matrices per frame; the skin has 4 joints");
   EXPECT_EQ(said({{two_frames.read()}, good}, positions), "layer 0: there are 2 frames of matrices; expected 1");
   EXPECT_EQ(said({good, good}, std::span(positions).first(27)), "the result has 27 numbers; expected 30 (10 x 3)");
   EXPECT_EQ(said({good, good}, positions, Floats(2)), "there are key values, but no shape keys");
@@ -395,7 +395,7 @@ TEST(Deformer, RefusesWhatDoesNotFit) {
   const auto said_of_keys = [&](const Floats& values, std::span<const float> input) {
     return complaint([&] { with_keys.deform({&good, 1}, positions, values, input); });
   };
-  EXPECT_EQ(said_of_keys(Floats(2), {}), "there are 2 key values; expected 3, one a key");
+  EXPECT_EQ(said_of_keys(Floats(2), {}), "there are 2 key values; expected 3, one per key");
   EXPECT_EQ(said_of_keys(Floats(3), rest), "there are key values and rest positions; expected one");
 }
 

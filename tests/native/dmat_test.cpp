@@ -121,14 +121,17 @@ TEST_F(Dmat, RefusesAHeaderThatIsNone) {
 }
 
 TEST_F(Dmat, RefusesAHeaderThatPromisesTooMuch) {
-  EXPECT_EQ(said("50000 25000\n1 2 3 4\n"), "a.dmat ends after 4 numbers; 50,000 columns x 25,000 rows were due");
-  EXPECT_EQ(said("0 0\n50000 25000\n1"), "a.dmat ends after 0 numbers; 50,000 columns x 25,000 rows were due");
+  EXPECT_EQ(said("50000 25000\n1 2 3 4\n"),
+            "a.dmat ends after 4 numbers; its header promises 50,000 columns x 25,000 rows");
+  EXPECT_EQ(said("0 0\n50000 25000\n1"),
+            "a.dmat ends after 0 numbers; its header promises 50,000 columns x 25,000 rows");
   // Products beyond 64 bits.
-  EXPECT_EQ(said("9223372036854775807 9223372036854775807\n1"),
-            "a.dmat ends after 1 number; 9,223,372,036,854,775,807 columns x 9,223,372,036,854,775,807 "
-            "rows were due");
+  EXPECT_EQ(
+      said("9223372036854775807 9223372036854775807\n1"),
+      "a.dmat ends after 1 number; its header promises 9,223,372,036,854,775,807 columns x 9,223,372,036,854,775,807 "
+      "rows");
   EXPECT_EQ(said("0 0\n4294967296 4294967296\n"),
-            "a.dmat ends after 0 numbers; 4,294,967,296 columns x 4,294,967,296 rows were due");
+            "a.dmat ends after 0 numbers; its header promises 4,294,967,296 columns x 4,294,967,296 rows");
 }
 
 TEST_F(Dmat, RefusesAHeaderThatPromisesNothingTooOften) {
@@ -164,15 +167,17 @@ TEST_F(Dmat, RefusesOtherTextThanUtf8) {
 }
 
 TEST_F(Dmat, RefusesTextThatEndsEarlyOrGoesOn) {
-  EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"), "a.dmat ends after 4 numbers; 2 columns x 3 rows were due");
+  EXPECT_EQ(said("2 3\n1.0 2.0 3.0 4.0\n"), "a.dmat ends after 4 numbers; its header promises 2 columns x 3 rows");
   EXPECT_EQ(said("1 1\n1 2"), "a.dmat goes on after the 1 number that its header promises");
   EXPECT_EQ(said("0 3\n1"), "a.dmat goes on after the 0 numbers that its header promises");
 }
 
 TEST_F(Dmat, RefusesBinaryThatEndsEarlyOrGoesOn) {
   const std::string bytes = "0 0\n2 3\n" + raw({1, 2, 3, 4, 5, 6});
-  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 1)), "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
-  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 8)), "a.dmat ends after 5 numbers; 2 columns x 3 rows were due");
+  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 1)),
+            "a.dmat ends after 5 numbers; its header promises 2 columns x 3 rows");
+  EXPECT_EQ(said(bytes.substr(0, bytes.size() - 8)),
+            "a.dmat ends after 5 numbers; its header promises 2 columns x 3 rows");
   EXPECT_EQ(said(bytes + "\n"), "a.dmat goes on for 1 byte after the 6 numbers that its header promises");
   EXPECT_EQ(said("0 0\n"
                  "0 3\nabc"),

@@ -132,7 +132,7 @@ TEST_P(EveryMethod, RefusesShapesThatDoNotFit) {
   Stack<float> three(1, 3), four(2, 4);
   Floats positions(2 * 3000), too_few(2 * 3000 - 1);
   EXPECT_EQ(complaint([&] { skin_by()(skin, three.read(), positions); }),
-            "there are 3 matrices a frame; the skin has 4 joints");
+            "there are 3 matrices per frame; the skin has 4 joints");
   EXPECT_EQ(complaint([&] { skin_by()(skin, four.read(), too_few); }),
             "the result holds 5,999 numbers; expected 6,000 (2 x 1000 x 3)");
 }

@@ -162,7 +162,7 @@ TYPED_TEST(ForwardKinematics, RefusesShapesThatDoNotFit) {
   const Skeleton skeleton(rigs::chain(3), rigs::identities(3));
   Stack<TypeParam> two(1, 2), three(1, 3), frames(2, 3);
   Stack<float> out_three(1, 3), out_frames(2, 3);
-  const std::string too_few = "there are 2 matrices a frame; the skeleton has 3 joints";
+  const std::string too_few = "there are 2 matrices per frame; the skeleton has 3 joints";
   const std::string wrong_out = "the result holds 2 x 3 matrices; expected 1 x 3";
   EXPECT_EQ(complaint([&] { forward_kinematics(skeleton, two.read(), three.view()); }), too_few);
   EXPECT_EQ(complaint([&] { forward_kinematics(skeleton, three.read(), frames.view()); }), wrong_out);

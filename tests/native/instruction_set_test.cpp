@@ -63,7 +63,7 @@ TEST_P(EachInstructionSet, DualQuaternionsEqualTheReference) {
 }
 
 /// Three joints turned by 0, 120 and 240 degrees about one axis: whichever signs they get, two of
-/// them disagree, so the result hangs on the order in which a vertex stores them.
+/// them disagree, so the result depends on the order in which a vertex stores them.
 TEST_P(EachInstructionSet, SignsFollowTheStoredOrderWhereTheyHaveTo) {
   const rigs::Matrices pose =
       rigs::through_float({rigs::turn(0, {0, 0, 1}, {0, 0, 0}), rigs::turn(125, {0, 0, 1}, {0, 0, 0}),

@@ -44,7 +44,7 @@ TEST(PoseClip, RefusesWhatIsNoClip) {
     return complaint([&] { PoseClip(joints, rotations); });
   };
   const Eigen::Quaterniond one(1, 0, 0, 0);
-  const std::string expected = "; expected one a joint for each of at least one pose";
+  const std::string expected = "; expected one per joint for each of at least one pose";
   EXPECT_EQ(said(2, {one, one, one}), "there are 3 rotations for 2 joints" + expected);
   EXPECT_EQ(said(2, {}), "there are 0 rotations for 2 joints" + expected);
   EXPECT_EQ(said(0, {}), "there are 0 rotations for 0 joints" + expected);
@@ -76,9 +76,9 @@ TEST(PoseClip, TableOfEulerAnglesTurnsAboutXThenYThenZ) {
 
 TEST(PoseClip, RefusesTablesThatDoNotFit) {
   EXPECT_EQ(complaint([] { PoseClip::from_table(Eigen::MatrixXd::Ones(10, 1), 3); }),
-            "there are 10 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints");
+            "there are 10 numbers per pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints");
   EXPECT_EQ(complaint([] { PoseClip::from_table(Eigen::MatrixXd::Ones(12, 0), 3); }),
-            "there are 0 rotations for 3 joints; expected one a joint for each of at least one pose");
+            "there are 0 rotations for 3 joints; expected one per joint for each of at least one pose");
   EXPECT_EQ(complaint([] { PoseClip::from_table(Eigen::MatrixXd::Zero(4, 1), 1); }),
             "the quaternion of joint 0 in pose 0 has length 0; expected 1");
 }

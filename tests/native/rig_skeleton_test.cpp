@@ -140,7 +140,7 @@ TEST_F(BoneForest, RefusesRowsThatAreNone) {
   EXPECT_EQ(said("x -1 0 0 0\n"), "a.bf, line 1: expected a weight index, found \"x\"");
   EXPECT_EQ(said("\n0 -1 0 nan 0\n"), "a.bf, line 2: expected an offset, found \"nan\"");
   EXPECT_EQ(said("0 -1.5 0 0 0\n"), "a.bf, line 1: expected the parent's row, found \"-1.5\"");
-  EXPECT_EQ(said("-2 -1 0 0 0\n"), "a.bf, line 1: a weight index is -1 (none) or more");
+  EXPECT_EQ(said("-2 -1 0 0 0\n"), "a.bf, line 1: expected a weight index of -1 (none) or more");
 }
 
 TEST_F(BoneForest, RefusesTreesThatAreNone) {
@@ -209,7 +209,7 @@ TEST_F(TrivialGraph, RoundTrips) {
 TEST_F(TrivialGraph, RefusesGraphsThatAreNone) {
   EXPECT_EQ(said("", "a.tgf"), "a.tgf holds no bones");
   EXPECT_EQ(said(kJoints, "a.tgf"), "a.tgf holds no bones");
-  EXPECT_EQ(said("1 0 0 0\n3 0 0 0\n", "a.tgf"), "a.tgf, line 2: joint 3 where joint 2 is expected");
+  EXPECT_EQ(said("1 0 0 0\n3 0 0 0\n", "a.tgf"), "a.tgf, line 2: joint 3 found; expected joint 2");
   EXPECT_EQ(said("1 0 0\n", "a.tgf"), "a.tgf, line 1: the line ends where a coordinate is expected");
   EXPECT_EQ(said("a 0 0 0\n", "a.tgf"), "a.tgf, line 1: expected a joint's number, found \"a\"");
   EXPECT_EQ(said("1 0 inf 0\n", "a.tgf"), "a.tgf, line 1: expected a coordinate, found \"inf\"");
@@ -224,7 +224,7 @@ TEST_F(TrivialGraph, RefusesGraphsThatAreNone) {
 
 TEST_F(TrivialGraph, RefusesTheJointConvention) {
   EXPECT_EQ(complaint([&] { read(kJoints + "#\n1 2\n", Convention::joint, "a.tgf"); }),
-            "a.tgf is in the bone convention, as every .tgf file; joint was asked");
+            "a.tgf is in the bone convention, like every .tgf file; the joint convention was asked for");
 }
 
 TEST_F(TrivialGraph, RefusesToWriteWhatItCannotHold) {
@@ -241,7 +241,7 @@ TEST_F(TrivialGraph, RefusesToWriteWhatItCannotHold) {
 }
 
 TEST_F(RigSkeletonFile, RefusesUnknownEndings) {
-  const std::string expected = "a.txt is no skeleton file; expected a name that ends in .bf or .tgf";
+  const std::string expected = "a.txt is not a skeleton file; expected a name that ends in .bf or .tgf";
   EXPECT_EQ(said(kBones, "a.txt"), expected);
   EXPECT_EQ(complaint([&] { write_skeleton(folder_.path("a.txt"), read(kBones)); }), expected);
   EXPECT_EQ(complaint([&] { read_skeleton(folder_.path("none.bf")); }),

@@ -184,7 +184,7 @@ TEST_F(RigFolder, RefusesWeightsWithoutColumns) {
   folder_.file("skeleton.bf", "-1 -1 0 0 0\n-1 0 1 0 0\n");
   folder_.file("weights.dmat", "0 3\n");
   folder_.file("anim.dmat", "20000000 0\n");
-  EXPECT_EQ(said(), "weights.dmat has no columns; expected one a bone");
+  EXPECT_EQ(said(), "weights.dmat has no columns; expected one per bone");
 }
 
 TEST_F(RigFolder, RefusesWeightsWithoutRowsAtOnce) {
@@ -202,7 +202,7 @@ TEST_F(RigFolder, RefusesColumnsBeyondTheAnimation) {
 TEST_F(RigFolder, RefusesPosesThatDoNotFit) {
   folder_.file("pose.dmat", "1 5\n1 2 3 4 5\n");
   EXPECT_EQ(said(),
-            "pose.dmat: there are 5 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for "
+            "pose.dmat: there are 5 numbers per pose; expected 9 (Euler angles) or 12 (quaternions) for "
             "3 joints");
 }
 
@@ -230,7 +230,7 @@ TEST_F(RigCheck, TakesWhatIsRight) {
 }
 
 TEST_F(RigCheck, Faces) {
-  const std::string offsets = "mesh.obj: the faces' offsets do not rise from 0 to 3, the number of corners";
+  const std::string offsets = "mesh.obj: the faces' offsets do not increase from 0 to 3, the number of corners";
   for (const std::vector<std::int32_t>& wrong : {std::vector<std::int32_t>{}, {1, 3}, {0, 2}, {0, 4, 3}, {0}}) {
     EXPECT_EQ(said_of([&](Rig& rig) { rig.mesh.face_offsets = wrong; }), offsets);
   }

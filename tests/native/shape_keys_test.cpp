@@ -161,7 +161,7 @@ TEST(ShapeKeys, RefuseWhatIsWrong) {
   keys.positions[1].resize(28);
   EXPECT_EQ(complaint([&] { keys.made(); }), "key 1 has 9 vertices; key 0 has 10");
   keys.positions[0].resize(28);
-  EXPECT_EQ(complaint([&] { keys.made(); }), "key 0 has 28 numbers; expected three a vertex");
+  EXPECT_EQ(complaint([&] { keys.made(); }), "key 0 has 28 numbers; expected three per vertex");
   keys.positions.assign(2, Floats(30));
   keys.positions[1][29] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_EQ(complaint([&] { keys.made(); }), "vertex 9 of key 1 is not finite");

@@ -105,7 +105,7 @@ TEST(Skeleton, RefusesSizesThatDiffer) {
   EXPECT_EQ(complaint([] {
               Skeleton(Parents{-1, 0}, rigs::identities(1));
             }),
-            "there are 2 parents and 1 rest transform; expected one of each a joint");
+            "there are 2 parents and 1 rest transform; expected one of each per joint");
 }
 
 TEST(Skeleton, RefusesAParentThatDoesNotExist) {

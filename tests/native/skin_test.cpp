@@ -73,7 +73,7 @@ TEST(Skin, RefusesWhatIsWrong) {
   const Offsets one_each{0, 1, 2};
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1, 1}, 2), "(no complaint)");
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1, 1}, -2), "joint_count is -2; expected 0 or more");
-  EXPECT_EQ(said({1, 2, 3, 4}, {0, 1}, {0}, {1}, 2), "rest_positions has 4 numbers; expected three a vertex");
+  EXPECT_EQ(said({1, 2, 3, 4}, {0, 1}, {0}, {1}, 2), "rest_positions has 4 numbers; expected three per vertex");
   EXPECT_EQ(said(kTwo, {0, 2}, {0, 1}, {1, 1}, 2),
             "offsets has 2 entries; expected 3, one more than there are vertices");
   EXPECT_EQ(said(kTwo, {}, {0, 1}, {1, 1}, 2), "offsets has 0 entries; expected 3, one more than there are vertices");

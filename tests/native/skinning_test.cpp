@@ -106,7 +106,7 @@ TEST(SkinAll, NothingIsWrittenIfAJobIsWrong) {
   }
   jobs = crowd.jobs(results);
   jobs[3].matrices.joints = 499;
-  EXPECT_EQ(complaint([&] { skin_all(jobs); }), "job 3: there are 499 matrices a frame; the skin has 500 joints");
+  EXPECT_EQ(complaint([&] { skin_all(jobs); }), "job 3: there are 499 matrices per frame; the skin has 500 joints");
 }
 
 TEST(SkinAll, ResultsThatOverlapAreRefused) {

@@ -73,7 +73,7 @@ TEST(Topology, RefusesWhatIsWrong) {
   };
   EXPECT_EQ(said(-1, {}, {}, {}), "the vertex count is -1; expected 0 or more");
   EXPECT_EQ(said(1 << 30, {}, {}, {}), "there are 1,073,741,824 vertices; expected 536,870,912 at most");
-  EXPECT_EQ(said(3, {0, 1, 2}, {}, {}), "edges has 3 numbers; expected two an edge");
+  EXPECT_EQ(said(3, {0, 1, 2}, {}, {}), "edges has 3 numbers; expected two per edge");
   EXPECT_EQ(said(3, {0, 3}, {}, {}), "edges names vertex 3; the mesh has 3 vertices");
   EXPECT_EQ(said(3, {0, -1}, {}, {}), "edges names vertex -1; the mesh has 3 vertices");
   EXPECT_EQ(said(3, {}, {0, 3}, {0, 1, 7}), "corner_vertices names vertex 7; the mesh has 3 vertices");
@@ -82,7 +82,7 @@ TEST(Topology, RefusesWhatIsWrong) {
   EXPECT_EQ(said(3, {}, {0, 2, 3}, {0, 1, 2}), "face 0 has 2 corners; expected three at least");
   EXPECT_EQ(said(3, {}, {0, 5, 3}, {0, 1, 2}), "face 1 has -2 corners; expected three at least");
   EXPECT_EQ(said(3, {0, 1, 1, 2}, {0, 3}, {0, 1, 2}),
-            "face 0 has a side from vertex 2 to vertex 0, which is none of the edges");
+            "face 0 has a side from vertex 2 to vertex 0, which is not one of the edges");
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ def test_what_is_no_range_of_frames_is_said(words):
 
 
 def test_reversed_frames_are_said():
-    with pytest.raises(ValueError, match=r"the last frame \(1\) comes before the first \(9\)"):
+    with pytest.raises(ValueError, match=r"the last frame \(1\) comes before the first \(9\): swap them"):
         costs.parse_frames("9-1")
 
 
@@ -108,12 +108,12 @@ def test_the_dearest_comes_first_and_what_costs_nothing_to_measure_is_left_out()
     "modifiers, sentence",
     [
         ([ARMATURE, SMOOTH], None),
-        ([ARMATURE, SUBSURF], "Sub is left to the graphics card or to drawing"),
+        ([ARMATURE, SUBSURF], "Sub runs on the graphics card or while drawing"),
         (
             [ARMATURE, SUBSURF, SMOOTH, ARMATURE],
-            "Smooth comes after Sub, so the processor has to subdivide: put it before",
+            "Smooth comes after Sub, so the processor has to subdivide: move it before",
         ),
-        ([SUBSURF, SMOOTH, ("Second", "SUBSURF")], "Second is left to the graphics card"),
+        ([SUBSURF, SMOOTH, ("Second", "SUBSURF")], "Second runs on the graphics card"),
         ([], None),
     ],
 )
@@ -179,7 +179,7 @@ def test_the_report_has_a_row_for_each_object_and_each_part():
         ("  part 0", "0.50 ms", ""),
     ]
     assert costs.remarks(profile) == ["dear: It is dear."]
-    assert costs.heading(profile) == "3 frames from 1 to 9: 4.00 ms a frame, give or take 0.10 ms"
+    assert costs.heading(profile) == "3 frames from 1 to 9: 4.00 ms per frame, give or take 0.10 ms"
     assert costs.heading(costs.Profile([4], 4.0, 0.1, [])).startswith("frame 4: ")
 
 

@@ -324,7 +324,7 @@ def test_refuses_bends_that_do_not_fit(random):
     def complains(**changes):
         return said(sinew.Bends, **{**given, **changes})
 
-    assert complains(vertices=np.array([2, 3, 3, 5])) == "vertices does not rise at entry 2"
+    assert complains(vertices=np.array([2, 3, 3, 5])) == "vertices does not increase at entry 2"
     assert complains(vertices=np.arange(4.0)) == "vertices is float64; expected integers"
     assert complains(offsets=np.array([0, 12])) == "offsets has 2 entries; expected 5, one more than there are vertices"
     assert complains(bones=np.full(12, 3)) == "influence 0 names bone 3; there are 3 bones"
@@ -445,7 +445,7 @@ def test_refuses_what_it_is_made_of():
     assert said(sinew.ShapeKeys, [points], [0, 0]) == "relative_to has 2 entries; there are 1 key"
     assert said(sinew.ShapeKeys, [points], [0.5]) == "relative_to is float64; expected integers"
     assert said(sinew.ShapeKeys, [points, points], [0, 0], [None]) == "weights has 1 entry; there are 2 keys"
-    assert said(sinew.ShapeKeys, [points], [0], []) == "weights has 0 entries; expected one a key, or None"
+    assert said(sinew.ShapeKeys, [points], [0], []) == "weights has 0 entries; expected one per key, or None"
     assert (
         said(sinew.ShapeKeys, [points, points], [0, 0], [None, np.ones(4)])
         == "key 1 has 4 weights; there are 5 vertices"
@@ -470,7 +470,7 @@ def test_refuses_arguments_that_do_not_fit():
     assert complains([], out) == "there are 0 poses; the deformer has 1 layer"
     assert complains([pose], out) == "pose 0 is not a tuple (matrices, space)"
     assert complains([(pose, None, 1)], out) == "pose 0 is not a tuple (matrices, space)"
-    assert complains([(pose[:1], None)], out) == "layer 0: there are 1 matrix a frame; the skin has 2 joints"
+    assert complains([(pose[:1], None)], out) == "layer 0: there are 1 matrix per frame; the skin has 2 joints"
     assert complains([(pose[None], None)], out) == "pose 0: matrices has shape (1, 2, 4, 4); expected (J, 4, 4)"
     assert complains([(pose.astype(float), None)], out) == "pose 0: matrices is float64; expected float32"
     assert complains([([1], None)], out) == "pose 0: matrices is a list; expected a numpy array"
@@ -480,7 +480,7 @@ def test_refuses_arguments_that_do_not_fit():
     assert complains(good, out.astype(float)) == "out is float64; expected float32"
     assert complains(good, out, np.zeros(2, np.float32)) == "there are key values, but no shape keys"
     assert (
-        complains(good, out, np.zeros(3, np.float32), by=with_keys) == "there are 3 key values; expected 2, one a key"
+        complains(good, out, np.zeros(3, np.float32), by=with_keys) == "there are 3 key values; expected 2, one per key"
     )
     assert complains(good, out, np.zeros(2), by=with_keys) == "key_values is float64; expected float32"
     assert (
@@ -492,7 +492,10 @@ def test_refuses_arguments_that_do_not_fit():
     )
     assert complains(good, out, None, points[:4]) == "rest_positions has 12 numbers; expected 15 (5 x 3)"
     assert complains(good, out, None, points.ravel()) == "rest_positions has shape (15,); expected (V, 3)"
-    assert complains(good, out, None, np.zeros((5, 6), np.float32)[:, ::2]) == "rest_positions is not C-contiguous"
+    assert (
+        complains(good, out, None, np.zeros((5, 6), np.float32)[:, ::2])
+        == "rest_positions is not C-contiguous; pass a C-contiguous array"
+    )
     assert complains(good, out, None, out) == "the result and rest_positions overlap"
     deformer.deform(good, out)
     assert not out.any()

@@ -98,7 +98,9 @@ def test_dmat_refuses_what_is_wrong(tmp_path):
     path.write_text("2 2\n1 2 3 x")
     assert said(sinew.read_dmat, path) == 'a.dmat, row 1, column 1: expected a finite number, found "x"'
     path.write_bytes(b"0 0\n25000 50000\n" + bytes(4))  # 10 GB in 20 bytes
-    assert said(sinew.read_dmat, path) == "a.dmat ends after 0 numbers; 25,000 columns x 50,000 rows were due"
+    assert (
+        said(sinew.read_dmat, path) == "a.dmat ends after 0 numbers; its header promises 25,000 columns x 50,000 rows"
+    )
     path.write_text("old")
     assert (
         said(sinew.write_dmat, path, np.array([[1, np.nan]]))
@@ -312,7 +314,7 @@ def test_rigs_refuse_what_is_wrong(tmp_path):
     (folder / "pose.dmat").write_text("1 2\n0 0")
     assert (
         said(sinew.read_rig, folder)
-        == "pose.dmat: there are 2 numbers a pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints"
+        == "pose.dmat: there are 2 numbers per pose; expected 9 (Euler angles) or 12 (quaternions) for 3 joints"
     )
     assert (
         said(sinew.read_rig, folder, quaternion_order="wzyx")

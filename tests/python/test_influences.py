@@ -56,7 +56,7 @@ def of(entries, own_bones, points=None, segment_at=None, **settings):
 def test_weights_are_normalised_over_bones_that_deform():
     result = of([[(0, 0.3), (1, 0.3)], [(0, 0.2), (-1, 0.7)], [(1, 1.0)], [(0, 5e-5)], []], bones(deform=[True, False]))
     assert dense(result).tolist() == [[1, 0], [1, 0], [0, 0], [0, 0], [0, 0]]  # one joint, and the one that stays
-    assert not result.hang_on_shape
+    assert not result.depend_on_shape
 
 
 def test_entries_keep_their_order():
@@ -74,7 +74,7 @@ def test_envelopes_for_vertices_without_weights_alone():
     result = of([[(0, 1.0)], [], []], bones(), points=[[0, 1.5, 0], [0, 1, 0], [9, 9, 9]], use_envelopes=True)
     table = dense(result)
     assert np.allclose(table, [[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 0, 0]])  # envelope weights 1 and 2
-    assert result.hang_on_shape
+    assert result.depend_on_shape
 
 
 def test_envelope_multiplies():
@@ -84,7 +84,7 @@ def test_envelope_multiplies():
 
 def test_segments_share_a_bone():
     result = of([[(0, 1.0)]] * 4, bones(1, segments=[4]), points=[[0, -1, 0], [0, 0.375, 0], [0, 0.5, 0], [0, 3, 0]])
-    assert result.joint_count == 5 and not result.hang_on_shape
+    assert result.joint_count == 5 and not result.depend_on_shape
     assert np.allclose(
         dense(result), [[1, 0, 0, 0, 0, 0], [0, 0.5, 0.5, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0]]
     )
@@ -98,15 +98,15 @@ def test_bends_hold_influences_that_are_not_split():
     assert bends.bones.tolist() == [2, 0, 1] and bends.weights.tolist() == [0.25, 0.75, 1]
     assert bends.first_joints.tolist() == [0, 1, 6] and bends.segments.tolist() == [1, 4, 2]
     assert bends.axes.tolist() == [[0, 1, 0, 0], [0, 1, 0, -1], [0, 1, 0, -3]]
-    assert not result.hang_on_shape
+    assert not result.depend_on_shape
 
 
 def test_there_are_bends_for_bones_with_segments_alone():
     assert of([[(0, 1.0)]], bones()).bends is None
     assert of([[(0, 1.0)]], bones(2, segments=[1, 4], curved=True)).bends is None  # moves no vertex
-    assert not of([[(0, 1.0)]], bones(2, segments=[1, 4], curved=True)).hang_on_shape
+    assert not of([[(0, 1.0)]], bones(2, segments=[1, 4], curved=True)).depend_on_shape
     enveloped = of([[(0, 1.0)]], bones(2, segments=[4, 1]), use_envelopes=True)
-    assert enveloped.hang_on_shape and enveloped.bends is not None
+    assert enveloped.depend_on_shape and enveloped.bends is not None
 
 
 def test_bends_split_as_influences_do():
@@ -145,7 +145,7 @@ def test_segments_along_a_curve_are_asked_for():
         segment_at=segment_at,
     )
     assert asked == [(1, [0, 1.5, 0])]
-    assert result.hang_on_shape and result.bends is None
+    assert result.depend_on_shape and result.bends is None
     assert np.allclose(dense(result), [[0, 0, 0, 0.75, 0.25, 0, 0], [1, 0, 0, 0, 0, 0, 0]])
 
 

@@ -64,7 +64,7 @@ def test_skeleton_refuses_what_is_wrong():
     )
     assert (
         said(sinew.Skeleton, np.array([-1]), two)
-        == "there are 1 parent and 2 rest transforms; expected one of each a joint"
+        == "there are 1 parent and 2 rest transforms; expected one of each per joint"
     )
     assert said(sinew.Skeleton, np.array([[-1, 0]]), two) == "parents has shape (1, 2); expected one axis"
     assert said(sinew.Skeleton, np.array([-1, 0]), two[:, :3]) == "rest has shape (2, 3, 4); expected (J, 4, 4)"
@@ -172,7 +172,7 @@ def test_refuses_arrays_that_do_not_fit(random, function, name):
         assert (
             said(function, skeleton, np.zeros(shape)) == f"{name} has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
         )
-    assert said(function, skeleton, good[:, :3]) == "there are 3 matrices a frame; the skeleton has 4 joints"
+    assert said(function, skeleton, good[:, :3]) == "there are 3 matrices per frame; the skeleton has 4 joints"
     assert said(function, skeleton, good, out[0]) == "the result holds 1 x 4 matrices; expected 2 x 4"
     assert said(function, skeleton, good, out[:, :3]) == "the result holds 2 x 3 matrices; expected 2 x 4"
     assert said(function, skeleton, good, out.astype(np.float64)) == "out is float64; expected float32"
@@ -181,10 +181,10 @@ def test_refuses_arrays_that_do_not_fit(random, function, name):
     )
     assert said(function, skeleton, good, out.tolist()) == "out is a list; expected a numpy array"
     odd = np.zeros(good.nbytes + 1, np.uint8)[1:].view(np.float32).reshape(good.shape)
-    assert said(function, skeleton, odd) == f"{name} has numbers at odd addresses; pass a copy"
-    assert said(function, skeleton, good, odd) == "out has numbers at odd addresses; pass a copy"
+    assert said(function, skeleton, odd) == f"{name} is not aligned in memory; pass {name}.copy()"
+    assert said(function, skeleton, good, odd) == "out is not aligned in memory; pass out.copy()"
     out.flags.writeable = False
-    assert said(function, skeleton, good, out) == "out is read-only"
+    assert said(function, skeleton, good, out) == "out is read-only; pass a writable array"
     with pytest.raises(TypeError):
         function(None, good)
     with pytest.raises(TypeError):
@@ -223,11 +223,11 @@ def test_pose_clip_refuses_what_is_wrong():
     assert said(sinew.PoseClip, one[:, :, :3]) == "rotations has shape (2, 3, 3); expected (P, J, 4)"
     assert (
         said(sinew.PoseClip, one[:0])
-        == "there are 0 rotations for 3 joints; expected one a joint for each of at least one pose"
+        == "there are 0 rotations for 3 joints; expected one per joint for each of at least one pose"
     )
     assert (
         said(sinew.PoseClip, one[:, :0])
-        == "there are 0 rotations for 0 joints; expected one a joint for each of at least one pose"
+        == "there are 0 rotations for 0 joints; expected one per joint for each of at least one pose"
     )
     assert said(sinew.PoseClip, one * 0) == "the quaternion of joint 0 in pose 0 has length 0; expected 1"
     assert said(sinew.PoseClip, one * np.nan) == "the quaternion of joint 0 in pose 0 has length nan; expected 1"

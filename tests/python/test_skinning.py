@@ -212,20 +212,23 @@ def test_refuses_arrays_that_do_not_fit(random, method):
             said(method, skin, np.zeros(shape, np.float32))
             == f"matrices has shape {shape}; expected (J, 4, 4) or (F, J, 4, 4)"
         )
-    assert said(method, skin, matrices[:, :3]) == "there are 3 matrices a frame; the skin has 4 joints"
+    assert said(method, skin, matrices[:, :3]) == "there are 3 matrices per frame; the skin has 4 joints"
     for shape in [(50, 3), (3, 50, 3), (2, 49, 3), (2, 50, 4), (300,)]:
         assert (
             said(method, skin, matrices, np.zeros(shape, np.float32)) == f"out has shape {shape}; expected (2, 50, 3)"
         )
     assert said(method, skin, matrices[0], out) == "out has shape (2, 50, 3); expected (50, 3)"
     assert said(method, skin, matrices, out.astype(np.float64)) == "out is float64; expected float32"
-    assert said(method, skin, matrices, np.asfortranarray(out)) == "out is not C-contiguous"
-    assert said(method, skin, matrices, np.zeros((2, 50, 6), np.float32)[:, :, ::2]) == "out is not C-contiguous"
+    assert said(method, skin, matrices, np.asfortranarray(out)) == "out is not C-contiguous; pass a C-contiguous array"
+    assert (
+        said(method, skin, matrices, np.zeros((2, 50, 6), np.float32)[:, :, ::2])
+        == "out is not C-contiguous; pass a C-contiguous array"
+    )
     assert said(method, skin, matrices, out.tolist()) == "out is a list; expected a numpy array"
     odd = np.zeros(out.nbytes + 1, np.uint8)[1:].view(np.float32).reshape(out.shape)
-    assert said(method, skin, matrices, odd) == "out has numbers at odd addresses; pass a copy"
+    assert said(method, skin, matrices, odd) == "out is not aligned in memory; pass out.copy()"
     out.flags.writeable = False
-    assert said(method, skin, matrices, out) == "out is read-only"
+    assert said(method, skin, matrices, out) == "out is read-only; pass a writable array"
     with pytest.raises(TypeError):
         method(skin, matrices.tolist())
 
@@ -300,7 +303,7 @@ def test_skin_all_refuses_what_is_wrong(random):
     assert said_of(skin, matrices, None, method) == "job 1: out is a NoneType; expected a numpy array"
     assert said_of(skin, matrices.tolist(), out, method) == "job 1: matrices is a list; expected a numpy array"
     assert said_of(skin, matrices, out[1:], method) == "job 1: out has shape (99, 3); expected (100, 3)"
-    assert said_of(skin, matrices[:4], out, method) == "job 1: there are 4 matrices a frame; the skin has 5 joints"
+    assert said_of(skin, matrices[:4], out, method) == "job 1: there are 4 matrices per frame; the skin has 5 joints"
     assert said(sinew.skin_all, [jobs[0], jobs[0]]) == "the results of job 0 and job 1 overlap"
     with pytest.raises(TypeError, match=r"job 1: expected \(Skin, array, array, str\["):
         sinew.skin_all([jobs[1], ("skin", matrices, out, method)])

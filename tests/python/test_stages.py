@@ -215,7 +215,7 @@ def test_refuses_what_it_is_made_of(topology):
     )
     assert (
         said(sinew.Topology, 3, edges[:2], face, corners)
-        == "face 0 has a side from vertex 2 to vertex 0, which is none of the edges"
+        == "face 0 has a side from vertex 2 to vertex 0, which is not one of the edges"
     )
     for kind in (sinew.Smooth, sinew.CorrectiveSmooth):
         assert said(kind, topology, weights=np.ones(3)) == "weights has 3 numbers; the mesh has 2,000 vertices"
@@ -263,14 +263,14 @@ def test_refuses_what_it_works_on(topology, shape):
     stage = sinew.Smooth(topology).stage()
     assert said(stage.apply, shape[:5].copy()) == "positions has shape (5, 3); expected (2000, 3)"
     assert said(stage.apply, shape.astype(float)) == "positions is float64; expected float32"
-    assert said(stage.apply, np.repeat(shape, 2, 0)[::2]) == "positions is not C-contiguous"
+    assert said(stage.apply, np.repeat(shape, 2, 0)[::2]) == "positions is not C-contiguous; pass a C-contiguous array"
     assert said(stage.apply, shape.tolist()) == "positions is a list; expected a numpy array"
     shape.setflags(write=False)
-    assert said(stage.apply, shape) == "positions is read-only"
+    assert said(stage.apply, shape) == "positions is read-only; pass a writable array"
     deformer, out = sinew.Deformer(vertex_count=V), np.zeros((V, 3), np.float32)
     assert (
         said(deformer.deform, [], out, rest_positions=shape, stages=[stage, 7])
-        == "stage 1 is no Stage; expected what stage(...) of a hook or a smoothing gives"
+        == "stage 1 is not a Stage; expected what stage(...) of a CorrectiveSmooth, Smooth or Hook returns"
     )
     assert (
         said(deformer.deform, [], out, rest_positions=shape, stages=[sinew.Hook(3).stage(np.eye(4))])

@@ -80,11 +80,11 @@ def bind_anew(ob):
                 raise
             bind(ob, armature, source=source, is_shown=False)
             notice.show(
-                f"{ob.name} has the output Modifier now, for Blender's own modifier deforms it: "
+                f"{ob.name} now uses the output Modifier, because Blender's own modifier deforms it: "
                 f"{characters.of(ob).way.reason}"
             )
     except BindingError as error:
-        notice.show(f"{error} (it was bound by Sinew 0.1, and Blender's own modifier deforms it now)")
+        notice.show(f"{error} (it was bound by Sinew 0.1; until you bind it again, Blender's own modifier deforms it)")
 
 
 _adapting = set()  # keys of objects: before 3.5 moving a modifier has Blender evaluate, and so deliver mail
@@ -237,9 +237,9 @@ def release_if_undone(ob):
     for name in stood_in_for if was_applied else ():
         ob.modifiers[name].show_viewport = ob.modifiers[name].show_render = False
     notice.show(
-        f"{ob.name} has taken its shape for good and is no longer bound to Sinew"
+        f"{ob.name} has had its shape applied and is no longer bound to Sinew"
         if was_applied
-        else f"{ob.name} has lost the modifier that Sinew needs and is no longer bound to it"
+        else f"{ob.name} no longer has the modifier that Sinew needs, so it was unbound; accelerate it again"
     )
     return True
 

@@ -26,7 +26,7 @@ def first_of_mix(ob, modifier):
 
 
 def find_armature(ob):
-    """The armature that a mesh hangs on: its binding's, that of its Armature modifier, else its
+    """The armature of a mesh: its binding's, that of its Armature modifier, else its
     parent, else None."""
     if ob.sinew.is_bound and ob.sinew.armature is not None:
         return ob.sinew.armature
@@ -39,7 +39,7 @@ def find_armature(ob):
 
 
 def armature_to_bind(ob):
-    """The armature that a mesh is to be bound to if nobody chooses one: that which it hangs on. None: shape keys and
+    """The armature that a mesh is to be bound to if nobody chooses one: its own. None: shape keys and
     smoothing are all that deforms it."""
     armature = find_armature(ob)
     if armature is None or ob.sinew.is_bound and ob.sinew.armature is not None:
@@ -64,12 +64,12 @@ def modifiers_to_take(ob, armature):
 def check_bindable(ob, armature):
     """Raises BindingError with the reason if the mesh cannot be bound to the armature; None: without one."""
     if ob.type != "MESH":
-        raise BindingError(f"{ob.name} is not a mesh")
+        raise BindingError(f"{ob.name} is not a mesh; select one")
     if ob.sinew.copy_of is not None:
-        raise BindingError(f"{ob.name} is the deformed copy of {ob.sinew.copy_of.name}: bind that one")
+        raise BindingError(f"{ob.name} is the deformed copy of {ob.sinew.copy_of.name}; bind that mesh instead")
     if ob.library:
         raise BindingError(
-            f"{ob.name} is linked from another file; make a library override of it first, or bind it there"
+            f"{ob.name} is linked from another file; make a library override of it first, or bind it in that file"
         )
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
@@ -80,14 +80,14 @@ def check_bindable(ob, armature):
         return
     if ob.parent == armature and ob.parent_type == "ARMATURE":
         raise BindingError(
-            f"{ob.name} is deformed by its parent {armature.name} itself (parent type Armature), which Sinew cannot "
-            "stand in for: parent it to the object and give it an Armature modifier"
+            f"{ob.name} is deformed by its parent {armature.name} directly (parent type Armature), which Sinew "
+            "cannot take over: set the parent type to Object and add an Armature modifier"
         )
     replaced = armature_modifier(ob, armature)
     if replaced and first_of_mix(ob, replaced) != replaced:
         raise BindingError(
-            f"Multi Modifier mixes {replaced.name} of {ob.name} with the Armature modifier before it; "
-            f"bind the mesh to {first_of_mix(ob, replaced).object.name}"
+            f"{ob.name} mixes {replaced.name} with the Armature modifier before it (Multi Modifier); bind the mesh "
+            f"to {first_of_mix(ob, replaced).object.name} instead"
         )
     held = {*wiring.SHOWS, wiring.CARRIER}
     for modifier in modifiers_to_take(ob, armature):
@@ -95,9 +95,12 @@ def check_bindable(ob, armature):
         if animated and modifier not in wiring.taken_modifiers(ob):
             raise BindingError(
                 f"{modifier.name} of {ob.name} is switched by drivers or keyframes ({', '.join(sorted(animated))}), "
-                "and Sinew has to switch it itself: remove these first"
+                "but Sinew has to switch it itself: remove them first"
             )
     if replaced and replaced.use_bone_envelopes:
         return
     if not has_group_of(ob, armature):
-        raise BindingError(f"No vertex group of {ob.name} has the name of a deforming bone of {armature.name}")
+        raise BindingError(
+            f"No vertex group of {ob.name} is named after a deforming bone of {armature.name}: rename the groups, "
+            "or parent the mesh with automatic weights"
+        )

@@ -27,8 +27,8 @@ def check(ob, taken, sharer_count, gets_armature=False):
     way = ways.foresee(ob, ob.data, taken, sharer_count, gets_armature=gets_armature)
     if not way.in_pass:
         raise OutputError(
-            f"{ob.name} cannot have the output Mesh, for Blender's own modifier deforms it: "
-            f"{way.reason}. Mend that first, or use the output Modifier"
+            f"{ob.name} cannot use the output Mesh, because Blender's own modifier deforms it: "
+            f"{way.reason}. Fix that first, or use the output Modifier"
         )
 
 

@@ -202,7 +202,7 @@ class SinewClipSettings(bpy.types.PropertyGroup):
     )
     speed: FloatProperty(
         name="Speed",
-        description="Poses a frame",
+        description="Poses per frame",
         default=1.0,
         soft_min=-4.0,
         soft_max=4.0,

@@ -38,7 +38,7 @@ def of(ob, taken):
             like, shown = modifier.name, wiring.shown_of(ob, modifier)
         reason = _why_not(original, modifier, like, shown)
         if modifier.type == "ARMATURE" and not taken and not stages:
-            reason = "the mesh was bound without it: unbind it, and accelerate it again"
+            reason = "the mesh was bound without it: unbind the mesh and accelerate it again"
         if reason:
             end = modifier.name, reason
             break
@@ -60,16 +60,16 @@ def _does_nothing(modifier):
 def _why_not(ob, modifier, like, shown):
     """Why Sinew cannot stand in for a modifier, or "". shown: as wiring.shown_of has it, of what is named `like`."""
     if modifier.type not in KINDS:
-        return "only Blender knows what it does"
+        return "Sinew cannot evaluate it"
     if set(wiring.SHOWS).intersection(animation.animated_properties(ob, modifier)):
         return "it is switched by drivers or keyframes"
     if wiring.shown_of(ob, modifier) != shown:
         return f"it is not shown where {like} is"
     driven = wiring.driven_settings(ob, [modifier])
     if driven:
-        return f"its {driven[0]} is driven, and may not be there in time"
+        return f"its {driven[0]} is driven, and the driver may run too late"
     if modifier.type == "HOOK" and modifier.falloff_type == "CURVE":
-        return "only Blender knows its curve"
+        return "Sinew cannot evaluate its falloff curve"
     return why_not_bound(ob, modifier)
 
 
@@ -78,9 +78,9 @@ def why_not_bound(ob, modifier):
     if modifier.type != "CORRECTIVE_SMOOTH" or modifier.rest_source != "BIND" or modifier.use_only_smooth:
         return ""
     if not modifier.is_bind:
-        return "it is not bound: press its Bind"
+        return "it is not bound: press Bind in that modifier"
     bound, own = memory.bound_count(modifier), len(ob.data.vertices)
-    return f"it was bound to {bound:,} vertices, and the mesh has {own:,}: bind it anew" if bound != own else ""
+    return f"it was bound to {bound:,} vertices, and the mesh has {own:,}: bind it again" if bound != own else ""
 
 
 def hooks(ob, run):

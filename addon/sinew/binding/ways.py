@@ -13,7 +13,7 @@ from . import runs, wiring
 ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
 # Blender lets nothing but deforming modifiers stand before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
-# Ways to hang on a parent that say where the mesh is; the others deform it.
+# Parent types that place the mesh; the others deform it.
 PLACING_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 
 
@@ -47,27 +47,30 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
         if not nodes.is_sinew(modifier) and wiring.is_shown(modifier):
             return Way(
                 BLENDER,
-                f"{modifier.name} comes before {taken[0].name}, and only Blender knows what it does to the shape",
+                f"{modifier.name} comes before {taken[0].name}, and Sinew cannot evaluate {modifier.name}: move it "
+                "behind if you can",
             )
     idle = "" if taken or gets_armature else why_idle(ob.original)
     if idle:
         return Way(BLENDER, f"It {idle}")
     driven = wiring.driven_settings(ob, taken)
     if driven:
-        return Way(BLENDER, f"{driven[0]} of its Armature modifier is driven, and may not be there in time")
+        return Way(BLENDER, f"{driven[0]} of its Armature modifier is driven, and the driver may run too late")
     if sharer_count > 1:
-        return Way(BLENDER, f"{sharer_count} objects share this mesh, and Blender evaluates them at once")
-    if (moves_against_armature or mesh.shape_keys is not None) and hangs_on_shape(ob, taken):
+        return Way(
+            BLENDER,
+            f"{sharer_count} objects share this mesh, and Blender evaluates them at the same time: make it single-user",
+        )
+    if (moves_against_armature or mesh.shape_keys is not None) and depends_on_shape(ob, taken):
         what = "Its shape keys move vertices" if mesh.shape_keys else "Mesh and armature move against each other"
-        return Way(BLENDER, f"{what}, so envelopes or curved B-bones take hold anew on each frame")
+        return Way(BLENDER, f"{what}, so the weights from envelopes or curved B-bones change on each frame")
     if mesh.shape_keys is not None:
         return _through_keys(ob.original, mesh.shape_keys, taken)
     for modifier in ob.original.modifiers:
         if modifier.type in WANTS_DEFORM_ONLY:
             return Way(
                 BLENDER,
-                f"{modifier.name} lets only deforming modifiers stand before it: give the mesh a "
-                "shape key, and Sinew goes through that",
+                f"{modifier.name} allows only deforming modifiers before it: add a shape key, and Sinew uses that",
                 wants_keys=True,
             )
     return Way(ATTRIBUTE)
@@ -76,16 +79,16 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
 def why_idle(ob):
     """Why Sinew can take over nothing of a mesh object without an armature, a sentence without its subject; or ""."""
     if ob.parent is not None and ob.parent_type not in PLACING_PARENTS:
-        return f"is deformed by its parent {ob.parent.name} itself, before all modifiers"
+        return f"is deformed by its parent {ob.parent.name} directly, before any modifier"
     run = runs.of(ob, ())
     keys = ob.data.shape_keys
     if run.stages or keys is not None and len(keys.key_blocks) > 1:
         return ""
-    nothing = "has no armature, shape keys or smoothing that Sinew could take over"
+    nothing = "has no armature, shape keys or smoothing that Sinew could take over: add one of them"
     return f"{nothing} ({run.end} comes first, and {run.reason})" if run.end else nothing
 
 
-def hangs_on_shape(ob, taken):
+def depends_on_shape(ob, taken):
     """Whether it depends on where a vertex is what moves it, in ways of which Sinew works out the outcome but once:
     envelopes, and B-bones that are mapped along their curve."""
     groups = {group.name for group in ob.original.vertex_groups}
@@ -104,17 +107,17 @@ def hangs_on_shape(ob, taken):
 
 def _through_keys(ob, keys, taken):
     if not keys.use_relative:
-        return Way(BLENDER, "Its shape keys are absolute ones, which only Blender blends")
+        return Way(BLENDER, "Its shape keys are absolute, which Sinew cannot blend: make them relative")
     if ob.show_only_shape_key:
-        return Way(BLENDER, "One shape key alone is shown")
+        return Way(BLENDER, "Only the active shape key is shown: turn that off")
     if animation.is_muting_animated(keys):
-        return Way(BLENDER, "The muting of a shape key is animated")
+        return Way(BLENDER, "A shape key is muted by drivers or keyframes: animate its value instead")
     if any(modifier.show_viewport != modifier.show_render for modifier in taken):
         return Way(
             BLENDER,
-            "Its Armature modifier is not shown alike in viewport and render, which cannot be told "
-            "apart through shape keys",
+            "Its Armature modifier is shown in the viewport or in renders alone, which Sinew cannot tell apart on "
+            "a mesh with shape keys: show it in both",
         )
     if taken and not wiring.is_shown(taken[0]):
-        return Way(BLENDER, "Its Armature modifier is switched off")
+        return Way(BLENDER, "Its Armature modifier is switched off: switch it on")
     return Way(KEYS)

@@ -58,7 +58,7 @@ def move_modifier(ob, modifier, index):
     place = ob.modifiers.find(modifier.name)
     others = [m.name for m in ob.modifiers[index:place] if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
     if others:
-        raise ValueError(f"Blender does not let {modifier.name} be put before {others[0]} of {ob.name}")
+        raise ValueError(f"Blender does not allow {modifier.name} before {others[0]} on {ob.name}")
 
 
 def move_modifier_back(ob, modifier):

@@ -28,7 +28,7 @@ def relative_matrix(ob, armature):
     """(4, 4): from the armature's space to the object's. Raises Flat."""
     for each in ob, armature:
         if is_flat(each):
-            raise Flat(f"{each.name} has a scale of 0 along an axis; give it another one")
+            raise Flat(f"{each.name} has a scale of 0 along an axis; set another scale")
     return np.linalg.inv(matrix_to_numpy(ob.matrix_world)) @ matrix_to_numpy(armature.matrix_world)
 
 

@@ -67,7 +67,7 @@ def info(options):
     if options.profile:
         return profile(options)
     if options.frames:
-        raise ValueError("--frames belongs to --profile")
+        raise ValueError("--frames needs --profile")
     if options.path.endswith(".blend"):
         open_blend(options.path)
         return report_meshes(options.path, bench.deformed_meshes(bpy.data.objects))
@@ -76,7 +76,7 @@ def info(options):
 
 def profile(options):
     if not options.path.endswith(".blend"):
-        raise ValueError(f"--profile wants a .blend, which {options.path} is not")
+        raise ValueError(f"--profile needs a .blend file, which {options.path} is not")
     open_blend(options.path)
     found = measure.run(bpy.context, *(options.frames or costs.frames_of(bpy.context.scene)))
     return report_profile(options.path, found)
@@ -85,9 +85,9 @@ def profile(options):
 def import_(options):
     folder = os.path.dirname(options.blend)
     if not os.path.isdir(folder):
-        raise ValueError(f"there is no folder {folder}")
+        raise ValueError(f"there is no folder {folder}: make it first")
     if os.path.isdir(options.blend):  # which Blender would move out of the way
-        raise ValueError(f"{options.blend} is a folder")
+        raise ValueError(f"{options.blend} is a folder: name a file")
     mesh_object = import_into_empty_file(options)
     try:
         bpy.ops.wm.save_as_mainfile(filepath=options.blend)  # writes beside it, then renames
@@ -101,7 +101,7 @@ def export(options):
     open_blend(options.path)
     ob = chosen_mesh(options.object)
     if bindable.find_armature(ob) is None:
-        raise ValueError(f"{ob.name} is bound to no armature")
+        raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
     os.makedirs(options.folder, exist_ok=True)
     path = os.path.join(options.folder, "skeleton.bf")
     rig_export.export_rig(bpy.context, ob, path, identifier(options.animation), options.up_axis)
@@ -120,7 +120,10 @@ def run_bench(options):
         bench.set_method(contest, identifier(method))
         distance, motion = bench.compare(contest)  # first, for it warms everything up
         if motion == 0:
-            raise ValueError(f"nothing moves on these {options.frames} frames, so nothing can be measured")
+            raise ValueError(
+                f"nothing moves on these {options.frames} frames, so there is nothing to measure: choose more with "
+                "--frames"
+            )
         times = bench.measure(contest)
         results.append(
             {
@@ -325,7 +328,7 @@ def report_bench(options, contest, results):
         "results": results,
     }
     heading = [f"{mesh['name']}: {mesh['vertices']:,} vertices, {mesh['bones']} bones" for mesh in meshes]
-    heading += [f"by Blender in both: {why}" for why in contest.skipped.values()]
+    heading += [f"deformed by Blender in both: {why}" for why in contest.skipped.values()]
     heading += [
         f"medians of {len(contest.frames)} frames, output {options.output}; "
         f"Blender {bpy.app.version_string}, {os.cpu_count()} cores"

@@ -72,7 +72,7 @@ def add_import(commands):
         "--frame-rate",
         metavar="N",
         type=positive_number,
-        help="poses a second in the file, played at the scene's rate (a pose a frame)",
+        help="poses per second in the file, played at the scene's frame rate (one pose per frame)",
     )
     group.add_argument(
         "--keep-frame-range",
@@ -92,7 +92,7 @@ def add_export(commands):
         "--animation",
         choices=("auto", "frames", "none"),
         default="auto",
-        help="auto (the default): the imported poses if they are what one sees, else the scene's "
+        help="auto (the default): the imported poses if they are shown, else the scene's "
         "frames if the armature is animated; frames: always those",
     )
     command.add_argument(
@@ -100,7 +100,7 @@ def add_export(commands):
         type=identifier,
         choices=("Y", "Z"),
         default="Y",
-        help="the axis of the files that is the mesh's Z axis, if it was not imported (Y)",
+        help="the axis of the files that the mesh's Z axis becomes, if it was not imported (Y)",
     )
 
 

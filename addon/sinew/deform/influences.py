@@ -69,7 +69,7 @@ class Influences:
     joints: np.ndarray  # (N,)
     weights: np.ndarray  # (N,)
     joint_count: int
-    hang_on_shape: bool = False  # other rest positions may mean other influences, beyond what bends say
+    depend_on_shape: bool = False  # other rest positions may mean other influences, beyond what bends say
     bends: Bends | None = None  # None: no bone with segments moves the mesh, or one of them is curved
     unweighted_count: int = 0  # vertices that no bone moves
     unnormalized_count: int = 0  # vertices whose weights, as they stand in the mesh, do not sum to 1

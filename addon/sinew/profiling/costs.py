@@ -81,7 +81,7 @@ def parse_frames(words):
 def check_frames(first, last):
     """Returns both. Raises ValueError."""
     if last < first:
-        raise ValueError(f"the last frame ({last}) comes before the first ({first})")
+        raise ValueError(f"the last frame ({last}) comes before the first ({first}): swap them")
     return first, last
 
 
@@ -160,16 +160,16 @@ def about_subdivision(modifiers):
     name, later = modifiers[place][0], modifiers[place + 1 :]
     if later:
         return [
-            f"{later[0][0]} comes after {name}, so the processor has to subdivide: put it before {name} or switch "
-            "it off in the viewport, and the graphics card can do it"
+            f"{later[0][0]} comes after {name}, so the processor has to subdivide: move it before {name} or switch "
+            "it off in the viewport, and the graphics card can do that"
         ]
-    return [f"{name} is left to the graphics card or to drawing, and what it takes there is not in these numbers"]
+    return [f"{name} runs on the graphics card or while drawing, and that time is not in these numbers"]
 
 
 def heading(profile):
     frames = profile.frames
     which = f"frame {frames[0]}" if len(frames) == 1 else f"{len(frames)} frames from {frames[0]} to {frames[-1]}"
-    return f"{which}: {profile.frame_ms:.2f} ms a frame, give or take {profile.noise_ms:.2f} ms"
+    return f"{which}: {profile.frame_ms:.2f} ms per frame, give or take {profile.noise_ms:.2f} ms"
 
 
 def rows(profile):

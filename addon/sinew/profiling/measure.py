@@ -127,7 +127,7 @@ def _play(context, scene, frames, subjects=()):
 
 
 def _subjects(context):
-    """The objects on show, also in instances, and the armatures that they hang on."""
+    """The objects on show, also in instances, and their armatures."""
     depsgraph = context.evaluated_depsgraph_get()
     shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
     armatures = dict.fromkeys(
@@ -207,7 +207,7 @@ class _Subject:
                 self.cost.parts.append(part)
                 self._clocked[modifier.name] = (part, [])
             elif modifier.type in costs.SIMULATIONS:
-                part.how = "a simulation is not switched off"
+                part.how = "simulations are not switched off"
                 self.cost.parts.append(part)
             elif not nodes.is_sinew(modifier):
                 part.how = DIFFERENCE
@@ -341,7 +341,7 @@ def _why_not_muted(ob, keys):
     if not keys.use_relative:
         return "absolute keys cannot be muted"
     if ob.show_only_shape_key:
-        return "one key alone is shown"
+        return "only the active key is shown"
     if animation.is_muting_animated(keys):
         return "their muting is animated"
     return ""

@@ -9,7 +9,7 @@ from . import clip_store, posing
 
 
 def clip_armature(ob):
-    """The armature with poses that an object is or hangs on, or None."""
+    """The armature with poses that an object is or has, or None."""
     if ob is None:
         return None
     armature = ob if ob.type == "ARMATURE" else ob.sinew.armature

@@ -24,7 +24,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
     """
     armature = bindable.find_armature(ob)
     if armature is None:
-        raise ValueError(f"{ob.name} is bound to no armature")
+        raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
     if not os.path.isdir(folder):
         raise ValueError(f"There is no folder {folder}")

@@ -97,8 +97,8 @@ def remark_on(rig, name):
     if not count:
         return ""
     return (
-        f"{name} has {count:,} {'weight' if count == 1 else 'weights'} below 0 or above 1, which vertex groups "
-        "cannot hold: each became 0 or 1, and the weights of its vertex were divided by their sum"
+        f"{name} has {count:,} {'weight' if count == 1 else 'weights'} below 0 or above 1, which vertex groups cannot "
+        "hold: each was set to 0 or 1, and the weights of its vertex were normalized"
     )
 
 

@@ -17,7 +17,7 @@ from . import layers, mail, stages
 UNKNOWN = ways.Way(ways.BLENDER)
 # Modes in which people edit what they see: there Blender's own modifier shows the shape, as its tools expect.
 EDITING = {"EDIT", "SCULPT"}
-# Where influences hang on the shape's place (envelopes, curved B-bones) and it moves against its armature, they would
+# Where influences depend on the shape's place (envelopes, curved B-bones) and it moves against its armature, they would
 # have to be made anew on each frame. So often it may happen between two edits:
 MOST_REBUILDS = 8
 
@@ -245,9 +245,9 @@ class Character:
 
     def check_it_pays(self):
         """What would have to be worked out anew on each frame is left to Blender from the next evaluation on."""
-        hangs_on_shape = any(layer.influences.hang_on_shape for layer in self.layers)
-        self.moves_against_armature |= hangs_on_shape and self._rebuilds > MOST_REBUILDS
-        if hangs_on_shape and (self.moves_against_armature or self.keys is not None):
+        depends_on_shape = any(layer.influences.depend_on_shape for layer in self.layers)
+        self.moves_against_armature |= depends_on_shape and self._rebuilds > MOST_REBUILDS
+        if depends_on_shape and (self.moves_against_armature or self.keys is not None):
             mail.post(rewire, self.key)
 
 

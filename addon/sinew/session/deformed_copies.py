@@ -62,11 +62,9 @@ def why_it_stays(ob):
     if ob.mode in character.EDITING:
         return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
     if not ob.visible_get():
-        return f"while {ob.name} is hidden, for Blender does not evaluate it"
+        return f"while {ob.name} is hidden, because Blender does not evaluate it then"
     if characters.of(ob).copy_stays:
-        return (
-            f"while Blender's own modifier deforms {ob.name} among others, for the shape between them is not to be had"
-        )
+        return f"while Blender's own modifier deforms {ob.name} among others, because Blender keeps no shape in between"
     return ""
 
 

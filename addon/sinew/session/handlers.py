@@ -82,7 +82,7 @@ def _clip_armatures(objects):
     return [armature for armature in found if armature is not None and has_poses(armature.data)]
 
 
-def _what_it_hangs_on(ob):
+def _what_it_depends_on(ob):
     armatures = [modifier.object for modifier in ob.sinew.modifiers if modifier.object is not None]
     return map(values.key_of, (ob, ob.data, *armatures, *(armature.data for armature in armatures)))
 
@@ -94,7 +94,7 @@ def _note_edits(objects, changed):
         if key in changed and bind.release_if_undone(ob):
             continue
         entry = characters.of(ob)
-        if entry.way.kind == ways.BLENDER and not changed.isdisjoint(_what_it_hangs_on(ob)):
+        if entry.way.kind == ways.BLENDER and not changed.isdisjoint(_what_it_depends_on(ob)):
             entry.look_again()
             entry.look(ob)
         armature = ob.sinew.last_armature
@@ -117,8 +117,8 @@ def receive_strangers(depsgraph):
         elif ob.library is None and ob.override_library is None and nodes.find_modifier(ob):
             nodes.remove_modifiers(ob)
             notice.show(
-                f"{ob.name} has the modifiers of a mesh that is bound to Sinew: Blender's own ones deform "
-                "it, until you bind it as well"
+                f"{ob.name} was given the modifiers of a mesh that is bound to Sinew: Blender's own modifiers "
+                "deform it until you bind it too"
             )
 
 

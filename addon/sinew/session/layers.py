@@ -130,7 +130,7 @@ class Layer:
 
     def holds(self, made_of, mesh_from_armature):
         return self.made_of == made_of and (
-            not self.influences.hang_on_shape or self.space == _bytes(mesh_from_armature)
+            not self.influences.depend_on_shape or self.space == _bytes(mesh_from_armature)
         )
 
     def read_pose(self, armature):

@@ -25,7 +25,7 @@ def read(keys, vertex_count, weights):
     positions = [memory.key_positions(address, vertex_count) for address in memory.key_addresses(keys)]
     for block, numbers in zip(blocks, positions):
         if numbers is None:
-            raise ValueError(f"The shape key {block.name} has another number of vertices than the mesh has")
+            raise ValueError(f"Shape key {block.name} and the mesh have different numbers of vertices: delete that key")
     place = {block.name: number for number, block in enumerate(blocks)}
     relative_to = np.array([place.get(block.relative_key.name, -1) for block in blocks], np.int32)
     of_group = {name: weights.of_group(name) for name in {block.vertex_group for block in blocks} if name}

@@ -101,6 +101,6 @@ def _is_plain(entry, ob):
         and entry.deformer.vertex_count > 0
         and ob.sinew.source != "CLIP"
         and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
-        and all(not layer.influences.hang_on_shape for layer in entry.layers)
+        and all(not layer.influences.depend_on_shape for layer in entry.layers)
         and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken)
     )

@@ -128,7 +128,7 @@ class Stages:
 
     _made: dict = field(default_factory=dict)  # name of a modifier -> _Made
     _topology: object = None
-    _hangs_by: tuple = ()  # what the topology was made of
+    _connections: tuple = ()  # what the topology was made of
     _is_fresh: bool = True  # something may have been edited
 
     def look_again(self):
@@ -150,10 +150,10 @@ class Stages:
         return found
 
     def _renew(self, ob, names, source):
-        hangs_by = meshes.read_topology(source.mesh)
-        if self._topology is None or not _same(hangs_by, self._hangs_by):
-            self._topology = sinew_native.Topology(len(source.positions), *hangs_by)
-            self._hangs_by, self._made = hangs_by, {}
+        connections = meshes.read_topology(source.mesh)
+        if self._topology is None or not _same(connections, self._connections):
+            self._topology = sinew_native.Topology(len(source.positions), *connections)
+            self._connections, self._made = connections, {}
         old, self._made = self._made, {}
         for name in names:
             modifier = ob.modifiers[name]

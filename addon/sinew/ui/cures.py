@@ -39,7 +39,7 @@ def warnings(ob):
     for modifier in doubles(ob):
         found.append(
             Warning(
-                f"{modifier.name} deforms the mesh once more by {modifier.object.name}",
+                f"Modifier {modifier.name} deforms this mesh a second time, with armature {modifier.object.name}",
                 ((RemoveDoubles.bl_idname, "Remove It"),),
                 True,
             )
@@ -49,7 +49,7 @@ def warnings(ob):
         if influences.unweighted_count:
             found.append(
                 Warning(
-                    f"{_vertices(influences.unweighted_count)} without a bone, left behind in the rest pose",
+                    f"{_vertices(influences.unweighted_count)} without a bone: kept in the rest pose",
                     ((FillWeights.bl_idname, "Fill from Neighbors"), (SelectUnweighted.bl_idname, "Select")),
                     True,
                 )
@@ -57,16 +57,23 @@ def warnings(ob):
         if influences.unnormalized_count:
             found.append(
                 Warning(
-                    f"Weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
+                    f"The weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
                     ((NormalizeWeights.bl_idname, "Normalize"),),
                 )
             )
     if armature is not None and ob.sinew.source == "CLIP" and not clip_store.bones_are_where_they_were(armature):
-        found.append(Warning("Bones were moved since the import: the rig's poses do not fit", (), True))
+        found.append(
+            Warning(
+                "Bones were moved after the import, so the rig's poses no longer fit: undo that, or set Pose to "
+                "Armature",
+                (),
+                True,
+            )
+        )
     if bind.is_deleted(armature):
         found.append(
             Warning(
-                f"{armature.name} was deleted from all collections, and still moves the mesh until you unbind it",
+                f"{armature.name} was deleted from all collections but moves the mesh until you unbind it",
                 ((display.ToggleSkeleton.bl_idname, "Bring Back"), (Unbind.bl_idname, "Unbind")),
                 True,
             )
@@ -173,8 +180,8 @@ class _Cure:
 
 
 class KeepGenerated(bpy.types.Operator):
-    """Give the mesh a shape key Basis, through which Sinew then deforms it: Generated texture coordinates stay put,
-    and modifiers that want deforming ones before them may follow"""
+    """Add a Basis shape key, which Sinew then deforms: Generated texture coordinates stay in place, and modifiers that
+    allow only deforming ones before them can follow"""
 
     bl_idname = "object.sinew_keep_generated"
     bl_label = "Keep Generated Coordinates"
@@ -201,7 +208,7 @@ class KeepGenerated(bpy.types.Operator):
 
 
 class RemoveDoubles(_Cure, bpy.types.Operator):
-    """Remove the Armature modifiers that deform the mesh a second time, by the armature by which Sinew does"""
+    """Remove the Armature modifiers that deform the mesh a second time, with the armature that Sinew uses"""
 
     bl_idname = "object.sinew_remove_doubles"
     bl_label = "Remove Second Deformation"
@@ -214,8 +221,8 @@ class RemoveDoubles(_Cure, bpy.types.Operator):
 
 
 class NormalizeWeights(_Cure, bpy.types.Operator):
-    """Scale the weights of the deforming bones so that those of each vertex sum to 1; locked groups stay. Sinew
-    and the Armature modifier deform as if they did; other programs may not"""
+    """Scale the weights of the deforming bones so that those of each vertex sum to 1; locked groups stay. Sinew and
+    the Armature modifier divide by the sum anyway; other programs may not"""
 
     bl_idname = "object.sinew_normalize_weights"
     bl_label = "Normalize Bone Weights"
@@ -265,10 +272,10 @@ class FillWeights(_Cure, bpy.types.Operator):
 
 
 class SelectUnweighted(_Cure, bpy.types.Operator):
-    """Enter Edit Mode with the vertices selected that follow no bone"""
+    """Enter Edit Mode and select the vertices that follow no bone"""
 
     bl_idname = "object.sinew_select_unweighted"
-    bl_label = "Select Vertices without Bone"
+    bl_label = "Select Vertices without Bones"
 
     def execute(self, context):
         selected = np.array([not entries for entries in bone_weights(context.active_object)], bool)

@@ -114,7 +114,8 @@ def _include(layer_collection, armature):
 
 
 class ToggleWeights(bpy.types.Operator):
-    """Show the weights of all bones at once, a colour each, in the 3D views' solid shading; again: as before"""
+    """Show the weights of all bones at once, one color per bone, in the 3D views' solid shading; press again to go
+    back"""
 
     bl_idname = "object.sinew_show_weights"
     bl_label = "Weight Colors"
@@ -137,8 +138,8 @@ class ToggleWeights(bpy.types.Operator):
 
 
 class ToggleSkeleton(bpy.types.Operator):
-    """Show the armature in front of its meshes, wherever it was hidden; again: hide it, which changes
-    nothing of what it does to them"""
+    """Show the armature in front of its meshes, wherever it was hidden; press again to hide it. Hidden or not, it
+    deforms them the same"""
 
     bl_idname = "object.sinew_show_skeleton"
     bl_label = "Skeleton"

@@ -76,7 +76,7 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         name="Frame Rate",
         min=0.0,
         soft_max=240.0,
-        description="Poses a second in the file, played at the scene's rate; 0: a pose a frame",
+        description="Poses per second in the file, played at the scene's frame rate; 0: one pose per frame",
     )
     set_frame_range: BoolProperty(
         name="Set Frame Range", default=True, description="End the scene with the last pose, if there are more than two"
@@ -166,12 +166,12 @@ class ExportRig(bpy.types.Operator, ExportHelper):
     filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
     animation: EnumProperty(
         name="Animation",
-        description="What to write beside the rest pose",
+        description="What to write besides the rest pose",
         items=(
             (
                 "AUTO",
                 "Automatic",
-                "The imported poses if they are what one sees, else the scene's frames if the armature is animated",
+                "The imported poses if they are shown, else the scene's frames if the armature is animated",
             ),
             ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
             ("NONE", "None", "The rest pose alone"),
@@ -179,8 +179,8 @@ class ExportRig(bpy.types.Operator, ExportHelper):
     )
     up_axis: EnumProperty(
         name="Up",
-        description="The axis of the files that is the mesh's Z axis. A rig that was imported goes back "
-        "into the axes of its files",
+        description="The axis of the files that the mesh's Z axis becomes. An imported rig goes back into the axes of "
+        "its files",
         items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")),
     )
 
@@ -203,7 +203,7 @@ class ExportRig(bpy.types.Operator, ExportHelper):
 
 
 def selected_meshes(context):
-    """The selected meshes, else the active one, else those that hang on a selected armature."""
+    """The selected meshes, else the active one, else those of a selected armature."""
     meshes = [ob for ob in context.selected_objects if ob.type == "MESH"]
     active = context.active_object
     if not meshes and active and active.type == "MESH":
@@ -233,8 +233,8 @@ def selected_armature(context):
 
 
 class Bind(bpy.types.Operator):
-    """Let Sinew deform the selected meshes, by the selected armature or the one they hang on, else by shape keys and
-    smoothing alone; with an armature alone selected, all meshes that hang on it"""
+    """Let Sinew deform the selected meshes, with the selected armature or their own, or with shape keys and smoothing
+    alone. If only an armature is selected: all the meshes that it deforms"""
 
     bl_idname = "object.sinew_bind"
     bl_label = "Bind with Sinew"
@@ -306,7 +306,8 @@ class ClipToKeyframes(bpy.types.Operator):
 
 
 class MeasureFrames(bpy.types.Operator):
-    """Play some of the scene's frames with Sinew and with Blender's own modifiers, and show what a whole frame takes"""
+    """Play some of the scene's frames with Sinew and with Blender's own modifiers, and show how long a whole frame
+    takes"""
 
     bl_idname = "object.sinew_measure"
     bl_label = "Measure Frames"

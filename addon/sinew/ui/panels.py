@@ -81,7 +81,7 @@ def draw_armature(layout, context, armature):
     if meshes:
         layout.label(text=f"{bound} of {len(meshes)} meshes bound", icon="MESH_DATA")
     else:
-        layout.label(text="No mesh hangs on this armature", icon="INFO")
+        layout.label(text="No mesh uses this armature", icon="INFO")
     if bound < len(meshes):
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
     if bound:
@@ -199,7 +199,7 @@ def draw_chain(layout, ob, entry):
         draw_value(column, name, f"{milliseconds:.2f} ms")
     if entry.run.end:
         draw_value(column, entry.run.end, "in Blender")
-        notice.draw_sentence(column, bpy.context, f"{entry.run.end} goes on in Blender: {entry.run.reason}", False)
+        notice.draw_sentence(column, bpy.context, f"Blender takes over at {entry.run.end}: {entry.run.reason}", False)
         end = ob.modifiers.get(entry.run.end)
         if end is not None and runs.why_not_bound(ob, end):
             layout.operator(cures.BindSmoothing.bl_idname)

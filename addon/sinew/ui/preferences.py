@@ -21,7 +21,7 @@ _NUMBERS = {
     )
 }
 INSTRUCTION_SETS = [
-    ("auto", "Automatic", "The best that this computer has", _NUMBERS["auto"]),
+    ("auto", "Automatic", "The best that this computer supports", _NUMBERS["auto"]),
     *(
         (
             name,
@@ -71,7 +71,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
 
     thread_count: IntProperty(
         name="Threads",
-        description="The most threads that skinning takes; 0: as many as the computer has",
+        description="The most threads that Sinew uses; 0: as many as the computer has",
         min=0,
         max=1024,
         update=_apply,
@@ -109,7 +109,7 @@ class OpenManual(bpy.types.Operator):
 
     def execute(self, _context):
         if not MANUAL.exists():
-            self.report({"ERROR"}, f"There is no manual at {MANUAL}")
+            self.report({"ERROR"}, f"There is no manual at {MANUAL}: install Sinew again")
             return {"CANCELLED"}
         bpy.ops.wm.url_open(url=MANUAL.as_uri())
         return {"FINISHED"}

@@ -18,15 +18,15 @@ ICONS = {"MESH": "MESH_DATA", "ARMATURE": "ARMATURE_DATA"}
 
 class MeasureProfile(bpy.types.Operator):
     """Play the scene and measure what evaluating each object costs, and what Accelerate would save. Nothing in the
-    file changes, but what was changed by hand and not keyed goes back to its keyframes, as with all playing. Esc
-    stops it"""
+    file changes, except that unkeyed changes go back to their keyframes, as they do whenever the scene plays. Press
+    Esc to stop"""
 
     bl_idname = "scene.sinew_profile"
     bl_label = "Measure"
     bl_options = {"REGISTER"}
 
-    frame_start: IntProperty(name="First Frame", description="The first frame to play; without it the scene's")
-    frame_end: IntProperty(name="Last Frame", description="The last frame to play; without it the scene's")
+    frame_start: IntProperty(name="First Frame", description="The first frame to play; by default the scene's")
+    frame_end: IntProperty(name="Last Frame", description="The last frame to play; by default the scene's")
 
     @classmethod
     def poll(cls, context):
@@ -97,7 +97,7 @@ class MeasureProfile(bpy.types.Operator):
 
 
 class AccelerateOne(bpy.types.Operator):
-    """Let Sinew deform this mesh, by the armature that it hangs on if there is one"""
+    """Let Sinew deform this mesh, with its armature if it has one"""
 
     bl_idname = "object.sinew_accelerate_one"
     bl_label = "Accelerate"
@@ -113,7 +113,7 @@ class AccelerateOne(bpy.types.Operator):
         ob = bpy.data.objects.get((self.name, None))
         try:
             if ob is None:
-                raise bindable.BindingError(f"There is no object {self.name} any more: measure again")
+                raise bindable.BindingError(f"{self.name} no longer exists: measure again")
             bind.bind(ob, bindable.armature_to_bind(ob))
         except bindable.BindingError as error:
             self.report({"ERROR"}, str(error))

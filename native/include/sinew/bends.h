@@ -1,4 +1,4 @@
-/// Influences of bones with segments, whose split over the segments hangs on where a vertex is.
+/// Influences of bones with segments, whose split over the segments depends on where a vertex is.
 #pragma once
 
 #include <cstdint>
