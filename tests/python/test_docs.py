@@ -11,7 +11,7 @@ import sinew_native as sinew
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 API = DOCS / "python-api.md"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md"))]
 CODE = re.compile(r"^ *```.*?^ *```$|`[^`\n]+`", re.MULTILINE | re.DOTALL)
 
 
@@ -107,3 +107,17 @@ def builds():
 def test_the_table_of_versions_is_what_is_tested(page):
     rows = re.findall(r"^\| (\d\.\d)(?: LTS)? \| (.+?), \1\.\d+ \|", page.read_text(encoding="utf-8"), re.MULTILINE)
     assert rows == list(builds())
+
+
+def test_the_changelog_begins_with_this_version():
+    """sinew.__version__ comes from the manifest."""
+    versions = re.findall(r"^## (\S+)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert versions[0] == sinew.__version__ and "0.1.0" in versions[1:]
+
+
+def test_contributors_are_sent_to_files_that_are_there():
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = re.findall(r"`([\w./-]+\.(?:py|pyi|h|cpp|toml|txt))`", page)
+    there = [path.as_posix() for folder in ("addon", "native", "tests", "docs") for path in (ROOT / folder).rglob("*")]
+    assert len(named) > 20
+    assert [name for name in named if not any(path.endswith(f"/{name}") for path in there)] == []
