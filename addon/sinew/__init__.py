@@ -32,9 +32,21 @@ def _modules():
     from .binding import properties
     from .cli import command_line
     from .session import handlers
-    from .ui import cures, display, menus, operators, panels, preferences, profile
+    from .ui import cures, display, menus, operators, panels, preferences, profile, rig_files
 
-    return properties, preferences, operators, cures, display, menus, panels, profile, handlers, command_line
+    return (
+        properties,
+        preferences,
+        rig_files,
+        operators,
+        cures,
+        display,
+        menus,
+        panels,
+        profile,
+        handlers,
+        command_line,
+    )
 
 
 _forget_older_version()

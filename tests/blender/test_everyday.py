@@ -219,7 +219,7 @@ def test_locked_groups_are_not_normalized(character):
 
 
 def test_files_of_the_importer_can_be_chosen_from_a_list():
-    search = addon_module("ui.operators").files_beside(".dmat")["search"]
+    search = addon_module("ui.rig_files").files_beside(".dmat")["search"]
     chosen = SimpleNamespace(directory="", filepath=str(RIGS["ogre"]))
     assert search(chosen, SimpleNamespace(space_data=None), "") == ["pose.dmat", "walk.dmat", "weights.dmat"]
     browser = SimpleNamespace(params=SimpleNamespace(directory=str(RIGS["capsule"].parent).encode()))

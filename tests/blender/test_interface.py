@@ -256,7 +256,7 @@ def test_frame_rate(fresh_scene):
 
 
 def test_the_importers_options_can_be_kept():
-    assert "PRESET" in addon_module("ui.operators").ImportRig.bl_options
+    assert "PRESET" in addon_module("ui.rig_files").ImportRig.bl_options
 
 
 # --- menus ----------------------------------------------------------------------------------------

@@ -26,11 +26,11 @@ def properties_of(group):
 
 
 def classes():
-    operators, properties = addon_module("ui.operators"), addon_module("binding.properties")
+    rig_files, properties = addon_module("ui.rig_files"), addon_module("binding.properties")
     return (
-        operators.ImportRig,
-        operators.ExportRig,
-        operators.Bind,
+        rig_files.ImportRig,
+        rig_files.ExportRig,
+        addon_module("ui.operators").Bind,
         properties.SinewObjectSettings,
         properties.SinewClipSettings,
         addon_module("ui.profile").MeasureProfile,
@@ -41,7 +41,7 @@ def classes():
 def all_operators():
     return [
         cls
-        for name in ("operators", "cures", "display", "preferences", "profile")
+        for name in ("rig_files", "operators", "cures", "display", "preferences", "profile")
         for cls in addon_module(f"ui.{name}").CLASSES
         if issubclass(cls, bpy.types.Operator)
     ]

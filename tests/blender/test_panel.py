@@ -263,7 +263,7 @@ def test_switches_of_what_is_shown(output):
     shown = bpy.types.Modifier.bl_rna.properties["show_viewport"]
     assert hasattr(ob.sinew, "show_shape") and shown
     notes = Notes()
-    addon_module("ui.panels").draw_switches(notes, ob)
+    addon_module("ui.sections").draw_switches(notes, ob)
     assert notes.said == [
         "Show",
         "",

@@ -6,18 +6,17 @@ next to which it would be lost in the noise. Each absence ends with the block of
 so between two steps of `steps` the file is as it was.
 """
 
-from contextlib import contextmanager
 from functools import partial
 from statistics import median
 from time import perf_counter
 
 import bpy
 
-from ..binding import bind, bindable, ways
+from ..binding import bindable, ways
 from ..blender import animation, nodes, values
 from ..session import characters
 from ..session.stages import KINDS
-from . import costs
+from . import absences, costs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
 # What is played: everything, what Sinew may take over without what follows that, or keys and Armature modifiers.
@@ -90,7 +89,7 @@ class _Round:
         """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
 
         def play(times, subjects=()):
-            with _switched_off(self._off):
+            with absences.switched_off(self._off):
                 times += _play(context, scene, frames, subjects)
 
         def play_without(absence):
@@ -149,12 +148,12 @@ def _share_keys(subjects):
         if keys is not None and len(keys.key_blocks) > 1 and not subject.is_deformed_by_sinew:
             sharers.setdefault(keys, []).append(subject)
     for keys, together in sharers.items():
-        reason = _why_not_muted(together[0].ob, keys)
+        reason = absences.why_not_muted(together[0].ob, keys)
         parts = [Part("Shape Keys", "KEYS", None, reason or DIFFERENCE) for _ in together]
         for subject, part in zip(together, parts):
             subject.cost.parts.insert(0, part)
         if not reason:
-            together[0].absences.insert(0, _Absence(together[0].ob, parts, _muted, keys, BARE))
+            together[0].absences.insert(0, _Absence(together[0].ob, parts, absences.muted, keys, BARE))
 
 
 class _Subject:
@@ -171,7 +170,11 @@ class _Subject:
         evaluated = ob.evaluated_get(depsgraph)
         if ob.type == "ARMATURE":
             self._add_absence(
-                Part("Pose", "POSE", None, DIFFERENCE), _at_rest, ob.data, _is_animated(ob.data, "pose_position"), BARE
+                Part("Pose", "POSE", None, DIFFERENCE),
+                absences.at_rest,
+                ob.data,
+                absences.is_animated(ob.data, "pose_position"),
+                BARE,
             )
         if ob.type == "MESH" and ob.sinew.is_bound:
             self._add_own()
@@ -212,7 +215,7 @@ class _Subject:
             elif not nodes.is_sinew(modifier):
                 part.how = DIFFERENCE
                 self._add_absence(
-                    part, _switched_off, [original], is_animated, WHOLE if modifier.name in tail else DEFORMED
+                    part, absences.switched_off, [original], is_animated, WHOLE if modifier.name in tail else DEFORMED
                 )
         if getattr(bpy.context.preferences.system, "use_gpu_subdivision", False):
             self.cost.remarks += costs.about_subdivision(kinds)
@@ -232,13 +235,13 @@ class _Subject:
             self.cost.reason = "nothing deforms it that Sinew could take over"
             return
         try:
-            with bound_for_now(self.ob) as entry:
+            with absences.bound_for_now(self.ob) as entry:
                 self.cost.reason = entry.error or entry.way.reason
         except bindable.BindingError as error:
             self.cost.reason = str(error)
         if not self.cost.reason:
             self.cost.saves = Part("Blender's deformation", "SAVES", None, DIFFERENCE)
-            self.absences.append(_Absence(self.ob, [self.cost.saves], bound_for_now, self.ob, DEFORMED))
+            self.absences.append(_Absence(self.ob, [self.cost.saves], absences.bound_for_now, self.ob, DEFORMED))
 
     def read_clocks(self, depsgraph, was_evaluated):
         """Of one frame. A clock goes on showing an old time on frames on which nothing was evaluated."""
@@ -268,80 +271,3 @@ class _Absence:
 
     def conclude(self, before, after):
         costs.set_difference(self._parts, before, self.times, after)
-
-
-# --- absences: context managers that leave nothing behind ------------------------------------------
-
-
-@contextmanager
-def _at_rest(armature):
-    """armature: the data-block."""
-    before = armature.pose_position
-    armature.pose_position = "REST"
-    try:
-        yield
-    finally:
-        armature.pose_position = before
-
-
-@contextmanager
-def _switched_off(modifiers):
-    try:
-        for modifier in modifiers:
-            modifier.show_viewport = False
-        yield
-    finally:
-        for modifier in modifiers:
-            modifier.show_viewport = True
-
-
-@contextmanager
-def _muted(keys):
-    before = [block.mute for block in keys.key_blocks]
-    try:
-        for block in keys.key_blocks:
-            block.mute = True
-        yield
-    finally:
-        for block, was_muted in zip(keys.key_blocks, before):
-            block.mute = was_muted
-
-
-@contextmanager
-def bound_for_now(ob):
-    """Yields the runtime side of a mesh that is bound meanwhile. Raises BindingError."""
-    settings = ob.sinew
-    kept = {
-        name: getattr(settings, name) if settings.is_property_set(name) else None
-        for name, setting in settings.bl_rna.properties.items()
-        if not setting.is_readonly
-    }
-    active = ob.modifiers.active
-    active = active and active.name
-    bind.bind(ob, bindable.armature_to_bind(ob))
-    try:
-        yield characters.of(ob)
-    finally:
-        bind.unbind(ob)
-        for name, value in kept.items():
-            if value is None:
-                settings.property_unset(name)
-            elif getattr(settings, name) != value:
-                setattr(settings, name, value)
-        if active:
-            ob.modifiers.active = ob.modifiers[active]
-
-
-def _is_animated(block, path):
-    return path in animation.animated_paths(block)
-
-
-def _why_not_muted(ob, keys):
-    """Why their absence says nothing, or ""."""
-    if not keys.use_relative:
-        return "absolute keys cannot be muted"
-    if ob.show_only_shape_key:
-        return "only the active key is shown"
-    if animation.is_muting_animated(keys):
-        return "their muting is animated"
-    return ""

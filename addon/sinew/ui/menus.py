@@ -4,8 +4,9 @@ import bpy
 
 from . import cures
 from .display import ToggleSkeleton, ToggleWeights
-from .operators import Bind, ClipToKeyframes, ExportRig, ImportRig, MeasureFrames, Unbind
+from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
+from .rig_files import ExportRig, ImportRig
 
 RIG_FILES = "Sinew Rig (.bf/.tgf)"
 

@@ -1,18 +1,10 @@
-"""The panels: in the 3D view's sidebar, and in the Properties editor beside the modifiers. They draw and
-nothing else."""
+"""The panels: where they stand, in the 3D view's sidebar and in the Properties editor beside the modifiers, and when
+they are there."""
 
 import bpy
 
-from ..binding import bindable, runs, ways
-from ..feedback import notice
-from ..native import sinew_native
-from ..rigs import clip_store
-from ..session import characters, whole_frames
-from . import cures, display
-from .operators import Bind, ClipToKeyframes, ImportRig, MeasureFrames, Unbind, meshes_of
-
-WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}
-MOST_MESHES = 10  # of an armature, that are listed
+from ..session import characters
+from . import sections
 
 
 class InSidebar:
@@ -38,213 +30,11 @@ def bound_mesh(context):
     return ob if ob is not None and ob.type == "MESH" and ob.sinew.is_bound else None
 
 
-# --- the main panel -------------------------------------------------------------------------------
-
-
-def draw_main(layout, context):
-    ob = context.object
-    if ob is not None and ob.type == "ARMATURE":
-        draw_armature(layout, context, ob)
-    elif ob is None or ob.type != "MESH":
-        layout.label(text="Select a mesh or its armature", icon="INFO")
-        layout.operator(ImportRig.bl_idname, icon="IMPORT")
-    elif ob.sinew.copy_of is not None:
-        layout.label(text=f"Deformed copy of {ob.sinew.copy_of.name}", icon="MESH_DATA")
-        draw_hiding(layout, ob)
-    elif ob.sinew.is_bound:
-        draw_bound(layout, context, ob)
-    else:
-        draw_free(layout, context, ob)
-
-
-def draw_free(layout, context, ob):
-    modifier = bindable.armature_modifier(ob)
-    if modifier is None and ways.why_idle(ob):
-        layout.label(text="Not bound", icon="UNLINKED")
-        layout.operator(Bind.bl_idname, icon="LINKED")
-    else:
-        if modifier is not None:
-            layout.label(text=f"{modifier.name} deforms it", icon="MOD_ARMATURE")
-        else:
-            layout.label(text="Deformed without an armature", icon="MOD_SMOOTH")
-        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
-        for warning in cures.about_generated(ob):
-            draw_warning(layout, context, warning)
-    draw_display(layout, ob)
-
-
-def draw_armature(layout, context, armature):
-    meshes = meshes_of(context, armature)
-    bound = sum(ob.sinew.is_bound for ob in meshes)
-    if any(ob.sinew.source == "CLIP" for ob in meshes):
-        draw_clip(layout.box(), armature)
-    if meshes:
-        layout.label(text=f"{bound} of {len(meshes)} meshes bound", icon="MESH_DATA")
-    else:
-        layout.label(text="No mesh uses this armature", icon="INFO")
-    if bound < len(meshes):
-        layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
-    if bound:
-        column = layout.column()
-        for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:
-            column.prop(ob.sinew, "method", text=ob.name)
-        layout.operator(Unbind.bl_idname, icon="UNLINKED")
-    draw_display(layout, armature)
-
-
-def draw_bound(layout, context, ob):
-    settings, warnings = ob.sinew, cures.warnings(ob)
-    for warning in warnings:
-        if warning.is_error:
-            draw_warning(layout, context, warning)
-    column = layout.column()
-    for modifier in settings.modifiers[:1]:
-        column.prop(modifier, "object", text="Armature")
-        column.prop(settings, "source")
-        column.prop(settings, "method")
-    column.prop(settings, "output")
-    draw_switches(column, ob)
-    draw_display(layout, ob)
-    layout.operator(Unbind.bl_idname, icon="UNLINKED")
-    for warning in warnings:
-        if not warning.is_error:
-            draw_warning(layout, context, warning)
-
-
-def draw_warning(layout, context, warning):
-    box = layout.box().column(align=True)
-    notice.draw_sentence(box, context, warning.text, warning.is_error)
-    row = box.row(align=True)
-    for operator, text in warning.cures:
-        row.operator(operator, text=text)
-
-
-def draw_switches(column, ob):
-    """Whether the shape is shown, in the viewport and in renders."""
-    for modifier in ob.sinew.modifiers[:1]:
-        row = named_row(column, "Show").row(align=True)
-        row.use_property_split = False
-        row.prop(modifier, "show_viewport", text="")
-        row.prop(modifier, "show_render", text="")
-    copy = ob.sinew.deformed
-    if copy is not None:
-        draw_value(column, "Copy", copy.name)
-        row = draw_hiding(column, copy)
-        row.prop(ob.sinew, "show_shape", toggle=True)
-
-
-def draw_hiding(layout, copy):
-    row = named_row(layout, "Show Copy").row(align=True)
-    row.use_property_split = False
-    row.prop(copy, "hide_viewport", text="")
-    row.prop(copy, "hide_render", text="")
-    return row
-
-
-def draw_display(layout, ob):
-    row = layout.row(align=True)
-    if ob.type == "MESH":
-        row.operator(display.ToggleWeights.bl_idname, icon="GROUP_VCOL", depress=display.are_weights_shown(ob))
-    armature = display.armature_of(ob)
-    if armature is not None:
-        row.operator(
-            display.ToggleSkeleton.bl_idname, icon="ARMATURE_DATA", depress=display.is_skeleton_shown(armature)
-        )
-
-
-# --- its parts, of a bound mesh -------------------------------------------------------------------
-
-
-def draw_clip(layout, armature):
-    count = clip_store.pose_count(armature.data)
-    if count == 0:
-        layout.label(text=f"{armature.name} has no imported poses", icon="INFO")
-        return
-    settings = armature.sinew_clip
-    layout.label(text="1 pose" if count == 1 else f"{count} poses", icon="ARMATURE_DATA")
-    layout.prop(settings, "mode")
-    if settings.mode == "FACTOR":
-        layout.prop(settings, "factor")
-    if settings.mode in {"PLAYBACK", "SWING"}:
-        layout.prop(settings, "frame_start")
-    if settings.mode == "PLAYBACK":
-        layout.prop(settings, "speed")
-        layout.prop(settings, "loop")
-    layout.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
-
-
-def draw_influence(layout, ob):
-    """The Armature modifiers' own settings."""
-    for number, modifier in enumerate(ob.sinew.modifiers):
-        if number > 0:
-            layout = layout.box().column()
-            layout.label(text="Mixed with", icon="MOD_ARMATURE")
-            layout.prop(modifier, "object", text="Armature")
-            layout.prop(modifier, "use_deform_preserve_volume")
-        row = layout.row(align=True)
-        row.prop_search(modifier, "vertex_group", ob, "vertex_groups", text="Mask")
-        row.prop(modifier, "invert_vertex_group", text="", icon="ARROW_LEFTRIGHT")
-        layout.prop(modifier, "use_vertex_groups", text="Vertex Groups")
-        layout.prop(modifier, "use_bone_envelopes", text="Bone Envelopes")
-
-
-def draw_chain(layout, ob, entry):
-    """What Sinew stands in for, stage by stage, and where Blender goes on."""
-    timings, column = entry.timings, layout.column(align=True)
-    before = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken
-    draw_value(column, "Pose" if entry.taken else "Settings", f"{timings.pose:.2f} ms")
-    if before:
-        draw_value(column, " + ".join(before), f"{timings.skin:.2f} ms")
-    for name, milliseconds in zip(entry.run.stages, timings.stages):
-        draw_value(column, name, f"{milliseconds:.2f} ms")
-    if entry.run.end:
-        draw_value(column, entry.run.end, "in Blender")
-        notice.draw_sentence(column, bpy.context, f"Blender takes over at {entry.run.end}: {entry.run.reason}", False)
-        end = ob.modifiers.get(entry.run.end)
-        if end is not None and runs.why_not_bound(ob, end):
-            layout.operator(cures.BindSmoothing.bl_idname)
-
-
-def draw_statistics(layout, scene, entry):
-    timings = entry.timings
-    column = layout.column(align=True)
-    draw_value(column, "Vertices", f"{entry.deformer.vertex_count:,}")
-    for layer in entry.layers[:1]:
-        draw_value(column, "Bones", str(len(layer.bones.names)))
-        mean = layer.skin.influence_count / max(layer.skin.vertex_count, 1)
-        draw_value(column, "Influences", f"{mean:.2f}, at most {layer.skin.most_influences}")
-        draw_value(column, "Unweighted", f"{layer.influences.unweighted_count:,}")
-    draw_value(column, "Goes Through", WAYS[entry.way.kind])
-    column.separator()
-    measured = whole_frames.last(scene)
-    if measured is not None:
-        draw_value(column, "Whole Frame", f"{measured.sinew:.2f} ms")
-        draw_value(column, "Without Sinew", f"{measured.blender:.2f} ms")
-    column.operator(MeasureFrames.bl_idname, icon="TIME")
-    column.separator()
-    draw_value(column, "Sinew's Part", f"{timings.total:.2f} ms")
-    column.separator()
-    draw_value(column, "Instructions", sinew_native.instruction_set())
-    draw_value(column, "Threads", str(sinew_native.thread_count()))
-
-
-def draw_value(column, name, value):
-    named_row(column, name).label(text=value)
-
-
-def named_row(column, name):
-    row = column.split(factor=0.4)
-    left = row.row()
-    left.alignment = "RIGHT"
-    left.label(text=name)
-    return row
-
-
 class Main:
     bl_label = "Sinew"
 
     def draw(self, context):
-        draw_main(layout_of(self), context)
+        sections.draw_main(layout_of(self), context)
 
 
 class Poses:
@@ -256,7 +46,7 @@ class Poses:
         return ob is not None and ob.sinew.source == "CLIP" and ob.sinew.armature is not None
 
     def draw(self, context):
-        draw_clip(layout_of(self), bound_mesh(context).sinew.armature)
+        sections.draw_clip(layout_of(self), bound_mesh(context).sinew.armature)
 
 
 class Influence:
@@ -268,7 +58,7 @@ class Influence:
         return bool(bound_mesh(context) and bound_mesh(context).sinew.modifiers)
 
     def draw(self, context):
-        draw_influence(layout_of(self), bound_mesh(context))
+        sections.draw_influence(layout_of(self), bound_mesh(context))
 
 
 def deformed_character(context):
@@ -288,7 +78,7 @@ class Chain:
         return entry is not None and entry.way.in_pass
 
     def draw(self, context):
-        draw_chain(layout_of(self), context.object, deformed_character(context))
+        sections.draw_chain(layout_of(self), context.object, deformed_character(context))
 
 
 class Statistics:
@@ -299,7 +89,7 @@ class Statistics:
         return deformed_character(context) is not None
 
     def draw(self, context):
-        draw_statistics(layout_of(self), context.scene, characters.character(bound_mesh(context)))
+        sections.draw_statistics(layout_of(self), context.scene, characters.character(bound_mesh(context)))
 
 
 class SidebarMain(Main, InSidebar, bpy.types.Panel):

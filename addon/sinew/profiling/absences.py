@@ -1,0 +1,81 @@
+"""What is taken out of a scene to see what it costs: context managers that leave nothing behind."""
+
+from contextlib import contextmanager
+
+from ..binding import bind, bindable
+from ..blender import animation
+from ..session import characters
+
+
+@contextmanager
+def at_rest(armature):
+    """armature: the data-block."""
+    before = armature.pose_position
+    armature.pose_position = "REST"
+    try:
+        yield
+    finally:
+        armature.pose_position = before
+
+
+@contextmanager
+def switched_off(modifiers):
+    try:
+        for modifier in modifiers:
+            modifier.show_viewport = False
+        yield
+    finally:
+        for modifier in modifiers:
+            modifier.show_viewport = True
+
+
+@contextmanager
+def muted(keys):
+    before = [block.mute for block in keys.key_blocks]
+    try:
+        for block in keys.key_blocks:
+            block.mute = True
+        yield
+    finally:
+        for block, was_muted in zip(keys.key_blocks, before):
+            block.mute = was_muted
+
+
+@contextmanager
+def bound_for_now(ob):
+    """Yields the runtime side of a mesh that is bound meanwhile. Raises BindingError."""
+    settings = ob.sinew
+    kept = {
+        name: getattr(settings, name) if settings.is_property_set(name) else None
+        for name, setting in settings.bl_rna.properties.items()
+        if not setting.is_readonly
+    }
+    active = ob.modifiers.active
+    active = active and active.name
+    bind.bind(ob, bindable.armature_to_bind(ob))
+    try:
+        yield characters.of(ob)
+    finally:
+        bind.unbind(ob)
+        for name, value in kept.items():
+            if value is None:
+                settings.property_unset(name)
+            elif getattr(settings, name) != value:
+                setattr(settings, name, value)
+        if active:
+            ob.modifiers.active = ob.modifiers[active]
+
+
+def is_animated(block, path):
+    return path in animation.animated_paths(block)
+
+
+def why_not_muted(ob, keys):
+    """Why their absence says nothing, or ""."""
+    if not keys.use_relative:
+        return "absolute keys cannot be muted"
+    if ob.show_only_shape_key:
+        return "only the active key is shown"
+    if animation.is_muting_animated(keys):
+        return "their muting is animated"
+    return ""
