@@ -148,7 +148,7 @@ void bind_deformer(py::module_& module) {
       .def_property_readonly("influence_count", &Bends::influence_count, "M.");
 
   py::class_<Layer, std::shared_ptr<Layer>>(
-      module, "Layer", "One armature's say in a mesh. Immutable, but for what is done to its skin.")
+      module, "Layer", "What one armature does to a mesh. Immutable, but for what is done to its skin.")
       .def(py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
            py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(), py::arg("share") = py::none(),
            py::arg("bends") = py::none(), py::arg("split_space") = py::none(), py::arg("data") = py::none(),
@@ -156,16 +156,15 @@ void bind_deformer(py::module_& module) {
            "method: \"linear\", \"dual_quaternion\" or, with data of its own, \"blended\".\n"
            "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
            "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
-           "mask: (V,), how much of the motion each vertex takes part in: "
+           "mask: (V,), how much of the motion each vertex takes: "
            "p' = p + mask (skinned(p) - p). None: all of it.\n"
            "share: (V,), of a layer that is mixed in: shape += share (own - shape). The first layer "
            "of a deformer has none, every other one has one.\n"
            "bends: a Bends: influences that the skin has split as they are at its rest positions "
            "and "
-           "in split_space. In each frame, vertices of it that shape keys move are split anew where "
-           "they are, and all of them on other rest positions or in another space.\n"
-           "split_space: (4, 4), the space of the pose for which the skin was split, None if they "
-           "are one.\n"
+           "in split_space. In each frame, vertices of it that shape keys move are split again where they are; on "
+           "other rest positions, or in another space, all of them are.\n"
+           "split_space: (4, 4), the space in which the skin was split, None if it is the pose's.\n"
            "data: what the method has of its own for each vertex, a BlendShares; None for a method that has nothing.\n"
            "All are copied but skin, bends and data. Raises ValueError for sizes that do not fit and for "
            "numbers that are not finite.")
@@ -182,9 +181,8 @@ void bind_deformer(py::module_& module) {
       .def(py::init(&make_keys), py::arg("positions"), py::arg("relative_to"), py::arg("weights") = py::none(),
            "positions: K arrays (V, 3), the first of which is the base. Read once, nothing of them "
            "is kept.\n"
-           "relative_to: (K,) integers, the key that each one is relative to; a key that is "
-           "relative "
-           "to none there is adds nothing.\n"
+           "relative_to: (K,) integers, the key that each one is relative to; a key that is relative to a missing one "
+           "adds nothing.\n"
            "weights: K entries, each None or (V,): how much each vertex takes of the key.\n"
            "Raises ValueError for sizes that differ and for numbers that are not finite.")
       .def_property_readonly("count", &ShapeKeys::count, "K.")
@@ -212,8 +210,7 @@ void bind_deformer(py::module_& module) {
            }),
            py::arg("layers") = py::list(), py::arg("keys") = py::none(), py::arg("vertex_count") = py::none(),
            "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
-           "keys: ShapeKeys, or None: then what is deformed is the rest positions of the first "
-           "layer's skin.\n"
+           "keys: ShapeKeys, or None: the rest positions of the first layer's skin are deformed.\n"
            "vertex_count: V, in place of both, for stages alone.\n"
            "Raises ValueError if they have different numbers of vertices, or for a share where "
            "none belongs or none where one does.")
@@ -222,9 +219,8 @@ void bind_deformer(py::module_& module) {
            py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
            py::arg("milliseconds") = py::none(),
            "One frame.\n\n"
-           "poses: (matrices, space) a layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
-           "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are "
-           "one.\n"
+           "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
+           "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are the same.\n"
            "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
            "key_values: (K,) float32, how much of each key, 0 for those that are muted; None: 0 for "
            "all.\n"

@@ -150,7 +150,7 @@ void bind_skinning(py::module_& module) {
              "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
              "quaternions, or (stretch, rest_frames, data), behind them: matrices and out as of skin_linear, out "
              "not None; method and data as of Layer.\n"
-             "The same bits as one call a job. Raises ValueError, and writes nothing, if a shape or dtype "
+             "The same bits as one call per job. Raises ValueError, and writes nothing, if a shape or dtype "
              "does not fit or two results overlap.");
 }
 

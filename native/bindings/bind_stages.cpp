@@ -89,7 +89,7 @@ void apply(const StageOfPython& self, const py::object& positions) {
 
 constexpr const char* kGroup =
     "weights: (V,), how much of it each vertex takes; None: all of it.\n"
-    "invert: 1 - weight in place of each weight. Without weights it says nothing.\n";
+    "invert: 1 - weight in place of each weight. Without weights it has no effect.\n";
 
 }  // namespace
 
@@ -105,7 +105,7 @@ void bind_stages(py::module_& module) {
            "are no faces.\n"
            "corner_vertices: (C,) integers, the vertices around each face, face after face.\n"
            "All are copied. Raises ValueError for a vertex out of range, for offsets that do not "
-           "fit, for a face with fewer than three corners and for one with a side that is no edge.")
+           "fit, for a face with fewer than three corners and for one with a side that is not an edge.")
       .def_property_readonly("vertex_count", &Topology::vertex_count, "V.")
       .def_property_readonly("edge_count", &Topology::edge_count, "E.")
       .def_property_readonly("corner_count", &Topology::corner_count, "C.");
@@ -114,14 +114,13 @@ void bind_stages(py::module_& module) {
                             "What a CorrectiveSmooth, a Smooth or a Hook does in one frame: made by "
                             "their stage(...), for apply or for Deformer.deform. Immutable.")
       .def("apply", &apply, py::arg("positions"),
-           "Works on positions (V, 3) float32, C-contiguous, in place. Several threads may at once. "
+           "Works on positions (V, 3) float32, C-contiguous, in place. Several threads may call it at once. "
            "Raises ValueError, and writes nothing, if the shape or dtype does not fit.");
 
   py::class_<CorrectiveSmooth, std::shared_ptr<CorrectiveSmooth>>(
       module, "CorrectiveSmooth",
-      "Blender's Corrective Smooth modifier: smooths the shape, then adds what smoothing takes "
-      "from "
-      "the rest shape, turned with the faces. Bits are Blender's, but for the arc cosine. "
+      "Blender's Corrective Smooth modifier: smooths the shape, then adds what smoothing takes from the rest shape, "
+      "turned with the faces. To Blender's bit, except with arc cosines. "
       "Immutable "
       "but for set_rest_positions; several threads may use one at once.")
       .def(py::init(&make_corrective), py::arg("topology"), py::arg("rest_positions") = py::none(),
@@ -158,10 +157,10 @@ void bind_stages(py::module_& module) {
           py::arg("smooth_type") = "simple", py::arg("only_smooth") = false,
           "factor: any finite number, also outside of 0 to 1.\n"
           "iterations: 0 or fewer: nothing happens.\n"
-          "scale: of what is added.\n"
+          "scale: multiplies what is added.\n"
           "smooth_type: \"simple\" or \"length_weighted\".\n"
           "only_smooth: nothing is added.\n"
-          "What the rest shape loses is kept from frame to frame, while factor, iterations and "
+          "What smoothing takes from the rest shape is kept from frame to frame while factor, iterations and "
           "smooth_type stay. Raises ValueError for an unknown name, for numbers that are not "
           "finite, and without rest positions unless only_smooth.");
 
@@ -196,8 +195,8 @@ void bind_stages(py::module_& module) {
       .def(py::init(&make_hook), py::arg("vertex_count"), py::arg("vertices") = py::none(),
            py::arg("weights") = py::none(), py::arg("invert") = false,
            (std::string("vertex_count: V.\n"
-                        "vertices: integers, those that are hooked; one that is named twice is moved "
-                        "twice. None: all that have a weight.\n") +
+                        "vertices: integers, those that are hooked; one that is listed twice is moved twice. None: all "
+                        "that have a weight.\n") +
             kGroup +
             "All are copied. Without vertices and weights nothing is hooked, as in Blender. Raises "
             "ValueError for a vertex out of range, for sizes that do not fit and for numbers that "

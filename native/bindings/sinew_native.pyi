@@ -236,7 +236,7 @@ class Bends:
         """M."""
 
 class Layer:
-    """One armature's say in a mesh. Immutable, but for what is done to its skin."""
+    """What one armature does to a mesh. Immutable, but for what is done to its skin."""
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
         raise ValueError(f"{ob.name} has no armature: give it one, or choose another mesh")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
     if not os.path.isdir(folder):
-        raise ValueError(f"There is no folder {folder}")
+        raise ValueError(f"There is no folder {folder}: make it first")
 
     from_file = clip_store.has_skeleton(armature.data)
     files_from_mesh = np.eye(4) if from_file else np.linalg.inv(rig_import.orientation(up_axis))

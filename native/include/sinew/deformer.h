@@ -15,7 +15,7 @@
 
 namespace sinew {
 
-/// One armature's say in a mesh. Immutable, but for what is done to its skin.
+/// What one armature does to a mesh. Immutable, but for what is done to its skin.
 class Layer {
  public:
   /// skin    V vertices, J joints; several layers may share it.

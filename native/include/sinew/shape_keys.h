@@ -20,7 +20,7 @@ namespace sinew {
 class ShapeKeys {
  public:
   /// positions    K x V x 3, one at least; the first is the base. Nothing of them is kept.
-  /// relative_to  K, a key's number; a key that is relative to none there is adds nothing.
+  /// relative_to  K, a key's number; a key that is relative to a missing one adds nothing.
   /// weights      K or none at all: w_v of each vertex (V), or nothing where a key has none.
   /// Throws InputError, naming the key, for sizes that differ or a number that is not finite.
   ShapeKeys(std::span<const std::span<const float>> positions, std::span<const std::int64_t> relative_to,

@@ -59,7 +59,7 @@ struct SkinningJob {
 };
 
 /// Does all jobs in one parallel region, whose start is thus paid for once: many small meshes keep
-/// all threads busy where each alone would not. The same bits as one call a job. Two results must
+/// all threads busy where each alone would not. The same bits as one call per job. Two results must
 /// not overlap.
 void skin_all(std::span<const SkinningJob> jobs);
 

@@ -24,7 +24,7 @@ class Topology {
   /// face_offsets     faces + 1, where the corners of each face begin; empty: there are no faces.
   /// corner_vertices  C, vertices around each face, face after face.
   /// Throws InputError for a vertex out of range, for offsets that do not fit, for a face with
-  /// fewer than three corners and for one with a side that is no edge.
+  /// fewer than three corners and for one with a side that is not an edge.
   Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> edges,
            std::span<const std::int32_t> face_offsets = {}, std::span<const std::int32_t> corner_vertices = {});
 

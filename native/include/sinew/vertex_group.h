@@ -9,7 +9,7 @@ namespace sinew {
 struct VertexGroup {
   /// V; nothing: all take part fully.
   std::optional<std::span<const float>> weights{};
-  /// 1 - weight in place of each weight. Without weights it says nothing.
+  /// 1 - weight in place of each weight. Without weights it has no effect.
   bool invert = false;
 };
 
