@@ -249,7 +249,7 @@ std::string trivial_graph_text(const Path& path, const RigSkeleton& skeleton) {
     if (skeleton.parents()[bone] >= 0) continue;
     const auto same = std::find(joints.begin(), joints.end(), skeleton.heads().row(bone));
     start[bone] = static_cast<std::int32_t>(same - joints.begin());
-    if (same == joints.end()) joints.push_back(skeleton.heads().row(bone));
+    if (same == joints.end()) joints.emplace_back(skeleton.heads().row(bone));
   }
   const auto first_end = static_cast<std::int32_t>(joints.size());
   std::string edges = "#\n";
@@ -259,7 +259,7 @@ std::string trivial_graph_text(const Path& path, const RigSkeleton& skeleton) {
     edges += ' ';
     append_number(edges, first_end + bone + 1);
     edges += '\n';
-    joints.push_back(skeleton.tails().row(bone));
+    joints.emplace_back(skeleton.tails().row(bone));
   }
   std::string text;
   for (std::size_t j = 0; j < joints.size(); ++j) {

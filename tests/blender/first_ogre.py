@@ -206,7 +206,6 @@ def render():
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_denoising = 4, False
     scene.render.resolution_x, scene.render.resolution_y = 480, 320
-    scene.render.use_lock_interface = True
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     light = bpy.data.objects.new("light", bpy.data.lights.new("light", "SUN"))
     light.rotation_euler = (0.7, 0.3, 0)
