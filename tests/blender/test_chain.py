@@ -273,7 +273,7 @@ def switched_by_keyframes(ob):
     [
         (subdivided, "Finer", "Sinew cannot evaluate it"),
         (driven, "Driven", "its factor is driven"),
-        (by_curve, "Hook", "its curve"),
+        (by_curve, "Hook", "falloff curve"),
         (in_renders_alone, "Render", "not shown where Armature is"),
         (switched_by_keyframes, "Switched", "drivers or keyframes"),
     ],
