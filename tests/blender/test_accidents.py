@@ -299,7 +299,9 @@ def test_modifiers_that_want_deforming_ones_before_them(fresh_scene, kind, when)
         each.modifiers.new("Behind", kind)
     bpy.context.view_layer.update()
     assert_plays(ob, twin, (1, 2, 3))
-    assert way(ob) == "BLENDER" and "Behind allows only deforming" in addon_module("session.characters").of(ob).way.reason
+    assert (
+        way(ob) == "BLENDER" and "Behind allows only deforming" in addon_module("session.characters").of(ob).way.reason
+    )
     for each in ob, twin:
         each.modifiers.remove(each.modifiers["Behind"])
     assert_plays(ob, twin)
