@@ -94,6 +94,25 @@ def test_bound_again_to_the_armature_of_another_modifier(character, other_armatu
     assert_given_back(ob, twin)
 
 
+@pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
+def test_a_parent_that_comes_later_and_deforms(character, other_armature, keys):
+    """Before all modifiers, so only Blender has what goes into them."""
+    ob, twin, _ = character
+    for each in ob, twin:
+        if keys:
+            add_shape_keys(each)
+        each.parent, each.parent_type = other_armature, "ARMATURE"
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    assert_plays(ob, twin)
+    assert way(ob) == "BLENDER"
+    assert "deformed by its parent" in addon_module("session.characters").character(ob).way.reason
+    for each in ob, twin:
+        each.parent = None
+    assert_plays(ob, twin)
+    assert_given_back(ob, twin)
+
+
 # --- what is refused ------------------------------------------------------------------------------
 
 

@@ -50,7 +50,7 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
                 f"{modifier.name} comes before {taken[0].name}, and Sinew cannot evaluate {modifier.name}: move it "
                 "behind if you can",
             )
-    idle = "" if taken or gets_armature else why_idle(ob.original)
+    idle = _why_by_parent(ob.original) or ("" if taken or gets_armature else why_idle(ob.original))
     if idle:
         return Way(BLENDER, f"It {idle}")
     driven = wiring.driven_settings(ob, taken)
@@ -78,14 +78,21 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
 
 def why_idle(ob):
     """Why Sinew can take over nothing of a mesh object without an armature, a sentence without its subject; or ""."""
-    if ob.parent is not None and ob.parent_type not in PLACING_PARENTS:
-        return f"is deformed by its parent {ob.parent.name} directly, before any modifier"
+    by_parent = _why_by_parent(ob)
+    if by_parent:
+        return by_parent
     run = runs.of(ob, ())
     keys = ob.data.shape_keys
     if run.stages or keys is not None and len(keys.key_blocks) > 1:
         return ""
     nothing = "has no armature, shape keys or smoothing that Sinew could take over: add one of them"
     return f"{nothing} ({run.end} comes first, and {run.reason})" if run.end else nothing
+
+
+def _why_by_parent(ob):
+    if ob.parent is None or ob.parent_type in PLACING_PARENTS:
+        return ""
+    return f"is deformed by its parent {ob.parent.name} directly, before any modifier"
 
 
 def depends_on_shape(ob, taken):
