@@ -406,6 +406,23 @@ def test_an_edit_is_seen_at_once(fresh_scene, make, before, edit):
     assert_same_on_all_frames(fresh_scene, ob, twin, (5, 6, 7, 8))
 
 
+@pytest.mark.parametrize("leave", ("removed", "without its armature", "switched off"))
+def test_a_mix_that_loses_a_modifier(fresh_scene, make, leave):
+    ob, twin = make(by_two_armatures)
+    assert_same_on_all_frames(fresh_scene, ob, twin, (1, 2, 3, 4))
+    for each in (ob, twin):
+        second = each.modifiers["Armature2"]
+        if leave == "removed":
+            each.modifiers.remove(second)
+        elif leave == "without its armature":
+            second.object = None
+        else:
+            second.show_viewport = second.show_render = False
+    bpy.context.view_layer.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, (5, 6, 7, 8))
+    assert way(ob) == "ATTRIBUTE" and len(ob.sinew.modifiers) == 1
+
+
 def test_undo_and_redo(fresh_scene, make):
     ob, twin = make(part)
     name, other = ob.name, twin.name

@@ -219,8 +219,10 @@ class Character:
                 self.deformer = None
             channels = channels_of(modifier)
             found.append((layer.read_pose(armature) if channels is None else layer.with_channels(channels), space))
-        del self.layers[len(modifiers) :]
-        if self.deformer is None or len(found) != len(self.layers):
+        if len(self.layers) > len(modifiers):
+            del self.layers[len(modifiers) :]
+            self.deformer = None
+        if self.deformer is None:
             self.deformer = sinew_native.Deformer(
                 [layer.native for layer in self.layers],
                 self.keys and self.keys.native,
