@@ -41,6 +41,14 @@ def test_unbind_gives_the_mesh_back(fresh_scene, output):
     assert not ob.sinew.is_bound
 
 
+def test_what_the_driver_sets_is_set_back(character):
+    ob, _, _ = character
+    for name in ("Armature", ob.modifiers.new("Copy", "ARMATURE").name):  # as Duplicate takes it along
+        ob.modifiers[name].use_apply_on_spline = True
+    bpy.ops.object.sinew_unbind()
+    assert not any(modifier.use_apply_on_spline for modifier in ob.modifiers)
+
+
 def attributes(ob):
     """Blender's own hidden attributes come and go by themselves."""
     return {name for name in ob.data.attributes.keys() if "sinew" in name or name[0] != "."}

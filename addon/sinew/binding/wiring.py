@@ -197,7 +197,10 @@ def _present(hook):
 
 
 def unwire(ob):
-    """Also of a modifier that is gone."""
+    """Also of a modifier that is gone. What the driver has left in the property goes too."""
+    for modifier in ob.modifiers:
+        if modifier.type == "ARMATURE" and getattr(modifier, CARRIER):
+            setattr(modifier, CARRIER, False)
     for curve in [curve for curve in ob.animation_data.drivers if _is_hook(curve)] if ob.animation_data else ():
         animation.remove_curve(ob, curve)
 
