@@ -198,6 +198,17 @@ def test_a_mesh_without_vertices(tube):
     assert len(tube.sinew.deformed.data.vertices) == 0
 
 
+def test_a_mesh_without_vertices_that_is_left_to_blender(tube):
+    tube.shape_key_clear() if tube.data.shape_keys else None
+    tube.data.clear_geometry()
+    tube.modifiers.new("Finer", "SUBSURF")
+    bpy.context.collection.objects.link(tube.copy())  # two objects share the mesh now
+    bpy.context.view_layer.update()
+    assert way(tube) == "BLENDER"
+    bpy.context.scene.frame_set(5)
+    assert "keeps its last shape" in warnings(tube)
+
+
 def test_a_render_does_not_write_it(tube, fresh_scene, tmp_path):
     fresh_scene.frame_set(2)
     shape = own_positions(tube.sinew.deformed)

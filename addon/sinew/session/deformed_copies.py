@@ -96,8 +96,8 @@ def _shape_of(entry, ob, evaluated):
     if not ob.sinew.show_shape or not is_shown:
         return meshes.read_positions(ob.data)
     if not entry.is_deforming:
-        shape = meshes.read_positions(evaluated.data) if _ends_with_armature(ob) else ()
-        return shape if len(shape) == len(ob.data.vertices) else None
+        shape = meshes.read_positions(evaluated.data) if _ends_with_armature(ob) else None
+        return shape if shape is not None and len(shape) == len(ob.data.vertices) else None
     mesh = wiring.waits_for(entry.hook_of(evaluated), "mesh")
     count = len(mesh.vertices)
     if count == 0:
