@@ -37,6 +37,8 @@ struct Subject {
   std::vector<float> positions;  ///< kFrames at most
   double union_size;             ///< joints of a block, mean
   std::size_t packed_bytes;
+  BlendShares shares;       ///< all between the two
+  RotationCenters centers;  ///< of all vertices that two joints move
 
   /// Where results go: 64-byte aligned, as memory that is written in full lines is.
   std::span<float> out(std::ptrdiff_t frames) {
@@ -46,6 +48,14 @@ struct Subject {
   }
 };
 
+RotationCenters centers_for(const Skin& skin) {
+  std::vector<std::uint8_t> has_center;
+  for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
+    has_center.push_back(skin.offsets()[v + 1] - skin.offsets()[v] > 1);
+  }
+  return {skin.rest_positions(), has_center};
+}
+
 Subject subject(const std::string& mesh, Character character) {
   const auto& blocked = character.skin.blocked();
   std::size_t joints = 0;
@@ -53,8 +63,15 @@ Subject subject(const std::string& mesh, Character character) {
   const std::size_t blocks = blocked.blocks.size();
   const auto size = static_cast<std::size_t>(character.skin.vertex_count()) * 3 * kFrames;
   const bool many = character.skin.vertex_count() < 200'000;
-  return {mesh, std::move(character), std::vector<float>((many ? size : size / kFrames) + 16),
-          static_cast<double>(joints) / static_cast<double>(blocks), (joints + 3 * blocks) * kBlock * sizeof(float)};
+  const std::vector<float> halves(character.skin.vertex_count(), 0.5f);
+  RotationCenters centers = centers_for(character.skin);
+  return {mesh,
+          std::move(character),
+          std::vector<float>((many ? size : size / kFrames) + 16),
+          static_cast<double>(joints) / static_cast<double>(blocks),
+          (joints + 3 * blocks) * kBlock * sizeof(float),
+          BlendShares(halves),
+          std::move(centers)};
 }
 
 void between_calls(Between what) {
@@ -103,6 +120,16 @@ void add_skinning(Subject& subject, const std::string& method, SkinFunction skin
                   Between between) {
   add(subject, method, set, threads, between, 1, [&subject, skin](std::ptrdiff_t frame) {
     skin(subject.character.skin, subject.character.frame(frame), subject.out(1));
+  });
+}
+
+/// The methods that have data of their own.
+void add_with_data(Subject& subject, const std::string& set, int threads, Between between) {
+  add(subject, "blended", set, threads, between, 1, [&subject](std::ptrdiff_t frame) {
+    skin_blended(subject.character.skin, subject.shares, subject.character.frame(frame), subject.out(1));
+  });
+  add(subject, "centres of rotation", set, threads, between, 1, [&subject](std::ptrdiff_t frame) {
+    skin_rotation_centers(subject.character.skin, subject.centers, subject.character.frame(frame), subject.out(1));
   });
 }
 
@@ -158,6 +185,14 @@ void add_many_frames(Subject& subject, const std::string& set, int threads) {
   });
 }
 
+/// Precomputing centres of rotation; the subject's mesh is the rig's.
+void add_centers(Subject& subject, const Rig& rig, int threads) {
+  add(subject, "build, centres of rotation", "-", threads, Between::nothing, 1, [&subject, &rig](std::ptrdiff_t) {
+    benchmark::DoNotOptimize(
+        RotationCenters::compute(subject.character.skin, rig.mesh.face_offsets, rig.mesh.face_vertices));
+  });
+}
+
 /// Building the packed form anew, as weight painting does.
 void add_build(Subject& subject, int threads) {
   add(subject, "build", "-", threads, Between::nothing, 1, [&subject](std::ptrdiff_t) {
@@ -167,7 +202,7 @@ void add_build(Subject& subject, int threads) {
   });
 }
 
-void add_all(std::vector<Subject>& subjects, int cores) {
+void add_all(std::vector<Subject>& subjects, const Rig& rig, int cores) {
   const std::string best = instruction_sets().front();
   for (Subject& one : subjects) {
     const bool natural = one.mesh.find("2 to 4") != std::string::npos;
@@ -175,7 +210,9 @@ void add_all(std::vector<Subject>& subjects, int cores) {
     for (const int threads : cores > 1 ? std::vector{1, cores} : std::vector{1}) {
       add_skinning(one, "linear", skin_linear, best, threads, Between::nothing);
       add_skinning(one, "dual quaternion", skin_dual_quaternion, best, threads, Between::nothing);
+      add_with_data(one, best, threads, Between::nothing);
       add_bound(one, threads, Between::nothing);
+      if (smallest && natural) add_centers(one, rig, threads);
       if (natural) add_build(one, threads);
       if (natural && one.character.rest.rows() > 0 && smallest) add_report(one, threads);
     }
@@ -200,6 +237,7 @@ void add_all(std::vector<Subject>& subjects, int cores) {
         if (set == best && between == Between::nothing) continue;  // above
         add_skinning(one, "linear", skin_linear, set, 1, between);
         add_skinning(one, "dual quaternion", skin_dual_quaternion, set, 1, between);
+        add_with_data(one, set, 1, between);
       }
     }
   }
@@ -224,7 +262,8 @@ int main(int count, char** arguments) {
   }
   subjects.push_back(subject("8 influences", read_character(arguments[1], 0, 8, 8, kFrames)));
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  add_all(subjects, cores);
+  const sinew::Rig rig = read_walking_rig(arguments[1]);
+  add_all(subjects, rig, cores);
   add_chain_rows(cores);
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();

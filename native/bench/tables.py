@@ -64,7 +64,7 @@ def kernel(path, summary=None):
 
     rows, records = [], []
     for (what, mesh, vertices, target, threads, state, frames), own in sorted(
-        figures.items(), key=lambda item: (item[0][0] == "build", item[0][1:3], item[0][4:], item[0])
+        figures.items(), key=lambda item: (item[0][0].startswith("build"), item[0][1:3], item[0][4:], item[0])
     ):
         if what.startswith(("bound", "report")):
             continue
@@ -89,7 +89,7 @@ def kernel(path, summary=None):
             "joints_a_block": own["joints_a_block"],
             "bytes_a_vertex": own["bytes"],
         }
-        if what != "build":
+        if not what.startswith("build"):
             if bound:
                 record["of_memory_bound"] = bound / own["median"]
             if what == "linear" and target == context["instruction_set"]:

@@ -5,6 +5,7 @@
 
 #include "arrays.h"
 #include "methods.h"
+#include "sinew/progress.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
 
@@ -20,11 +21,54 @@ py::array blended(const Skin& skin, const BlendShares& shares, const py::array& 
                  [&](auto stack, auto positions) { skin_blended(skin, shares, stack, positions, rule); });
 }
 
+py::array rotation_centers(const Skin& skin, const RotationCenters& centers, const py::array& matrices,
+                           const py::object& out) {
+  return skinned(skin, matrices, out,
+                 [&](auto stack, auto positions) { skin_rotation_centers(skin, centers, stack, positions); });
+}
+
+RotationCenters make_centers(const py::array& centers, const py::array& has_center) {
+  if (has_center.ndim() != 1) wrong_shape("has_center", has_center, "(V,)");
+  if (has_center.dtype().kind() != 'b') {
+    throw InputError("has_center is " + dtype_text(has_center) + "; expected bool");
+  }
+  const auto flags = py::array_t<bool, py::array::c_style>(has_center);
+  const std::vector<std::uint8_t> numbers(flags.data(), flags.data() + flags.size());
+  return RotationCenters(points_of<float>("centers", centers), numbers);
+}
+
+std::shared_ptr<RotationCenters> compute_centers(const Skin& skin, const py::array& face_offsets,
+                                                 const py::array& face_vertices, double sigma,
+                                                 std::shared_ptr<Progress> progress) {
+  const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
+  const std::vector<std::int32_t> vertices = list_of<std::int32_t>("face_vertices", face_vertices);
+  const py::gil_scoped_release release;
+  return std::const_pointer_cast<RotationCenters>(
+      RotationCenters::compute(skin, offsets, vertices, sigma, progress.get()));
+}
+
+py::array centers_of(const RotationCenters& self) {
+  py::array_t<float> centers({self.vertex_count(), std::ptrdiff_t{3}});
+  for (std::ptrdiff_t v = 0; v < self.vertex_count(); ++v) {
+    for (std::ptrdiff_t i = 3 * v; i < 3 * v + 3; ++i) {
+      centers.mutable_data()[i] = self.has_center(v) ? self.centers()[i] : 0;
+    }
+  }
+  return centers;
+}
+
+py::array has_center_of(const RotationCenters& self) {
+  py::array_t<bool> flags(self.vertex_count());
+  for (std::ptrdiff_t v = 0; v < self.vertex_count(); ++v) flags.mutable_data()[v] = self.has_center(v);
+  return flags;
+}
+
 }  // namespace
 
 void bind_method_data(py::module_& module) {
   py::class_<MethodData, std::shared_ptr<MethodData>>(
-      module, "MethodData", "What a method has of its own for each vertex: the base of BlendShares. Immutable.")
+      module, "MethodData",
+      "What a method has of its own for each vertex: the base of BlendShares and RotationCenters. Immutable.")
       .def_property_readonly(
           "method", [](const MethodData& self) { return name_of(self.method()); }, "The one method that takes it.")
       .def_property_readonly("vertex_count", &MethodData::vertex_count, "V.");
@@ -39,6 +83,46 @@ void bind_method_data(py::module_& module) {
           "shares", [](py::object self) { return view_list(self.cast<const BlendShares&>().shares(), self); },
           "(V,) float32, read-only.");
 
+  py::class_<Progress, std::shared_ptr<Progress>>(
+      module, "Progress",
+      "How far a long computation has come, and how to end it: made by one thread, handed to a computation in "
+      "another.")
+      .def(py::init<>(), "For one computation at a time.")
+      .def_property_readonly("fraction", &Progress::fraction, "0 to 1.")
+      .def_property_readonly("is_cancelled", &Progress::is_cancelled, "Whether cancel() was called.")
+      .def("cancel", &Progress::cancel, "The computation ends within about 0.1 s and returns None.");
+
+  py::class_<RotationCenters, MethodData, std::shared_ptr<RotationCenters>>(
+      module, "RotationCenters",
+      "Optimised centres of rotation (Le and Hodgins 2016), for the method \"rotation_centers\".")
+      .def(py::init(&make_centers), py::arg("centers"), py::arg("has_center"),
+           "Those that compute() has made before.\n\n"
+           "centers: (V, 3), space of the rest mesh.\n"
+           "has_center: (V,) bool; without a center a vertex moves linearly, and its row of centers says nothing.\n"
+           "Raises ValueError for sizes that do not fit and for a center that is not finite.")
+      .def_static("compute", &compute_centers, py::arg("skin"), py::arg("face_offsets"), py::arg("face_vertices"),
+                  py::arg("sigma") = 0.1, py::arg("progress") = py::none(),
+                  "The mean of the mesh's surface for each vertex, weighted by how alike its weights are to the "
+                  "vertex's own. The GIL is released.\n\n"
+                  "skin: V vertices at rest; weights that are not above 0 count as 0. It must not change meanwhile.\n"
+                  "face_offsets: (faces + 1,) integers, where each face begins in face_vertices.\n"
+                  "face_vertices: integers, vertices around each face; a polygon counts as a fan of triangles.\n"
+                  "sigma: above 0; the larger, the less alike weights need to be.\n"
+                  "progress: a Progress that another thread watches, or None.\n"
+                  "A vertex has no center if fewer than two joints move it or if no triangle is like it. Triangles "
+                  "that are alike to a sixteenth of sigma are taken together. Returns None if progress was "
+                  "cancelled. Raises ValueError for what does not fit.")
+      .def_property_readonly("centers", &centers_of, "(V, 3) float32, zeros where there is none. A copy.")
+      .def_property_readonly("has_center", &has_center_of, "(V,) bool. A copy.")
+      .def_property_readonly("count", &RotationCenters::count, "How many vertices have a center.");
+
+  module.def("skin_rotation_centers", &rotation_centers, py::arg("skin"), py::arg("centers"), py::arg("matrices"),
+             py::arg("out") = py::none(),
+             (std::string("Skinning about optimised centres of rotation (Le and Hodgins 2016): "
+                          "v' = R (v - p) + sum_j w_j M(j) p.\n\n"
+                          "centers: a RotationCenters of V vertices.\n") +
+              kSkinArguments + "Scale and shear are blended linearly and applied to v - p first.\n" + kSkinReturns)
+                 .c_str());
   module.def("skin_blended", &blended, py::arg("skin"), py::arg("shares"), py::arg("matrices"),
              py::arg("out") = py::none(), py::arg("stretch") = "polar", py::arg("rest_frames") = py::none(),
              (std::string("Linear and dual quaternion skinning, blended: v' = linear + share (dual quaternion - "

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 _Path: TypeAlias = str | os.PathLike[str]
 _Convention: TypeAlias = Literal["bone", "joint"]
-_Method: TypeAlias = Literal["linear", "dual_quaternion", "blended"]
+_Method: TypeAlias = Literal["linear", "dual_quaternion", "blended", "rotation_centers"]
 _SmoothType: TypeAlias = Literal["simple", "length_weighted"]
 _CornerAngle: TypeAlias = Literal["polynomial", "arc_cosine"]
 _Falloff: TypeAlias = Literal["none", "constant", "linear", "smooth", "sharp", "root", "sphere", "inverse_square"]
@@ -25,6 +25,7 @@ _Float32: TypeAlias = npt.NDArray[np.float32]
 _Float64: TypeAlias = npt.NDArray[np.float64]
 _Int32: TypeAlias = npt.NDArray[np.int32]
 _Int64: TypeAlias = npt.NDArray[np.int64]
+_Bool: TypeAlias = npt.NDArray[np.bool_]
 _Float = TypeVar("_Float", np.float32, np.float64)
 
 __version__: str
@@ -195,7 +196,7 @@ class Skin:
         """The same influences on another shape, (V, 3). Not while another thread skins with it."""
 
 class MethodData:
-    """What a method has of its own for each vertex: the base of BlendShares. Immutable."""
+    """What a method has of its own for each vertex: the base of BlendShares and RotationCenters. Immutable."""
 
     @property
     def method(self) -> str:
@@ -212,6 +213,45 @@ class BlendShares(MethodData):
     @property
     def shares(self) -> _Float32:
         """(V,), read-only."""
+
+class Progress:
+    """How far a long computation has come, and how to end it: made by one thread, handed to a computation in
+    another."""
+
+    def __init__(self) -> None:
+        """For one computation at a time."""
+    @property
+    def fraction(self) -> float:
+        """0 to 1."""
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether cancel() was called."""
+    def cancel(self) -> None:
+        """The computation ends within about 0.1 s and returns None."""
+
+class RotationCenters(MethodData):
+    """Optimised centres of rotation (Le and Hodgins 2016), for the method "rotation_centers"."""
+
+    def __init__(self, centers: _Reals, has_center: _Bool) -> None:
+        """Those that compute() has made before: centers (V, 3), has_center (V,)."""
+    @staticmethod
+    def compute(
+        skin: Skin,
+        face_offsets: _Integers,
+        face_vertices: _Integers,
+        sigma: float = 0.1,
+        progress: Progress | None = None,
+    ) -> RotationCenters | None:
+        """face_offsets (faces + 1,); face_vertices, face after face. None if progress was cancelled."""
+    @property
+    def centers(self) -> _Float32:
+        """(V, 3), zeros where there is none. A copy."""
+    @property
+    def has_center(self) -> _Bool:
+        """(V,). A copy."""
+    @property
+    def count(self) -> int:
+        """How many vertices have a center."""
 
 class Bends:
     """Influences of bones with segments, split over the segments where a vertex is. Immutable."""
@@ -435,6 +475,11 @@ def skin_blended(
     rest_frames: _Reals | None = None,
 ) -> _Float32:
     """v' = linear + share (dual quaternion - linear). The other arguments as of skin_dual_quaternion."""
+
+def skin_rotation_centers(
+    skin: Skin, centers: RotationCenters, matrices: _Float32, out: _Float32 | None = None
+) -> _Float32:
+    """v' = R (v - p) + sum_j w_j M(j) p. The other arguments as of skin_linear."""
 
 def skin_all(
     jobs: Sequence[

@@ -225,7 +225,7 @@ HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t
 }
 
 /// The first `parts` of the eight parts of the joints' dual quaternions, real then dual, each w x y z: summed.
-template <int parts>
+template <int parts, bool fetch = true>
 HWY_INLINE void sum_quaternions(const Group& group, const std::uint32_t* joints, JointSet set,
                                 const DualQuaternion* palette, Floats* sum) {
   const auto part_of = [](const DualQuaternion& joint, int part)
@@ -236,7 +236,7 @@ HWY_INLINE void sum_quaternions(const Group& group, const std::uint32_t* joints,
   const float* weights = group.weights;
   for (std::uint32_t k = 0; k < set.count && !set.is_rigid; ++k, weights += kBlock) {
     const Floats weight = hn::Load(kTag, weights);
-    fetch_ahead(weights, 0);
+    if (fetch) fetch_ahead(weights, 0);
     for (int part = 0; part < parts; ++part) {
       sum[part] = hn::MulAdd(weight, part_of(palette[joints[k]], part), sum[part]);
     }
@@ -257,19 +257,19 @@ HWY_INLINE Floats cross(Floats a, Floats b, Floats c, Floats d) { return hn::Neg
 
 /// Summed dual quaternions applied as Kavan 2008, algorithm 1, on a real part that is not yet
 /// normalised: p + 2 / |r|^2 (r x (r x p + w p + d) + w d - d_w r).
-HWY_INLINE void move_by_dual_quaternions(const Floats* sum, const Points<1>& points, Moved<1>& moved) {
+HWY_INLINE void move_by_dual_quaternions(const Floats* sum, Floats px, Floats py, Floats pz, Floats& x, Floats& y,
+                                         Floats& z) {
   const Floats rw = sum[0], rx = sum[1], ry = sum[2], rz = sum[3];
   const Floats dw = sum[4], dx = sum[5], dy = sum[6], dz = sum[7];
-  const Floats px = points.x[0], py = points.y[0], pz = points.z[0];
   const Floats scale = two_over_norm2(sum);
   const Floats tx = hn::Add(hn::MulAdd(rw, px, dx), cross(ry, py, rz, pz));
   const Floats ty = hn::Add(hn::MulAdd(rw, py, dy), cross(rz, pz, rx, px));
   const Floats tz = hn::Add(hn::MulAdd(rw, pz, dz), cross(rx, px, ry, py));
   const auto applied = [&](Floats p, Floats turned, Floats d, Floats r)
                            HWY_ATTR { return hn::MulAdd(scale, hn::MulAdd(rw, d, hn::NegMulAdd(dw, r, turned)), p); };
-  moved.x[0] = applied(px, cross(ry, ty, rz, tz), dx, rx);
-  moved.y[0] = applied(py, cross(rz, tz, rx, tx), dy, ry);
-  moved.z[0] = applied(pz, cross(rx, tx, ry, ty), dz, rz);
+  x = applied(px, cross(ry, ty, rz, tz), dx, rx);
+  y = applied(py, cross(rz, tz, rx, tx), dy, ry);
+  z = applied(pz, cross(rx, tx, ry, ty), dz, rz);
 }
 
 }  // namespace

@@ -80,7 +80,8 @@ void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const Dua
       Floats sum[8];
       sum_quaternions<8>(*group, skin.joints.data() + set.begin, set, palette, sum);
       Moved<1> moved;
-      move_by_dual_quaternions(sum, Points<1>(group), moved);
+      const Points<1> points(group);
+      move_by_dual_quaternions(sum, points.x[0], points.y[0], points.z[0], moved.x[0], moved.y[0], moved.z[0]);
       moved.store(group, interleaver);
     });
   }

@@ -4,6 +4,7 @@
 #include "check.h"
 #include "dual_quaternion_skinning.h"
 #include "linear_skinning.h"
+#include "rotation_center_skinning.h"
 
 namespace sinew {
 
@@ -15,6 +16,8 @@ const char* name_of(SkinningMethod method) {
       return "dual_quaternion";
     case SkinningMethod::blended:
       return "blended";
+    case SkinningMethod::rotation_centers:
+      return "rotation_centers";
   }
   return "";
 }
@@ -35,7 +38,7 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
 }
 
 void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where) {
-  const bool has_some = method == SkinningMethod::blended;
+  const bool has_some = method == SkinningMethod::blended || method == SkinningMethod::rotation_centers;
   if (has_some && !data) fail(where, "the method ", name_of(method), " has no data; expected some");
   if (!data) return;
   if (data->method() != method) {
@@ -61,6 +64,8 @@ void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette,
       return run_dual_quaternion(skin, palette, tile);
     case SkinningMethod::blended:
       return run_blended(skin, palette, tile);
+    case SkinningMethod::rotation_centers:
+      return run_rotation_centers(skin, palette, tile);
   }
 }
 
@@ -73,6 +78,8 @@ void run_vertex(std::size_t v, const Influences& influences, SkinningMethod meth
       return dual_quaternion_vertex(influences, palette, rest, out);
     case SkinningMethod::blended:
       return blended_vertex(influences, palette, static_cast<const BlendShares&>(*data).shares()[v], rest, out);
+    case SkinningMethod::rotation_centers:
+      return rotation_center_vertex(v, influences, static_cast<const RotationCenters&>(*data), palette, rest, out);
   }
 }
 
@@ -85,6 +92,8 @@ double microseconds_a_vertex(SkinningMethod method) {
       return 2.5e-3;
     case SkinningMethod::blended:
       return 4e-3;
+    case SkinningMethod::rotation_centers:
+      return 3.5e-3;
   }
   return 0;
 }

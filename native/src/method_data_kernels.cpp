@@ -34,17 +34,47 @@ HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
   return hn::IfThenElse(hn::Eq(share, hn::Set(kTag, 1.0f)), to, low);
 }
 
-/// Calls move(group, joints, set, vertex) for all groups; vertex: the group's first one, counted from the
-/// tile's.
+// Groups of a block that are moved together: they share the loads of a joint's matrix.
+constexpr int kAtOnce = kLanes == kBlock ? 1 : 2;
+
+/// Calls move(groups, joints, set, vertex) for all groups, kAtOnce of them each time; vertex: the first
+/// one's first, counted from the tile's.
 template <class Move>
 HWY_INLINE void for_groups(const BlockedSkin& skin, const Tile& tile, const Move& move) {
   for (std::size_t b = tile.begin; b < tile.end; ++b) {
     const JointSet set = skin.sets[skin.blocks[b].joint_set];
     std::size_t vertex = (b - tile.begin) * kBlock;
-    run_block<1>(skin, tile, b, 1, [&]<int>(const Group* group) HWY_ATTR {
-      move(*group, skin.joints.data() + set.begin, set, vertex);
-      vertex += kLanes;
+    run_block<kAtOnce>(skin, tile, b, 1, [&]<int>(const Group* groups) HWY_ATTR {
+      move(groups, skin.joints.data() + set.begin, set, vertex);
+      vertex += kAtOnce * kLanes;
     });
+  }
+}
+
+/// Points moved linearly and real parts summed, in one pass over the weights.
+template <int N>
+HWY_INLINE void move_and_sum(const Points<N>& points, const Group* groups, const std::uint32_t* joints, JointSet set,
+                             const MatrixRows* matrices, const DualQuaternion* quaternions, Moved<N>& moved,
+                             Floats real[N][4]) {
+  const float* weights[N];
+  for (int n = 0; n < N; ++n) {
+    moved.x[n] = moved.y[n] = moved.z[n] = hn::Zero(kTag);
+    for (int part = 0; part < 4; ++part) real[n][part] = hn::Zero(kTag);
+    weights[n] = groups[n].weights;
+  }
+  for (std::uint32_t k = 0; k < set.count; ++k) {
+    const MatrixRows& matrix = matrices[joints[k]];
+    add_transformed<N>(matrix.row[0], points, weights, moved.x);
+    add_transformed<N>(matrix.row[1], points, weights, moved.y);
+    add_transformed<N>(matrix.row[2], points, weights, moved.z);
+    for (int part = 0; part < 4; ++part) {
+      const Floats own = hn::Set(kTag, quaternions[joints[k]].real[part]);
+      for (int n = 0; n < N; ++n) real[n][part] = hn::MulAdd(hn::Load(kTag, weights[n]), own, real[n][part]);
+    }
+    for (int n = 0; n < N; ++n) {
+      fetch_ahead(weights[n], n);
+      weights[n] += kBlock;
+    }
   }
 }
 
@@ -52,51 +82,57 @@ void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows*
                     const DualQuaternion* quaternions, const float* shares) {
   const Interleaver interleaver;
   const Lanes lanes;
-  for_groups(skin, tile,
-             [&](const Group& group, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
-               const Points<1> points(&group);
-               Moved<1> moved, turned;
-               move_linearly<1>(points, &group, joints, set, matrices, moved);
-               Floats sum[8];
-               sum_quaternions<8>(group, joints, set, quaternions, sum);
-               move_by_dual_quaternions(sum, points, turned);
-               const Floats share = lanes.load(shares + vertex);
-               moved.x[0] = between(moved.x[0], turned.x[0], share);
-               moved.y[0] = between(moved.y[0], turned.y[0], share);
-               moved.z[0] = between(moved.z[0], turned.z[0], share);
-               moved.store(&group, interleaver);
-             });
+  const auto move = [&](const Group* groups, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
+    const Points<kAtOnce> points(groups);
+    Moved<kAtOnce> moved;
+    move_linearly<kAtOnce>(points, groups, joints, set, matrices, moved);
+    for (int n = 0; n < kAtOnce; ++n) {
+      Floats sum[8], x, y, z;
+      sum_quaternions<8, false>(groups[n], joints, set, quaternions, sum);
+      move_by_dual_quaternions(sum, points.x[n], points.y[n], points.z[n], x, y, z);
+      const Floats share = lanes.load(shares + vertex + n * kLanes);
+      moved.x[n] = between(moved.x[n], x, share);
+      moved.y[n] = between(moved.y[n], y, share);
+      moved.z[n] = between(moved.z[n], z, share);
+    }
+    moved.store(groups, interleaver);
+  };
+  for_groups(skin, tile, move);
 }
 
 void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
                             const DualQuaternion* quaternions, const float* centers) {
   const Interleaver interleaver;
-  for_groups(skin, tile,
-             [&](const Group& group, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
-               const Points<1> points(&group);
-               Points<1> from;
-               interleaver.take_apart(centers + 3 * vertex, from.x[0], from.y[0], from.z[0]);
-               const auto has = hn::Eq(from.x[0], from.x[0]);
-               from.x[0] = hn::IfThenElse(has, from.x[0], points.x[0]);
-               from.y[0] = hn::IfThenElse(has, from.y[0], points.y[0]);
-               from.z[0] = hn::IfThenElse(has, from.z[0], points.z[0]);
-               Moved<1> moved;
-               move_linearly<1>(from, &group, joints, set, matrices, moved);
-               Floats r[4];
-               sum_quaternions<4>(group, joints, set, quaternions, r);
-               const Floats scale = hn::IfThenElseZero(has, two_over_norm2(r));
-               const Floats dx = hn::Sub(points.x[0], from.x[0]);
-               const Floats dy = hn::Sub(points.y[0], from.y[0]);
-               const Floats dz = hn::Sub(points.z[0], from.z[0]);
-               // d + 2 / |r|^2 r x (r x d + w d)
-               const Floats tx = hn::MulAdd(r[0], dx, cross(r[2], dy, r[3], dz));
-               const Floats ty = hn::MulAdd(r[0], dy, cross(r[3], dz, r[1], dx));
-               const Floats tz = hn::MulAdd(r[0], dz, cross(r[1], dx, r[2], dy));
-               moved.x[0] = hn::Add(moved.x[0], hn::MulAdd(scale, cross(r[2], ty, r[3], tz), dx));
-               moved.y[0] = hn::Add(moved.y[0], hn::MulAdd(scale, cross(r[3], tz, r[1], tx), dy));
-               moved.z[0] = hn::Add(moved.z[0], hn::MulAdd(scale, cross(r[1], tx, r[2], ty), dz));
-               moved.store(&group, interleaver);
-             });
+  const auto move = [&](const Group* groups, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
+    const Points<kAtOnce> points(groups);
+    Points<kAtOnce> from;
+    for (int n = 0; n < kAtOnce; ++n) {
+      interleaver.take_apart(centers + 3 * (vertex + n * kLanes), from.x[n], from.y[n], from.z[n]);
+      const auto has = hn::Eq(from.x[n], from.x[n]);
+      from.x[n] = hn::IfThenElse(has, from.x[n], points.x[n]);
+      from.y[n] = hn::IfThenElse(has, from.y[n], points.y[n]);
+      from.z[n] = hn::IfThenElse(has, from.z[n], points.z[n]);
+    }
+    Moved<kAtOnce> moved;
+    Floats reals[kAtOnce][4];
+    move_and_sum<kAtOnce>(from, groups, joints, set, matrices, quaternions, moved, reals);
+    for (int n = 0; n < kAtOnce; ++n) {
+      const Floats* const r = reals[n];
+      const Floats scale = two_over_norm2(r);
+      const Floats dx = hn::Sub(points.x[n], from.x[n]);
+      const Floats dy = hn::Sub(points.y[n], from.y[n]);
+      const Floats dz = hn::Sub(points.z[n], from.z[n]);
+      // d + 2 / |r|^2 r x (r x d + w d); without a center d is 0.
+      const Floats tx = hn::MulAdd(r[0], dx, cross(r[2], dy, r[3], dz));
+      const Floats ty = hn::MulAdd(r[0], dy, cross(r[3], dz, r[1], dx));
+      const Floats tz = hn::MulAdd(r[0], dz, cross(r[1], dx, r[2], dy));
+      moved.x[n] = hn::Add(moved.x[n], hn::MulAdd(scale, cross(r[2], ty, r[3], tz), dx));
+      moved.y[n] = hn::Add(moved.y[n], hn::MulAdd(scale, cross(r[3], tz, r[1], tx), dy));
+      moved.z[n] = hn::Add(moved.z[n], hn::MulAdd(scale, cross(r[1], tx, r[2], ty), dz));
+    }
+    moved.store(groups, interleaver);
+  };
+  for_groups(skin, tile, move);
 }
 
 }  // namespace

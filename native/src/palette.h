@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <optional>
 #include <vector>
 
 #include "kernels.h"
+#include "sinew/types.h"
 
 namespace sinew {
 
@@ -25,6 +27,8 @@ struct Palette {
   std::vector<RigidAndStretch> motions;          ///< J, signs as they came
   std::vector<std::uint8_t> skip;                ///< a joint set: 1 if its vertices go one by one
   bool stretch_each = false;                     ///< Stretch::frame_each
+  // Centres of rotation:
+  std::optional<Matrix4<double>> from_mesh{};  ///< into the space of the matrices, if that is another one
 };
 
 }  // namespace sinew

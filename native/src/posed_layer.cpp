@@ -55,6 +55,8 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
     space.reset();
   }
   prepare(*skin, own.method(), rule, stack, 0, palette);
+  palette.from_mesh.reset();
+  if (space) palette.from_mesh = space->back;
 }
 
 void PosedLayer::run(const TileInput& input, LayerScratch& scratch, float* own) const {

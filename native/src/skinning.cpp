@@ -175,4 +175,10 @@ void skin_blended(const Skin& skin, const BlendShares& shares, MatrixStack<const
   skin_all({&job, 1});
 }
 
+void skin_rotation_centers(const Skin& skin, const RotationCenters& centers, MatrixStack<const float> matrices,
+                           std::span<float> positions) {
+  const SkinningJob job{&skin, matrices, positions, SkinningMethod::rotation_centers, {}, &centers};
+  skin_all({&job, 1});
+}
+
 }  // namespace sinew

@@ -3,31 +3,13 @@
 #include <algorithm>
 
 #include "check.h"
+#include "faces.h"
 
 namespace sinew {
 namespace {
 
 // A point's place counted in floats, four a point, has to fit 32 bits; some points are for padding.
 constexpr std::ptrdiff_t kMostVertices = std::ptrdiff_t{1} << 29;
-
-void check_vertices(const char* name, std::span<const std::int32_t> numbers, std::ptrdiff_t vertices) {
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    if (numbers[i] >= 0 && numbers[i] < vertices) continue;
-    fail(name, " names vertex ", numbers[i], "; the mesh has ", plural(vertices, "vertex"));
-  }
-}
-
-void check_offsets(std::span<const std::int32_t> offsets, std::ptrdiff_t corners) {
-  if (offsets.empty() && corners == 0) return;
-  if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners) {
-    fail("face_offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ", offsets.empty() ? 0 : offsets.back(),
-         "; expected 0 to ", corners, ", the number of corners");
-  }
-  for (std::size_t f = 0; f + 1 < offsets.size(); ++f) {
-    if (offsets[f + 1] - offsets[f] >= 3) continue;
-    fail("face ", f, " has ", plural(offsets[f + 1] - offsets[f], "corner"), "; expected three at least");
-  }
-}
 
 /// How often each of `vertices` numbers occurs, summed up: where each one's entries begin.
 std::vector<std::uint32_t> beginnings(std::span<const std::int32_t> numbers, std::ptrdiff_t vertices) {
@@ -58,7 +40,7 @@ Topology::Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> ed
   }
   check_vertices("edges", edges, vertex_count);
   check_vertices("corner_vertices", corner_vertices, vertex_count);
-  check_offsets(face_offsets, std::ssize(corner_vertices));
+  check_face_offsets(face_offsets, std::ssize(corner_vertices));
   neighbour_begin_ = beginnings(edges, vertex_count);
   corner_begin_ = beginnings(corner_vertices, vertex_count);
   take_edges(edges);

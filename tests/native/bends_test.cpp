@@ -9,6 +9,7 @@
 #include "rigs.h"
 #include "sinew/deformer.h"
 #include "sinew/instruction_set.h"
+#include "skinned.h"
 
 namespace sinew {
 namespace {
@@ -115,7 +116,9 @@ struct How {
 const How kHows[] = {{SkinningMethod::linear, Stretch::polar, false},
                      {SkinningMethod::dual_quaternion, Stretch::polar, false},
                      {SkinningMethod::dual_quaternion, Stretch::frame, true},
-                     {SkinningMethod::dual_quaternion, Stretch::frame_each, true}};
+                     {SkinningMethod::dual_quaternion, Stretch::frame_each, true},
+                     {SkinningMethod::blended, Stretch::frame, true},
+                     {SkinningMethod::rotation_centers, Stretch::polar, false}};
 
 Matrix4<double> similarity() {
   Matrix4<double> matrix = rigs::turn(40, {1, 2, 3}, {0.3, -0.2, 0.1});
@@ -139,9 +142,10 @@ struct Character {
   std::shared_ptr<const Layer> layer(std::shared_ptr<const Skin> skin, std::shared_ptr<const Bends> bends = nullptr,
                                      const Space& split_space = std::nullopt) const {
     const StretchRule rule{how.stretch, motion.frames};
+    const auto data = rigs::data_of(how.method, *skin);
     return std::make_shared<Layer>(std::move(skin), how.method, rule,
                                    mask.empty() ? std::nullopt : std::optional<std::span<const float>>(mask),
-                                   std::nullopt, std::move(bends), split_space);
+                                   std::nullopt, std::move(bends), split_space, data);
   }
 
   Floats deformed(std::shared_ptr<const Layer> layer, const Space& space,

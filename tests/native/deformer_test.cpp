@@ -52,7 +52,8 @@ struct Part {
     const auto span = [](const std::optional<Floats>& numbers) {
       return numbers ? std::optional<std::span<const float>>(*numbers) : std::nullopt;
     };
-    return std::make_shared<Layer>(skin, method, StretchRule{}, span(mask), span(share));
+    return std::make_shared<Layer>(skin, method, StretchRule{}, span(mask), span(share), nullptr, std::nullopt,
+                                   rigs::data_of(method, *skin));
   }
 };
 
@@ -61,6 +62,20 @@ Skin on_points(const Skin& skin, const Points& points) {
   const Rows rows = points.cast<float>();
   return Skin({rows.data(), static_cast<std::size_t>(rows.size())}, skin.offsets(), skin.joints(), skin.weights(),
               skin.joint_count());
+}
+
+/// there, centers: in the armature's space.
+Points skinned(const Part& part, const Skin& there, const Points& centers) {
+  if (part.method == SkinningMethod::rotation_centers) {
+    return reference::skin_rotation_centers(there, part.pose, centers);
+  }
+  const Points linear = reference::skin_linear(there, part.pose);
+  if (part.method == SkinningMethod::linear) return linear;
+  const Points dual = reference::skin_dual_quaternion(there, part.pose);
+  if (part.method == SkinningMethod::dual_quaternion) return dual;
+  const Floats shares = rigs::mixed_shares(there.vertex_count());
+  const auto share = Eigen::Map<const Eigen::VectorXf>(shares.data(), std::ssize(shares)).cast<double>().array();
+  return linear.array() + (dual - linear).array().colwise() * share;
 }
 
 /// Slow and obvious: through C^-1, skinned in the armature's space, back through C.
@@ -73,9 +88,7 @@ Points expected(const std::vector<Part>& parts, const Points& input) {
       return (points * matrix.topLeftCorner<3, 3>().transpose()).rowwise() + matrix.topRightCorner<3, 1>().transpose();
     };
     const Skin there = on_points(*part.skin, moved(inverse, input));
-    Points own =
-        moved(space, part.method == SkinningMethod::linear ? reference::skin_linear(there, part.pose)
-                                                           : reference::skin_dual_quaternion(there, part.pose));
+    Points own = moved(space, skinned(part, there, moved(inverse, rigs::points_of(rigs::random_centers(*part.skin)))));
     for (Eigen::Index v = 0; part.mask && v < own.rows(); ++v) {
       own.row(v) = input.row(v) + (*part.mask)[v] * (own.row(v) - input.row(v));
     }
@@ -153,16 +166,16 @@ TEST_P(DeformerOnEachInstructionSet, InEverySpaceMaskedMixedOnEveryInput) {
     // Fourteen joints a vertex: blended vertex by vertex.
     const auto loose = std::make_shared<const Skin>(rigs::random_skin(random, vertices, 40));
     for (const auto& space : spaces) {
-      std::vector<Part> parts{{skin, SkinningMethod::linear},
-                              {skin, SkinningMethod::dual_quaternion},
-                              {loose, SkinningMethod::linear},
-                              {loose, SkinningMethod::dual_quaternion}};
+      std::vector<Part> parts{{skin, SkinningMethod::linear},   {skin, SkinningMethod::dual_quaternion},
+                              {loose, SkinningMethod::linear},  {loose, SkinningMethod::dual_quaternion},
+                              {skin, SkinningMethod::blended},  {skin, SkinningMethod::rotation_centers},
+                              {loose, SkinningMethod::blended}, {loose, SkinningMethod::rotation_centers}};
       for (Part& part : parts) {
         part.pose = gentle_pose(random, static_cast<std::int32_t>(part.skin->joint_count()));
         part.space = space;
       }
       parts[1].mask = parts[2].mask = random_numbers(random, vertices, 0, 1);
-      for (const int i : {1, 2, 3}) parts[i].share = random_numbers(random, vertices, 0, 1);
+      for (const int i : {1, 2, 3, 4, 5, 6, 7}) parts[i].share = random_numbers(random, vertices, 0, 1);
       const Floats other = random_numbers(random, 3 * vertices, -1, 1);
       const Deformer all = made(parts);
       EXPECT_LT(rigs::distance(deformed(all, parts), expected(parts, points_of(skin->rest_positions()))),

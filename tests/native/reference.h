@@ -83,8 +83,15 @@ inline DualQuaternion dual_quaternion(const Matrix4<double>& matrix) {
   return result;
 }
 
+inline std::vector<DualQuaternion> dual_quaternions(const Matrices& matrices) {
+  std::vector<DualQuaternion> joints;
+  for (const auto& matrix : matrices) joints.push_back(dual_quaternion(matrix));
+  return joints;
+}
+
 /// Kavan 2008 with signs against the running sum, in the stored order of the influences.
 inline Eigen::MatrixX3d skin_dual_quaternion(const Skin& skin, const Matrices& matrices) {
+  const std::vector<DualQuaternion> joints = dual_quaternions(matrices);
   Eigen::MatrixX3d positions(skin.vertex_count(), 3);
   for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
     const Eigen::Vector3d point = rest_position(skin, v);
@@ -94,7 +101,7 @@ inline Eigen::MatrixX3d skin_dual_quaternion(const Skin& skin, const Matrices& m
     sum.stretch.setZero();
     double weights = 0;
     for (auto i = skin.offsets()[v]; i < skin.offsets()[v + 1]; ++i) {
-      const DualQuaternion joint = dual_quaternion(matrices[skin.joints()[i]]);
+      const DualQuaternion& joint = joints[skin.joints()[i]];
       const double weight = skin.weights()[i];
       const double sign = sum.real.dot(joint.real) < 0 ? -1 : 1;
       sum.real.coeffs() += sign * weight * joint.real.coeffs();
@@ -109,6 +116,73 @@ inline Eigen::MatrixX3d skin_dual_quaternion(const Skin& skin, const Matrices& m
     positions.row(v) = sum.real.toRotationMatrix() * (sum.stretch * point / weights) + translation;
   }
   return positions;
+}
+
+/// R S (v - p) + sum_j w_j M_j p with signs against the running sum; linear where there is no p.
+/// centers  V x 3.
+inline Eigen::MatrixX3d skin_rotation_centers(const Skin& skin, const Matrices& matrices,
+                                              const Eigen::MatrixX3d& centers) {
+  const std::vector<DualQuaternion> joints = dual_quaternions(matrices);
+  const Eigen::MatrixXd dense = dense_weights(skin);
+  Eigen::MatrixX3d positions = skin_linear(skin, matrices);
+  for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
+    if (!is_moved(skin, v) || std::isnan(centers(v, 0))) continue;
+    const Eigen::Vector3d center = centers.row(v);
+    Eigen::Vector3d moved = Eigen::Vector3d::Zero();
+    for (std::ptrdiff_t j = 0; j < skin.joint_count(); ++j) {
+      moved += dense(v, j) * (matrices[j] * center.homogeneous()).head<3>();
+    }
+    Eigen::Quaterniond sum(0, 0, 0, 0);
+    Eigen::Matrix3d stretch = Eigen::Matrix3d::Zero();
+    for (auto i = skin.offsets()[v]; i < skin.offsets()[v + 1]; ++i) {
+      const DualQuaternion& joint = joints[skin.joints()[i]];
+      sum.coeffs() += (sum.dot(joint.real) < 0 ? -1 : 1) * skin.weights()[i] * joint.real.coeffs();
+      stretch += skin.weights()[i] * joint.stretch;
+    }
+    stretch /= dense.row(v).sum();
+    positions.row(v) = moved + sum.normalized().toRotationMatrix() * stretch * (rest_position(skin, v) - center);
+  }
+  return positions;
+}
+
+/// The formula, over all triangles and all pairs of joints. faces: vertices around each, a fan.
+inline Eigen::MatrixX3d rotation_centers(const Skin& skin, const std::vector<std::vector<std::int32_t>>& faces,
+                                         double sigma) {
+  const Eigen::MatrixXd weights = dense_weights(skin).cwiseMax(0);
+  struct Triangle {
+    double area;
+    Eigen::Vector3d center;
+    Eigen::RowVectorXd weights;
+  };
+  std::vector<Triangle> triangles;
+  for (const auto& face : faces) {
+    for (std::size_t i = 1; i + 1 < face.size(); ++i) {
+      const std::int32_t a = face[0], b = face[i], c = face[i + 1];
+      const Eigen::Vector3d p = rest_position(skin, a), q = rest_position(skin, b), r = rest_position(skin, c);
+      triangles.push_back(
+          {(q - p).cross(r - p).norm() / 2, (p + q + r) / 3, (weights.row(a) + weights.row(b) + weights.row(c)) / 3});
+    }
+  }
+  Eigen::MatrixX3d centers(skin.vertex_count(), 3);
+  for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
+    Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+    double total = 0;
+    for (const Triangle& t : triangles) {
+      double similarity = 0;
+      for (std::ptrdiff_t j = 0; j < skin.joint_count(); ++j) {
+        for (std::ptrdiff_t k = 0; k < skin.joint_count(); ++k) {
+          const double product = weights(v, j) * weights(v, k) * t.weights(j) * t.weights(k);
+          if (j == k || product == 0) continue;
+          const double apart = weights(v, j) * t.weights(k) - weights(v, k) * t.weights(j);
+          similarity += product * std::exp(-apart * apart / (sigma * sigma));
+        }
+      }
+      sum += similarity * t.area * t.center;
+      total += similarity * t.area;
+    }
+    centers.row(v) = sum / total;
+  }
+  return centers;
 }
 
 }  // namespace sinew::reference

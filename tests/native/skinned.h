@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -25,6 +26,38 @@ inline std::vector<float> mixed_shares(std::ptrdiff_t vertices) {
 
 inline void skin_mixed(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
   skin_blended(skin, BlendShares(mixed_shares(skin.vertex_count())), matrices, positions);
+}
+
+/// Somewhere in the box for most of the vertices that something moves.
+inline RotationCenters random_centers(const Skin& skin) {
+  Random random(77);
+  std::vector<float> centers;
+  std::vector<std::uint8_t> has_center;
+  for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) centers.push_back(static_cast<float>(uniform(random, -1, 1)));
+    has_center.push_back(v / 64 % 3 != 2 && v % 5 != 4 && skin.offsets()[v] != skin.offsets()[v + 1]);
+  }
+  return RotationCenters(centers, has_center);
+}
+
+inline void skin_about_centers(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
+  skin_rotation_centers(skin, random_centers(skin), matrices, positions);
+}
+
+/// For a layer of that method.
+inline std::shared_ptr<const MethodData> data_of(SkinningMethod method, const Skin& skin) {
+  if (method == SkinningMethod::blended) return std::make_shared<BlendShares>(mixed_shares(skin.vertex_count()));
+  if (method == SkinningMethod::rotation_centers) return std::make_shared<RotationCenters>(random_centers(skin));
+  return nullptr;
+}
+
+/// V x 3, rows of what is no number where a vertex has none.
+inline Eigen::MatrixX3d points_of(const RotationCenters& centers) {
+  Eigen::MatrixX3d points(centers.vertex_count(), 3);
+  for (std::ptrdiff_t v = 0; v < centers.vertex_count(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) points(v, axis) = centers.centers()[3 * v + axis];
+  }
+  return points;
 }
 
 /// F x V x 3; and nothing is written beyond the end, whatever is left of the last block.

@@ -102,7 +102,7 @@ def test_parameters(live, function):
     assert of_stub(function) == of_docstring(live.__doc__)
 
 
-ALIASES = {"_Float32": np.float32, "_Float64": np.float64, "_Int32": np.int32, "_Int64": np.int64}
+ALIASES = {"_Float32": np.float32, "_Float64": np.float64, "_Int32": np.int32, "_Int64": np.int64, "_Bool": np.bool_}
 
 
 def samples():
@@ -127,6 +127,8 @@ def samples():
         "CorrectiveSmooth": sinew.CorrectiveSmooth(topology),
         "MethodData": shares,
         "BlendShares": shares,
+        "Progress": sinew.Progress(),
+        "RotationCenters": sinew.RotationCenters(np.zeros((1, 3)), np.ones(1, bool)),
         "Bends": bends,
         "Skeleton": sinew.Skeleton(np.array([-1]), one),
         "RigSkeleton": skeleton,

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "sinew/blend_shares.h"
+#include "sinew/rotation_centers.h"
 #include "sinew/skin.h"
 #include "sinew/skinning_method.h"
 #include "sinew/types.h"
@@ -47,6 +48,16 @@ void skin_dual_quaternion(const Skin& skin, MatrixStack<const float> matrices, s
 /// shares                            V.
 void skin_blended(const Skin& skin, const BlendShares& shares, MatrixStack<const float> matrices,
                   std::span<float> positions, const StretchRule& rule = {});
+
+/// Skinning about optimised centres of rotation: neither linear blending's collapse nor dual quaternions'
+/// bulge. v' = R S (v - p) + sum_j w_j M(j) p, p the vertex's centre, R the rotation of the joints'
+/// blended unit quaternions, with signs as of dual quaternions, and S the joints' blended stretch,
+/// the identity where they only turn and move. A vertex without a centre moves linearly.
+///
+/// skin, matrices, positions   as above.
+/// centers                     V.
+void skin_rotation_centers(const Skin& skin, const RotationCenters& centers, MatrixStack<const float> matrices,
+                           std::span<float> positions);
 
 /// What these functions take.
 struct SkinningJob {

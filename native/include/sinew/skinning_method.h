@@ -10,11 +10,12 @@ namespace sinew {
 enum class SkinningMethod {
   linear,
   dual_quaternion,
-  blended,  ///< of the two, see BlendShares
+  blended,           ///< of the two, see BlendShares
+  rotation_centers,  ///< see RotationCenters
 };
 
 constexpr SkinningMethod kSkinningMethods[] = {SkinningMethod::linear, SkinningMethod::dual_quaternion,
-                                               SkinningMethod::blended};
+                                               SkinningMethod::blended, SkinningMethod::rotation_centers};
 
 /// As Python has it: "dual_quaternion".
 const char* name_of(SkinningMethod method);

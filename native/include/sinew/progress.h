@@ -1,0 +1,37 @@
+/// How far a long computation has come, and how to end it.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+
+namespace sinew {
+
+/// Shared by the thread that computes and those that watch. Any of them may call anything at any time.
+class Progress {
+ public:
+  /// 0 to 1; never falls while one computation runs.
+  double fraction() const {
+    const auto total = total_.load(std::memory_order_relaxed);
+    if (total == 0) return 0;
+    const auto done = done_.load(std::memory_order_relaxed);
+    return std::min(1.0, static_cast<double>(done) / static_cast<double>(total));
+  }
+
+  /// Asks the computation, or the next one, to stop soon and to give no result.
+  void cancel() { cancelled_.store(true, std::memory_order_relaxed); }
+  bool is_cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
+
+  /// For the computation: so many steps are ahead; some have been taken.
+  void start(std::int64_t steps) {
+    done_.store(0, std::memory_order_relaxed);
+    total_.store(steps, std::memory_order_relaxed);
+  }
+  void advance(std::int64_t steps) { done_.fetch_add(steps, std::memory_order_relaxed); }
+
+ private:
+  std::atomic<std::int64_t> total_ = 0, done_ = 0;
+  std::atomic<bool> cancelled_ = false;
+};
+
+}  // namespace sinew

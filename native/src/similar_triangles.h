@@ -1,0 +1,62 @@
+/// What the triangles of a mesh are to vertices of similar weights.
+#pragma once
+
+#include <hwy/aligned_allocator.h>
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "sinew/progress.h"
+#include "sinew/skin.h"
+
+namespace sinew {
+
+/// What moves each vertex: each joint once, ascending, with a weight above 0.
+struct MergedInfluences {
+  explicit MergedInfluences(const Skin& skin);
+
+  struct Influence {
+    std::int32_t joint;
+    float weight;
+  };
+  std::span<const Influence> of(std::size_t v) const {
+    return std::span(influences).subspan(offsets[v], offsets[v + 1] - offsets[v]);
+  }
+  std::vector<std::size_t> offsets;  // V + 1
+  std::vector<Influence> influences;
+};
+
+/// For each two joints the triangles that both move, those of nearly the same weights taken together
+/// in one cell. With X, Y the weights of the two joints, a cell has the mass m = sum a X Y, the mean
+/// weights and the moment sum a X Y c, areas being shares of the mesh's and positions relative to
+/// `origin`.
+class SimilarTriangles {
+ public:
+  /// faces as RotationCenters::compute takes them, checked. Advances progress by a step a
+  /// triangle; stops, of no use then, when that is cancelled.
+  SimilarTriangles(const Skin& skin, const MergedInfluences& influences, std::span<const std::int32_t> face_offsets,
+                   std::span<const std::int32_t> face_vertices, double sigma, Progress& progress);
+
+  /// The center of a vertex with these influences: x y z, or not a number.
+  std::array<float, 3> center_of(std::span<const MergedInfluences::Influence> own) const;
+
+ private:
+  /// Six rows of numbers in cells_, padded with cells without mass: x / sigma, y / sigma, m, and the
+  /// moment.
+  struct Pair {
+    std::size_t begin;   ///< in cells_
+    std::size_t length;  ///< of a row
+    double mass;
+  };
+
+  std::unordered_map<std::uint64_t, std::uint32_t> pair_of_joints_;
+  std::vector<Pair> pairs_;
+  std::vector<float> cells_;
+  std::array<double, 3> origin_{};
+  double sigma_;
+};
+
+}  // namespace sinew
