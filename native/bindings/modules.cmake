@@ -31,8 +31,12 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     target_link_options(${target} PRIVATE -static $<$<CONFIG:Release>:-s>)  # no compiler's DLL beside it
   endif()
   target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
+  set(extension .so)
+  if(WIN32)
+    set(extension .pyd)
+  endif()
   set_target_properties(${target} PROPERTIES
-    PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}$<IF:$<BOOL:${WIN32}>,.pyd,.so>
+    PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}${extension}
     LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
   add_dependencies(modules ${target})
 endfunction()

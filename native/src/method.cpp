@@ -2,6 +2,7 @@
 
 #include "blended_skinning.h"
 #include "check.h"
+#include "direct_delta_mush_skinning.h"
 #include "dual_quaternion_skinning.h"
 #include "linear_skinning.h"
 #include "rotation_center_skinning.h"
@@ -18,6 +19,8 @@ const char* name_of(SkinningMethod method) {
       return "blended";
     case SkinningMethod::rotation_centers:
       return "rotation_centers";
+    case SkinningMethod::direct_delta_mush:
+      return "direct_delta_mush";
   }
   return "";
 }
@@ -38,7 +41,7 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
 }
 
 void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where) {
-  const bool has_some = method == SkinningMethod::blended || method == SkinningMethod::rotation_centers;
+  const bool has_some = method != SkinningMethod::linear && method != SkinningMethod::dual_quaternion;
   if (has_some && !data) fail(where, "the method ", name_of(method), " has no data; expected some");
   if (!data) return;
   if (data->method() != method) {
@@ -48,10 +51,18 @@ void check_data(const Skin& skin, SkinningMethod method, const MethodData* data,
     fail(where, "the data has ", plural(data->vertex_count(), "vertex"), "; the skin has ",
          grouped(skin.vertex_count()));
   }
+  if (method != SkinningMethod::direct_delta_mush) return;
+  const std::ptrdiff_t joints = static_cast<const DirectDeltaMush&>(*data).skin()->joint_count();
+  if (joints != skin.joint_count()) {
+    fail(where, "the data has ", plural(joints, "joint"), "; the skin has ", grouped(skin.joint_count()));
+  }
 }
 
-void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, MatrixStack<const float> matrices,
-             std::ptrdiff_t frame, Palette& palette) {
+void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
+             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette) {
+  if (method == SkinningMethod::direct_delta_mush) {
+    return prepare_direct_delta_mush(skin, static_cast<const DirectDeltaMush&>(*data), matrices, frame, palette);
+  }
   if (method != SkinningMethod::dual_quaternion) prepare_linear(matrices, frame, palette);
   if (method != SkinningMethod::linear) prepare_dual_quaternion(skin, rule, matrices, frame, palette);
 }
@@ -66,6 +77,8 @@ void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette,
       return run_blended(skin, palette, tile);
     case SkinningMethod::rotation_centers:
       return run_rotation_centers(skin, palette, tile);
+    case SkinningMethod::direct_delta_mush:
+      return run_direct_delta_mush(palette, tile);
   }
 }
 
@@ -80,6 +93,8 @@ void run_vertex(std::size_t v, const Influences& influences, SkinningMethod meth
       return blended_vertex(influences, palette, static_cast<const BlendShares&>(*data).shares()[v], rest, out);
     case SkinningMethod::rotation_centers:
       return rotation_center_vertex(v, influences, static_cast<const RotationCenters&>(*data), palette, rest, out);
+    case SkinningMethod::direct_delta_mush:
+      return;  // was made of other influences
   }
 }
 
@@ -94,6 +109,8 @@ double microseconds_a_vertex(SkinningMethod method) {
       return 4e-3;
     case SkinningMethod::rotation_centers:
       return 3.5e-3;
+    case SkinningMethod::direct_delta_mush:
+      return 15e-3;
   }
   return 0;
 }

@@ -19,12 +19,13 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
 /// Likewise, for data of another method or other vertices, or none where the method has some.
 void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where);
 
-void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, MatrixStack<const float> matrices,
-             std::ptrdiff_t frame, Palette& palette);
+void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
+             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette);
 
 void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile);
 
-/// Vertex v at `rest`, x y z, that has other influences than the skin says.
+/// Vertex v at `rest`, x y z, that has other influences than the skin says; direct delta mush has none, and leaves
+/// it where it is.
 void run_vertex(std::size_t v, const Influences& influences, SkinningMethod method, const MethodData* data,
                 const Palette& palette, const float* rest, float* out);
 

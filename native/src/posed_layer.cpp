@@ -54,7 +54,7 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
     rule.rest_frames = rest_frames;
     space.reset();
   }
-  prepare(*skin, own.method(), rule, stack, 0, palette);
+  prepare(*skin, own.method(), rule, own.data(), stack, 0, palette);
   palette.from_mesh.reset();
   if (space) palette.from_mesh = space->back;
 }

@@ -111,7 +111,7 @@ struct Batch {
 
   void prepare_palette(std::ptrdiff_t number) {
     const Part& part = part_of(number, &Part::first_palette);
-    prepare(*part.skin, part.job->method, part.job->rule, part.job->matrices,
+    prepare(*part.skin, part.job->method, part.job->rule, part.job->data, part.job->matrices,
             part.first_frame + number - part.first_palette, palettes[number]);
   }
 
@@ -178,6 +178,12 @@ void skin_blended(const Skin& skin, const BlendShares& shares, MatrixStack<const
 void skin_rotation_centers(const Skin& skin, const RotationCenters& centers, MatrixStack<const float> matrices,
                            std::span<float> positions) {
   const SkinningJob job{&skin, matrices, positions, SkinningMethod::rotation_centers, {}, &centers};
+  skin_all({&job, 1});
+}
+
+void skin_direct_delta_mush(const DirectDeltaMush& mush, MatrixStack<const float> matrices,
+                            std::span<float> positions) {
+  const SkinningJob job{mush.skin().get(), matrices, positions, SkinningMethod::direct_delta_mush, {}, &mush};
   skin_all({&job, 1});
 }
 

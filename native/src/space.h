@@ -27,7 +27,8 @@ struct Space {
 
   /// Whether C M C^-1, in the space of the mesh, does what M does in the armature's.
   bool is_carried_by(SkinningMethod method) const {
-    return has_inverse && (method == SkinningMethod::linear || is_similarity());
+    return has_inverse &&
+           (method == SkinningMethod::linear || method == SkinningMethod::direct_delta_mush || is_similarity());
   }
 
   /// C A, without the scale of C. Of a C that is a similarity.

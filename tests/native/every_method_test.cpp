@@ -34,7 +34,8 @@ constexpr std::pair<const char*, SkinFunction> kMethods[] = {{"Linear", skin_lin
                                                              {"Frame", skin_in_frames<Stretch::frame>},
                                                              {"FrameEach", skin_in_frames<Stretch::frame_each>},
                                                              {"Blended", rigs::skin_mixed},
-                                                             {"RotationCenters", rigs::skin_about_centers}};
+                                                             {"RotationCenters", rigs::skin_about_centers},
+                                                             {"DirectDeltaMush", rigs::skin_mushed}};
 
 INSTANTIATE_TEST_SUITE_P(Methods, EveryMethod, testing::ValuesIn(kMethods),
                          [](const auto& method) { return std::string(method.param.first); });

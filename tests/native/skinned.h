@@ -44,10 +44,21 @@ inline void skin_about_centers(const Skin& skin, MatrixStack<const float> matric
   skin_rotation_centers(skin, random_centers(skin), matrices, positions);
 }
 
+/// Without faces: each vertex follows its own joints alone.
+inline std::shared_ptr<const DirectDeltaMush> mush_of(const Skin& skin) {
+  const std::shared_ptr<const Skin> borrowed(std::shared_ptr<const Skin>(), &skin);
+  return DirectDeltaMush::compute(borrowed, {}, {});
+}
+
+inline void skin_mushed(const Skin& skin, MatrixStack<const float> matrices, std::span<float> positions) {
+  skin_direct_delta_mush(*mush_of(skin), matrices, positions);
+}
+
 /// For a layer of that method.
 inline std::shared_ptr<const MethodData> data_of(SkinningMethod method, const Skin& skin) {
   if (method == SkinningMethod::blended) return std::make_shared<BlendShares>(mixed_shares(skin.vertex_count()));
   if (method == SkinningMethod::rotation_centers) return std::make_shared<RotationCenters>(random_centers(skin));
+  if (method == SkinningMethod::direct_delta_mush) return mush_of(skin);
   return nullptr;
 }
 

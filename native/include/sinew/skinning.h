@@ -7,6 +7,7 @@
 #include <span>
 
 #include "sinew/blend_shares.h"
+#include "sinew/direct_delta_mush.h"
 #include "sinew/rotation_centers.h"
 #include "sinew/skin.h"
 #include "sinew/skinning_method.h"
@@ -58,6 +59,11 @@ void skin_blended(const Skin& skin, const BlendShares& shares, MatrixStack<const
 /// centers                     V.
 void skin_rotation_centers(const Skin& skin, const RotationCenters& centers, MatrixStack<const float> matrices,
                            std::span<float> positions);
+
+/// Direct delta mush, of the skin that `mush` was made for.
+///
+/// matrices, positions   as above.
+void skin_direct_delta_mush(const DirectDeltaMush& mush, MatrixStack<const float> matrices, std::span<float> positions);
 
 /// What these functions take.
 struct SkinningJob {

@@ -10,12 +10,14 @@ namespace sinew {
 enum class SkinningMethod {
   linear,
   dual_quaternion,
-  blended,           ///< of the two, see BlendShares
-  rotation_centers,  ///< see RotationCenters
+  blended,            ///< of the two, see BlendShares
+  rotation_centers,   ///< see RotationCenters
+  direct_delta_mush,  ///< see DirectDeltaMush
 };
 
 constexpr SkinningMethod kSkinningMethods[] = {SkinningMethod::linear, SkinningMethod::dual_quaternion,
-                                               SkinningMethod::blended, SkinningMethod::rotation_centers};
+                                               SkinningMethod::blended, SkinningMethod::rotation_centers,
+                                               SkinningMethod::direct_delta_mush};
 
 /// As Python has it: "dual_quaternion".
 const char* name_of(SkinningMethod method);
