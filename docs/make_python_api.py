@@ -20,8 +20,8 @@ GROUPS = {
     "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices rotation_transforms",
     "Skinning": "Skin skin_linear skin_dual_quaternion skin_all Bends Layer ShapeKeys Deformer",
-    "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters Progress "
-    "skin_rotation_centers",
+    "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
+    "DirectDeltaMush skin_direct_delta_mush Progress",
     "After skinning": "Topology CorrectiveSmooth Smooth Hook Stage",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }

@@ -153,8 +153,8 @@ void bind_deformer(py::module_& module) {
            py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(), py::arg("share") = py::none(),
            py::arg("bends") = py::none(), py::arg("split_space") = py::none(), py::arg("data") = py::none(),
            "skin: a Skin of V vertices and J joints; several layers may share it.\n"
-           "method: \"linear\", \"dual_quaternion\" or, with data of its own, \"blended\" or "
-           "\"rotation_centers\".\n"
+           "method: \"linear\", \"dual_quaternion\" or, with data of its own, \"blended\", \"rotation_centers\" or "
+           "\"direct_delta_mush\".\n"
            "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
            "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
            "mask: (V,), how much of the motion each vertex takes: "
@@ -166,8 +166,8 @@ void bind_deformer(py::module_& module) {
            "in split_space. In each frame, vertices of it that shape keys move are split again where they are; on "
            "other rest positions, or in another space, all of them are.\n"
            "split_space: (4, 4), the space in which the skin was split, None if it is the pose's.\n"
-           "data: what the method has of its own for each vertex, a BlendShares or a RotationCenters; None for a "
-           "method that has nothing.\n"
+           "data: what the method has of its own for each vertex, a BlendShares, a RotationCenters or a "
+           "DirectDeltaMush, which bends do not change; None for a method that has nothing.\n"
            "All are copied but skin, bends and data. Raises ValueError for sizes that do not fit and for "
            "numbers that are not finite.")
       .def_property_readonly(

@@ -68,7 +68,8 @@ py::array has_center_of(const RotationCenters& self) {
 void bind_method_data(py::module_& module) {
   py::class_<MethodData, std::shared_ptr<MethodData>>(
       module, "MethodData",
-      "What a method has of its own for each vertex: the base of BlendShares and RotationCenters. Immutable.")
+      "What a method has of its own for each vertex: the base of BlendShares, RotationCenters and DirectDeltaMush. "
+      "Immutable.")
       .def_property_readonly(
           "method", [](const MethodData& self) { return name_of(self.method()); }, "The one method that takes it.")
       .def_property_readonly("vertex_count", &MethodData::vertex_count, "V.");
@@ -130,6 +131,15 @@ void bind_method_data(py::module_& module) {
                           "shares: a BlendShares of V vertices.\n") +
               kSkinArguments + "stretch, rest_frames: as in skin_dual_quaternion.\n" + kSkinReturns)
                  .c_str());
+
+  py::class_<Progress, std::shared_ptr<Progress>>(
+      module, "Progress",
+      "How far a long computation has come, and how to end it: made by one thread, handed to a computation in "
+      "another.")
+      .def(py::init<>(), "For one computation at a time.")
+      .def_property_readonly("fraction", &Progress::fraction, "0 to 1.")
+      .def_property_readonly("is_cancelled", &Progress::is_cancelled, "Whether cancel() was called.")
+      .def("cancel", &Progress::cancel, "The computation ends within about 0.1 s and returns None.");
 }
 
 }  // namespace sinew::bindings

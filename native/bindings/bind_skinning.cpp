@@ -56,15 +56,6 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
   skin_all(jobs);
 }
 
-Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
-  if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
-  check_counts(weights.shape(0), 0, weights.shape(1));
-  const Numbers<double> numbers("weights", weights);
-  const auto rows = weights.shape(0), columns = weights.shape(1);
-  return Skin::from_dense(points_of<float>("rest_positions", rest_positions), std::span<const double>(numbers).data(),
-                          rows, columns, columns, 1);
-}
-
 }  // namespace
 
 void bind_skinning(py::module_& module) {

@@ -12,6 +12,7 @@ void bind_skeleton(pybind11::module_& module);
 void bind_files(pybind11::module_& module);
 void bind_host(pybind11::module_& module);
 void bind_method_data(pybind11::module_& module);
+void bind_direct_delta_mush(pybind11::module_& module);
 void bind_skinning(pybind11::module_& module);
 void bind_stages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
@@ -42,6 +43,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_host(module);
   sinew::bindings::bind_skinning(module);
   sinew::bindings::bind_method_data(module);
+  sinew::bindings::bind_direct_delta_mush(module);
   sinew::bindings::bind_stages(module);
   sinew::bindings::bind_deformer(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),

@@ -14,6 +14,7 @@ add_custom_target(modules)  # all of them
 function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
     bindings/bind_deformer.cpp
+    bindings/bind_direct_delta_mush.cpp
     bindings/bind_files.cpp
     bindings/bind_host.cpp
     bindings/bind_method_data.cpp

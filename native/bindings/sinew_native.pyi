@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 _Path: TypeAlias = str | os.PathLike[str]
 _Convention: TypeAlias = Literal["bone", "joint"]
-_Method: TypeAlias = Literal["linear", "dual_quaternion", "blended", "rotation_centers"]
+_Method: TypeAlias = Literal["linear", "dual_quaternion", "blended", "rotation_centers", "direct_delta_mush"]
+_Laplacian: TypeAlias = Literal["cotangent", "uniform"]
 _SmoothType: TypeAlias = Literal["simple", "length_weighted"]
 _CornerAngle: TypeAlias = Literal["polynomial", "arc_cosine"]
 _Falloff: TypeAlias = Literal["none", "constant", "linear", "smooth", "sharp", "root", "sphere", "inverse_square"]
@@ -196,7 +197,8 @@ class Skin:
         """The same influences on another shape, (V, 3). Not while another thread skins with it."""
 
 class MethodData:
-    """What a method has of its own for each vertex: the base of BlendShares and RotationCenters. Immutable."""
+    """What a method has of its own for each vertex: the base of BlendShares, RotationCenters and DirectDeltaMush.
+    Immutable."""
 
     @property
     def method(self) -> str:
@@ -252,6 +254,67 @@ class RotationCenters(MethodData):
     @property
     def count(self) -> int:
         """How many vertices have a center."""
+
+class DirectDeltaMush(MethodData):
+    """Direct delta mush (Le and Lewis 2019): a skin made ready for skin_direct_delta_mush and for the method
+    "direct_delta_mush". Immutable."""
+
+    def __init__(
+        self,
+        rest_positions: _Reals,
+        face_offsets: _Integers,
+        face_vertices: _Integers,
+        weights: _Reals,
+        smoothing: float = 3.0,
+        weight_smoothing: float = 1.0,
+        blend: float = 0.8,
+        iterations: int = 20,
+        laplacian: _Laplacian = "cotangent",
+        variant: int = 0,
+        prune: float = 1e-5,
+    ) -> None:
+        """rest_positions (V, 3); face_offsets (faces + 1,); face_vertices, face after face; weights (V, J)."""
+    @staticmethod
+    def compute(
+        skin: Skin,
+        face_offsets: _Integers,
+        face_vertices: _Integers,
+        smoothing: float = 3.0,
+        weight_smoothing: float = 1.0,
+        blend: float = 0.8,
+        iterations: int = 20,
+        laplacian: _Laplacian = "cotangent",
+        variant: int = 0,
+        prune: float = 1e-5,
+        progress: Progress | None = None,
+    ) -> DirectDeltaMush | None:
+        """The same of a Skin, for a thread of its own. None if progress was cancelled."""
+    def arrays(self) -> dict[str, Any]:
+        """What was computed, to be kept, for from_arrays."""
+    @staticmethod
+    def from_arrays(
+        skin: Skin,
+        variant: int,
+        pruned: float,
+        offsets: _Integers,
+        joints: _Integers,
+        omega: _Reals,
+        centers: _Reals,
+        scales: _Reals,
+    ) -> DirectDeltaMush:
+        """What arrays() gave, for a Skin with the same rest positions and joints."""
+    @property
+    def variant(self) -> int:
+        """0 to 5."""
+    @property
+    def entry_count(self) -> int:
+        """N, pairs of a vertex and a joint."""
+    @property
+    def bytes(self) -> int:
+        """What it takes in memory beside its skin."""
+    @property
+    def pruned(self) -> float:
+        """How far a vertex is off, at most, because joints were left out."""
 
 class Bends:
     """Influences of bones with segments, split over the segments where a vertex is. Immutable."""
@@ -480,6 +543,9 @@ def skin_rotation_centers(
     skin: Skin, centers: RotationCenters, matrices: _Float32, out: _Float32 | None = None
 ) -> _Float32:
     """v' = R (v - p) + sum_j w_j M(j) p. The other arguments as of skin_linear."""
+
+def skin_direct_delta_mush(ddm: DirectDeltaMush, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
+    """v' = R v + q - R p. matrices and out as of skin_linear."""
 
 def skin_all(
     jobs: Sequence[

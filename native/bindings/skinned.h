@@ -29,6 +29,15 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
   return result;
 }
 
+inline Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
+  if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
+  check_counts(weights.shape(0), 0, weights.shape(1));
+  const Numbers<double> numbers("weights", weights);
+  const auto rows = weights.shape(0), columns = weights.shape(1);
+  return Skin::from_dense(points_of<float>("rest_positions", rest_positions), std::span<const double>(numbers).data(),
+                          rows, columns, columns, 1);
+}
+
 constexpr const char* kSkinArguments =
     "matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any "
     "strides, a transposed view is read in place; the last row is taken to be 0 0 0 1.\n"

@@ -418,7 +418,8 @@ def test_refuses_what_it_is_made_of():
     assert (layer.vertex_count, layer.joint_count) == (5, 2)
     assert (
         said(sinew.Layer, skin, "cubic")
-        == 'there is no method "cubic"; expected one of linear, dual_quaternion, blended, rotation_centers'
+        == 'there is no method "cubic"; expected one of linear, dual_quaternion, blended, rotation_centers, '
+        "direct_delta_mush"
     )
     assert said(sinew.Layer, skin, "dual_quaternion", "frame") == "there are 0 rest frames; expected 2"
     assert said(sinew.Layer, skin, "linear", mask=np.ones(4)) == "mask has 4 numbers; the skin has 5 vertices"

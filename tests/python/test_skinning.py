@@ -290,7 +290,8 @@ def test_skin_all_refuses_what_is_wrong(random):
 
     assert (
         said_of(skin, matrices, out, "cubic")
-        == 'job 1: there is no method "cubic"; expected one of linear, dual_quaternion, blended, rotation_centers'
+        == 'job 1: there is no method "cubic"; expected one of linear, dual_quaternion, blended, rotation_centers, '
+        "direct_delta_mush"
     )
     assert (
         said_of(skin, matrices, out) == "job 1: expected (skin, matrices, out, method[, stretch, rest_frames[, data]])"

@@ -117,6 +117,7 @@ def samples():
     numbers = np.array([0])
     bends = sinew.Bends(numbers, np.array([0, 1]), numbers, np.ones(1), numbers, np.array([1]), np.zeros((1, 4)))
     shares = sinew.BlendShares(np.ones(1))
+    mush = sinew.DirectDeltaMush(np.zeros((1, 3)), numbers, np.array([], int), np.ones((1, 1)))
     topology = sinew.Topology(1, np.zeros((0, 2), int))
     hook = sinew.Hook(1)
     return {
@@ -129,6 +130,7 @@ def samples():
         "BlendShares": shares,
         "Progress": sinew.Progress(),
         "RotationCenters": sinew.RotationCenters(np.zeros((1, 3)), np.ones(1, bool)),
+        "DirectDeltaMush": mush,
         "Bends": bends,
         "Skeleton": sinew.Skeleton(np.array([-1]), one),
         "RigSkeleton": skeleton,

@@ -12,6 +12,7 @@ from test_skeleton import said
 
 SKELETON, _, _ = rigs.skeleton(np.random.default_rng(1), 60)
 SKIN, _, _ = rigs.dense_skin(np.random.default_rng(2), 20000, 60)
+MUSH = sinew.DirectDeltaMush.compute(SKIN, np.array([0]), np.array([], int))
 POSE = rigs.random_matrices(np.random.default_rng(3), 4, 60, dtype=np.float32)
 CLIP = np.repeat(POSE, 200, axis=0)
 
@@ -20,6 +21,7 @@ CALLS = {
     "skinning_matrices": lambda: sinew.skinning_matrices(SKELETON, CLIP),
     "skin_linear": lambda: sinew.skin_linear(SKIN, POSE),
     "skin_dual_quaternion": lambda: sinew.skin_dual_quaternion(SKIN, POSE),
+    "skin_direct_delta_mush": lambda: sinew.skin_direct_delta_mush(MUSH, POSE),
 }
 every_call = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
 
