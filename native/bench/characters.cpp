@@ -142,7 +142,11 @@ Character read_character(const std::filesystem::path& folder, int subdivisions, 
     limit_influences(mesh, heads, influences, at_least);
   }
 
-  Character character{skin_of(mesh, columns), {}, {}, {}, {}, {}};
+  Character character{skin_of(mesh, columns), {}, {}, {}, {}, {}, {0}, {}};
+  for (const auto& face : mesh.faces) {
+    character.face_vertices.insert(character.face_vertices.end(), face.begin(), face.end());
+    character.face_offsets.push_back(static_cast<std::int32_t>(character.face_vertices.size()));
+  }
   const auto vertices = static_cast<std::ptrdiff_t>(mesh.positions.size());
   if (vertices <= kMostDense) {
     character.dense_weights.setZero(vertices, columns);

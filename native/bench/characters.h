@@ -18,6 +18,8 @@ struct Character {
   std::vector<Matrix4<float>> matrices;       ///< F x J skinning matrices
   std::vector<Matrix4<double>> transforms;    ///< F x J, F(j)
   std::vector<Matrix4<double>> inverse_rest;  ///< J, A(j)^-1
+  std::vector<std::int32_t> face_offsets;     ///< faces + 1
+  std::vector<std::int32_t> face_vertices;    ///< around each face, face after face
 
   std::ptrdiff_t frame_count() const { return static_cast<std::ptrdiff_t>(matrices.size()) / skin.joint_count(); }
   /// One frame's skinning matrices.

@@ -37,8 +37,9 @@ struct Subject {
   std::vector<float> positions;  ///< kFrames at most
   double union_size;             ///< joints of a block, mean
   std::size_t packed_bytes;
-  BlendShares shares;       ///< all between the two
-  RotationCenters centers;  ///< of all vertices that two joints move
+  BlendShares shares;                           ///< all between the two
+  RotationCenters centers;                      ///< of all vertices that two joints move
+  std::shared_ptr<const DirectDeltaMush> mush;  ///< or null
 
   /// Where results go: 64-byte aligned, as memory that is written in full lines is.
   std::span<float> out(std::ptrdiff_t frames) {
@@ -71,7 +72,8 @@ Subject subject(const std::string& mesh, Character character) {
           static_cast<double>(joints) / static_cast<double>(blocks),
           (joints + 3 * blocks) * kBlock * sizeof(float),
           BlendShares(halves),
-          std::move(centers)};
+          std::move(centers),
+          nullptr};
 }
 
 void between_calls(Between what) {
@@ -133,6 +135,39 @@ void add_with_data(Subject& subject, const std::string& set, int threads, Betwee
   });
 }
 
+std::shared_ptr<const DirectDeltaMush> mush_of(const Character& character, int variant) {
+  // The character outlives it; its pointer does not own the skin.
+  const std::shared_ptr<const Skin> borrowed(std::shared_ptr<const Skin>(), &character.skin);
+  MushSettings settings;
+  settings.variant = variant;
+  return DirectDeltaMush::compute(borrowed, character.face_offsets, character.face_vertices, settings);
+}
+
+void add_mush(Subject& subject, const std::string& set, int threads, Between between) {
+  add(subject, "direct delta mush", set, threads, between, 1, [&subject](std::ptrdiff_t frame) {
+    if (!subject.mush) subject.mush = mush_of(subject.character, 0);  // before anything is timed
+    skin_direct_delta_mush(*subject.mush, subject.character.frame(frame), subject.out(1));
+  });
+}
+
+/// The variants that keep less.
+void add_mush_variants(Subject& subject, const std::string& set) {
+  for (int variant = 1; variant <= 5; ++variant) {
+    const auto mush = std::make_shared<std::shared_ptr<const DirectDeltaMush>>();
+    add(subject, "direct delta mush, variant " + std::to_string(variant), set, 1, Between::nothing, 1,
+        [=, &subject](std::ptrdiff_t frame) {
+          if (!*mush) *mush = mush_of(subject.character, variant);
+          skin_direct_delta_mush(**mush, subject.character.frame(frame), subject.out(1));
+        });
+  }
+}
+
+/// What comes before the first frame.
+void add_mush_build(Subject& subject, int threads) {
+  add(subject, "build, direct delta mush", "-", threads, Between::nothing, 1,
+      [&subject](std::ptrdiff_t) { benchmark::DoNotOptimize(mush_of(subject.character, 0)); });
+}
+
 /// The skin as the one layer of a deformer: plain, and on shape keys at work everywhere, of which
 /// each changes its own part of the mesh.
 void add_deformer(Subject& subject, const std::string& set, int keys, Between between) {
@@ -185,11 +220,11 @@ void add_many_frames(Subject& subject, const std::string& set, int threads) {
   });
 }
 
-/// Precomputing centres of rotation; the subject's mesh is the rig's.
-void add_centers(Subject& subject, const Rig& rig, int threads) {
-  add(subject, "build, centres of rotation", "-", threads, Between::nothing, 1, [&subject, &rig](std::ptrdiff_t) {
-    benchmark::DoNotOptimize(
-        RotationCenters::compute(subject.character.skin, rig.mesh.face_offsets, rig.mesh.face_vertices));
+/// Precomputing centres of rotation.
+void add_centers(Subject& subject, int threads) {
+  add(subject, "build, centres of rotation", "-", threads, Between::nothing, 1, [&subject](std::ptrdiff_t) {
+    const Character& character = subject.character;
+    benchmark::DoNotOptimize(RotationCenters::compute(character.skin, character.face_offsets, character.face_vertices));
   });
 }
 
@@ -202,7 +237,7 @@ void add_build(Subject& subject, int threads) {
   });
 }
 
-void add_all(std::vector<Subject>& subjects, const Rig& rig, int cores) {
+void add_all(std::vector<Subject>& subjects, int cores) {
   const std::string best = instruction_sets().front();
   for (Subject& one : subjects) {
     const bool natural = one.mesh.find("2 to 4") != std::string::npos;
@@ -212,7 +247,11 @@ void add_all(std::vector<Subject>& subjects, const Rig& rig, int cores) {
       add_skinning(one, "dual quaternion", skin_dual_quaternion, best, threads, Between::nothing);
       add_with_data(one, best, threads, Between::nothing);
       add_bound(one, threads, Between::nothing);
-      if (smallest && natural) add_centers(one, rig, threads);
+      if (smallest && natural) add_centers(one, threads);
+      const bool has_mush = natural && (smallest || one.character.skin.vertex_count() > 500'000) &&
+                            one.character.skin.vertex_count() < 1'000'000;
+      if (has_mush) add_mush(one, best, threads, Between::nothing);
+      if (natural && smallest) add_mush_build(one, threads);
       if (natural) add_build(one, threads);
       if (natural && one.character.rest.rows() > 0 && smallest) add_report(one, threads);
     }
@@ -228,6 +267,7 @@ void add_all(std::vector<Subject>& subjects, const Rig& rig, int cores) {
       continue;
     }
     add_many_frames(one, best, 1);
+    add_mush_variants(one, best);
     for (const int keys : {0, 50}) {
       add_deformer(one, best, keys, Between::nothing);
       add_deformer(one, best, keys, Between::caches_cold);
@@ -238,6 +278,7 @@ void add_all(std::vector<Subject>& subjects, const Rig& rig, int cores) {
         add_skinning(one, "linear", skin_linear, set, 1, between);
         add_skinning(one, "dual quaternion", skin_dual_quaternion, set, 1, between);
         add_with_data(one, set, 1, between);
+        add_mush(one, set, 1, between);
       }
     }
   }
@@ -262,8 +303,7 @@ int main(int count, char** arguments) {
   }
   subjects.push_back(subject("8 influences", read_character(arguments[1], 0, 8, 8, kFrames)));
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  const sinew::Rig rig = read_walking_rig(arguments[1]);
-  add_all(subjects, rig, cores);
+  add_all(subjects, cores);
   add_chain_rows(cores);
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();
