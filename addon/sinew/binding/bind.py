@@ -6,7 +6,7 @@ from ..blender import memory, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from ..session import character, characters, deformed_copies
+from ..session import character, characters, deformed_copies, methods, precomputing
 from . import deformed_copy, old_files, runs, ways, wiring
 from .bindable import BindingError, check_bindable, modifiers_to_take
 from .deformed_copy import OutputError
@@ -54,7 +54,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     settings.last_armature = armature
     settings.property_unset("show_shape")
     if method and taken:
-        taken[0].use_deform_preserve_volume = method == "DUAL_QUATERNION"
+        _set_method(settings, taken[0], method)
     settings.output = settings.installed_output = output
     wiring.wire(ob, taken[0] if taken else nodes.add_modifier(ob, len(ob.modifiers)))
     memory.clear_mark(ob.data, "MESH")
@@ -64,6 +64,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     adapt(ob)
     if is_shown:
         show(ob)
+        prepare_method(ob)
     else:
         ob.update_tag()
 
@@ -201,6 +202,7 @@ def unbind(ob):
     """Give the object back as it was; its deformed copy goes."""
     settings = ob.sinew
     settings.is_bound = settings.needs_attribute = False
+    precomputing.drop(ob)
     if settings.installed_output == "MESH":
         deformed_copy.remove(ob)
     taken = wiring.taken_modifiers(ob)
@@ -242,6 +244,34 @@ def release_if_undone(ob):
         else f"{ob.name} no longer has the modifier that Sinew needs, so it was unbound; accelerate it again"
     )
     return True
+
+
+def switch_method(ob, name):
+    """name: one of METHODS of properties.py, which the Armature modifier has as well, or of methods.py. What the
+    latter has to compute is computed now, in a window meanwhile."""
+    precomputing.cancel(ob)
+    _set_method(ob.sinew, ob.sinew.modifier, name)
+    characters.of(ob).look_again()
+    ob.update_tag()
+    prepare_method(ob)
+
+
+def _set_method(settings, modifier, name):
+    """Without Sinew the modifier has to come as near as it can."""
+    settings.own_method = name if name in methods.OWN else ""
+    modifier.use_deform_preserve_volume = name in methods.LIKE_DUAL_QUATERNION
+
+
+def prepare_method(ob):
+    """What its method has to compute is computed, if there is nothing that it could use meanwhile."""
+    if ob.sinew.own_method not in methods.PRECOMPUTED:
+        return
+    bpy.context.view_layer.update()
+    if precomputing.lacks(ob) in {methods.ABSENT, methods.UNFIT}:
+        try:
+            precomputing.start(ob)
+        except precomputing.Impossible as error:
+            characters.report(ob, str(error))
 
 
 def make_single_user(ob):

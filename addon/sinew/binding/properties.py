@@ -12,10 +12,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..session import characters, in_pass
+from ..session import characters, in_pass, methods
 from . import bind, deformed_copy, wiring
 from .deformed_copy import OutputError
 from .old_files import SinewReplacedModifier
+from .skinning_properties import SinewSkinningSettings
 
 METHODS = (
     ("LINEAR", "Linear", "Linear blend skinning: what the Armature modifier does by default"),
@@ -24,6 +25,23 @@ METHODS = (
         "Dual Quaternion",
         "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
         "modifier does with Preserve Volume",
+    ),
+    # Those that the Armature modifier does not have.
+    (
+        methods.BLENDED,
+        "Blended",
+        "Linear and dual quaternion skinning, mixed vertex by vertex by a share that can be painted",
+    ),
+    (
+        methods.CENTERS,
+        "Centers of Rotation",
+        "Each vertex turns about a center of its own, computed once from the weights: limbs neither collapse nor bulge",
+    ),
+    (
+        methods.MUSH,
+        "Direct Delta Mush",
+        "As if the mesh were smoothed after skinning and had got its detail back, computed once: soft joints, even "
+        "from rough weights",
     ),
 )
 SOURCES = (
@@ -74,13 +92,15 @@ def _apply_clip(settings, _context):
 
 
 def _read_method(settings):
+    if settings.own_method in methods.OWN:
+        return [name for name, *_texts in METHODS].index(settings.own_method)
     modifier = settings.modifier
     return int(modifier is not None and modifier.use_deform_preserve_volume)
 
 
 def _write_method(settings, number):
     if settings.modifier is not None:
-        settings.modifier.use_deform_preserve_volume = bool(number)
+        bind.switch_method(settings.id_data, METHODS[number][0])
 
 
 def _deform_now(settings):
@@ -94,7 +114,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     method: EnumProperty(
         items=METHODS,
         name="Method",
-        description="How the joints' motions are blended: the Armature modifier's Preserve Volume",
+        description="How the joints' motions are blended. The first two are the Armature modifier's",
         get=_read_method,
         set=_write_method,
     )
@@ -121,7 +141,10 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
         description="Write the deformed shape into the copy; off: the rest shape (output Mesh)",
     )
 
+    skinning: PointerProperty(type=SinewSkinningSettings, override=OVERRIDE)
+
     # Kept by bind.py, not for people to set.
+    own_method: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # of methods.OWN; "": the modifier's
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
@@ -214,7 +237,7 @@ class SinewClipSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (SinewReplacedModifier, SinewObjectSettings, SinewClipSettings)
+CLASSES = (SinewReplacedModifier, SinewSkinningSettings, SinewObjectSettings, SinewClipSettings)
 
 
 def register():

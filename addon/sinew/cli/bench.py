@@ -100,6 +100,7 @@ def set_method(contest, method):
     """The same for both."""
     for pair in contest.pairs:
         for ob in pair:
+            ob.sinew.own_method = ""
             for modifier in ob.modifiers:
                 if modifier.type == "ARMATURE":
                     modifier.use_deform_preserve_volume = method == "DUAL_QUATERNION"

@@ -103,7 +103,7 @@ def run_bench(options):
     else:
         import_into_empty_file(options)
     contest = bench.set_up(identifier(options.output), options.frames)
-    methods = command_options.METHODS if options.methods == "both" else (options.methods,)
+    methods = command_options.BLENDERS_METHODS if options.methods == "both" else (options.methods,)
     results = []
     for method in methods:
         bench.set_method(contest, identifier(method))

@@ -5,7 +5,8 @@ import os
 
 from ..profiling import costs
 
-METHODS = ("linear", "dual-quaternion")
+BLENDERS_METHODS = ("linear", "dual-quaternion")  # which its Armature modifier has
+METHODS = (*BLENDERS_METHODS, "blended", "rotation-centers", "direct-delta-mush")
 
 
 def make_parser():
@@ -120,7 +121,7 @@ def add_bench(commands):
         default=40,
         help="how many frames, from the scene's first on (40)",
     )
-    command.add_argument("--method", dest="methods", choices=(*METHODS, "both"), default="both")
+    command.add_argument("--method", dest="methods", choices=(*BLENDERS_METHODS, "both"), default="both")
     add_output_kind(command, default="modifier")
     add_file_options(command)
 

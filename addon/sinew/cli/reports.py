@@ -81,7 +81,7 @@ def describe_mesh(ob):
             preserves = modifier.use_deform_preserve_volume
             mesh |= {
                 "deformed_by": f"modifier {modifier.name}",
-                "method": command_options.METHODS[preserves],
+                "method": command_options.BLENDERS_METHODS[preserves],
                 "source": "armature",
             }
     return mesh | {"problem": problem_of(ob)}

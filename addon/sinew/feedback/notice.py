@@ -32,6 +32,14 @@ def show(sentence):
     bpy.app.timers.register(partial(_show_now, sentence), first_interval=0.1)
 
 
+def redraw():
+    """All panels, which show something else now."""
+    manager = bpy.context.window_manager
+    for window in manager.windows if manager else ():
+        for area in window.screen.areas:
+            area.tag_redraw()
+
+
 def forget():
     """Another file: whatever happens there is to be said."""
     _said.clear()

@@ -12,7 +12,7 @@ import numpy as np
 from ..binding import runs, ways, wiring
 from ..blender import memory, meshes, nodes, values
 from ..native import sinew_native
-from . import layers, mail, stages
+from . import layers, mail, methods, stages
 
 UNKNOWN = ways.Way(ways.BLENDER)
 # Modes in which people edit what they see: there Blender's own modifier shows the shape, as its tools expect.
@@ -69,8 +69,11 @@ class Character:
     moves_against_armature: bool = False  # again and again
     lock: threading.RLock = field(default_factory=threading.RLock, repr=False)
     weights: object = None  # layers.Weights
+    method: methods.Method = methods.Method()
     _rest: np.ndarray | None = None  # (V, 3)
     _is_known: bool = False  # the object was looked at
+    _is_method_known: bool = False
+    _faces: str = ""  # methods.digest of the mesh's; "": not known
     _lacks: tuple | None = None  # the situation in which the file lacks something
     _given_up: tuple | None = None  # the one that cannot be mended
     _rebuilds: int = 0  # of layers since the last edit
@@ -95,6 +98,7 @@ class Character:
             self.sharer_count = meshes.count_sharers(original)
         self.way = ways.choose(ob, original.data, self.sharer_count, self.moves_against_armature)
         self.run = runs.of(ob, self.taken) if self.way.in_pass else runs.Run()
+        self._is_method_known = False
         self.stages.look_again()
         own = nodes.find_modifier(ob)
         self.own = own and own.name
@@ -179,10 +183,21 @@ class Character:
     def read_weights(self, mesh, names):
         """names: of its vertex groups. What has not changed is kept."""
         self.stages.look_again()
+        self._is_method_known, self._faces = False, ""
         weights = layers.Weights.of(mesh, names, meshes.read_weights)
         if not weights.same_as(self.weights):
             self.layers, self.deformer = [], None
         self.weights = weights
+
+    def read_method(self, ob, mesh):
+        """ob, mesh: evaluated."""
+        if not self._is_method_known:
+            self.method = methods.Method.of(ob.original.sinew, lambda: self._digest_of_faces(mesh))
+            self._is_method_known = True
+
+    def _digest_of_faces(self, mesh):
+        self._faces = self._faces or methods.digest(*meshes.read_faces(mesh)[:2])
+        return self._faces
 
     def take_rest(self, rest):
         """rest (V, 3): the rest shape, of shape keys the reference."""
@@ -206,7 +221,9 @@ class Character:
             armature = modifier.object
             space = layers.space_between(ob, armature)
             settings = layers.Settings.of(modifier, self.binds[number])
-            made_of = settings, *layers.edition_of_bones(armature)
+            # Multi Modifier's others have the method that they say.
+            method = self.method if number == 0 else methods.Method()
+            made_of = (settings, method), *layers.edition_of_bones(armature)
             if number == len(self.layers):
                 self.layers.append(None)
             layer = self.layers[number]
@@ -214,7 +231,15 @@ class Character:
                 self._rebuilds += layer is not None
                 self._check_wires(armature, layer is not None and layer.made_of != made_of)
                 layer = self.layers[number] = layers.make_layer(
-                    settings, self.weights, self._rest, armature, space, made_of, number
+                    settings,
+                    self.weights,
+                    self._rest,
+                    armature,
+                    space,
+                    made_of,
+                    number,
+                    method,
+                    ob.original.sinew.skinning.data,
                 )
                 self.deformer = None
             channels = channels_of(modifier)
@@ -229,6 +254,11 @@ class Character:
                 vertex_count=len(self._rest) if self.is_of_stages_alone() else None,
             )
         return found
+
+    def stage_names(self, ob):
+        """Of the stages behind skinning: of modifiers, or stages.OWN."""
+        own = (stages.OWN,) if ob.sinew.skinning.smooth_iterations > 0 else ()
+        return (*own, *self.run.stages)
 
     def is_of_stages_alone(self):
         return not self.layers and self.keys is None

@@ -11,10 +11,14 @@ from ..blender import layout, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from . import characters, deformed_copies, mail, whole_frames
+from . import characters, deformed_copies, mail, precomputing, whole_frames
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
-forgotten_with_file = [notice.forget, whole_frames.forget]  # functions, called when another file is opened
+forgotten_with_file = [notice.forget, whole_frames.forget, precomputing.forget]  # called as another file is opened
+    notice.forget,
+    whole_frames.forget,
+    precomputing.forget,
+]  # functions, called when another file is opened
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
 
 
@@ -176,4 +180,5 @@ def unregister():
         getattr(bpy.app.handlers, name).remove(handler)
     for ob in characters.bound_objects():
         ob.update_tag()  # from now on Blender's own modifiers deform
+    precomputing.forget()
     forget()

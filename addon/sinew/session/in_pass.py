@@ -75,6 +75,7 @@ def _prepare(entry, ob):
     elif is_fresh:
         entry.forget_keys()
         entry.take_rest(meshes.read_positions(mesh))
+    entry.read_method(ob, mesh)
     count = len(mesh.vertices)
     poses = entry.poses(
         ob, [ob.modifiers[name] for name in entry.taken], lambda modifier: posing.channels_of(ob, modifier.object)
@@ -87,7 +88,7 @@ def _prepare(entry, ob):
     if out is None:
         out = np.empty((count, 3), np.float32)  # no vertex
     in_order = entry.stages.at(
-        ob, entry.run.stages, lambda: stages.Source(mesh, meshes.read_positions(mesh), entry.weights)
+        ob, entry.stage_names(ob), lambda: stages.Source(mesh, meshes.read_positions(mesh), entry.weights)
     )
     return entry.deformer, poses, out, key_values, entry.rest_of_stages(), in_order
 

@@ -13,6 +13,7 @@ from ..blender import armatures, memory, values
 from ..deform.clips import transformed
 from ..deform.influences import Bones, Influences, Rules, group_weights, influences
 from ..native import sinew_native
+from . import methods
 
 # How Blender itself treats scaled bones when it preserves volume, ...
 STRETCH = "frame_each" if values.VERSION >= (4, 0, 0) else "frame"
@@ -121,6 +122,8 @@ class Layer:
     bones: Bones
     made_of: tuple  # settings, edition of the bones: if they change, the layer is made anew
     space: bytes | None  # from armature to mesh, when it was made
+    wanted: str = ""  # methods.made_of, of a method that is precomputed
+    lacks: str = ""  # what is the matter with what was precomputed, see methods.py
     _blank: np.ndarray = field(repr=False, default=None)  # (J + 1, 4, 4), a pose in which nothing moves
 
     @property
@@ -150,9 +153,10 @@ class Layer:
         return numbers.transpose(0, 2, 1)
 
 
-def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, number):
+def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, number, method, kept):
     """settings: Settings; weights: Weights; rest (V, 3): rest positions, space of the mesh; armature: evaluated;
-    mesh_from_armature (4, 4) or None; number: of the layer, 0 the first."""
+    mesh_from_armature (4, 4) or None; number: of the layer, 0 the first; method: methods.Method; kept: the text with
+    what it has precomputed, or None."""
     bones = Bones(**armatures.read_bones(armature))
     index = {name: i for i, name in enumerate(bones.names)}
     bone_of_group = np.array([index.get(name, -1) for name in weights.names] + [-1], np.int32)
@@ -173,7 +177,7 @@ def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, n
         lambda bone, point: armatures.segment_at(armature, bone, point),
     )
     rest_frames = None
-    if settings.preserve_volume:
+    if settings.preserve_volume or method.kind == methods.BLENDED:
         rest_frames = np.tile(np.eye(4), (bones.joint_count + 1, 1, 1))
         for bone in np.flatnonzero(bones.first_joint >= 0):
             first, count = bones.first_joint[bone], bones.joint_counts[bone]
@@ -182,14 +186,19 @@ def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, n
                 rest_frames[first : first + count] = bones.rest[bone] @ armatures.read_segments(
                     armature, bone, rest=True
                 )
-    return _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mesh_from_armature)
-
-
-def _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mesh_from_armature):
     skin = sinew_native.Skin(rest, own.offsets, own.joints, own.weights, bones.joint_count + 1)
     how = {"method": "linear"}
     if settings.preserve_volume:
         how = {"method": "dual_quaternion", "stretch": STRETCH, "rest_frames": rest_frames}
+    wanted = lacks = ""
+    if method.kind == methods.BLENDED:
+        how = {"method": "blended", "stretch": STRETCH, "rest_frames": rest_frames}
+        how["data"] = methods.shares(method, weights, len(rest))
+    elif method.kind:
+        wanted = methods.made_of(method, rest, own, skin.joint_count, bones.names)
+        data, lacks = methods.kept(method, kept, wanted, skin)
+        if data is not None:
+            how = {"method": data.method, "data": data}
     blank = np.tile(np.eye(4, dtype=np.float32), (bones.joint_count + 1, 1, 1))
     if own.bends is not None:
         how |= {"bends": sinew_native.Bends(**vars(own.bends)), "split_space": mesh_from_armature}
@@ -200,6 +209,8 @@ def _assemble(settings, own, bones, rest, rest_frames, mask, share, made_of, mes
         bones,
         made_of,
         _bytes(mesh_from_armature),
+        wanted,
+        lacks,
         blank,
     )
 

@@ -19,7 +19,7 @@ class Shortcut:
     def __init__(self, entry, ob, modifiers, behind):
         """modifiers, behind: evaluated, the Armature modifiers and those of the run behind them."""
         self.deformer = entry.deformer
-        self.stages = entry.stages.at(ob, entry.run.stages, None)
+        self.stages = entry.stages.at(ob, entry.stage_names(ob), None)
         self.editions = [layer.edition for layer in entry.layers]
         self.armatures = [modifier.object for modifier in modifiers]
         target = wiring.target_of(entry.hook_of(ob), "mesh")

@@ -112,6 +112,26 @@ class Hook:
         )
 
 
+OWN = ""  # in place of a modifier's name: the smoothing that the mesh's own settings ask for
+
+
+class OwnSmoothing:
+    """`object.sinew.skinning` as a Corrective Smooth modifier would say it."""
+
+    type = "CORRECTIVE_SMOOTH"
+    scale, smooth_type, rest_source = 1.0, "SIMPLE", "ORCO"
+    use_pin_boundary = use_only_smooth = False
+
+    def __init__(self, skinning):
+        self.factor, self.iterations = skinning.smooth_factor, skinning.smooth_iterations
+        self.vertex_group, self.invert_vertex_group = skinning.smooth_group, skinning.smooth_invert
+
+
+def modifier_of(ob, name):
+    """The modifier of an evaluated object that a stage stands in for, or what takes its place."""
+    return OwnSmoothing(ob.sinew.skinning) if name == OWN else ob.modifiers[name]
+
+
 KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
 
 
@@ -140,7 +160,7 @@ class Stages:
             self._renew(ob, names, source())
         found = []
         for name in names:
-            modifier = ob.modifiers[name]
+            modifier = modifier_of(ob, name)
             kind, made = KINDS[modifier.type], self._made[name]
             settings = _settings(kind, modifier)
             if settings != made.settings:  # by keyframes
@@ -156,7 +176,7 @@ class Stages:
             self._connections, self._made = connections, {}
         old, self._made = self._made, {}
         for name in names:
-            modifier = ob.modifiers[name]
+            modifier = modifier_of(ob, name)
             kind = KINDS[modifier.type]
             settings, arrays = _settings(kind, modifier), kind.arrays(modifier, source)
             made = old.get(name)

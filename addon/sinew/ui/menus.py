@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import cures
+from . import cures, methods
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -27,7 +27,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
         layout.operator(MeasureFrames.bl_idname, icon="TIME")
         layout.separator()
-        for operator in cures.CLASSES:
+        for operator in (*cures.CLASSES, *methods.CLASSES):
             layout.operator(operator.bl_idname)
         layout.separator()
         layout.operator(OpenManual.bl_idname, icon="HELP")

@@ -4,7 +4,7 @@ they are there."""
 import bpy
 
 from ..session import characters
-from . import sections
+from . import methods, sections
 
 
 class InSidebar:
@@ -68,6 +68,18 @@ def deformed_character(context):
     return entry if entry and entry.deformer else None
 
 
+class Smooth:
+    bl_label = "Smooth"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return bound_mesh(context) is not None
+
+    def draw(self, context):
+        methods.draw_smoothing(layout_of(self), context.object)
+
+
 class Chain:
     bl_label = "Chain"
     bl_options = {"DEFAULT_CLOSED"}
@@ -104,6 +116,10 @@ class SidebarInfluence(Influence, InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_influence", "VIEW3D_PT_sinew"
 
 
+class SidebarSmooth(Smooth, InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_smooth", "VIEW3D_PT_sinew"
+
+
 class SidebarChain(Chain, InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_chain", "VIEW3D_PT_sinew"
 
@@ -127,6 +143,10 @@ class ModifiersPoses(Poses, InModifiers, bpy.types.Panel):
 
 class ModifiersInfluence(Influence, InModifiers, bpy.types.Panel):
     bl_idname, bl_parent_id = "DATA_PT_sinew_influence", "DATA_PT_sinew"
+
+
+class ModifiersSmooth(Smooth, InModifiers, bpy.types.Panel):
+    bl_idname, bl_parent_id = "DATA_PT_sinew_smooth", "DATA_PT_sinew"
 
 
 class ModifiersChain(Chain, InModifiers, bpy.types.Panel):
@@ -153,11 +173,13 @@ CLASSES = (
     SidebarMain,
     SidebarPoses,
     SidebarInfluence,
+    SidebarSmooth,
     SidebarChain,
     SidebarStatistics,
     ModifiersMain,
     ModifiersPoses,
     ModifiersInfluence,
+    ModifiersSmooth,
     ModifiersChain,
     ModifiersStatistics,
     ArmatureMain,

@@ -7,7 +7,7 @@ from ..feedback import notice
 from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import whole_frames
-from . import cures, display
+from . import cures, display, methods
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind, meshes_of
 from .rig_files import ImportRig
 
@@ -76,6 +76,7 @@ def draw_bound(layout, context, ob):
         column.prop(modifier, "object", text="Armature")
         column.prop(settings, "source")
         column.prop(settings, "method")
+        methods.draw(column, context, ob)
     column.prop(settings, "output")
     draw_switches(column, ob)
     draw_display(layout, ob)
@@ -169,8 +170,8 @@ def draw_chain(layout, ob, entry):
     draw_value(column, "Pose" if entry.taken else "Settings", f"{timings.pose:.2f} ms")
     if before:
         draw_value(column, " + ".join(before), f"{timings.skin:.2f} ms")
-    for name, milliseconds in zip(entry.run.stages, timings.stages):
-        draw_value(column, name, f"{milliseconds:.2f} ms")
+    for name, milliseconds in zip(entry.stage_names(ob), timings.stages):
+        draw_value(column, name or "Smooth", f"{milliseconds:.2f} ms")
     if entry.run.end:
         draw_value(column, entry.run.end, "in Blender")
         notice.draw_sentence(column, bpy.context, f"Blender takes over at {entry.run.end}: {entry.run.reason}", False)

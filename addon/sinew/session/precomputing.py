@@ -1,0 +1,119 @@
+"""Computing what a skinning method needs once for a mesh, in a thread, while Blender goes on."""
+
+import logging
+import threading
+
+import bpy
+
+from ..blender import kept_arrays, meshes, values
+from ..feedback import notice
+from ..native import sinew_native
+from . import characters, methods
+
+log = logging.getLogger("sinew")
+SECONDS_BETWEEN_LOOKS = 0.1
+_jobs = {}  # key of a mesh object -> Job
+
+
+class Impossible(ValueError):
+    """Nothing can be computed; the message says why."""
+
+
+class Job:
+    def __init__(self, ob, layer, method):
+        """layer: layers.Layer; method: methods.Method, of a kind that is precomputed."""
+        self.key, self.name, self.made_of = values.key_of(ob), ob.name, layer.wanted
+        self.progress = sinew_native.Progress()
+        self.arrays = self.error = None
+        skin = layer.skin
+        faces = meshes.read_faces(ob.data)[:2]
+
+        def run():
+            try:
+                self.arrays = methods.compute(method.kind, method.settings, skin, faces, self.progress)
+            except Exception as error:
+                self.error = error
+
+        self.thread = threading.Thread(target=run, name=f"Sinew: {self.name}")
+        self.thread.start()
+
+
+def lacks(ob):
+    """What is the matter with the data of a bound mesh's method: a value of methods.py, or ""."""
+    entry = characters.character(ob)
+    return entry.layers[0].lacks if entry is not None and entry.layers else ""
+
+
+def job_of(ob):
+    return _jobs.get(values.key_of(ob))
+
+
+def start(ob):
+    """Computes what the method of a bound mesh needs. In a window the result is there some time later. Raises
+    Impossible."""
+    cancel(ob)
+    bpy.context.view_layer.update()
+    entry = characters.of(ob)
+    if entry.method.kind not in methods.PRECOMPUTED or not entry.layers:
+        reason = entry.error or entry.way.reason or "no armature deforms it by such a method"
+        raise Impossible(f"Nothing can be computed for {ob.name}: {reason}")
+    job = Job(ob, entry.layers[0], entry.method)
+    if bpy.app.background:
+        job.thread.join()
+        _finish(job)
+        return
+    _jobs[job.key] = job
+    if not bpy.app.timers.is_registered(_look):
+        bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS)
+
+
+def cancel(ob):
+    """The mesh keeps what it has."""
+    job = _jobs.pop(values.key_of(ob), None)
+    if job is not None:
+        job.progress.cancel()
+
+
+def drop(ob):
+    """What there is of the object's own goes."""
+    cancel(ob)
+    text, ob.sinew.skinning.data = ob.sinew.skinning.data, None
+    kept_arrays.remove(text)
+
+
+def forget():
+    """Another file is opened, or the add-on switched off."""
+    for job in _jobs.values():
+        job.progress.cancel()
+        job.thread.join()
+    _jobs.clear()
+
+
+def _look():
+    for job in [job for job in _jobs.values() if not job.thread.is_alive()]:
+        del _jobs[job.key]
+        _finish(job)
+    notice.redraw()
+    return SECONDS_BETWEEN_LOOKS if _jobs else None
+
+
+def _finish(job):
+    ob = characters.find(job.key)
+    if ob is None:
+        return  # it was deleted or unbound meanwhile
+    if job.error is not None:
+        log.error("%s: %s", job.name, job.error, exc_info=job.error)
+        characters.report(ob, f"The skinning method of {job.name} could not be prepared: {job.error}")
+    elif job.arrays is not None:
+        keep(ob, job.made_of, job.arrays)
+        if not bpy.app.background:
+            bpy.ops.ed.undo_push(message="Prepare Skinning Method")
+
+
+def keep(ob, made_of, arrays):
+    skinning = ob.sinew.skinning
+    text = kept_arrays.write(skinning.data, ob.name, made_of, arrays)
+    if skinning.data != text:
+        skinning.data = text
+    characters.of(ob).look_again()
+    ob.update_tag()

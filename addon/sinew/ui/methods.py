@@ -1,0 +1,141 @@
+"""The skinning methods that are Sinew's own: their settings in the panel, what they have computed, and the maps that
+are painted for them."""
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..feedback import notice
+from ..session import methods, precomputing
+
+SETTINGS = {
+    methods.BLENDED: (),
+    methods.CENTERS: ("sigma",),
+    methods.MUSH: ("smoothing", "weight_smoothing", "blend", "iterations", "laplacian", "variant"),
+}
+MAPS = (
+    ("share_group", "Share", "The share of dual quaternion skinning, of the method Blended"),
+    ("smooth_group", "Smooth", "What is smoothed, and how much"),
+)
+NAMES = {"share_group": "Dual Quaternion", "smooth_group": "Smooth"}  # of new vertex groups
+LACKS = {
+    methods.ABSENT: "It has not been computed yet: the mesh is deformed by {fallback} meanwhile",
+    methods.STALE: "Weights, rest shape or settings have changed since it was computed",
+    methods.UNFIT: "It was computed for other bones or vertices: the mesh is deformed by {fallback} meanwhile",
+}
+
+
+def draw(layout, context, ob):
+    """Of a bound mesh with an armature."""
+    skinning, kind = ob.sinew.skinning, ob.sinew.own_method
+    if kind == methods.BLENDED:
+        _draw_map(layout, ob, "share_group", "share_invert")
+        if not skinning.share_group:
+            layout.prop(skinning, "share", text="Share")
+    for name in SETTINGS.get(kind, ()):
+        layout.prop(skinning, name)
+    if kind in methods.PRECOMPUTED:
+        _draw_state(layout, context, ob)
+    if kind in methods.OWN:
+        layout.label(text=f"Without Sinew: {fallback(ob)}", icon="INFO")
+
+
+def fallback(ob):
+    return "Preserve Volume" if ob.sinew.modifier.use_deform_preserve_volume else "linear skinning"
+
+
+def _draw_state(layout, context, ob):
+    job, lacks = precomputing.job_of(ob), precomputing.lacks(ob)
+    if job is not None:
+        text = f"Computing, {100 * job.progress.fraction:.0f} %"
+        if hasattr(layout, "progress"):
+            layout.progress(text=text, factor=job.progress.fraction)
+        else:  # before 4.0
+            layout.label(text=text, icon="SORTTIME")
+        layout.operator(CancelMethod.bl_idname, icon="X")
+    elif lacks:
+        box = layout.box().column(align=True)
+        notice.draw_sentence(box, context, LACKS[lacks].format(fallback=fallback(ob)), lacks != methods.STALE)
+        box.operator(PrepareMethod.bl_idname, icon="FILE_REFRESH")
+
+
+def draw_smoothing(layout, ob):
+    skinning = ob.sinew.skinning
+    layout.prop(skinning, "smooth_iterations")
+    if skinning.smooth_iterations:
+        layout.prop(skinning, "smooth_factor")
+        _draw_map(layout, ob, "smooth_group", "smooth_invert")
+
+
+def _draw_map(layout, ob, group, invert):
+    row = layout.row(align=True)
+    row.prop_search(ob.sinew.skinning, group, ob, "vertex_groups")
+    row.prop(ob.sinew.skinning, invert, text="", icon="ARROW_LEFTRIGHT")
+    row.operator(PaintMap.bl_idname, text="", icon="BRUSH_DATA").map = group
+
+
+class _OfBoundMesh:
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return ob is not None and ob.type == "MESH" and ob.sinew.is_bound and ob.library is None
+
+
+class PrepareMethod(_OfBoundMesh, bpy.types.Operator):
+    """Compute what the skinning method of this mesh needs, from its weights and rest shape as they are now. Blender
+    can be used meanwhile"""
+
+    bl_idname = "object.sinew_prepare_method"
+    bl_label = "Compute Skinning Data"
+
+    def execute(self, context):
+        try:
+            precomputing.start(context.active_object)
+        except precomputing.Impossible as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class CancelMethod(_OfBoundMesh, bpy.types.Operator):
+    """Stop the computation; the mesh keeps what it has"""
+
+    bl_idname = "object.sinew_cancel_method"
+    bl_label = "Cancel Computation"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and precomputing.job_of(context.active_object) is not None
+
+    def execute(self, context):
+        precomputing.cancel(context.active_object)
+        return {"FINISHED"}
+
+
+class PaintMap(_OfBoundMesh, bpy.types.Operator):
+    """Paint this map in Weight Paint; without a vertex group it gets one"""
+
+    bl_idname = "object.sinew_paint_map"
+    bl_label = "Paint Skinning Map"
+
+    map: EnumProperty(name="Map", items=MAPS)
+
+    def execute(self, context):
+        ob = context.active_object
+        skinning = ob.sinew.skinning
+        group = ob.vertex_groups.get(getattr(skinning, self.map))
+        if group is None:
+            if ob.mode != "OBJECT":
+                bpy.ops.object.mode_set(mode="OBJECT")
+            group = ob.vertex_groups.new(name=NAMES[self.map])
+            group.add(range(len(ob.data.vertices)), skinning.share if self.map == "share_group" else 1.0, "REPLACE")
+            setattr(skinning, self.map, group.name)
+        ob.vertex_groups.active_index = group.index
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        return {"FINISHED"}
+
+
+CLASSES = (PrepareMethod, CancelMethod, PaintMap)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
