@@ -131,15 +131,6 @@ void bind_method_data(py::module_& module) {
                           "shares: a BlendShares of V vertices.\n") +
               kSkinArguments + "stretch, rest_frames: as in skin_dual_quaternion.\n" + kSkinReturns)
                  .c_str());
-
-  py::class_<Progress, std::shared_ptr<Progress>>(
-      module, "Progress",
-      "How far a long computation has come, and how to end it: made by one thread, handed to a computation in "
-      "another.")
-      .def(py::init<>(), "For one computation at a time.")
-      .def_property_readonly("fraction", &Progress::fraction, "0 to 1.")
-      .def_property_readonly("is_cancelled", &Progress::is_cancelled, "Whether cancel() was called.")
-      .def("cancel", &Progress::cancel, "The computation ends within about 0.1 s and returns None.");
 }
 
 }  // namespace sinew::bindings

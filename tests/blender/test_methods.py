@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import assert_same_on_all_frames, diagonal, evaluated, select, twin_of
+from helpers import (
+    addon_module,
+    assert_plays_without_the_addon,
+    assert_same_on_all_frames,
+    depsgraph,
+    diagonal,
+    evaluated,
+    select,
+    twin_of,
+    way,
+)
 
 BLENDED, CENTERS, MUSH = "BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"
 
@@ -61,6 +71,165 @@ def test_the_share_of_a_painted_group(character, invert):
     linear, dual = by_modifier["LINEAR"], by_modifier["DUAL_QUATERNION"]
     assert np.abs(linear - dual).max() > 1e-3 * diagonal(linear[0])
     assert np.abs(shapes(ob) - (linear + share * (dual - linear))).max() < 1e-5 * diagonal(linear[0])
+
+
+# --- what is computed once ------------------------------------------------------------------------
+
+
+def native():
+    return addon_module("native").sinew_native
+
+
+def lacks(ob):
+    return addon_module("session.precomputing").lacks(ob)
+
+
+def expected(ob, method):
+    """The shape on this frame by the native method itself, from what the file says."""
+    layer = addon_module("session.characters").character(ob).layers[0]
+    mesh, armature = ob.data, ob.modifiers["Armature"].object.evaluated_get(depsgraph())
+    offsets = np.append([polygon.loop_start for polygon in mesh.polygons], len(mesh.loops))
+    faces = offsets, np.array([loop.vertex_index for loop in mesh.loops])
+    space = np.array(ob.matrix_world.inverted() @ armature.matrix_world)
+    motions = space @ layer.read_pose(armature) @ np.linalg.inv(space)
+    motions = np.ascontiguousarray(motions, np.float32)
+    if method == CENTERS:
+        return native().skin_rotation_centers(layer.skin, native().RotationCenters.compute(layer.skin, *faces), motions)
+    return native().skin_direct_delta_mush(native().DirectDeltaMush.compute(layer.skin, *faces), motions)
+
+
+@pytest.mark.parametrize("method", (CENTERS, MUSH))
+@pytest.mark.parametrize("keys", (False, True))
+def test_the_native_method_is_what_is_shown(fresh_scene, method, keys):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    if keys:
+        ob.shape_key_add(name="Basis")
+    for frame in (1, 7, 14, 20):
+        pose(armature, frame, False)
+    accelerate(ob)
+    linear = shapes(ob)
+    ob.sinew.method = method
+    assert lacks(ob) == "" and way(ob) == ("KEYS" if keys else "ATTRIBUTE")
+    for frame, other in zip((5, 9), linear):
+        fresh_scene.frame_set(frame)
+        shape = evaluated(ob)
+        assert np.abs(shape - expected(ob, method)).max() < 1e-5 * diagonal(shape)
+        assert np.abs(shape - other).max() > 1e-3 * diagonal(shape)
+
+
+@pytest.mark.parametrize("method", (BLENDED, CENTERS, MUSH))
+def test_saved_opened_and_without_sinew(character, tmp_path, method):
+    ob, twin = character
+    ob.sinew.method = method
+    twin.modifiers["Armature"].use_deform_preserve_volume = method != MUSH
+    before, name, path = shapes(ob), ob.name, tmp_path / "saved.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert_plays_without_the_addon(path, ob, twin)
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    ob = bpy.data.objects[name]
+    assert ob.sinew.method == method and np.array_equal(shapes(ob), before)
+    assert lacks(ob) == ""
+
+
+@pytest.mark.parametrize("method", (CENTERS, MUSH))
+def test_undo_and_redo(character, method):
+    ob, _twin = character
+    name = ob.name
+    linear = shapes(ob)
+    bpy.ops.ed.undo_push(message="before")
+    ob.sinew.method = method
+    own = shapes(ob)
+    bpy.ops.ed.undo_push(message="after")
+    bpy.ops.ed.undo()
+    assert np.array_equal(shapes(bpy.data.objects[name]), linear)
+    bpy.ops.ed.redo()
+    ob = bpy.data.objects[name]
+    assert np.array_equal(shapes(ob), own) and lacks(ob) == ""
+
+
+def move_a_vertex(ob):
+    ob.data.vertices[3].co.x += 0.1
+    ob.data.update()
+
+
+def paint(ob):
+    ob.vertex_groups["bone1"].add(range(20), 0.4, "REPLACE")
+
+
+def set_it(ob):
+    ob.sinew.skinning.sigma = 0.3
+    ob.sinew.skinning.iterations = 5
+
+
+def cut(ob):
+    select(ob)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.quads_convert_to_tris()
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+@pytest.mark.parametrize("method", (CENTERS, MUSH))
+@pytest.mark.parametrize("edit", (move_a_vertex, paint, set_it, cut), ids=lambda edit: edit.__name__)
+def test_an_edit_makes_it_out_of_date(character, method, edit):
+    ob, _twin = character
+    ob.sinew.method = method
+    shapes(ob)
+    edit(ob)
+    shapes(ob)
+    assert lacks(ob) == "STALE" and not addon_module("session.characters").character(ob).error
+    select(ob)
+    assert bpy.ops.object.sinew_prepare_method() == {"FINISHED"}
+    shapes(ob)
+    assert lacks(ob) == ""
+
+
+@pytest.mark.parametrize("method", (CENTERS, MUSH))
+def test_with_other_vertices_it_is_deformed_as_without_sinew(character, method):
+    ob, twin = character
+    ob.sinew.method = method
+    twin.modifiers["Armature"].use_deform_preserve_volume = method == CENTERS
+    for each in (ob, twin):
+        select(each)
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.mesh.subdivide()
+        bpy.ops.object.mode_set(mode="OBJECT")
+    assert_same_on_all_frames(bpy.context.scene, ob, twin, (1, 5, 9))
+    assert lacks(ob) == "UNFIT"
+
+
+def test_unbinding_leaves_nothing(character):
+    ob, twin = character
+    before = len(bpy.data.texts)
+    ob.sinew.method = MUSH
+    assert len(bpy.data.texts) == before + 1
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    assert len(bpy.data.texts) == before
+    assert_same_on_all_frames(bpy.context.scene, ob, twin, (5, 9))
+    bpy.ops.object.sinew_bind()
+    assert ob.sinew.method == MUSH and lacks(ob) == ""
+
+
+def test_a_duplicate_keeps_what_the_other_loses(character):
+    ob, _twin = character
+    ob.sinew.method = MUSH
+    select(ob)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.object
+    shape = shapes(copy)
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    assert lacks(copy) == "" and np.array_equal(shapes(copy), shape)
+
+
+def test_nothing_to_compute_for_is_said(character):
+    ob, _twin = character
+    select(ob)
+    with pytest.raises(RuntimeError, match="Nothing can be computed"):
+        bpy.ops.object.sinew_prepare_method()
 
 
 # --- smoothing ------------------------------------------------------------------------------------

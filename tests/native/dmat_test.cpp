@@ -205,7 +205,7 @@ TEST_F(Dmat, RefusesToWriteWhatItCouldNotRead) {
   }
 }
 
-TEST(Dmat, BillionsOfColumnsWithoutRowsAreAHeader) {
+TEST_F(Dmat, BillionsOfColumnsWithoutRowsAreAHeader) {
   const TemporaryFolder folder;
   const auto path = folder.file("a.dmat", "2147483605 0\n");
   write_dmat(path, read_dmat(path));

@@ -1,4 +1,4 @@
-/// What only POSIX lets a test arrange: pipes, full disks, files that may not be read or that end early.
+/// What only POSIX lets a test arrange: pipes, files that may not be read or that end early.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -31,22 +31,6 @@ TEST(PosixFiles, ReadFileRefusesAFileThatEndsEarly) {
   const char* path = "/sys/devices/system/cpu/online";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
   EXPECT_EQ(complaint([&] { read_file(path); }), std::string(path) + " cannot be read to its end");
-}
-
-TEST(PosixFiles, WriteFileSaysWhyAndLeavesTheOldFile) {
-  const TemporaryFolder folder;
-  const std::string path = folder.file("a", "old");
-  const auto said = [&] { return complaint([&] { write_file(path, "new"); }); };
-  // The neighbour cannot be opened ...
-  std::filesystem::create_directory(folder.path("a.partial"));
-  EXPECT_EQ(said(), path + " cannot be written: Is a directory");
-  EXPECT_EQ(folder.bytes("a"), "old");
-  std::filesystem::remove(folder.path("a.partial"));
-  // ... or the disk is full.
-  std::filesystem::create_symlink("/dev/full", folder.path("a.partial"));
-  EXPECT_EQ(said(), path + " cannot be written: No space left on device");
-  EXPECT_EQ(folder.bytes("a"), "old");
-  EXPECT_FALSE(std::filesystem::is_symlink(folder.path("a.partial")));
 }
 
 }  // namespace

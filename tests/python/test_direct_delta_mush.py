@@ -396,7 +396,7 @@ def test_out_is_written_and_nothing_is_copied(character, random):
     assert peak < matrices.nbytes / 10
     assert np.array_equal(out, sinew.skin_direct_delta_mush(ddm, matrices.copy()))
     assert said(sinew.skin_direct_delta_mush, ddm, matrices[:, :3]) == (
-        "there are 3 matrices a frame; the skin has 4 joints"
+        "there are 3 matrices per frame; the skin has 4 joints"
     )
 
 

@@ -183,8 +183,8 @@ def test_a_shortcut_through_another_pose(posed, spoil):
     "poses, sentence",
     [
         ([], "0 entries; the deformer has 1 layers"),
-        ([(0, [], [])], "one number a bone"),
-        ([(0, [0, 1], [1])], "one number a bone"),
+        ([(0, [], [])], "one number per bone"),
+        ([(0, [0, 1], [1])], "one number per bone"),
         ([(0, [3], [3])], "too few joints"),
         ([(0, [0], [0])], "too few joints"),
     ],

@@ -141,7 +141,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
         description="Write the deformed shape into the copy; off: the rest shape (output Mesh)",
     )
 
-    skinning: PointerProperty(type=SinewSkinningSettings, override=OVERRIDE)
+    skinning: PointerProperty(type=SinewSkinningSettings, name="Skinning", override=OVERRIDE)
 
     # Kept by bind.py, not for people to set.
     own_method: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # of methods.OWN; "": the modifier's

@@ -15,10 +15,6 @@ from . import characters, deformed_copies, mail, precomputing, whole_frames
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
 forgotten_with_file = [notice.forget, whole_frames.forget, precomputing.forget]  # called as another file is opened
-    notice.forget,
-    whole_frames.forget,
-    precomputing.forget,
-]  # functions, called when another file is opened
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
 
 

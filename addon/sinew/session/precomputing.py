@@ -61,6 +61,7 @@ def start(ob):
     if bpy.app.background:
         job.thread.join()
         _finish(job)
+        bpy.context.view_layer.update()
         return
     _jobs[job.key] = job
     if not bpy.app.timers.is_registered(_look):
