@@ -154,7 +154,7 @@ class Precomputation {
     return entries;
   }
 
-  Entry entry_of(std::uint32_t v, std::size_t joint, Moments moments) const {
+  Entry entry_of(std::uint32_t v, std::size_t joint, const Moments& moments) const {
     const Whole& whole = wholes_[v];
     const double weight = moments.weight / whole.weight, scale = 1 / (whole.weight * whole.extent);
     Eigen::Matrix3d second = scale * moments.second;

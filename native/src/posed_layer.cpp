@@ -46,7 +46,7 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
     matrices.clear();
     for (std::ptrdiff_t j = 0; j < stack.joints; ++j) {
       const Matrix4<double> matrix = stack.at(0, j).cast<double>();
-      matrices.push_back((space->forth * matrix * space->back).cast<float>());
+      matrices.emplace_back((space->forth * matrix * space->back).cast<float>());
     }
     stack = MatrixStack<const float>::of(matrices.data(), 1, stack.joints);
     rest_frames.clear();

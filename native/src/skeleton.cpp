@@ -67,7 +67,7 @@ Skeleton::Skeleton(std::span<const std::int32_t> parents, std::span<const Matrix
     if (!rest[j].allFinite()) {
       fail("the rest transform of joint ", j, " holds a number that is not finite");
     }
-    rest_float_.push_back(rest[j].cast<float>());
+    rest_float_.emplace_back(rest[j].cast<float>());
   }
   for (const std::int32_t j : order_) {
     rest_world_[j] = parents[j] < 0 ? rest[j] : Matrix4<double>(rest_world_[parents[j]] * rest[j]);

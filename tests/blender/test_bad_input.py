@@ -75,7 +75,7 @@ CASES = {
     ),
     "weight column without a bone": (replace_line("skeleton.bf", 1, "9 0 0 1 0"), "joint 1 has weight column 9"),
     "huge header": (huge_header, "weights.dmat ends after 0 numbers; its header promises 25,000 columns x 50,000 rows"),
-    "wrong pose": (write("pose.dmat", "2 3\n0 0 0 0 0 0\n"), "pose.dmat: there are 3 numbers a pose"),
+    "wrong pose": (write("pose.dmat", "2 3\n0 0 0 0 0 0\n"), "pose.dmat: there are 3 numbers per pose"),
     "face without vertex": (
         lambda folder: (folder / "mesh.obj").open("a").write("f 1 2 999999\n"),
         "mesh.obj: face .* names vertex 999999",

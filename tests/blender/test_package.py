@@ -185,7 +185,7 @@ def test_a_python_without_a_module(profile, tmp_path):
     output = profile("install", "ask", path=changed_zip(tmp_path, without_modules=True))
     assert "MODULES ['without_native']" in output
     assert "PROBLEM Sinew has no native library for Python" in output
-    assert "this package has those for Python 3.6 on Linux" in output
+    assert "this package has those for Python 3.6 (x86_64-linux-gnu)" in output
 
 
 @needs_zip
