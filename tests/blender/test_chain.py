@@ -253,6 +253,43 @@ def driven(ob):
     driver.expression = "0.5 + var / 10"
 
 
+def by_number(ob):
+    """Blender would take others behind a Geometry Nodes modifier."""
+    smoothed(ob)
+    ob.modifiers.new("Cast", "CAST").factor = 0.2
+    hook(ob, strength=0.7).vertex_indices_set(range(0, 400, 3))
+
+
+@pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+def test_hooks_left_to_blender_take_the_right_vertices(fresh_scene, make, before):
+    ob, twin = make(before, by_number)
+    assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5, 9))
+    assert way(ob) == ("KEYS" if before == add_shape_keys else "BLENDER")
+
+
+@pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+def test_a_hook_is_added(fresh_scene, make, before):
+    """From Blender 5.0 on it is put before Sinew's modifier, since that is no deforming one."""
+    ob, twin = make(before, simple)
+    fresh_scene.frame_set(3)
+    for each in (ob, twin):
+        hook(each, strength=0.7).vertex_indices_set(range(0, 400, 3))
+    bpy.context.view_layer.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+    assert [m.name for m in ob.modifiers if m.type != "NODES"] == [m.name for m in twin.modifiers]
+    assert stages(ob) == ["Corrective", "Hook"]
+
+
+def test_a_hook_is_moved_to_the_front(fresh_scene, make):
+    ob, twin = make(lambda ob: hook(ob, strength=0.7).vertex_indices_set(range(0, 400, 3)))
+    fresh_scene.frame_set(3)
+    for each in (ob, twin):
+        select(each)
+        assert bpy.ops.object.modifier_move_to_index(modifier="Hook", index=0) == {"FINISHED"}
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+    assert ob.modifiers[0].name == "Hook" and way(ob) == "BLENDER"
+
+
 def by_curve(ob):
     smoothed(ob)
     hook(ob, vertex_group="bone2", falloff_type="CURVE", falloff_radius=3)

@@ -122,7 +122,7 @@ def _adapt(ob):
         if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:
             meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
     else:
-        displaced = displaced_modifiers(ob)
+        displaced = displaced_modifiers(ob, entry.newcomers)
         if carrier is not None and nodes.is_sinew(carrier):  # out of the way
             nodes.move_modifier_back(ob, carrier)
             remove_attribute(ob)
@@ -130,6 +130,7 @@ def _adapt(ob):
             remove_own_modifier(ob)
         for modifier in reversed(displaced):
             nodes.move_modifier_back(ob, modifier)
+    entry.newcomers = frozenset()
     entry.look(ob)
 
 
@@ -148,14 +149,19 @@ def put_own_modifier_first(ob, entry):
             raise
 
 
-def displaced_modifiers(ob):
+def displaced_modifiers(ob, newcomers):
     """Those that people have added, and Blender has put before Sinew's modifier and so before all that deforms, since
-    it lets them stand behind deforming ones alone."""
+    it lets them stand behind deforming ones alone; from 5.0 on also Hooks, which may well have been moved there, but
+    for those that have just come. newcomers: names."""
     own = nodes.find_modifier(ob)
     if own is None or meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:  # it did not come first
         return []
     before = list(ob.modifiers)[: ob.modifiers.find(own.name)]
-    return [modifier for modifier in before if modifier.type in ways.WANTS_DEFORM_ONLY]
+    return [
+        modifier
+        for modifier in before
+        if modifier.type in ways.WANTS_DEFORM_ONLY or modifier.type == "HOOK" and modifier.name in newcomers
+    ]
 
 
 def remove_own_modifier(ob):

@@ -73,7 +73,25 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
                 f"{modifier.name} allows only deforming modifiers before it: add a shape key, and Sinew uses that",
                 wants_keys=True,
             )
+    stages = runs.of(ob, tuple(modifier.name for modifier in taken)).stages
+    for modifier in ob.original.modifiers:
+        if _picks_by_number(modifier) and modifier.name not in stages:
+            return Way(
+                BLENDER,
+                f"{modifier.name} picks vertices by number, and Blender mistakes these behind Sinew's modifier: add a "
+                "shape key, and Sinew uses that",
+                wants_keys=True,
+            )
     return Way(ATTRIBUTE)
+
+
+def _picks_by_number(modifier):
+    return (
+        modifier.type == "HOOK"
+        and modifier.object is not None
+        and wiring.is_shown(modifier)
+        and len(modifier.vertex_indices) > 0
+    )
 
 
 def why_idle(ob):

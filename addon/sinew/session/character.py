@@ -65,6 +65,8 @@ class Character:
     shortcuts: dict = field(default_factory=dict)  # see shortcuts.py
     stages: object = field(default_factory=stages.Stages)  # of the run
     timings: Timings = field(default_factory=Timings)
+    newcomers: frozenset = frozenset()  # names of modifiers that have come since the main thread saw to the mesh
+    _modifiers: frozenset | None = None  # names of all of them when the object was last looked at
     sharer_count: int | None = None  # objects that have its mesh; None: count
     moves_against_armature: bool = False  # again and again
     lock: threading.RLock = field(default_factory=threading.RLock, repr=False)
@@ -92,6 +94,10 @@ class Character:
         self.taken = tuple(modifier.name for modifier in taken)
         self.binds = tuple(wiring.binds_of(ob, modifier) for modifier in taken)
         self.shown = tuple(wiring.shown_of(ob, modifier) for modifier in taken)
+        names = frozenset(original.modifiers.keys())
+        if self._modifiers is not None:
+            self.newcomers |= names - self._modifiers
+        self._modifiers = names
         carrier = wiring.carrier_of(ob)
         self.hook_path = wiring.path_of(carrier) if carrier is not None else ""
         if self.sharer_count is None:
