@@ -89,8 +89,8 @@ Eigen::Quaternionf quaternion_of(const Eigen::Matrix3f& axes) {
 
 /// Orthogonal axes as long as the given ones, of which Y has the direction of the given one. The
 /// two comparisons look at numbers that are not normalised; they are Blender's, and so is the
-/// choice that follows.
-Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
+/// choice that follows; in the armature's axes, where it comes to the last one.
+Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear, const Eigen::Matrix3f& armature_axes) {
   const Eigen::Vector3f given_x = linear.col(0), given_z = linear.col(2);
   const Eigen::Vector3f y = direction(linear.col(1));
   Eigen::Vector3f x, z;
@@ -99,7 +99,8 @@ Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
     x = y.cross(z);
   } else {
     const bool z_serves = dot(given_x, given_z) < 1;
-    x = direction(y.cross(z_serves ? given_z : Eigen::Vector3f(y.y(), y.z(), y.x())));
+    const Eigen::Vector3f own = armature_axes.transpose() * y;
+    x = direction(y.cross(z_serves ? given_z : armature_axes * Eigen::Vector3f(own.y(), own.z(), own.x())));
     z = x.cross(y);
   }
   Eigen::Matrix3f axes;
@@ -110,7 +111,8 @@ Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
 
 /// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
 /// (matrix * rest) when its axes are made orthonormal.
-RigidAndStretch split_in_frame(const Matrix4<double>& matrix, const Matrix4<double>& rest) {
+RigidAndStretch split_in_frame(const Matrix4<double>& matrix, const Matrix4<double>& rest,
+                               const Eigen::Matrix3f& armature_axes) {
   const Matrix4<float> base = rest.cast<float>();
   const Matrix4<float> posed = product(matrix.cast<float>(), base);
   const Eigen::Vector3f excess = posed.topLeftCorner<3, 3>().colwise().norm().transpose() - Eigen::Vector3f::Ones();
@@ -119,8 +121,10 @@ RigidAndStretch split_in_frame(const Matrix4<double>& matrix, const Matrix4<doub
                   Eigen::Matrix<double, 3, 4>::Identity(), true);
   }
   Matrix4<float> rigid = Matrix4<float>::Identity();
-  rigid.topLeftCorner<3, 3>() =
-      quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>())).cast<double>().toRotationMatrix().cast<float>();
+  rigid.topLeftCorner<3, 3>() = quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>(), armature_axes))
+                                    .cast<double>()
+                                    .toRotationMatrix()
+                                    .cast<float>();
   rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
   const Matrix4<float> moved = product(rigid, base.inverse());
   const Matrix4<double> inverse_rest = rest.inverse();
@@ -210,12 +214,13 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
                              std::ptrdiff_t frame, Palette& palette) {
   const bool polar = rule.stretch == Stretch::polar;
+  const Eigen::Matrix3f axes = rule.armature_axes.cast<float>();
   palette.stretch_each = rule.stretch == Stretch::frame_each;
   palette.motions.clear();
   palette.dual_quaternions.clear();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
     const Matrix4<double> matrix = matrices.at(frame, j).cast<double>();
-    palette.motions.push_back(polar ? split_polar(matrix) : split_in_frame(matrix, rule.rest_frames[j]));
+    palette.motions.push_back(polar ? split_polar(matrix) : split_in_frame(matrix, rule.rest_frames[j], axes));
     palette.dual_quaternions.push_back(with_sign(palette.motions.back(), 1));
   }
   palette.dual_quaternions.push_back({{1, 0, 0, 0}, {0, 0, 0, 0}});

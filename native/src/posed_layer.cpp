@@ -52,6 +52,7 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
     rest_frames.clear();
     for (const auto& rest : rule.rest_frames) rest_frames.push_back(space->moved_frame(rest));
     rule.rest_frames = rest_frames;
+    rule.armature_axes = space->axes();
     space.reset();
   }
   prepare(*skin, own.method(), rule, own.data(), stack, 0, palette);

@@ -31,10 +31,16 @@ struct Space {
            (method == SkinningMethod::linear || method == SkinningMethod::direct_delta_mush || is_similarity());
   }
 
+  /// How C turns. Of a C that is a similarity.
+  Eigen::Matrix3d axes() const {
+    const Eigen::Matrix3d linear = forth.topLeftCorner<3, 3>();
+    return linear / std::cbrt(linear.determinant());
+  }
+
   /// C A, without the scale of C. Of a C that is a similarity.
   Matrix4<double> moved_frame(const Matrix4<double>& rest) const {
     Matrix4<double> frame = forth * rest;
-    frame.topLeftCorner<3, 3>() /= std::cbrt(forth.topLeftCorner<3, 3>().determinant());
+    frame.topLeftCorner<3, 3>() = axes() * rest.topLeftCorner<3, 3>();
     return frame;
   }
 

@@ -244,6 +244,10 @@ TEST(Deformer, StretchRestFramesFollowTheSpace) {
       scale.diagonal() << 1.2, 0.7 + 0.1 * j, 0.9, 1;
       pose[j] = pose[j] * frames[j] * scale * frames[j].inverse();
     }
+    // Sheared so far that neither Y and X nor X and Z say where the axes are.
+    Matrix4<double> sheared_far = Matrix4<double>::Identity();
+    sheared_far.topLeftCorner<3, 3>() << 2, 0, 1, 2, 2, 0, 2, 0, 2;
+    pose[5] = pose[5] * frames[5] * sheared_far * frames[5].inverse();
     if (stretch == Stretch::polar) frames.clear();
     const StretchRule rule{stretch, frames};
     rigs::Stack<float> stack(pose, 1);
