@@ -189,19 +189,22 @@ def select(*objects):
 def traces():
     """What Sinew has left in the file."""
     names = [group.name for group in bpy.data.node_groups if "Sinew" in group.name]
-    for ob in bpy.data.objects:
-        names += [name for name in ob.keys() if name == "sinew_anchor"]
-        names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
-        names += [
-            curve.data_path
-            for curve in (ob.animation_data.drivers if ob.animation_data else ())
-            for variable in curve.driver.variables
-            if "sinew" in variable.targets[0].data_path
-        ]
-        if ob.type == "MESH":
-            names += [name for name in ob.data.attributes.keys() if "sinew" in name or name == "rest_position"]
-        names += [ob.name] if ob.sinew.copied_from else []
-    return names
+    return names + [name for ob in bpy.data.objects for name in traces_of(ob)]
+
+
+def traces_of(ob):
+    """What it has left on an object."""
+    names = [name for name in ob.keys() if name == "sinew_anchor"]
+    names += [modifier.name for modifier in ob.modifiers if "Sinew" in modifier.name]
+    names += [
+        curve.data_path
+        for curve in (ob.animation_data.drivers if ob.animation_data else ())
+        for variable in curve.driver.variables
+        if "sinew" in variable.targets[0].data_path
+    ]
+    if ob.type == "MESH":
+        names += [name for name in ob.data.attributes.keys() if "sinew" in name or name == "rest_position"]
+    return names + ([ob.name] if ob.sinew.copied_from else [])
 
 
 def data_counts():

@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 if build := os.environ.get("SINEW_BUILD", ROOT / "build"):
     sys.path.insert(0, str(Path(build).resolve() / "python"))
+sys.path.append(str(ROOT / "tests/blender"))  # what of it needs no Blender
 
 
 @pytest.fixture(autouse=True)

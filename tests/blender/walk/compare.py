@@ -1,0 +1,124 @@
+"""What has to hold after each step."""
+
+import bpy
+import numpy as np
+
+from helpers import addon_module, diagonal, evaluated, own_positions, traces, traces_of
+
+from . import scene
+
+TOLERANCE = 1e-5  # of the diagonal
+# Says something of the program, not of the modifier; and the property that the hook drives: it counts for curves alone.
+NOT_SAID = {
+    "use_apply_on_spline",
+    "rna_type",
+    "execution_time",
+    "is_active",
+    "persistent_uid",
+    "falloff_curve",
+    "debug_options",
+    "show_expanded",
+}
+
+
+def assert_alike():
+    """Every mesh and its twin."""
+    for ob, twin in scene.pairs():
+        where = f"{ob.name} ({'bound, ' + way(ob) if ob.sinew.is_bound else 'not bound'}, {ob.mode}): "
+        for ours, theirs in (modifiers(ob), modifiers(twin)), (state(ob), state(twin)):
+            assert ours == theirs, where + difference(ours, theirs)
+        assert_same_shape(ob, twin, where)
+        if not ob.data.is_editmode:
+            assert_close(own_positions(ob), own_positions(twin), where + "its own vertices")
+        for each in (twin,) if ob.sinew.is_bound else (ob, twin):
+            assert_free(each, where)
+
+
+def wiring():
+    return addon_module("binding.wiring")
+
+
+def way(ob):
+    entry = addon_module("session.characters").character(ob)
+    return entry.way.kind + " " + entry.way.reason if entry else "not evaluated yet"
+
+
+def assert_same_shape(ob, twin, where):
+    assert ob.visible_get() == twin.visible_get(), where + "visible or not"
+    if ob.visible_get():  # else Blender does not evaluate it
+        assert np.allclose(ob.matrix_world, twin.matrix_world, atol=1e-6), where + "place"
+        assert_close(evaluated(ob), evaluated(twin), where + "shape")
+
+
+def assert_close(ours, theirs, where):
+    assert ours.shape == theirs.shape, f"{where}: {len(ours)} vertices, {len(theirs)} are due"
+    finite = np.isfinite(theirs).all(axis=1)
+    ours, theirs = ours[finite], theirs[finite]
+    if len(theirs) and not np.array_equal(ours, theirs):
+        error = float(np.abs(ours - theirs).max()) / max(diagonal(theirs), 1e-9)
+        assert error < TOLERANCE, f"{where}: {error:.3g} of the diagonal"
+
+
+def modifiers(ob):
+    """All that its modifiers say, but for Sinew's."""
+    is_sinew = addon_module("blender.nodes").is_sinew
+    return [said_by(modifier) for modifier in ob.modifiers if not is_sinew(modifier)]
+
+
+def said_by(modifier):
+    names = [name for name in modifier.bl_rna.properties.keys() if name not in NOT_SAID]
+    return {name: said(getattr(modifier, name)) for name in names}
+
+
+def said(value):
+    return list(value) if isinstance(value, bpy.types.bpy_prop_array) else str(value)
+
+
+def state(ob):
+    """What else of it Sinew could change."""
+    keys, drivers = ob.data.shape_keys, ob.animation_data.drivers if ob.animation_data else ()
+    return {
+        "vertex groups": ob.vertex_groups.keys(),
+        "shape keys": [(key.name, key.mute, round(key.value, 6), key.vertex_group) for key in keys.key_blocks]
+        if keys
+        else [],
+        "drivers": [curve.data_path for curve in drivers if not wiring()._is_hook(curve)],
+        "properties": [name for name in ob.keys() if not name.startswith("sinew")],
+        "attributes": sorted(name for name in ob.data.attributes.keys() if name[0] != "."),
+        "parent": (ob.parent and ob.parent.name, ob.parent_type),
+    }
+
+
+def difference(ours, theirs):
+    """Of two such lists or dicts, in as few words as it takes."""
+    if isinstance(ours, list):
+        if len(ours) != len(theirs):
+            return f"modifiers {[each['name'] for each in ours]}, due are {[each['name'] for each in theirs]}"
+        return next(f"{a['name']}: {difference(a, b)}" for a, b in zip(ours, theirs) if a != b)
+    return ", ".join(
+        f"{name} {ours[name]}, due is {theirs.get(name)}" for name in ours if ours[name] != theirs.get(name)
+    )
+
+
+def assert_free(ob, where):
+    """Nothing of Sinew's is left on a mesh that is not bound; a mesh that another object shares may be bound there."""
+    assert not ob.sinew.is_bound, f"{where}{ob.name} is bound"
+    is_shared = any(other.sinew.is_bound for other in bpy.data.objects if other.data == ob.data)
+    left = [] if is_shared else traces_of(ob)
+    assert left == [], f"{where}{left} was left"
+
+
+def assert_given_back():
+    """Everything is unbound: the file has nothing of Sinew's any more."""
+    left = traces() + [mesh.name for mesh in bpy.data.meshes if ".deformed" in mesh.name]
+    assert left == [], f"after all was unbound {left} was left"
+
+
+def assert_copies_follow():
+    """The deformed copies, where Sinew deforms all that is on show."""
+    for ob, _ in scene.pairs():
+        entry = addon_module("session.characters").character(ob)
+        if entry is None or ob.sinew.deformed is None or ob.mode != "OBJECT" or not ob.visible_get():
+            continue
+        if ob.sinew.show_shape and entry.is_deforming and not entry.run.end:
+            assert_close(own_positions(ob.sinew.deformed), evaluated(ob), f"{ob.name}: its deformed copy")

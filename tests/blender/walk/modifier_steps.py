@@ -1,0 +1,207 @@
+"""Modifiers: added, set, moved, switched, renamed, removed, applied."""
+
+import bpy
+from mathutils import Euler, Matrix
+
+from helpers import select
+
+from . import scene
+from .kinds import on_both
+
+# What Sinew stands in for, what it does not, and what wants to stand behind deforming modifiers alone. Hooks are there
+# from the beginning (scene.py): Blender puts one that is added to a bound mesh before Sinew's modifier, and so before
+# the Armature modifier, and there it stays.
+TYPES = {
+    "CORRECTIVE_SMOOTH": 6,
+    "SMOOTH": 5,
+    "ARMATURE": 3,
+    "SUBSURF": 1.5,
+    "MIRROR": 1,
+    "CAST": 1,
+    "WAVE": 1,
+    "SIMPLE_DEFORM": 1,
+    "MASK": 0.5,
+    "MULTIRES": 0.7,
+}
+MOST = 8  # modifiers of a mesh
+MOST_VERTICES = 6000  # of an evaluated one, roughly
+
+
+def own(ob):
+    """Those that people have added."""
+    return [modifier for modifier in ob.modifiers if modifier.type != "NODES"]
+
+
+def one_of(random, ob, *types):
+    found = [modifier for modifier in own(ob) if not types or modifier.type in types]
+    return random.choice(found) if found else None
+
+
+def group_of(random, ob):
+    return random.choice(("", "gone", *(group.name for group in ob.vertex_groups)))
+
+
+@on_both(8)
+def add_modifier(random, ob):
+    kind = random.choices(list(TYPES), list(TYPES.values()))[0]
+    name, many = f"{kind.capitalize()} {random.randrange(100)}", kind in {"SUBSURF", "MIRROR"}
+    if len(own(ob)) >= MOST or many and any(modifier.type in {"SUBSURF", "MIRROR"} for modifier in ob.modifiers):
+        return
+    modifier = ob.modifiers.new(name, kind)
+    set_modifier(random, ob, modifier)
+
+
+@on_both(6)
+def change_modifier(random, ob):
+    modifier = one_of(random, ob)
+    if modifier:
+        set_modifier(random, ob, modifier)
+
+
+def set_modifier(random, ob, modifier):
+    if modifier.type == "CORRECTIVE_SMOOTH":
+        modifier.factor, modifier.iterations = random.uniform(-0.2, 1), random.randrange(10)
+        modifier.scale = random.choice((1, 1, 0.4))
+        modifier.smooth_type = random.choice(("SIMPLE", "LENGTH_WEIGHTED"))
+        modifier.use_only_smooth, modifier.use_pin_boundary = random.random() < 0.2, random.random() < 0.3
+    elif modifier.type == "SMOOTH":
+        modifier.factor, modifier.iterations = random.uniform(-0.2, 1), random.randrange(6)
+        modifier.use_x = random.random() < 0.8
+    elif modifier.type == "HOOK":
+        rigs = [each for each in scene.armatures() if len(each.data.bones)]
+        modifier.object = random.choice((None, *targets(), *rigs))
+        is_bone = modifier.object in rigs
+        modifier.subtarget = random.choice(modifier.object.data.bones.keys()) if is_bone else ""
+        modifier.matrix_inverse = Euler(scene.some(random, 0.3)).to_matrix().to_4x4() @ Matrix.Translation((-0.5, 0, 0))
+        modifier.vertex_indices_set(range(random.randrange(20), 1200, random.randint(2, 9)))
+        modifier.strength, modifier.falloff_radius = random.uniform(0, 1), random.uniform(0, 3)
+        modifier.falloff_type = random.choice(("NONE", "SMOOTH", "ROOT", "CURVE"))
+        modifier.use_falloff_uniform = random.random() < 0.3
+    elif modifier.type == "ARMATURE":
+        modifier.object = random.choice((*scene.armatures(), *scene.armatures(), None))
+        modifier.use_deform_preserve_volume = random.random() < 0.5
+        modifier.use_multi_modifier = random.random() < 0.4
+        modifier.use_bone_envelopes = random.random() < 0.15
+        modifier.use_vertex_groups = random.random() < 0.9
+    elif modifier.type == "SUBSURF":
+        modifier.levels = modifier.render_levels = 1 if len(ob.data.vertices) < MOST_VERTICES / 4 else 0
+    elif modifier.type == "MIRROR":
+        modifier.use_mirror_merge = modifier.use_mirror_vertex_groups = False
+    elif modifier.type == "WAVE":
+        modifier.height, modifier.time_offset = random.uniform(0.1, 0.5), -random.randrange(50)
+    elif modifier.type == "MASK":
+        modifier.vertex_group = random.choice(ob.vertex_groups.keys() or [""])
+    if hasattr(modifier, "invert_vertex_group") and modifier.type != "MASK" and random.random() < 0.4:
+        modifier.vertex_group = group_of(random, ob)
+        modifier.invert_vertex_group = random.random() < 0.3
+
+
+def targets():
+    return [ob for ob in bpy.context.view_layer.objects if ob.name.startswith("Target")]
+
+
+@on_both(3)
+def switch_modifier(random, ob):
+    modifier = one_of(random, ob)
+    if modifier:
+        if random.random() < 0.7:
+            modifier.show_viewport = not modifier.show_viewport
+        if random.random() < 0.5:
+            modifier.show_render = modifier.show_viewport
+
+
+@on_both(1)
+def show_all_modifiers(random, ob):
+    for modifier in own(ob):
+        modifier.show_viewport = modifier.show_render = True
+
+
+@on_both(3)
+def move_modifier(random, ob):
+    """Before or behind another one."""
+    modifier, other = one_of(random, ob), one_of(random, ob)
+    if modifier:
+        select(ob)
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=ob.modifiers.find(other.name))
+
+
+@on_both(1)
+def rename_modifier(random, ob):
+    modifier = one_of(random, ob)
+    if modifier:
+        modifier.name = random.choice(('The "one"', "Modifier", "Ärmel", "Armature"))
+
+
+@on_both(3)
+def remove_modifier(random, ob):
+    modifier = one_of(random, ob)
+    if modifier:
+        ob.modifiers.remove(modifier)
+
+
+@on_both(2)
+def apply_modifier(random, ob):
+    """But for a Corrective Smooth among others: out of turn it takes the shape of the moment for its rest shape, which
+    bound meshes have elsewhere. The manual says to unbind first."""
+    modifier = own(ob)[0] if own(ob) and random.random() < 0.7 else one_of(random, ob)
+    if modifier and (modifier.type != "CORRECTIVE_SMOOTH" or len(own(ob)) == 1):
+        select(ob)
+        bpy.ops.object.modifier_apply(modifier=modifier.name)
+
+
+@on_both(0.7)
+def apply_as_shape_key(random, ob):
+    modifier = one_of(random, ob, "ARMATURE", "CAST", "HOOK")
+    if modifier:
+        select(ob)
+        bpy.ops.object.modifier_apply_as_shapekey(keep_modifier=random.random() < 0.5, modifier=modifier.name)
+
+
+@on_both(0.7)
+def copy_modifier(random, ob):
+    modifier = one_of(random, ob)
+    if modifier and len(own(ob)) < MOST:
+        select(ob)
+        bpy.ops.object.modifier_copy(modifier=modifier.name)
+
+
+@on_both(1)
+def bind_corrective(random, ob):
+    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH")
+    if modifier:
+        modifier.rest_source = random.choice(("BIND", "ORCO"))
+        if modifier.rest_source == "BIND" and random.random() < 0.7:
+            select(ob)
+            bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
+
+
+@on_both(1.5)
+def key_modifier(random, ob):
+    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK", "ARMATURE")
+    if modifier:
+        names = {"HOOK": ("strength",), "ARMATURE": ("use_deform_preserve_volume", "show_viewport")}
+        name = random.choice(names.get(modifier.type, ("factor", "iterations", "show_viewport")))
+        for frame in (1, 15):
+            if isinstance(getattr(modifier, name), bool):
+                setattr(modifier, name, random.random() < 0.5)
+            else:
+                setattr(modifier, name, random.randrange(3) if name == "iterations" else random.random())
+            modifier.keyframe_insert(name, frame=frame)
+
+
+@on_both(0.7)
+def drive_modifier(random, ob):
+    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK")
+    if modifier and scene.armatures():
+        driver = modifier.driver_add("strength" if modifier.type == "HOOK" else "factor").driver
+        driver.type = "SUM"
+        variable = driver.variables[0] if driver.variables else driver.variables.new()
+        variable.type, target = "TRANSFORMS", variable.targets[0]
+        target.id = random.choice(scene.armatures())
+        target.bone_target, target.transform_type = random.choice(target.id.data.bones.keys() or [""]), "LOC_X"
+
+
+@on_both(0.7)
+def clear_animation(random, ob):
+    if ob.animation_data and ob.animation_data.action:
+        ob.animation_data.action = None

@@ -1,0 +1,174 @@
+"""Objects: placed, parented, hidden, duplicated, joined, deleted."""
+
+import bpy
+
+from helpers import select
+
+from . import scene
+from .kinds import kind, on_both, on_pair
+
+MOST_PAIRS = 5
+
+
+@on_both(2, in_any_mode=True)
+def place(random, ob):
+    ob.location, ob.rotation_euler = scene.some(random, 2), scene.some(random, 1)
+    if random.random() < 0.3:
+        ob.scale = [random.uniform(0.5, 2) for _ in range(3)]
+
+
+@on_both(0.7, in_any_mode=True)
+def key_place(random, ob):
+    for frame in (1, 15):
+        ob.location, ob.rotation_euler = scene.some(random, 1), scene.some(random, 1)
+        ob.keyframe_insert("location", frame=frame)
+        ob.keyframe_insert("rotation_euler", frame=frame)
+
+
+@on_both(1.5)
+def parent(random, ob):
+    rigs = [each for each in scene.armatures() if len(each.data.bones)]
+    if not rigs or random.random() < 0.3:
+        ob.parent = None
+        return
+    rig = random.choice(rigs)
+    ob.parent, ob.parent_type = rig, random.choice(("OBJECT", "OBJECT", "BONE", "ARMATURE"))
+    if ob.parent_type == "BONE":
+        ob.parent_bone = random.choice(rig.data.bones.keys())
+
+
+@on_both(0.7)
+def parent_with_automatic_weights(random, ob):
+    """Ctrl P: adds an Armature modifier, and groups by names or envelopes."""
+    if scene.armatures() and len(ob.modifiers) < 8:
+        select(random.choice(scene.armatures()), ob)
+        bpy.ops.object.parent_set(type=random.choice(("ARMATURE_NAME", "ARMATURE_ENVELOPE", "ARMATURE")))
+
+
+@on_both(2)
+def hide(random, ob):
+    if random.random() < 0.5:
+        ob.hide_viewport = random.random() < 0.4
+    else:
+        ob.hide_set(random.random() < 0.4)
+
+
+@kind(1)
+def show_all(random):
+    for ob, twin in scene.pairs():
+        for each in ob, twin:
+            each.hide_viewport = False
+            each.hide_set(False)
+
+
+@on_pair(1.5)
+def duplicate(random, ob, twin):
+    """Alone or with its armature, with a mesh of its own or a common one."""
+    if len(scene.pairs()) >= MOST_PAIRS:
+        return
+    rigs = scene.armatures()
+    others = [random.choice(rigs)] if rigs and len(rigs) < 4 and random.random() < 0.4 else []
+    linked, name = random.random() < 0.4, scene.next_name(scene.OURS)
+    for each in ob, twin:
+        each.hide_viewport = False
+        each.hide_set(False)
+        for collection in each.users_collection:
+            collection.hide_viewport = False
+    select(ob, twin, *others)
+    before = set(bpy.data.objects)
+    bpy.ops.object.duplicate(linked=linked)
+    new = [each for each in bpy.data.objects if each not in before and not each.sinew.copied_from]
+    for each in new:
+        if each.name.startswith(ob.name + ".") and each.type == "MESH":
+            each.name = name
+        elif each.name.startswith(twin.name + "."):
+            each.name = scene.twin_name(name)
+        elif each.type == "ARMATURE":
+            each.name = scene.next_name("Rig ")
+
+
+@on_pair(1.2)
+def delete(random, ob, twin):
+    if len(scene.pairs()) > 1:
+        scene.make_active(ob, twin)
+        if random.random() < 0.5:
+            bpy.ops.object.delete()
+        else:
+            for each in ob, twin:
+                bpy.data.objects.remove(each)
+
+
+@kind(2)
+def add_character(random):
+    scene.leave_modes()
+    if len(scene.pairs()) < 3:
+        if not scene.armatures():
+            scene.new_armature(random)
+        scene.new_character(random)
+
+
+@on_pair(0.4)
+def join(random, ob, twin):
+    """Another character into this one."""
+    other, its_twin = random.choice(scene.pairs())
+    if other != ob and len(scene.pairs()) > 2 and len(ob.data.vertices) + len(other.data.vertices) < 4000:
+        scene.make_active(ob, other)
+        done = bpy.ops.object.join() if bpy.ops.object.join.poll() else {"CANCELLED"}
+        scene.make_active(twin, its_twin)
+        assert (bpy.ops.object.join() if bpy.ops.object.join.poll() else {"CANCELLED"}) == done
+
+
+@on_both(0.5)
+def convert_to_mesh(random, ob):
+    select(ob)
+    if ob.visible_get():
+        bpy.ops.object.convert(target="MESH")
+
+
+@on_pair(0.5)
+def copy_modifiers(random, ob, twin):
+    """From another character (Ctrl L)."""
+    other, its_twin = random.choice(scene.pairs())
+    for source, target in (other, ob), (its_twin, twin):
+        scene.make_active(source, target)
+        if source != target and bpy.ops.object.make_links_data.poll():
+            bpy.ops.object.make_links_data(type="MODIFIERS")
+
+
+@on_pair(0.7)
+def share_mesh(random, ob, twin):
+    """Two characters with one mesh (Ctrl L)."""
+    other, its_twin = random.choice(scene.pairs())
+    if other != ob:
+        ob.data, twin.data = other.data, its_twin.data
+
+
+@on_pair(1)
+def unshare_mesh(random, ob, twin):
+    for each in ob, twin:
+        if each.data.users > 1:
+            each.data = each.data.copy()
+
+
+@on_pair(0.7)
+def move_to_collection(random, ob, twin):
+    collection = bpy.data.collections.get("Aside")
+    if collection is None:
+        collection = bpy.data.collections.new("Aside")
+        bpy.context.scene.collection.children.link(collection)
+    for each in ob, twin:
+        for other in each.users_collection:
+            other.objects.unlink(each)
+        collection.objects.link(each)
+
+
+@kind(0.5)
+def hide_collection(random):
+    scene.leave_modes()
+    for collection in bpy.data.collections:
+        collection.hide_viewport = random.random() < 0.3
+
+
+@on_both(0.5, in_any_mode=True)
+def rename_data(random, ob):
+    ob.data.name = f"Mesh {random.randrange(5)}"

@@ -1,0 +1,105 @@
+"""Inside of Blender: walks, and says what it does.
+
+blender -b --python-exit-code 1 --python tests/blender/walk/run.py -- --seed S (--steps N | --only 3,17,44)
+
+Step n belongs to walk n // LENGTH, which begins in a scene of its own. Both hang on nothing but the seed and these
+numbers. The exit code is 1 after a step behind which something does not hold, and 2 if the walk itself is at fault.
+"""
+
+import logging
+import sys
+import time
+import traceback
+from itertools import groupby
+from pathlib import Path
+from random import Random
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import bpy
+
+from walk import compare, kinds, mesh_steps, modifier_steps, object_steps, scene, scene_steps, sinew_steps
+from walk.shrink import LENGTH, options_of
+
+STEPS = mesh_steps, modifier_steps, object_steps, scene_steps, sinew_steps  # importing them declares the kinds
+
+
+REFUSALS = ("cannot have the output Mesh",)  # sentences for people
+
+
+class Listener(logging.Handler):
+    """Keeps what Sinew logs, and the tracebacks that Blender prints."""
+
+    def __init__(self):
+        super().__init__()
+        self.logged, self.printed, self._stderr = [], "", sys.stderr
+        logging.getLogger("sinew").addHandler(self)
+        sys.stderr = self
+
+    def emit(self, record):
+        trace = "".join(traceback.format_exception(*record.exc_info)) if record.exc_info else ""
+        if not any(refusal in record.getMessage() for refusal in REFUSALS):
+            self.logged.append(record.getMessage() + "\n" + trace)
+
+    def write(self, text):
+        self._stderr.write(text)
+        if self.printed or "Traceback" in text:
+            self.printed += text
+
+    def flush(self):
+        self._stderr.flush()
+
+    def said(self):
+        """All that is Sinew's."""
+        return "".join(self.logged) + (self.printed if "sinew" in self.printed else "")
+
+
+def walk(seed, number, steps, listener):
+    """steps: numbers, in their order."""
+    scene.new_scene(Random(f"{seed} scene {number}"))
+    bpy.ops.ed.undo_push(message="start")
+    for step in steps:
+        random = Random(f"{seed} step {step}")
+        chosen = kinds.choose(random)
+        print(f"walk: step {step}: {chosen.__name__}", flush=True)
+        what = chosen(random)
+        print(f"walk:   {what or ''}", flush=True)
+        look(listener)
+        if chosen not in (scene_steps.undo, scene_steps.redo):
+            bpy.ops.ed.undo_push(message=chosen.__name__)
+            look(listener)
+    unbind_all()
+    look(listener)
+    compare.assert_given_back()
+
+
+def look(listener):
+    """At once, and when Sinew has had its mail."""
+    for _ in range(2):
+        bpy.context.view_layer.update()
+        compare.assert_alike()
+    compare.assert_copies_follow()
+    assert not listener.said(), "it was said: " + listener.said()
+
+
+def unbind_all():
+    scene.leave_modes()
+    for ob in [ob for ob in bpy.data.objects if ob.type == "MESH" and ob.sinew.is_bound]:
+        compare.addon_module("binding.bind").unbind(ob)
+
+
+def main():
+    options = options_of(sys.argv[sys.argv.index("--") + 1 :])
+    steps = options.only or range(options.steps)
+    listener, start = Listener(), time.time()
+    for number, part in groupby(steps, lambda step: step // LENGTH):
+        walk(options.seed, number, part, listener)
+    print(f"walk: {len(steps)} steps, seed {options.seed}, {time.time() - start:.0f} s, nothing found", flush=True)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except (AssertionError, kinds.Differ) as error:
+        print(f"walk: FAILED: {error}", flush=True)
+        sys.exit(1)

@@ -1,0 +1,109 @@
+"""The scene in which a walk begins, and how its objects are found.
+
+Each mesh `Tube N` may be bound, and has an unbound `Twin N` that is treated alike. The names say what belongs
+together, and they are in the file: undo, redo and opening a file find the same pairs.
+"""
+
+from itertools import count
+
+import bpy
+from mathutils import Euler
+
+from characters import make_armature, make_mesh, make_tube
+from helpers import select
+
+OURS, TWINS = "Tube ", "Twin "
+LAST_FRAME = 20
+
+
+def new_scene(random):
+    """An empty file with some characters in it."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    for _ in range(random.choice((1, 2))):
+        new_armature(random)
+    for name in ("Target 1", "Target 2"):
+        target = bpy.data.objects.new(name, None)
+        bpy.context.collection.objects.link(target)
+        for frame in (1, 15):
+            target.location, target.rotation_euler = some(random, 1), some(random, 1)
+            target.keyframe_insert("location", frame=frame)
+            target.keyframe_insert("rotation_euler", frame=frame)
+    for _ in range(random.choice((2, 3))):
+        new_character(random)
+
+
+def some(random, most):
+    return [random.uniform(-most, most) for _ in range(3)]
+
+
+def new_armature(random):
+    armature = make_armature()
+    armature.name = armature.data.name = next_name("Rig ")
+    is_scaled = random.random() < 0.5
+    for frame in (1, 7, 14, LAST_FRAME):
+        for bone in armature.pose.bones:
+            pose_bone(bone, random, is_scaled)
+            key_bone(bone, frame)
+
+
+def pose_bone(bone, random, is_scaled):
+    bone.rotation_mode = "QUATERNION"
+    bone.rotation_quaternion = Euler(some(random, 1.2)).to_quaternion()
+    bone.location = some(random, 0.2)
+    bone.scale = [random.uniform(0.6, 1.5) for _ in range(3)] if is_scaled else (1, 1, 1)
+
+
+def key_bone(bone, frame):
+    for path in ("rotation_quaternion", "location", "scale"):
+        bone.keyframe_insert(path, frame=frame)
+
+
+def new_character(random):
+    """A mesh and its twin, deformed by one of the armatures or by none."""
+    name = next_name(OURS)
+    rigs = armatures()
+    armature = random.choice(rigs) if rigs and random.random() < 0.85 else None
+    preserve_volume, hooks = random.random() < 0.5, random.choice((0, 0, 1, 2))
+    for each in name, twin_name(name):
+        ob = make_mesh(armature, preserve_volume) if armature else make_tube()
+        ob.name = ob.data.name = each
+        for number in range(hooks):
+            hook = ob.modifiers.new(f"Hook {number}", "HOOK")
+            hook.object = bpy.data.objects.get("Target 1")
+            hook.vertex_indices_set(range(number, len(ob.data.vertices), 3))
+
+
+def next_name(prefix):
+    return next(name for name in (f"{prefix}{number}" for number in count(1)) if name not in bpy.data.objects)
+
+
+def armatures():
+    return [ob for ob in bpy.context.view_layer.objects if ob.type == "ARMATURE"]
+
+
+def pairs():
+    """[(mesh, its twin)] of the view layer."""
+    objects = bpy.context.view_layer.objects
+    return [(ob, objects[twin_name(ob.name)]) for ob in objects if is_ours(ob)]
+
+
+def is_ours(ob):
+    return ob.name.startswith(OURS) and not ob.sinew.copied_from
+
+
+def twin_name(name):
+    return TWINS + name.removeprefix(OURS)
+
+
+def leave_modes():
+    """Everything to Object Mode."""
+    objects = bpy.context.view_layer.objects
+    for ob in objects:
+        if ob.mode != "OBJECT":  # several leave Edit Mode together
+            objects.active = ob
+            bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def make_active(*objects):
+    leave_modes()
+    select(*objects)

@@ -1,0 +1,215 @@
+"""Armatures, time, modes, scenes and files."""
+
+import bpy
+
+from . import scene
+from .kinds import kind, on_pair
+
+
+def one_armature(random):
+    found = scene.armatures()
+    return random.choice(found) if found else None
+
+
+# --- armatures ------------------------------------------------------------------------------------
+
+
+@kind(7)
+def pose(random):
+    armature = one_armature(random)
+    for bone in armature.pose.bones if armature else ():
+        if random.random() < 0.4:
+            scene.pose_bone(bone, random, random.random() < 0.2)
+
+
+@kind(3)
+def key_pose(random):
+    pose(random)
+    armature = one_armature(random)
+    for bone in armature.pose.bones if armature else ():
+        scene.key_bone(bone, bpy.context.scene.frame_current)
+
+
+@kind(2)
+def place_armature(random):
+    armature = one_armature(random)
+    if armature:
+        armature.location, armature.rotation_euler = scene.some(random, 1), scene.some(random, 1)
+        if random.random() < 0.2:
+            armature.scale = [random.uniform(0.5, 2) for _ in range(3)]
+
+
+@kind(1)
+def rest_position(random):
+    armature = one_armature(random)
+    if armature:
+        armature.data.pose_position = random.choice(("REST", "POSE", "POSE"))
+
+
+@kind(2)
+def bone_settings(random):
+    scene.leave_modes()
+    armature = one_armature(random)
+    if armature and len(armature.data.bones):
+        bone = random.choice(armature.data.bones)
+        bone.bbone_segments = random.choice((1, 1, 4))
+        bone.use_deform = random.random() < 0.8
+        bone.use_envelope_multiply = random.random() < 0.15
+        bone.envelope_distance = random.uniform(0.1, 1)
+
+
+@kind(2)
+def rename_bone(random):
+    scene.leave_modes()
+    armature = one_armature(random)
+    if armature and len(armature.data.bones):
+        random.choice(armature.data.bones).name = random.choice(("bone0", "bone1", "elbow", 'the "bone"', "side"))
+
+
+@kind(2)
+def edit_bones(random):
+    armature = one_armature(random)
+    if armature is None or not armature.visible_get():
+        return
+    scene.make_active(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = armature.data.edit_bones
+    bone, what = random.choice(list(bones) or [None]), random.randrange(5)
+    if bone is None or what == 0 and len(bones) < 9:
+        new = bones.new(random.choice(("bone2", "elbow", "new")))
+        new.head, new.tail, new.parent = scene.some(random, 1), (0, 0, 3), bone
+    elif what == 1 and len(bones) > 3:
+        bones.remove(bone)
+    elif what == 2:
+        bone.parent = None
+    else:
+        bone.roll += random.uniform(-1, 1)
+        bone.tail.x += random.uniform(-0.2, 0.2)
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+@kind(1)
+def constrain_bone(random):
+    scene.leave_modes()
+    armature = one_armature(random)
+    if armature and len(armature.pose.bones):
+        bone = random.choice(armature.pose.bones)
+        if bone.constraints:
+            bone.constraints.remove(bone.constraints[0])
+        else:
+            bone.constraints.new("COPY_ROTATION").target = bpy.data.objects.get("Target 1")
+
+
+@kind(1)
+def hide_armature(random):
+    armature = one_armature(random)
+    if armature:
+        scene.leave_modes()
+        armature.hide_viewport = random.random() < 0.5
+
+
+@kind(0.5)
+def delete_armature(random):
+    armature = one_armature(random)
+    if armature:
+        scene.make_active(armature)
+        if random.random() < 0.5:
+            bpy.data.objects.remove(armature)
+        else:
+            bpy.ops.object.delete()
+
+
+@kind(0.7)
+def add_armature(random):
+    scene.leave_modes()
+    if len(scene.armatures()) < 3:
+        scene.new_armature(random)
+
+
+# --- time, modes and scenes -----------------------------------------------------------------------
+
+
+@kind(14)
+def play(random):
+    for _ in range(random.randint(1, 4)):
+        bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
+
+
+@on_pair(4)
+def enter_mode(random, ob, twin):
+    """Both of them, as otherwise Blender shows other shapes."""
+    mode = random.choice(("EDIT", "EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT"))
+    scene.make_active(ob, twin)
+    if ob.visible_get() and ob.data.users == 1:
+        for each in ob, twin:
+            bpy.context.view_layer.objects.active = each
+            bpy.ops.object.mode_set(mode=mode)
+
+
+@kind(1)
+def pose_mode(random):
+    armature = one_armature(random)
+    if armature and armature.visible_get():
+        scene.make_active(armature)
+        bpy.ops.object.mode_set(mode=random.choice(("POSE", "POSE", "EDIT")))
+
+
+@kind(2)
+def leave_mode(random):
+    scene.leave_modes()
+
+
+@kind(0.5)
+def new_scene(random):
+    scene.leave_modes()
+    if len(bpy.data.scenes) < 3:
+        bpy.ops.scene.new(type=random.choice(("LINK_COPY", "LINK_COPY", "FULL_COPY")))
+
+
+@kind(1.5)
+def other_scene(random):
+    scene.leave_modes()
+    bpy.context.window.scene = random.choice(list(bpy.data.scenes))
+
+
+@kind(0.5)
+def remove_scene(random):
+    scene.leave_modes()
+    if len(bpy.data.scenes) > 1:
+        bpy.ops.scene.delete()
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+@kind(8)
+def undo(random):
+    for _ in range(random.choice((1, 1, 1, 2, 4))):
+        if bpy.ops.ed.undo.poll():
+            try_to(bpy.ops.ed.undo)
+
+
+@kind(4)
+def redo(random):
+    try_to(bpy.ops.ed.redo)
+
+
+def try_to(operator):
+    try:
+        operator()
+    except RuntimeError:
+        pass  # there is nothing
+
+
+@kind(1.5)
+def save_and_open(random):
+    scene.leave_modes()
+    path = bpy.app.tempdir + "walk.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+
+
+@kind(0.5)
+def purge(random):
+    scene.leave_modes()
+    bpy.ops.outliner.orphans_purge(do_recursive=True)
