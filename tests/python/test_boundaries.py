@@ -18,12 +18,18 @@ LAYERS = (
     {"native"},
     {"blender", "deform", "feedback"},
     {"binding", "rigs", "session"},
-    {"profiling"},
+    {"bake", "profiling"},
     {"ui", "cli", "without_native"},
     {"__init__"},
 )
 KNOT = {"binding", "rigs", "session"}
 PURE = {
+    "bake.frame_range",
+    "bake.job",
+    "bake.part_files",
+    "bake.point_cache",
+    "bake.subject",
+    "bake.verify",
     "blender.materials",
     "cli.command_options",
     "deform.clips",

@@ -1,0 +1,1 @@
+"""Shapes of every frame, written to files: caches that other machines and other programs play."""

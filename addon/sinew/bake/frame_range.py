@@ -1,0 +1,63 @@
+"""Which frames are baked: `A-B` or `A-B:step`, and the part of them that one process does. Pure."""
+
+import re
+from dataclasses import dataclass
+
+LIMIT = 1_048_574  # Blender knows no frames beyond it
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """first, first + step, ... up to last at most. Raises ValueError."""
+
+    first: int
+    last: int
+    step: int = 1
+
+    def __post_init__(self):
+        if self.last < self.first:
+            raise ValueError(f"the last frame ({self.last}) comes before the first ({self.first})")
+        if self.step < 1:
+            raise ValueError(f"{self.step} is no step from one frame to the next; the least is 1")
+        if max(-self.first, self.last) > LIMIT:
+            raise ValueError(f"Blender has no frames beyond {LIMIT:,}, which {self} asks for")
+
+    def __str__(self):
+        return f"{self.first}-{self.last}" + (f":{self.step}" if self.step > 1 else "")
+
+    def __len__(self):
+        return (self.last - self.first) // self.step + 1
+
+    def __iter__(self):
+        return iter(range(self.first, self.last + 1, self.step))
+
+    def indices_of(self, chunk):
+        """The numbers, from 0 on, of the frames that a chunk (a FrameRange) has of this range, in their order.
+        Raises ValueError if it reaches beyond this range, or has none of its frames."""
+        if chunk.first < self.first or chunk.last > self.last:
+            raise ValueError(f"the chunk {chunk} reaches beyond the frames {self}")
+        wanted = set(chunk)
+        found = [index for index, frame in enumerate(self) if frame in wanted]
+        if not found:
+            raise ValueError(f"the chunk {chunk} has none of the frames {self}")
+        return found
+
+
+def parse(words):
+    """ "A-B", "A-B:step" or one frame "A"; a frame may be negative. Raises ValueError."""
+    found = re.fullmatch(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?", words)
+    if not found:
+        raise ValueError(f"{words} is not a range of frames such as 1-40 or 1-40:2")
+    first = int(found[1])
+    return FrameRange(first, int(found[2] or first), int(found[3] or 1))
+
+
+def words_of(frames, step=1):
+    """Frames in their order as people write them: "1-3, 7", or with another step "1-5:2, 9"."""
+    found = []
+    for frame in frames:
+        if found and frame == found[-1][1] + step:
+            found[-1][1] = frame
+        else:
+            found.append([frame, frame])
+    return ", ".join(str(first) if first == last else str(FrameRange(first, last, step)) for first, last in found)

@@ -1,0 +1,63 @@
+"""What is to be baked, as people ask for it, and the names of the files. Pure."""
+
+import os
+import re
+from dataclasses import dataclass
+
+from . import point_cache
+from .frame_range import FrameRange
+
+USD = "usd"
+FORMATS = (*point_cache.FORMATS, USD)
+
+
+@dataclass(frozen=True)
+class Job:
+    """Raises ValueError for what cannot be asked for."""
+
+    folder: str  # made if it is missing
+    frames: FrameRange
+    names: tuple = ()  # of objects; none: all meshes on show that something deforms
+    format: str = "pc2"
+    chunk: FrameRange | None = None  # the frames of this run; the files are laid out for `frames`
+    overwrite: bool = False
+    until_subdivision: bool = False
+    usd_points: bool = False  # never a skeleton
+
+    def __post_init__(self):
+        if self.format not in FORMATS:
+            raise ValueError(f"{self.format} is no format of a bake; those are {', '.join(FORMATS)}")
+        if self.usd_points and self.format != USD:
+            raise ValueError("points instead of a skeleton are a matter of USD alone")
+        if self.chunk is not None and self.format == USD:
+            raise ValueError("a USD file is written by one process: bake it without chunks")
+        if self.chunk is not None and self.overwrite:
+            raise ValueError(
+                "a chunk cannot overwrite: it would take away what the others bake. Remove the old files "
+                "before the first chunk, or choose another folder"
+            )
+
+    def indices(self):
+        """Of the frames of this run, from 0 on."""
+        return self.frames.indices_of(self.chunk) if self.chunk is not None else list(range(len(self.frames)))
+
+    def path_of(self, name):
+        """Of the cache of an object."""
+        return os.path.join(self.folder, f"{file_name(name)}.{'usdc' if self.format == USD else self.format}")
+
+    def check_names(self, names):
+        """Raises ValueError if two objects would have one file."""
+        found = {}
+        for name in names:
+            other = found.setdefault(file_name(name).lower(), name)
+            if other != name:
+                raise ValueError(
+                    f"{other} and {name} would have one file, {file_name(name)}.{self.format}: rename one of them, "
+                    "or bake them into two folders"
+                )
+
+
+def file_name(name):
+    """An object's name as that of a file."""
+    cleaned = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", name)
+    return f"_{cleaned}" if cleaned.startswith(".") else cleaned

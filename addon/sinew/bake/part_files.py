@@ -1,0 +1,232 @@
+"""A cache that is not whole yet. Pure.
+
+Beside the cache NAME.pc2 stands, until it is whole, the folder NAME.pc2.part with three files, laid out at full size:
+`positions`, `world` and the marks, `frames`: a line that says what is baked, and a byte a frame, 1 when that frame is
+on the disk. Several processes, on several machines, may fill them: each writes its frames in place, none waits for
+another, and whoever sees the last mark moves the files where they belong. NAME.pc2.json, which stays, is the line.
+
+The folder is made elsewhere and appears all at once, and nothing is ever added to it. So whoever has its three files
+open has files that belong together, even if they have been moved meanwhile.
+"""
+
+import errno
+import io
+import os
+import shutil
+import time
+from contextlib import contextmanager, suppress
+
+import numpy as np
+
+from . import subject as subjects
+
+SECONDS_BETWEEN_SYNCS = 1.0  # then what was written is marked: a process that is killed loses no more than that
+MATRIX_SIZE = 128  # bytes of (4, 4) float64
+NAMES = ("frames", "positions", "world")
+ATTEMPTS = 5  # each fails only if another process has moved the files just then
+ADVICE = "overwrite it, or choose another folder"
+NOT_A_BAKE = "{} is not an unfinished bake of this version of Sinew; " + ADVICE
+
+
+def world_header(count):
+    """Of a .npy file with (count, 4, 4) float64."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (count, 4, 4)})
+    return stream.getvalue()
+
+
+def write_at(file, data, offset):
+    """All of data (bytes or memoryview of bytes) into an open file descriptor."""
+    data = memoryview(data)
+    while data:
+        count = os.pwrite(file, data, offset)
+        data, offset = data[count:], offset + count
+
+
+def folder_of(path):
+    """NAME.pc2.part"""
+    return f"{path}.part"
+
+
+def read_marks(path):
+    """(Subject, (F,) bool: which frames are there) of the unfinished cache. Raises ValueError or OSError."""
+    with open(os.path.join(folder_of(path), "frames"), "rb") as file:
+        subject = subjects.parse(file.readline())
+        return subject, np.frombuffer(file.read(), np.uint8) == 1
+
+
+def discard(path):
+    """Forgets what was baked of an unfinished cache."""
+    shutil.rmtree(folder_of(path), ignore_errors=True)
+
+
+class PartFiles:
+    """The unfinished files of one cache, for `with`, which marks in the end what was written.
+
+    Raises ValueError if what stands there is of another bake, and OSError, with a file name, if the disk is full or
+    something forbids it.
+    """
+
+    def __init__(self, path, subject):
+        """path: of the whole cache, in a folder that is there."""
+        self.path, self.subject, self._layout = path, subject, subject.layout
+        self._line, self._world_header = subject.line(), world_header(len(subject.frames))
+        self._pending, self._synced, self._files = [], time.monotonic(), {}
+        for _ in range(ATTEMPTS):
+            if self._open():
+                break
+            self._make()
+        else:
+            raise ValueError(NOT_A_BAKE.format(folder_of(path)))
+        try:
+            self._check()
+            self.found = self.done()  # what was there at first
+            self._check_space()
+        except BaseException:
+            self._close()
+            raise
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, _trace):
+        try:
+            self.sync()
+        except OSError:
+            if kind is None:  # else the first error is the one to tell
+                raise
+        finally:
+            self._close()
+
+    # --- opening ---
+
+    def _open(self):
+        """Whether the folder is there, all of it."""
+        try:
+            self._folder = os.open(folder_of(self.path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            for name in NAMES:
+                self._files[name] = os.open(name, os.O_RDWR | os.O_CLOEXEC, dir_fd=self._folder)
+        except FileNotFoundError:
+            self._close()
+            return False
+        except BaseException:
+            self._close()
+            raise
+        return True
+
+    def _make(self):
+        """Nothing, if another process has made it meanwhile."""
+        folder = f"{folder_of(self.path)}.{os.uname().nodename}-{os.getpid()}"
+        os.makedirs(folder, exist_ok=True)
+        try:
+            count = len(self.subject.frames)
+            for name, start, size in (
+                ("frames", self._line, self._marks_size),
+                ("positions", self._layout.header(), self._layout.size),
+                ("world", self._world_header, self._world_offset(count)),
+            ):
+                with open(os.path.join(folder, name), "wb") as file:
+                    file.write(start)
+                    file.truncate(size)
+            os.rename(folder, folder_of(self.path))
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+
+    def _check(self):
+        line = os.pread(self._files["frames"], len(self._line), 0)
+        if line == self._line and os.fstat(self._files["frames"]).st_size == self._marks_size:
+            return
+        try:
+            there, here = subjects.difference(read_marks(self.path)[0], self.subject)
+        except ValueError as error:
+            raise ValueError(NOT_A_BAKE.format(folder_of(self.path))) from error
+        raise ValueError(f"{folder_of(self.path)} is an unfinished bake of {there}, not of {here}; {ADVICE}")
+
+    def _check_space(self):
+        needed = len(self.missing()) * (self._layout.frame_size + MATRIX_SIZE)
+        free = shutil.disk_usage(folder_of(self.path)).free
+        if needed > free:
+            raise OSError(errno.ENOSPC, f"the bake takes {needed:,} bytes, and the disk has {free:,}", self.path)
+
+    def _close(self):
+        while self._files:
+            os.close(self._files.popitem()[1])
+        if getattr(self, "_folder", None) is not None:
+            os.close(self._folder)
+            self._folder = None
+
+    @property
+    def _marks_size(self):
+        return len(self._line) + len(self.subject.frames)
+
+    def _world_offset(self, index):
+        return len(self._world_header) + MATRIX_SIZE * index
+
+    # --- frames ---
+
+    def _marks(self):
+        return np.frombuffer(os.pread(self._files["frames"], len(self.subject.frames), len(self._line)), np.uint8)
+
+    def done(self):
+        """Indices of the frames that are on the disk, whoever has written them."""
+        return np.flatnonzero(self._marks() == 1).tolist()
+
+    def has(self, index):
+        return os.pread(self._files["frames"], 1, len(self._line) + index) == b"\1"
+
+    def missing(self):
+        return np.flatnonzero(self._marks() != 1).tolist()
+
+    def write(self, index, positions, world):
+        """One frame: positions (V, 3) float32, world (4, 4). Raises OSError."""
+        with _naming(folder_of(self.path)):
+            write_at(self._files["positions"], self._layout.encode(positions), self._layout.offset(index))
+            write_at(self._files["world"], np.ascontiguousarray(world, "<f8").tobytes(), self._world_offset(index))
+        self._pending.append(index)
+        if time.monotonic() - self._synced > SECONDS_BETWEEN_SYNCS:
+            self.sync()
+
+    def sync(self):
+        """Marks what was written, once it is on the disk. Raises OSError."""
+        pending, self._pending, self._synced = self._pending, [], time.monotonic()
+        if pending:
+            with _naming(folder_of(self.path)):
+                os.fdatasync(self._files["positions"])
+                os.fdatasync(self._files["world"])
+                for index in pending:
+                    os.pwrite(self._files["frames"], b"\1", len(self._line) + index)
+                os.fsync(self._files["frames"])
+
+    def finish(self):
+        """Puts the cache in its place if no frame is missing, whoever has written them. Returns the missing indices.
+        Another process may do the same at the same time."""
+        self.sync()
+        missing = self.missing()
+        if missing:
+            if subjects.is_whole(self.path, self.subject):  # others were done before this process had begun
+                discard(self.path)
+                return []
+            return missing
+        temporary = f"{subjects.path_beside(self.path)}.{os.uname().nodename}-{os.getpid()}"
+        with open(temporary, "wb") as file:
+            file.write(self._line)
+        os.replace(temporary, subjects.path_beside(self.path))
+        for name, target in (("world", subjects.world_beside(self.path)), ("positions", self.path)):
+            with suppress(FileNotFoundError):  # another process has moved it
+                os.rename(name, target, src_dir_fd=self._folder)
+        with suppress(FileNotFoundError):
+            os.unlink("frames", dir_fd=self._folder)
+        with suppress(OSError):
+            os.rmdir(folder_of(self.path))
+        return []
+
+
+@contextmanager
+def _naming(path):
+    """Errors of a file descriptor have no file name."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, path) from error

@@ -1,0 +1,79 @@
+"""Whether a cache is whole. Pure."""
+
+import os
+
+import numpy as np
+
+from . import frame_range, part_files, point_cache
+from . import subject as subjects
+
+
+def problems(path, frames=None):
+    """What is wrong with the cache at path, sentences; none if it is whole: no frame is missing, the sizes are right,
+    all numbers are finite. frames: the FrameRange that it should have, or None."""
+    name = os.path.basename(path)
+    if os.path.isdir(part_files.folder_of(path)):
+        return [_unfinished(path, name)]
+    if not os.path.isfile(path):
+        return [f"{name} is not there"]
+    try:
+        subject = subjects.of_cache(path)
+    except FileNotFoundError:
+        return [f"{os.path.basename(subjects.path_beside(path))} is not there, which says what {name} should hold"]
+    except ValueError as error:
+        return [str(error)]
+    layout = subject.layout
+    if frames is not None and frames != subject.frames:
+        return [f"{name} has the frames {subject.frames}, not {frames}"]
+    size = os.path.getsize(path)
+    if size != layout.size:
+        return [
+            f"{name} has {size:,} bytes; with {subject.vertex_count:,} vertices on {len(layout.frames)} frames it "
+            f"should have {layout.size:,}"
+        ]
+    with open(path, "rb") as file:
+        if file.read(len(layout.header())) != layout.header():
+            return [f"{name} does not begin as a {subject.format.upper()} file with these frames and vertices does"]
+    return _not_finite(path, name, subject) + _about_world(path, subject)
+
+
+def _unfinished(path, name):
+    try:
+        subject, marks = part_files.read_marks(path)
+    except (ValueError, OSError):
+        return f"{part_files.folder_of(path)} is not an unfinished bake of this version of Sinew"
+    missing = [frame for frame, done in zip(subject.frames, marks) if not done]
+    return (
+        f"{name} is not finished: {len(missing)} of {len(marks)} frames are missing "
+        f"({frame_range.words_of(missing, subject.frames.step)})"
+        if missing
+        else f"{name} is not finished: all frames are there, but the bake ended before it moved the file"
+    )
+
+
+def _not_finite(path, name, subject):
+    layout = subject.layout
+    bad = [
+        frame
+        for index, frame in enumerate(subject.frames)
+        if not np.isfinite(point_cache.read_frame(path, layout, index)).all()
+    ]
+    return (
+        [f"{name} has numbers that are not finite on the frames {frame_range.words_of(bad, subject.frames.step)}"]
+        if bad
+        else []
+    )
+
+
+def _about_world(path, subject):
+    world, count = subjects.world_beside(path), len(subject.frames)
+    name = os.path.basename(world)
+    try:
+        matrices = np.load(world)
+    except FileNotFoundError:
+        return [f"{name} is not there"]
+    except (ValueError, EOFError):
+        return [f"{name} is not a whole .npy file"]
+    if matrices.shape != (count, 4, 4) or matrices.dtype != np.float64:
+        return [f"{name} has not {count} matrices of float64"]
+    return [] if np.isfinite(matrices).all() else [f"{name} has numbers that are not finite"]
