@@ -32,13 +32,14 @@ def _modules():
     from .binding import properties
     from .cli import command_line
     from .session import handlers
-    from .ui import cures, display, menus, methods, operators, panels, preferences, profile, rig_files
+    from .ui import bake, cures, display, menus, methods, operators, panels, preferences, profile, rig_files
 
     return (
         properties,
         preferences,
         rig_files,
         operators,
+        bake,
         cures,
         methods,
         display,

@@ -79,11 +79,12 @@ def test_wrong_frames(words, said):
 
 
 def test_a_chunk_has_frames_of_the_range():
-    assert FRAMES.indices_of(frame_range.parse("4-8")) == [1, 2]
+    assert FRAMES.indices_of(frame_range.parse_chunk("4-8")) == [1, 2]
+    assert FRAMES.indices_of(frame_range.parse_chunk("9,3-5:2")) == [0, 1, 3]
     with pytest.raises(ValueError, match="the chunk 1-5 reaches beyond the frames 3-9:2"):
-        FRAMES.indices_of(frame_range.parse("1-5"))
-    with pytest.raises(ValueError, match="the chunk 4-4 has none of the frames 3-9:2"):
-        FRAMES.indices_of(frame_range.parse("4"))
+        FRAMES.indices_of(frame_range.parse_chunk("1-5"))
+    with pytest.raises(ValueError, match="the chunk 4,6 has none of the frames 3-9:2"):
+        FRAMES.indices_of(frame_range.parse_chunk("4,6-6:2"))
 
 
 def test_frames_as_people_write_them():
@@ -95,7 +96,7 @@ def test_frames_as_people_write_them():
 
 
 def test_what_cannot_be_asked_for():
-    chunk = frame_range.parse("3-5")
+    chunk = frame_range.parse_chunk("3-5")
     for options, said in (
         (dict(format="abc"), "abc is no format of a bake; those are pc2, mdd, usd"),
         (dict(chunk=chunk, format="usd"), "USD file is written by one process"),

@@ -24,11 +24,13 @@ LAYERS = (
 )
 KNOT = {"binding", "rigs", "session"}
 PURE = {
+    "bake.baked",
     "bake.frame_range",
     "bake.job",
     "bake.part_files",
     "bake.point_cache",
     "bake.subject",
+    "bake.usd",
     "bake.verify",
     "blender.materials",
     "cli.command_options",

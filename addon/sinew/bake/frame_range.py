@@ -23,6 +23,8 @@ class FrameRange:
             raise ValueError(f"Blender has no frames beyond {LIMIT:,}, which {self} asks for")
 
     def __str__(self):
+        if self.first == self.last:
+            return str(self.first)
         return f"{self.first}-{self.last}" + (f":{self.step}" if self.step > 1 else "")
 
     def __len__(self):
@@ -32,14 +34,15 @@ class FrameRange:
         return iter(range(self.first, self.last + 1, self.step))
 
     def indices_of(self, chunk):
-        """The numbers, from 0 on, of the frames that a chunk (a FrameRange) has of this range, in their order.
-        Raises ValueError if it reaches beyond this range, or has none of its frames."""
-        if chunk.first < self.first or chunk.last > self.last:
-            raise ValueError(f"the chunk {chunk} reaches beyond the frames {self}")
-        wanted = set(chunk)
+        """The numbers, from 0 on, of the frames that a chunk (FrameRanges) has of this range, in their order. Raises
+        ValueError if it reaches beyond this range, or has none of its frames."""
+        words = ",".join(map(str, chunk))
+        if any(part.first < self.first or part.last > self.last for part in chunk):
+            raise ValueError(f"the chunk {words} reaches beyond the frames {self}")
+        wanted = set().union(*chunk)
         found = [index for index, frame in enumerate(self) if frame in wanted]
         if not found:
-            raise ValueError(f"the chunk {chunk} has none of the frames {self}")
+            raise ValueError(f"the chunk {words} has none of the frames {self}")
         return found
 
 
@@ -52,6 +55,11 @@ def parse(words):
     return FrameRange(first, int(found[2] or first), int(found[3] or 1))
 
 
+def parse_chunk(words):
+    """The same with commas between several, as farms write chunks: (FrameRange, ...)."""
+    return tuple(map(parse, words.split(",")))
+
+
 def words_of(frames, step=1):
     """Frames in their order as people write them: "1-3, 7", or with another step "1-5:2, 9"."""
     found = []
@@ -60,4 +68,4 @@ def words_of(frames, step=1):
             found[-1][1] = frame
         else:
             found.append([frame, frame])
-    return ", ".join(str(first) if first == last else str(FrameRange(first, last, step)) for first, last in found)
+    return ", ".join(str(FrameRange(first, last, step)) for first, last in found)

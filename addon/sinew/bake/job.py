@@ -19,7 +19,7 @@ class Job:
     frames: FrameRange
     names: tuple = ()  # of objects; none: all meshes on show that something deforms
     format: str = "pc2"
-    chunk: FrameRange | None = None  # the frames of this run; the files are laid out for `frames`
+    chunk: tuple | None = None  # FrameRanges, the frames of this run; the files are laid out for `frames`
     overwrite: bool = False
     until_subdivision: bool = False
     usd_points: bool = False  # never a skeleton

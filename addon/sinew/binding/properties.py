@@ -157,6 +157,9 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     copied_vertices: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
     copied_edition: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
 
+    # While it plays a cache (bake/mesh_cache.py): what to put back, JSON.
+    cache_kept: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
+
     # Of older files, see old_files.py.
     held: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
     replaced: CollectionProperty(

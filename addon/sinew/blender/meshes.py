@@ -10,8 +10,21 @@ from . import memory
 def read_positions(mesh):
     """(V, 3) float32, the mesh's own vertices."""
     positions = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", positions)
+    attribute = mesh.attributes.get("position")
+    if attribute is None or len(attribute.data) != len(mesh.vertices):  # before 3.5, and in Edit Mode
+        mesh.vertices.foreach_get("co", positions)
+    else:  # a copy of the memory; the other way asks for each vertex
+        attribute.data.foreach_get("vector", positions)
     return positions.reshape(-1, 3)
+
+
+def read_evaluated(ob):
+    """(V, 3) float32: what the modifiers of an evaluated mesh object make, also if Blender has put off subdivision."""
+    mesh = ob.to_mesh()
+    try:
+        return read_positions(mesh)
+    finally:
+        ob.to_mesh_clear()
 
 
 def write_positions(mesh, positions):

@@ -1,4 +1,4 @@
-"""Sinew from a shell, for render farms and tests: `info`, `import`, `export` and `bench`.
+"""Sinew from a shell, for render farms and tests: `info`, `import`, `export`, `bake` and `bench`.
 
     blender -b --command sinew info PATH                                      Blender 4.2 and later
     blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
@@ -18,7 +18,7 @@ import bpy
 from ..binding import bind, bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
-from . import bench, command_options, reports
+from . import bake, bench, command_options, reports
 from .command_options import identifier
 
 
@@ -125,7 +125,11 @@ def run_bench(options):
     return reports.report_bench(options, contest, results)
 
 
-COMMANDS = {"info": info, "import": import_, "export": export, "bench": run_bench}
+def run_bake(options):
+    return bake.run(options, open_blend)
+
+
+COMMANDS = {"info": info, "import": import_, "export": export, "bake": run_bake, "bench": run_bench}
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -3,6 +3,8 @@
 import argparse
 import os
 
+from ..bake import frame_range as bake_range
+from ..bake import job
 from ..profiling import costs
 
 BLENDERS_METHODS = ("linear", "dual-quaternion")  # which its Armature modifier has
@@ -20,6 +22,7 @@ def make_parser():
     add_info(commands)
     add_import(commands)
     add_export(commands)
+    add_bake(commands)
     add_bench(commands)
     return parser
 
@@ -44,7 +47,7 @@ def add_info(commands):
     command.add_argument(
         "--frames",
         metavar="A-B",
-        type=frame_range,
+        type=frames_by(costs.parse_frames),
         help=f"those to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
         "(the scene's; --frames=-5-10 from a negative one on)",
     )
@@ -105,6 +108,63 @@ def add_export(commands):
     )
 
 
+def add_bake(commands):
+    command = add_command(commands, "bake", "write the shapes of every frame to files: point caches, or USD")
+    command.add_argument(
+        "path",
+        metavar="FILE.blend",
+        nargs="?",
+        type=blend_path,
+        help="without it the file that is open; nothing is saved",
+    )
+    command.add_argument(
+        "-o",
+        "--output",
+        dest="folder",
+        metavar="FOLDER",
+        type=os.path.abspath,
+        required=True,
+        help="made if it is missing",
+    )
+    command.add_argument(
+        "--frames",
+        metavar="A-B[:STEP]",
+        type=frames_by(bake_range.parse),
+        help="those of the whole bake (the scene's; --frames=-5-10 from a negative one on)",
+    )
+    command.add_argument(
+        "--chunk",
+        metavar="A-B,...",
+        type=frames_by(bake_range.parse_chunk),
+        help="bake only these of the frames, into the same files as other processes do",
+    )
+    command.add_argument(
+        "--objects",
+        metavar="NAME,...",
+        action="append",
+        help="which meshes (all on show that have modifiers or shape keys); may be repeated",
+    )
+    command.add_argument(
+        "--format", choices=job.FORMATS, default="pc2", help="point caches pc2 (the default) or mdd, or usd"
+    )
+    command.add_argument(
+        "--until-subdivision",
+        action="store_true",
+        help="the shape before the first Subdivision Surface modifier, not what it and the following make of it",
+    )
+    command.add_argument(
+        "--usd-points", action="store_true", help="USD with points on each frame, also where a skeleton would do"
+    )
+    command.add_argument(
+        "--overwrite", action="store_true", help="bake anew what is there, whole or unfinished; not with --chunk"
+    )
+    command.add_argument(
+        "--verify",
+        action="store_true",
+        help="bake nothing: exit with 0 if all is baked and whole, else say what is missing",
+    )
+
+
 def add_bench(commands):
     command = add_command(commands, "bench", "how long a frame takes by Sinew and by Blender's Armature modifier")
     command.add_argument(
@@ -155,11 +215,16 @@ def blend_path(word):
     return os.path.abspath(word)
 
 
-def frame_range(word):
-    try:
-        return costs.parse_frames(word)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
+def frames_by(parse):
+    """The type of an option: what parse makes of its words."""
+
+    def read(word):
+        try:
+            return parse(word)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+
+    return read
 
 
 def positive_integer(word):

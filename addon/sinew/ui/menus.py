@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import cures, methods
+from . import bake, cures, methods
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -29,6 +29,10 @@ class SinewMenu(bpy.types.Menu):
         layout.separator()
         for operator in (*cures.CLASSES, *methods.CLASSES):
             layout.operator(operator.bl_idname)
+        layout.separator()
+        layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
+        layout.operator(bake.PlayCache.bl_idname)
+        layout.operator(bake.TakeOffCache.bl_idname)
         layout.separator()
         layout.operator(OpenManual.bl_idname, icon="HELP")
 

@@ -1,0 +1,110 @@
+"""Bakes objects of the open scene, frame by frame."""
+
+import os
+from contextlib import ExitStack
+
+from . import evaluation, part_files, usd_baking
+from . import job as jobs
+from . import subject as subjects
+from .baked import Baked
+
+
+def run(context, job):
+    """All at once. Returns [Baked], or raises ValueError or OSError."""
+    work = steps(context, job)
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            return end.value
+
+
+def steps(context, job):
+    """A generator of (share that is done, what comes next); returns [Baked], one an object. Closing it early is safe:
+    what was baked stays, and the same job goes on there. Mode, modifiers and frame are put back. Raises ValueError or
+    OSError."""
+    indices = job.indices()
+    objects = evaluation.objects_to_bake(context, job.names)
+    job.check_names([ob.name for ob in objects])
+    os.makedirs(job.folder, exist_ok=True)
+    with ExitStack() as stack:
+        stack.enter_context(evaluation.undisturbed(context))
+        if job.until_subdivision:
+            stack.enter_context(evaluation.until_subdivision(objects))
+        if job.format == jobs.USD:
+            return (yield from usd_baking.steps(context, job, objects))
+        return (yield from _point_caches(context, job, objects, indices))
+
+
+def _point_caches(context, job, objects, indices):
+    frames, scene = list(job.frames), context.scene
+    _check_paths(job, objects)
+    yield 0.0, f"frame {frames[indices[0]]}"
+    scene.frame_set(frames[indices[0]])
+    depsgraph = context.evaluated_depsgraph_get()
+    digest = evaluation.digest_of_file()
+    rate = scene.render.fps / scene.render.fps_base
+    caches = []
+    with ExitStack() as stack:
+        for ob in objects:
+            count = len(evaluation.read(ob, depsgraph)[0])
+            subject = subjects.Subject(ob.name, job.format, count, job.frames, rate, job.until_subdivision, digest)
+            caches.append(_Cache(job, ob, subject, stack))
+        for number, index in enumerate(indices):
+            waiting = [cache for cache in caches if not cache.has(index)]
+            if not waiting:
+                continue
+            yield number / len(indices), f"frame {frames[index]}"
+            scene.frame_set(frames[index])
+            depsgraph = context.evaluated_depsgraph_get()
+            for cache in waiting:
+                cache.write(index, frames[index], depsgraph)
+        for cache in caches:
+            cache.finish()
+    return [cache.baked for cache in caches]
+
+
+def _check_paths(job, objects):
+    """Before anything is evaluated. Raises ValueError if a finished cache would be lost."""
+    for ob in objects:
+        path = job.path_of(ob.name)
+        if job.overwrite:
+            part_files.discard(path)
+        elif os.path.exists(path) and job.chunk is None:
+            raise ValueError(f"{path} is there already; {part_files.ADVICE}")
+
+
+class _Cache:
+    """One object's."""
+
+    def __init__(self, job, ob, subject, stack):
+        path = job.path_of(ob.name)
+        self._ob, self._subject, self._part = ob, subject, None
+        self.baked = Baked(ob.name, path, subject.vertex_count, len(subject.frames))
+        if job.chunk is not None and subjects.is_whole(path, subject):
+            self.baked.found = self.baked.frames
+        elif job.chunk is not None and os.path.exists(path):
+            raise ValueError(
+                f"{path} is there already, of another bake: remove it before the first chunk, or choose another folder"
+            )
+        else:
+            self._part = stack.enter_context(part_files.PartFiles(path, subject))
+            self.baked.found = len(self._part.found)
+
+    def has(self, index):
+        """Whether a frame is there, whoever has baked it."""
+        return self._part is None or self._part.has(index)
+
+    def write(self, index, frame, depsgraph):
+        positions, world = evaluation.read(self._ob, depsgraph)
+        evaluation.check_count(self._ob, frame, len(positions), self._subject.vertex_count)
+        try:
+            self._part.write(index, positions, world)
+        except OSError as error:
+            kept = f"{error.strerror}; what was baked before frame {frame} is kept, and the same bake goes on there"
+            raise OSError(error.errno, kept, error.filename) from error
+        self.baked.baked += 1
+
+    def finish(self):
+        if self._part is not None:
+            self.baked.missing = len(self._part.finish())

@@ -1,0 +1,125 @@
+"""The scene as a bake evaluates it, and everything put back afterwards."""
+
+import hashlib
+import os
+from contextlib import contextmanager, suppress
+
+import bpy
+
+from ..blender import animation, meshes, nodes, values
+
+
+def objects_to_bake(context, names):
+    """Mesh objects by their names; without names all on show that have modifiers or shape keys. Raises ValueError."""
+    layer = context.view_layer
+    layer.update()
+    if not names:
+        found = [ob for ob in layer.objects if ob.type == "MESH" and ob.visible_get() and _may_change(ob)]
+        if not found:
+            raise ValueError("there is no mesh on show that modifiers or shape keys deform; name the objects to bake")
+        return found
+    return [_object_named(layer, name) for name in dict.fromkeys(names)]
+
+
+def _may_change(ob):
+    return len(ob.modifiers) > 0 or ob.data.shape_keys is not None
+
+
+def _object_named(layer, name):
+    ob = layer.objects.get(name)
+    if ob is None:
+        there = ", ".join(each.name for each in layer.objects if each.type == "MESH") or "none"
+        raise ValueError(f"there is no object {name} in the view layer {layer.name}; meshes that are there: {there}")
+    if ob.type != "MESH":
+        raise ValueError(f"{name} is not a mesh")
+    if not ob.visible_get():
+        raise ValueError(f"{name} is hidden in the viewport, and Blender does not evaluate it: show it first")
+    return ob
+
+
+def digest_of_file():
+    """Of the .blend as it was saved; "" if what is open differs from it."""
+    path = bpy.data.filepath
+    if not os.path.isfile(path) or bpy.data.is_dirty and not bpy.app.background:
+        return ""
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()[:32]
+
+
+def read(ob, depsgraph):
+    """positions (V, 3) float32, space of the object, and matrix_world (4, 4) float64, as evaluated."""
+    evaluated = ob.evaluated_get(depsgraph)
+    return meshes.read_evaluated(evaluated), values.matrix_to_numpy(evaluated.matrix_world)
+
+
+def read_topology(ob, depsgraph):
+    """(face_offsets (faces + 1,), face_vertices), V, as evaluated."""
+    evaluated = ob.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    try:
+        return meshes.read_faces(mesh)[:2], len(mesh.vertices)
+    finally:
+        evaluated.to_mesh_clear()
+
+
+def check_count(ob, frame, count, expected):
+    """Raises ValueError if a frame has not as many vertices as those before it."""
+    if count != expected:
+        raise ValueError(
+            f"{ob.name} has {count:,} vertices on frame {frame}, and {expected:,} before: a cache has the same "
+            "vertices on all frames. Leave out the modifier that changes them, or bake another range"
+        )
+
+
+@contextmanager
+def undisturbed(context):
+    """Out of Edit and Sculpt Mode, whose meshes are not those that play; mode and frame are put back."""
+    scene, ob = context.scene, context.view_layer.objects.active
+    frame = scene.frame_current, scene.frame_subframe
+    mode = ob.mode if ob is not None and (ob.mode.startswith("EDIT") or ob.mode == "SCULPT") else None
+    if mode:
+        _set_mode(context, ob, "OBJECT")
+    try:
+        yield
+    finally:
+        scene.frame_set(frame[0], subframe=frame[1])
+        if mode:
+            with suppress(ReferenceError):
+                _set_mode(context, ob, mode)
+
+
+def _set_mode(context, ob, mode):
+    with context.temp_override(active_object=ob, object=ob):
+        bpy.ops.object.mode_set(mode=mode)
+
+
+def subdivision_of(ob):
+    """The first Subdivision Surface modifier on show, or None."""
+    return next((modifier for modifier in ob.modifiers if modifier.type == "SUBSURF" and modifier.show_viewport), None)
+
+
+@contextmanager
+def until_subdivision(objects):
+    """Their first Subdivision Surface modifier and all that follow it are switched off in the viewport meanwhile.
+    Raises ValueError if a switch is animated."""
+    off = []
+    for ob in objects:
+        first = subdivision_of(ob)
+        tail = list(ob.modifiers)[ob.modifiers.find(first.name) :] if first else []
+        off += [modifier for modifier in tail if modifier.show_viewport and not nodes.is_sinew(modifier)]
+    for modifier in off:
+        if "show_viewport" in animation.animated_properties(modifier.id_data, modifier):
+            raise ValueError(
+                f"{modifier.name} of {modifier.id_data.name} is switched by drivers or keyframes: bake with all "
+                "modifiers"
+            )
+    try:
+        for modifier in off:
+            modifier.show_viewport = False
+        yield
+    finally:
+        for modifier in off:
+            modifier.show_viewport = True

@@ -1,0 +1,116 @@
+"""Bakes objects of the open scene into USD files: with a skeleton where that says it all, else with points."""
+
+import os
+import sys
+from contextlib import ExitStack
+
+import bpy
+import numpy as np
+
+from . import evaluation, part_files, usd
+from .baked import Baked
+from .character import LinearCharacter, NotLinear
+
+TOLERANCE = 1e-5  # a share of the diagonal, by which skinning may differ from what Blender shows
+
+
+def steps(context, job, objects):
+    """A generator as that of baking.py, which calls it."""
+    usd.load(getattr(bpy.utils, "expose_bundled_modules", None), _advice())
+    for ob in objects:
+        path = job.path_of(ob.name)
+        if os.path.exists(path) and not job.overwrite:
+            raise ValueError(f"{path} is there already; {part_files.ADVICE}")
+    by_points, baked = dict.fromkeys(objects, ""), {}
+    if not job.usd_points:
+        by_points = yield from _bake(context, job, objects, _Skinned, baked)
+    yield from _bake(context, job, list(by_points), _Pointed, baked)
+    for ob, reason in by_points.items():
+        baked[ob].remark = f"points, since {reason}" if reason else "points"
+    return [baked[ob] for ob in objects]
+
+
+def _advice():
+    folder = bpy.utils.user_resource("SCRIPTS", path=os.path.join("addons", "modules"))
+    version = "{}.{}".format(*sys.version_info)
+    return f": pip install --only-binary=:all: --python-version {version} --target {folder} usd-core"
+
+
+def _bake(context, job, objects, kind, baked):
+    """All of them on each frame. Puts what was baked into baked {object: Baked}; returns {object: why not}."""
+    scene, sinks, refused = context.scene, {}, {}
+    with ExitStack() as stack:
+        for number, frame in enumerate(job.frames if objects else ()):
+            yield number / len(job.frames), f"frame {frame}"
+            scene.frame_set(frame)
+            depsgraph = context.evaluated_depsgraph_get()
+            for ob in objects:
+                try:
+                    if number == 0:
+                        sinks[ob] = kind(scene, job, ob, depsgraph, stack)
+                    if ob in sinks:
+                        sinks[ob].write(frame, depsgraph)
+                except NotLinear as error:
+                    refused[ob] = str(error)
+                    sinks.pop(ob, None)
+            if len(refused) == len(objects):
+                break
+        for ob, sink in sinks.items():
+            sink.file.save()
+            baked[ob] = Baked(ob.name, sink.file.path, sink.vertex_count, len(job.frames), len(job.frames))
+            baked[ob].remark = "skeleton"
+    return refused
+
+
+def _open(kind, scene, job, ob, stack):
+    rate = scene.render.fps / scene.render.fps_base
+    file = kind(job.path_of(ob.name), ob.name, job.frames, rate, scene.unit_settings.scale_length)
+    return stack.enter_context(file)
+
+
+def _scheme(job, ob):
+    """Whether a reader is to subdivide."""
+    is_cut = job.until_subdivision and any(modifier.type == "SUBSURF" for modifier in ob.modifiers)
+    return "catmullClark" if is_cut else "none"
+
+
+class _Pointed:
+    """A mesh, by points on each frame."""
+
+    def __init__(self, scene, job, ob, depsgraph, stack):
+        self._ob = ob
+        topology, self.vertex_count = evaluation.read_topology(ob, depsgraph)
+        self.file = _open(usd.PointsFile, scene, job, ob, stack)
+        self.file.begin(topology, _scheme(job, ob))
+
+    def write(self, frame, depsgraph):
+        positions, world = evaluation.read(self._ob, depsgraph)
+        evaluation.check_count(self._ob, frame, len(positions), self.vertex_count)
+        self.file.write(frame, positions, world)
+
+
+class _Skinned:
+    """A mesh, by its skeleton. Raises NotLinear if that gives another shape than Blender shows."""
+
+    def __init__(self, scene, job, ob, depsgraph, stack):
+        self._ob = ob
+        self._character = character = LinearCharacter(ob, depsgraph)
+        topology, self.vertex_count = evaluation.read_topology(ob, depsgraph)
+        self.file = _open(usd.SkeletonFile, scene, job, ob, stack)
+        self.file.begin(topology, _scheme(job, ob), character.rest, character.influences, character.skeleton)
+
+    def write(self, frame, depsgraph):
+        positions, world = evaluation.read(self._ob, depsgraph)
+        try:
+            kept = self.file.write(frame, self._character.posed(depsgraph), world)
+        except np.linalg.LinAlgError as error:
+            raise NotLinear(f"on frame {frame} a bone has a scale of 0") from error
+        skinned = self._character.skinned(kept)
+        if skinned.shape != positions.shape:
+            raise NotLinear("it has not the vertices of its mesh")
+        size = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
+        off = float(np.abs(skinned - positions).max(initial=0.0))
+        if not off <= TOLERANCE * size:
+            raise NotLinear(
+                f"on frame {frame} a skeleton without scale is {off / size if size else off:.2g} of the diagonal off"
+            )

@@ -1,0 +1,227 @@
+"""Bakes the selected meshes, and plays what was baked."""
+
+import os
+from contextlib import ExitStack
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from ..bake import baking, mesh_cache
+from ..bake import job as jobs
+from ..bake.frame_range import FrameRange
+from ..feedback import progress
+from .operators import selected_meshes
+
+SECONDS_BETWEEN_STEPS = 0.0  # Blender draws and hears Esc between frames
+FORMATS = (
+    ("pc2", "PC2", "A point cache, little-endian"),
+    ("mdd", "MDD", "A point cache, big-endian"),
+    ("usd", "USD", "A skeleton where linear skinning says it all, else points on each frame"),
+)
+
+
+class BakeSettings:
+    """What Bake and the operator that does it share."""
+
+    directory: StringProperty(
+        name="Folder", description="Where the files go, made if it is missing", subtype="DIR_PATH"
+    )
+    file_format: EnumProperty(name="Format", description="What is written", items=FORMATS)
+    frame_start: IntProperty(name="First Frame", description="The first frame to bake; without it the scene's")
+    frame_end: IntProperty(name="Last Frame", description="The last frame to bake; without it the scene's")
+    frame_step: IntProperty(name="Step", description="From one baked frame to the next", default=1, min=1)
+    until_subdivision: BoolProperty(
+        name="Until Subdivision",
+        description="Bake the shape before the first Subdivision Surface modifier, which goes on behind the cache",
+    )
+    overwrite: BoolProperty(
+        name="Overwrite", description="Bake anew what is there. Else a bake that was stopped goes on"
+    )
+    play: BoolProperty(
+        name="Play the Cache",
+        description="Let a Mesh Cache modifier play what was baked, and switch off what it stands in for",
+    )
+
+    def settings(self):
+        return {
+            name: getattr(self, name) for name in BakeSettings.__annotations__ if self.properties.is_property_set(name)
+        }
+
+    def job(self, context):
+        scene, is_set = context.scene, self.properties.is_property_set
+        folder = bpy.path.abspath(self.directory)
+        if not folder or folder.startswith("//"):
+            raise ValueError("choose a folder for the files; one beside the .blend wants the .blend to be saved first")
+        if self.play and self.file_format == jobs.USD:
+            raise ValueError("a Mesh Cache modifier plays PC2 and MDD, not USD")
+        return jobs.Job(
+            folder=os.path.abspath(folder),
+            frames=FrameRange(
+                self.frame_start if is_set("frame_start") else scene.frame_start,
+                self.frame_end if is_set("frame_end") else scene.frame_end,
+                self.frame_step,
+            ),
+            names=tuple(ob.name for ob in selected_meshes(context)),
+            format=self.file_format,
+            overwrite=self.overwrite,
+            until_subdivision=self.until_subdivision,
+        )
+
+
+def can_bake(context):
+    is_playing = context.screen and context.screen.is_animation_playing
+    return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context)) and not is_playing
+
+
+class Bake(BakeSettings, bpy.types.Operator):
+    """Write the shape that the selected meshes have on each frame to files, which Blender's Mesh Cache modifier and
+    other programs play. Nothing in the file changes, but what was changed by hand and not keyed goes back to its
+    keyframes, as with all playing. Esc stops it, and it goes on there the next time"""
+
+    bl_idname = "object.sinew_bake"
+    bl_label = "Bake"
+    bl_options = {"PRESET"}
+
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        return can_bake(context)
+
+    def invoke(self, context, _event):
+        if not self.directory and bpy.data.filepath:
+            self.directory = bpy.path.abspath("//bake/")
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        how = "EXEC_DEFAULT" if bpy.app.background or context.window is None else "INVOKE_DEFAULT"
+        try:
+            return {"FINISHED"} & bpy.ops.object.sinew_bake_frames(how, **self.settings()) or {"CANCELLED"}
+        except RuntimeError as error:
+            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+            return {"CANCELLED"}
+
+
+class BakeFrames(BakeSettings, bpy.types.Operator):
+    """Bake the selected meshes, frame by frame"""
+
+    bl_idname = "object.sinew_bake_frames"
+    bl_label = "Bake Frames"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    @classmethod
+    def poll(cls, context):
+        return can_bake(context)
+
+    def execute(self, context):
+        try:
+            return self._show(context, baking.run(context, self.job(context)))
+        except (ValueError, OSError) as error:
+            return self._fail(error)
+
+    def invoke(self, context, _event):
+        try:
+            self._steps = baking.steps(context, self.job(context))
+        except ValueError as error:
+            return self._fail(error)
+        self._stack = ExitStack()
+        self._stack.callback(self._steps.close)
+        self._progress = self._stack.enter_context(progress.shown(context, draws=False))
+        manager = context.window_manager
+        timer = manager.event_timer_add(SECONDS_BETWEEN_STEPS, window=context.window)
+        self._stack.callback(manager.event_timer_remove, timer)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self.cancel(context)
+            self.report({"INFO"}, "Stopped: the frames that were baked are kept, and the same bake goes on there")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        try:
+            share, text = next(self._steps)
+            self._progress.step(share, f"baking {text}, Esc stops it")
+            return {"RUNNING_MODAL"}
+        except StopIteration as end:
+            self.cancel(context)
+            try:
+                return self._show(context, end.value)
+            except (ValueError, OSError) as error:
+                return self._fail(error)
+        except (ValueError, OSError) as error:
+            self.cancel(context)
+            return self._fail(error)
+        except BaseException:
+            self.cancel(context)
+            raise
+
+    def cancel(self, _context):
+        self._stack.close()
+
+    def _fail(self, error):
+        self.report(
+            {"ERROR"}, f"{error.filename}: {error.strerror}" if getattr(error, "filename", None) else str(error)
+        )
+        return {"CANCELLED"}
+
+    def _show(self, context, baked):
+        for each in baked:
+            self.report({"INFO"}, each.sentence())
+            if self.play:
+                mesh_cache.set_up(context, context.view_layer.objects[each.name], each.path)
+        return {"FINISHED"}
+
+
+class PlayCache(bpy.types.Operator):
+    """Let Blender's Mesh Cache modifier play a PC2 or MDD file on the active mesh, and switch off the modifiers that
+    the cache stands in for"""
+
+    bl_idname = "object.sinew_play_cache"
+    bl_label = "Play Cache"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(name="File Path", description="The cache", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.pc2;*.mdd", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return context.mode == "OBJECT" and ob is not None and ob.type == "MESH" and not mesh_cache.is_on(ob)
+
+    def invoke(self, context, _event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        try:
+            mesh_cache.set_up(context, context.active_object, bpy.path.abspath(self.filepath))
+        except (ValueError, OSError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class TakeOffCache(bpy.types.Operator):
+    """Remove the Mesh Cache modifier from the selected meshes, and switch their other modifiers as they were before"""
+
+    bl_idname = "object.sinew_take_off_cache"
+    bl_label = "Take Off Cache"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode == "OBJECT" and any(mesh_cache.is_on(ob) for ob in selected_meshes(context))
+
+    def execute(self, context):
+        for ob in selected_meshes(context):
+            if mesh_cache.is_on(ob):
+                for name in mesh_cache.take_off(ob):
+                    self.report({"WARNING"}, f"{ob.name} has no modifier {name} any more, which was switched off")
+        return {"FINISHED"}
+
+
+CLASSES = (Bake, BakeFrames, PlayCache, TakeOffCache)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
