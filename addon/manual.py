@@ -29,7 +29,8 @@ a {{ color: #1a5fb4; }}
 
 
 def pages(docs):
-    """{file name: bytes}: a page for each .md file of the folder, and the pictures that they show."""
+    """{file name: bytes}: a page for each .md file of the folder, the pictures that they show, and job descriptions for
+    farms."""
     files = {}
     for path in docs.glob("*.md"):
         text = path.read_text(encoding="utf-8")
@@ -41,4 +42,4 @@ def pages(docs):
             if not (docs / picture).is_file():
                 sys.exit(f"manual.py: {path.name} shows {picture}, which is not there")
             files[picture] = (docs / picture).read_bytes()
-    return files
+    return files | {f"farm/{path.name}": path.read_bytes() for path in (docs / "farm").iterdir()}
