@@ -2,6 +2,7 @@
 
 import os
 from contextlib import ExitStack
+from time import perf_counter
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -12,7 +13,8 @@ from ..bake.frame_range import FrameRange
 from ..feedback import progress
 from .operators import selected_meshes
 
-SECONDS_BETWEEN_STEPS = 0.0  # Blender draws and hears Esc between frames
+SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
+SECONDS_OF_STEPS = 0.1  # frames that are baked in a row
 FORMATS = (
     ("pc2", "PC2", "A point cache, little-endian"),
     ("mdd", "MDD", "A point cache, big-endian"),
@@ -142,7 +144,9 @@ class BakeFrames(BakeSettings, bpy.types.Operator):
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}
         try:
-            share, text = next(self._steps)
+            start = perf_counter()
+            while perf_counter() - start < SECONDS_OF_STEPS:
+                share, text = next(self._steps)
             self._progress.step(share, f"baking {text}, Esc stops it")
             return {"RUNNING_MODAL"}
         except StopIteration as end:
