@@ -98,7 +98,7 @@ def _can_stand_in_for(modifier):
 
 
 def _configure(cache, path, first, step):
-    """By frames: the time mode Seconds reads PC2's samples as frames, and Factor stretches."""
+    """By frames: by time, Blender plays PC2 files too slowly."""
     cache.cache_format = path.rpartition(".")[2].upper()
     use_relative = bpy.data.filepath and bpy.context.preferences.filepaths.use_relative_paths
     cache.filepath = bpy.path.relpath(path) if use_relative else path

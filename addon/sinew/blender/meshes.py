@@ -20,7 +20,9 @@ def read_positions(mesh):
 
 def read_evaluated(ob):
     """(V, 3) float32: what the modifiers of an evaluated mesh object make, also if Blender has put off subdivision."""
-    mesh = ob.to_mesh()
+    if not any(modifier.type == "SUBSURF" for modifier in ob.modifiers):
+        return read_positions(ob.data)
+    mesh = ob.to_mesh()  # before 4.1 it copies weights
     try:
         return read_positions(mesh)
     finally:
