@@ -262,6 +262,16 @@ def full(*_):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
+def test_a_folder_that_forbids_it_is_left_as_it_was(tmp_path, monkeypatch):
+    def forbid(*_, **__):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "here")
+
+    monkeypatch.setattr(os, "rename", forbid)
+    with pytest.raises(PermissionError):
+        bake(tmp_path / "Tube.pc2", [0])
+    assert os.listdir(tmp_path) == []
+
+
 def test_a_bake_that_would_not_fit_does_not_begin(tmp_path, monkeypatch):
     usage = type("Usage", (), {"free": 700})
     monkeypatch.setattr(part_files.shutil, "disk_usage", lambda _: usage)
@@ -271,10 +281,16 @@ def test_a_bake_that_would_not_fit_does_not_begin(tmp_path, monkeypatch):
 
 def test_frames_are_marked_once_they_are_on_the_disk(tmp_path, monkeypatch):
     path = tmp_path / "Tube.pc2"
-    monkeypatch.setattr(os, "fdatasync", full)
+    monkeypatch.setattr(part_files, "sync_data", full)
     with pytest.raises(OSError, match="No space left"):
         bake(path, [0])
     assert not part_files.read_marks(str(path))[1].any()
+
+
+def test_windows_is_told_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(ValueError, match="Windows cannot write point caches in place"):
+        bake(tmp_path / "Tube.pc2", [0])
 
 
 def spoil_size(path):

@@ -13,6 +13,7 @@ import errno
 import io
 import os
 import shutil
+import sys
 import time
 from contextlib import contextmanager, suppress
 
@@ -23,6 +24,7 @@ from . import subject as subjects
 SECONDS_BETWEEN_SYNCS = 1.0  # then what was written is marked: a process that is killed loses no more than that
 MATRIX_SIZE = 128  # bytes of (4, 4) float64
 NAMES = ("frames", "positions", "world")
+sync_data = getattr(os, "fdatasync", os.fsync)  # macOS has but the latter
 ATTEMPTS = 5  # each fails only if another process has moved the files just then
 ADVICE = "overwrite it, or choose another folder"
 NOT_A_BAKE = "{} is not an unfinished bake of this version of Sinew; " + ADVICE
@@ -69,6 +71,8 @@ class PartFiles:
 
     def __init__(self, path, subject):
         """path: of the whole cache, in a folder that is there."""
+        if sys.platform == "win32":
+            raise ValueError("Windows cannot write point caches in place as several processes do; bake USD")
         self.path, self.subject, self._layout = path, subject, subject.layout
         self._line, self._world_header = subject.line(), world_header(len(subject.frames))
         self._pending, self._synced, self._files = [], time.monotonic(), {}
@@ -193,8 +197,8 @@ class PartFiles:
         pending, self._pending, self._synced = self._pending, [], time.monotonic()
         if pending:
             with _naming(folder_of(self.path)):
-                os.fdatasync(self._files["positions"])
-                os.fdatasync(self._files["world"])
+                for name in ("positions", "world"):
+                    sync_data(self._files[name])
                 for index in pending:
                     os.pwrite(self._files["frames"], b"\1", len(self._line) + index)
                 os.fsync(self._files["frames"])

@@ -69,7 +69,7 @@ class UsdFile:
         with self._naming():
             self.stage.GetRootLayer().Save()
         self.stage = None
-        with open(self._temporary, "rb") as file:
+        with open(self._temporary, "r+b") as file:
             os.fsync(file.fileno())
         os.replace(self._temporary, self.path)
 
