@@ -169,8 +169,8 @@ def test_what_is_there_is_kept_unless_told_otherwise(figure, tmp_path):
     next(work), next(work), next(work)
     assert (tmp_path / "Tube.pc2").read_bytes() == before
     work.close()
-    bake(tmp_path, "1-3", overwrite=True)
-    assert len(read(tmp_path / "Tube.pc2")) == 3
+    (done,) = bake(tmp_path, "1-3", overwrite=True)
+    assert (done.found, done.baked, len(read(tmp_path / "Tube.pc2"))) == (0, 3, 3)
 
 
 # --- what goes wrong ------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ def steps(context, job):
 def _point_caches(context, job, objects, indices):
     frames, scene = list(job.frames), context.scene
     _check_paths(job, objects)
-    yield 0.0, f"frame {frames[indices[0]]}"
+    yield 0.0, f"baking frame {frames[indices[0]]}"
     scene.frame_set(frames[indices[0]])
     depsgraph = context.evaluated_depsgraph_get()
     digest = evaluation.digest_of_file()
@@ -54,7 +54,7 @@ def _point_caches(context, job, objects, indices):
             waiting = [cache for cache in caches if not cache.has(index)]
             if not waiting:
                 continue
-            yield number / len(indices), f"frame {frames[index]}"
+            yield number / len(indices), f"baking frame {frames[index]}"
             scene.frame_set(frames[index])
             depsgraph = context.evaluated_depsgraph_get()
             for cache in waiting:

@@ -41,7 +41,7 @@ def _bake(context, job, objects, kind, baked):
     scene, sinks, refused = context.scene, {}, {}
     with ExitStack() as stack:
         for number, frame in enumerate(job.frames if objects else ()):
-            yield number / len(job.frames), f"frame {frame}"
+            yield number / len(job.frames), f"baking frame {frame}"
             scene.frame_set(frame)
             depsgraph = context.evaluated_depsgraph_get()
             for ob in objects:

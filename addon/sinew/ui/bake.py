@@ -1,8 +1,6 @@
 """Bakes the selected meshes, and plays what was baked."""
 
 import os
-from contextlib import ExitStack
-from time import perf_counter
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -10,11 +8,9 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from ..bake import baking, mesh_cache
 from ..bake import job as jobs
 from ..bake.frame_range import FrameRange
-from ..feedback import progress
+from .in_steps import InSteps
 from .operators import selected_meshes
 
-SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
-SECONDS_OF_STEPS = 0.1  # frames that are baked in a row
 FORMATS = (
     ("pc2", "PC2", "A point cache, little-endian"),
     ("mdd", "MDD", "A point cache, big-endian"),
@@ -93,6 +89,9 @@ class Bake(BakeSettings, bpy.types.Operator):
     def invoke(self, context, _event):
         if not self.directory and bpy.data.filepath:
             self.directory = bpy.path.abspath("//bake/")
+        for name in ("frame_start", "frame_end"):
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(context.scene, name))
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -105,73 +104,26 @@ class Bake(BakeSettings, bpy.types.Operator):
             return {"CANCELLED"}
 
 
-class BakeFrames(BakeSettings, bpy.types.Operator):
+class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     """Bake the selected meshes, frame by frame"""
 
     bl_idname = "object.sinew_bake_frames"
     bl_label = "Bake Frames"
     bl_options = {"UNDO", "INTERNAL"}
+    stopped = "Stopped: the frames that were baked are kept, and the same bake goes on there"
+    seconds_in_a_row = 0.1
 
     @classmethod
     def poll(cls, context):
         return can_bake(context)
 
     def execute(self, context):
-        try:
-            return self._show(context, baking.run(context, self.job(context)))
-        except (ValueError, OSError) as error:
-            return self._fail(error)
+        return self.at_once(lambda: self.finish(context, baking.run(context, self.job(context))))
 
     def invoke(self, context, _event):
-        try:
-            self._steps = baking.steps(context, self.job(context))
-        except ValueError as error:
-            return self._fail(error)
-        self._stack = ExitStack()
-        self._stack.callback(self._steps.close)
-        self._progress = self._stack.enter_context(progress.shown(context, draws=False))
-        manager = context.window_manager
-        timer = manager.event_timer_add(SECONDS_BETWEEN_STEPS, window=context.window)
-        self._stack.callback(manager.event_timer_remove, timer)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.at_once(lambda: self.begin(context, baking.steps(context, self.job(context))))
 
-    def modal(self, context, event):
-        if event.type == "ESC":
-            self.cancel(context)
-            self.report({"INFO"}, "Stopped: the frames that were baked are kept, and the same bake goes on there")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"RUNNING_MODAL"}
-        try:
-            start = perf_counter()
-            while perf_counter() - start < SECONDS_OF_STEPS:
-                share, text = next(self._steps)
-            self._progress.step(share, f"baking {text}, Esc stops it")
-            return {"RUNNING_MODAL"}
-        except StopIteration as end:
-            self.cancel(context)
-            try:
-                return self._show(context, end.value)
-            except (ValueError, OSError) as error:
-                return self._fail(error)
-        except (ValueError, OSError) as error:
-            self.cancel(context)
-            return self._fail(error)
-        except BaseException:
-            self.cancel(context)
-            raise
-
-    def cancel(self, _context):
-        self._stack.close()
-
-    def _fail(self, error):
-        self.report(
-            {"ERROR"}, f"{error.filename}: {error.strerror}" if getattr(error, "filename", None) else str(error)
-        )
-        return {"CANCELLED"}
-
-    def _show(self, context, baked):
+    def finish(self, context, baked):
         for each in baked:
             self.report({"INFO"}, each.sentence())
             if self.play:

@@ -1,22 +1,20 @@
 """Where the time goes: the profile of the open scene, in the sidebar."""
 
-from contextlib import ExitStack
-
 import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ..binding import bind, bindable
-from ..feedback import notice, progress
+from ..feedback import notice
 from ..profiling import costs, measure
 from ..session import handlers
+from .in_steps import InSteps
 from .panels import InSidebar
 
 MOST_OBJECTS = 12  # that are listed
-SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
 ICONS = {"MESH": "MESH_DATA", "ARMATURE": "ARMATURE_DATA"}
 
 
-class MeasureProfile(bpy.types.Operator):
+class MeasureProfile(InSteps, bpy.types.Operator):
     """Play the scene and measure what evaluating each object costs, and what Accelerate would save. Nothing in the
     file changes, except that unkeyed changes go back to their keyframes, as they do whenever the scene plays. Press
     Esc to stop"""
@@ -24,6 +22,7 @@ class MeasureProfile(bpy.types.Operator):
     bl_idname = "scene.sinew_profile"
     bl_label = "Measure"
     bl_options = {"REGISTER"}
+    stopped = "Stopped: nothing was measured, and nothing has changed"
 
     frame_start: IntProperty(name="First Frame", description="The first frame to play; by default the scene's")
     frame_end: IntProperty(name="Last Frame", description="The last frame to play; by default the scene's")
@@ -35,49 +34,12 @@ class MeasureProfile(bpy.types.Operator):
         )
 
     def execute(self, context):
-        try:
-            self._show(context, measure.run(context, *self._frames(context)))
-        except ValueError as error:
-            return self._fail(error)
-        return {"FINISHED"}
+        return self.at_once(lambda: self.finish(context, measure.run(context, *self._frames(context))))
 
     def invoke(self, context, _event):
         if context.window is None:
             return self.execute(context)
-        self._steps = measure.steps(context, *self._frames(context))
-        self._stack = ExitStack()
-        self._stack.callback(self._steps.close)
-        self._progress = self._stack.enter_context(progress.shown(context, draws=False))
-        manager = context.window_manager
-        timer = manager.event_timer_add(SECONDS_BETWEEN_STEPS, window=context.window)
-        self._stack.callback(manager.event_timer_remove, timer)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type == "ESC":
-            self.cancel(context)
-            self.report({"INFO"}, "Stopped: nothing was measured, and nothing has changed")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"RUNNING_MODAL"}
-        try:
-            share, text = next(self._steps)
-            self._progress.step(share, f"{text}, Esc stops it")
-            return {"RUNNING_MODAL"}
-        except StopIteration as end:
-            self.cancel(context)
-            self._show(context, end.value)
-            return {"FINISHED"}
-        except ValueError as error:
-            self.cancel(context)
-            return self._fail(error)
-        except BaseException:
-            self.cancel(context)
-            raise
-
-    def cancel(self, _context):
-        self._stack.close()
+        return self.begin(context, measure.steps(context, *self._frames(context)))
 
     def _frames(self, context):
         first, last = costs.frames_of(context.scene)
@@ -86,14 +48,11 @@ class MeasureProfile(bpy.types.Operator):
             self.frame_end if self.properties.is_property_set("frame_end") else last,
         )
 
-    def _fail(self, error):
-        self.report({"ERROR"}, str(error))
-        return {"CANCELLED"}
-
-    def _show(self, context, profile):
+    def finish(self, context, profile):
         costs.last[:] = [profile]
         for area in context.screen.areas if context.screen else ():
             area.tag_redraw()
+        return {"FINISHED"}
 
 
 class AccelerateOne(bpy.types.Operator):

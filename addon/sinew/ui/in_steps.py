@@ -1,0 +1,69 @@
+"""Operators that work beside the interface, a step at a time, with progress and Esc."""
+
+from contextlib import ExitStack
+from time import perf_counter
+
+from ..feedback import progress
+
+SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
+
+
+class InSteps:
+    """An operator calls `begin` in its invoke(). It has `finish(context, value)`, of what the steps return, which
+    returns what operators return, and may raise what they may raise."""
+
+    stopped = ""  # what is said after Esc
+    seconds_in_a_row = 0.0  # steps between which Blender does not draw
+
+    def begin(self, context, steps):
+        """steps: a generator of (share that is done, what comes next). Closing it early is safe; it may raise
+        ValueError and OSError."""
+        self._steps = steps
+        self._stack = ExitStack()
+        self._stack.callback(steps.close)
+        self._progress = self._stack.enter_context(progress.shown(context, draws=False))
+        manager = context.window_manager
+        timer = manager.event_timer_add(SECONDS_BETWEEN_STEPS, window=context.window)
+        self._stack.callback(manager.event_timer_remove, timer)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self.cancel(context)
+            self.report({"INFO"}, self.stopped)
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        start = perf_counter()
+        try:
+            share, text = next(self._steps)
+            while perf_counter() - start < self.seconds_in_a_row:
+                share, text = next(self._steps)
+            self._progress.step(share, f"{text}, Esc stops it")
+            return {"RUNNING_MODAL"}
+        except StopIteration as end:
+            self.cancel(context)
+            done = end.value
+            return self.at_once(lambda: self.finish(context, done))
+        except (ValueError, OSError) as error:
+            self.cancel(context)
+            return self.fail(error)
+        except BaseException:
+            self.cancel(context)
+            raise
+
+    def cancel(self, _context):
+        self._stack.close()
+
+    def at_once(self, work):
+        """work(), whose errors are reported."""
+        try:
+            return work()
+        except (ValueError, OSError) as error:
+            return self.fail(error)
+
+    def fail(self, error):
+        name = getattr(error, "filename", None)
+        self.report({"ERROR"}, f"{name}: {error.strerror}" if name else str(error))
+        return {"CANCELLED"}
