@@ -1,6 +1,8 @@
 """USD: points as Blender shows them, and skeletons that USD's own skinning moves to the same shape."""
 
 import os
+import resource
+import signal
 import sys
 
 import bpy
@@ -266,6 +268,20 @@ def test_vertices_that_come_in_the_middle(figure, tmp_path):
     with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, and 1,200 before"):
         bake(tmp_path)
     assert os.listdir(tmp_path) == []
+
+
+def test_a_full_disk(figure, tmp_path):
+    """The kernel refuses to make a file longer, as it does where there is no room left."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    (tmp_path / "Tube.usdc").write_text("mine")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="writing file: File too large: .*Tube.usdc'$"):
+            bake(tmp_path, usd_points=True, overwrite=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert os.listdir(tmp_path) == ["Tube.usdc"] and (tmp_path / "Tube.usdc").read_text() == "mine"
 
 
 def test_a_folder_that_forbids_it(figure, tmp_path):

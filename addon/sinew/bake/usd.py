@@ -209,5 +209,5 @@ class _Naming:
         from pxr import Tf
 
         if isinstance(error, Tf.ErrorException):
-            said = "; ".join(str(each.commentary).strip() for each in error.args) or "it cannot be written"
+            said = str(error.args[0].commentary).strip() if error.args else "it cannot be written"
             raise OSError(errno.EIO, said, self._path) from error
