@@ -24,12 +24,12 @@ constexpr double kNothing = 1e-3;
 /// What a vertex's neighbourhood is when all joints are taken together.
 struct Whole {
   bool is_reached = false;
-  Eigen::Vector3d center;  ///< p
-  double weight;           ///< of the moments
-  double share;            ///< the last entry of the sum of Omega
-  double extent;           ///< trace of the second moment about p, over the weight
-  bool is_point, is_line;
-  double leverage;  ///< how far a turn of the neighbourhood by its own extent moves the vertex
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< p
+  double weight = 0;                                 ///< of the moments
+  double share = 0;                                  ///< the last entry of the sum of Omega
+  double extent = 0;                                 ///< trace of the second moment about p, over the weight
+  bool is_point = false, is_line = false;
+  double leverage = 0;  ///< how far a turn of the neighbourhood by its own extent moves the vertex
 };
 
 /// One joint's in one vertex, in the units of its Whole.
