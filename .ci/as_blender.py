@@ -2,10 +2,14 @@
 
 The module does not read the profile's preferences, and reading them crashes 4.2, which then renews the icons of a
 window. The extensions that are installed in the profile are enabled here instead.
+
+The process ends at once when the script is done: 4.2 crashes now and then as Python takes the module apart.
 """
 
+import os
 import runpy
 import sys
+import traceback
 
 import bpy
 
@@ -23,4 +27,16 @@ arguments = sys.argv[1 : sys.argv.index("--")] if "--" in sys.argv else sys.argv
 if "--version" in arguments:
     print(f"Blender {bpy.app.version_string} (Python module)")
 else:
-    run(arguments[arguments.index("--python") + 1])
+    code = 0
+    try:
+        run(arguments[arguments.index("--python") + 1])
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+        if code and not isinstance(end.code, int):
+            print(end.code, file=sys.stderr)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
