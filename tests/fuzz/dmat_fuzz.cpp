@@ -11,8 +11,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const bool binary : {false, true}) {
     write_dmat(path, matrix, binary);
     const Eigen::MatrixXd again = read_dmat(path);
-    fuzz::require(again.rows() == matrix.rows() && again.cols() == matrix.cols() && again == matrix,
-                  "a matrix that is written reads back the same");
+    fuzz::require(
+        again.rows() == matrix.rows() && again.cols() == matrix.cols() && (matrix.size() == 0 || again == matrix),
+        "a matrix that is written reads back the same");
   }
   return 0;
 }
