@@ -22,15 +22,9 @@ BLENDED, CENTERS, MUSH = "BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"
 
 
 @pytest.fixture
-def character(fresh_scene):
+def character(character):
     """(a bound mesh, its unbound twin)."""
-    armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
-    for frame in (1, 7, 14, 20):
-        pose(armature, frame, False)
-    accelerate(ob)
-    return ob, twin
+    return character[:2]
 
 
 def shapes(ob, frames=(5, 9)):
