@@ -141,7 +141,7 @@ def test_a_chunk_that_is_repeated_when_all_is_done_bakes_nothing(figure, tmp_pat
     assert (done.baked, done.found, done.missing) == (0, 10, 0)
     figure.data.transform(figure.matrix_world)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    with pytest.raises(ValueError, match="is there already, of another bake: remove it before the first chunk"):
+    with pytest.raises(ValueError, match="already exists, from another bake: remove it before the first chunk"):
         bake(tmp_path, chunk=(frame_range("1-5"),))
 
 
@@ -162,7 +162,7 @@ def test_what_was_stopped_goes_on(figure, tmp_path):
 def test_what_is_there_is_kept_unless_told_otherwise(figure, tmp_path):
     bake(tmp_path, "1-2")
     before = (tmp_path / "Tube.pc2").read_bytes()
-    with pytest.raises(ValueError, match="Tube.pc2 is there already; overwrite it, or choose another folder"):
+    with pytest.raises(ValueError, match="Tube.pc2 already exists; overwrite it, or choose another folder"):
         bake(tmp_path, "1-3")
     assert (tmp_path / "Tube.pc2").read_bytes() == before
     work = addon_module("bake.baking").steps(bpy.context, job(tmp_path, "1-3", overwrite=True))
@@ -181,7 +181,7 @@ def test_vertices_that_come_in_the_middle(figure, tmp_path):
     for frame, levels in ((4, 0), (5, 1)):
         sub.levels = levels
         sub.keyframe_insert("levels", frame=frame)
-    with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, and 1,200 before"):
+    with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, but 1,200 before"):
         bake(tmp_path)
     assert "6 of 10 frames are missing (5-10)" in problems(tmp_path / "Tube.pc2")[0]
 
@@ -199,7 +199,7 @@ def test_a_full_disk(figure, tmp_path, monkeypatch):
         with pytest.raises(OSError) as caught:
             bake(tmp_path)
     assert caught.value.strerror == (
-        "No space left on device; what was baked before frame 4 is kept, and the same bake goes on there"
+        "No space left on device; the frames before 4 are kept: bake again to continue there"
     )
     assert bake(tmp_path)[0].found == 3
 
@@ -218,21 +218,24 @@ def test_objects_that_cannot_be_baked(figure, tmp_path):
     hidden = make_tube()
     hidden.hide_viewport = True
     for names, said in (
-        (("None",), "there is no object None in the view layer ViewLayer; meshes that are there: Tube, Tube.001"),
+        (("None",), "there is no object None in the view layer ViewLayer; its meshes are Tube, Tube.001"),
         (("Rig",), "Rig is not a mesh"),
         (("Tube.001",), "Tube.001 is hidden in the viewport"),
     ):
         with pytest.raises(ValueError, match=said):
             bake(tmp_path, names=names)
     bpy.data.objects.remove(figure)
-    with pytest.raises(ValueError, match="no mesh on show that modifiers or shape keys deform"):
+    with pytest.raises(ValueError, match="no visible mesh has modifiers or shape keys"):
         bake(tmp_path)
 
 
 def test_a_switch_that_is_animated_cannot_be_left_out(figure, tmp_path):
     sub = smoothed(figure, "Sub", "SUBSURF", levels=1)
     sub.keyframe_insert("show_viewport", frame=1)
-    with pytest.raises(ValueError, match="Sub of Tube is switched by drivers or keyframes: bake with all modifiers"):
+    said = (
+        "Sub of Tube is switched by drivers or keyframes, so Sinew cannot switch it off: bake without Until Subdivision"
+    )
+    with pytest.raises(ValueError, match=said):
         bake(tmp_path, until_subdivision=True)
 
 
@@ -263,7 +266,7 @@ def test_the_command_bakes_and_verifies(sinew, blend, tmp_path):
     folder = tmp_path / "out"
     verify = [blend, "-o", folder, "--verify"]
     code, _, err = sinew(*verify)
-    assert (code, err) == (1, "sinew: Tube.pc2 is not there\n")
+    assert (code, err) == (1, "sinew: Tube.pc2 is missing\n")
     assert sinew(blend, "-o", folder, "--chunk", "2-3")[0] == 0
     code, _, err = sinew(*verify)
     assert (code, err) == (1, "sinew: Tube.pc2 is not finished: 2 of 4 frames are missing (1, 4)\n")
@@ -272,7 +275,7 @@ def test_the_command_bakes_and_verifies(sinew, blend, tmp_path):
     (done,) = json.loads(out.splitlines()[-1])["objects"]
     assert (done["name"], done["baked"], done["found"], done["missing"]) == ("Tube", 2, 2, 0)
     code, out, _ = sinew(*verify)
-    assert code == 0 and out.endswith("Tube.pc2 is whole: 4 frames\n")
+    assert code == 0 and out.endswith("Tube.pc2 is complete: 4 frames\n")
     code, _, err = sinew(*verify, "--frames", "1-5")
     assert (code, err) == (1, "sinew: Tube.pc2 has the frames 1-4, not 1-5\n")
 
@@ -334,7 +337,7 @@ def test_the_operator_bakes_the_selected(figure, tmp_path):
     assert result == {"FINISHED"}
     assert sorted(os.listdir(folder)) == ["Tube.mdd", "Tube.mdd.json", "Tube.world.npy"]
     assert np.array_equal(read(tmp_path / "out" / "Tube.mdd"), shown(figure, (2, 4, 6)))
-    with pytest.raises(RuntimeError, match="Tube.mdd is there already"):
+    with pytest.raises(RuntimeError, match="Tube.mdd already exists"):
         bpy.ops.object.sinew_bake(directory=folder, frame_end=6, file_format="mdd")
     with pytest.raises(RuntimeError, match="choose a folder"):
         bpy.ops.object.sinew_bake()
@@ -448,7 +451,7 @@ def test_caches_that_cannot_be_played(figure, tmp_path):
         assert switches(figure) == before and not mesh_cache.is_on(figure)
     figure.modifiers["Armature"].keyframe_insert("show_render", frame=1)
     bake(tmp_path / "other", "1-2")
-    with pytest.raises(ValueError, match="Armature of Tube is switched by drivers or keyframes: remove these first"):
+    with pytest.raises(ValueError, match="Armature of Tube is switched by drivers or keyframes: remove them first"):
         mesh_cache.set_up(bpy.context, figure, str(tmp_path / "other" / "Tube.pc2"))
     assert switches(figure) == before
 

@@ -202,11 +202,11 @@ def flatten(ob):
         (add_keys, "shape keys deform it"),
         (smooth, "Smooth deforms it"),
         (preserve_volume, "Armature preserves volume"),
-        (mask, "Armature has more than vertex groups"),
+        (mask, "Armature uses more than vertex groups"),
         (bend, "Rig has bones with segments or envelopes that move it"),
         (scale, "on frame 2 a skeleton without scale is"),
         (flatten, "on frame 1 a bone has a scale of 0"),
-        (lambda ob: ob.modifiers.clear(), "not one Armature modifier deforms it"),
+        (lambda ob: ob.modifiers.clear(), "its only deformer is not a single Armature modifier"),
     ],
 )
 def test_points_where_a_skeleton_does_not_say_it_all(figure, tmp_path, change, reason):
@@ -246,7 +246,7 @@ def test_several_at_once(figure, tmp_path):
 
 def test_a_file_that_is_there_stays(figure, tmp_path):
     (tmp_path / "Tube.usdc").write_text("mine")
-    with pytest.raises(ValueError, match="Tube.usdc is there already; overwrite it, or choose another folder"):
+    with pytest.raises(ValueError, match="Tube.usdc already exists; overwrite it, or choose another folder"):
         bake(tmp_path)
     work = addon_module("bake.baking").steps(
         bpy.context,
@@ -265,7 +265,7 @@ def test_vertices_that_come_in_the_middle(figure, tmp_path):
     for frame, levels in ((4, 0), (5, 1)):
         sub.levels = levels
         sub.keyframe_insert("levels", frame=frame)
-    with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, and 1,200 before"):
+    with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, but 1,200 before"):
         bake(tmp_path)
     assert os.listdir(tmp_path) == []
 
@@ -298,6 +298,6 @@ def test_without_the_package(figure, tmp_path, monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "pxr"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(ValueError, match="USD wants the Python package usd-core.*pip install.*--target .*usd-core"):
+    with pytest.raises(ValueError, match="USD needs the Python package usd-core.*pip install.*--target .*usd-core"):
         bake(tmp_path)
     assert os.listdir(tmp_path) == []

@@ -311,7 +311,7 @@ def switched_by_keyframes(ob):
         (subdivided, "Finer", "Sinew cannot evaluate it"),
         (driven, "Driven", "its factor is driven"),
         (by_curve, "Hook", "falloff curve"),
-        (in_renders_alone, "Render", "not shown where Armature is"),
+        (in_renders_alone, "Render", "differ from those of Armature"),
         (switched_by_keyframes, "Switched", "drivers or keyframes"),
     ],
     ids=lambda part: getattr(part, "__name__", ""),

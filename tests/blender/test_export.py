@@ -121,7 +121,9 @@ def test_a_character_made_in_blender(fresh_scene, tmp_path, up_axis):
 def test_poses_of_another_rig_in_the_folder(fresh_scene, tmp_path, left):
     import_rig("capsule")
     (tmp_path / left).write_text("0 0")
-    with pytest.raises(RuntimeError, match=f"has {left} of another rig, which would be read with this one"):
+    with pytest.raises(
+        RuntimeError, match=f"has {left} from another rig, which the next import would read with this one"
+    ):
         bpy.ops.export_scene.sinew_rig(filepath=str(tmp_path / "skeleton.bf"), animation="NONE")
     assert [path.name for path in tmp_path.iterdir()] == [left]
     (tmp_path / left).unlink()

@@ -468,7 +468,9 @@ def test_bad_input_is_said(figure):
         bpy.ops.object.sinew_accelerate_one(name="Nobody")
     for ob in list(bpy.data.objects):
         bpy.data.objects.remove(ob)
-    with pytest.raises(RuntimeError, match="the scene shows nothing that has bones, shape keys or modifiers"):
+    with pytest.raises(
+        RuntimeError, match="nothing visible has bones, shape keys or modifiers: show what you want to measure"
+    ):
         bpy.ops.scene.sinew_profile()
 
 
@@ -528,7 +530,7 @@ def test_the_command_line_says_what_is_wrong(sinew, tmp_path):
     assert sinew("info", "--profile", path, "--frames", "all")[0] == 2
     assert sinew("info", "--profile", path)[::2] == (
         1,
-        "sinew: the scene shows nothing that has bones, shape keys or modifiers\n",
+        "sinew: nothing visible has bones, shape keys or modifiers: show what you want to measure\n",
     )
     assert sinew("info", path, "--frames", "1-2")[::2] == (1, "sinew: --frames needs --profile\n")
     code, _, err = sinew("info", "--profile", tmp_path)

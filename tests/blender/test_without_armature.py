@@ -161,7 +161,7 @@ def test_shown_in_renders_alone(fresh_scene, make):
     ob, twin = make(add_shape_keys, in_renders_alone)
     assert_same_on_all_frames(fresh_scene, ob, twin, (3, 7))
     assert way(ob) == "KEYS" and stages(ob) == []
-    assert end(ob) == ("First", "it is not shown where the mesh is")
+    assert end(ob) == ("First", "its switches for viewport and renders differ from those of the mesh")
 
 
 # --- edits ----------------------------------------------------------------------------------------

@@ -115,7 +115,7 @@ def test_openjd_bakes_four_chunks_and_verifies(shot, single, tmp_path):
         "21-30",
         "31-40",
     ]
-    assert "capsule.pc2 is whole: 40 frames" in done.stdout
+    assert "capsule.pc2 is complete: 40 frames" in done.stdout
     assert contents(tmp_path / "out put") == single
 
 
@@ -135,7 +135,7 @@ def test_openjd_hands_its_options_on(shot, tmp_path):
     done = openjd_job(shot, tmp_path, Frames="1-9:2", FramesPerChunk=2, Format="mdd", Objects="capsule")
     assert done.returncode == 0, done.stdout
     assert "Chunks run: 4" in done.stdout  # with the one that verifies
-    assert "capsule.mdd is whole: 5 frames" in done.stdout
+    assert "capsule.mdd is complete: 5 frames" in done.stdout
     failed = openjd_job(shot, tmp_path / "none", Objects="Nobody", UntilSubdivision="YES")
     assert failed.returncode != 0 and "there is no object Nobody" in failed.stdout
 
@@ -175,7 +175,7 @@ def test_slurm_submits_an_array_and_what_verifies_it(shot, single, tmp_path):
     assert (done.returncode, done.stdout) == (0, "1 2;cluster\n"), done.stderr
     array, verify = (tmp_path / "log").read_text().splitlines()
     assert "--array=0-3" in array and "--dependency=afterok:1 " in verify
-    assert "capsule.pc2 is whole: 40 frames" in (tmp_path / "log.out").read_text()
+    assert "capsule.pc2 is complete: 40 frames" in (tmp_path / "log.out").read_text()
     assert contents(output) == single
 
 
@@ -183,7 +183,7 @@ def test_slurm_takes_steps_and_options(shot, tmp_path):
     done = slurm(tmp_path, shot, tmp_path / "out", "-3-7:2", 3, "--format", "mdd")
     assert done.returncode == 0, done.stderr
     assert "--array=0-1" in (tmp_path / "log").read_text()
-    assert "capsule.mdd is whole: 6 frames" in (tmp_path / "log.out").read_text()
+    assert "capsule.mdd is complete: 6 frames" in (tmp_path / "log.out").read_text()
 
 
 @pytest.mark.parametrize("words", [[], ["a.blend", "out", "1", "10"], ["a.blend", "out", "1-9", "0"]])

@@ -68,9 +68,9 @@ def test_frames_are_read(words, frames):
     "words, said",
     [
         ("4-1", r"the last frame \(1\) comes before the first \(4\)"),
-        ("1-4:0", "0 is no step"),
-        ("a-b", "a-b is not a range of frames such as"),
-        ("1-9999999", "Blender has no frames beyond 1,048,574"),
+        ("1-4:0", "the step between frames is 0"),
+        ("a-b", "a-b is not a range of frames; write it like 1-40, or 1-40:2 for every second frame"),
+        ("1-9999999", "the frames 1-9999999 go beyond Blender's, -1,048,574 to 1,048,574; choose others"),
     ],
 )
 def test_wrong_frames(words, said):
@@ -98,10 +98,10 @@ def test_frames_as_people_write_them():
 def test_what_cannot_be_asked_for():
     chunk = frame_range.parse_chunk("3-5")
     for options, said in (
-        (dict(format="abc"), "abc is no format of a bake; those are pc2, mdd, usd"),
+        (dict(format="abc"), "there is no format abc; choose one of pc2, mdd, usd"),
         (dict(chunk=chunk, format="usd"), "USD file is written by one process"),
         (dict(chunk=chunk, overwrite=True), "a chunk cannot overwrite"),
-        (dict(usd_points=True), "a matter of USD alone"),
+        (dict(usd_points=True), "only a USD file has points instead of a skeleton: choose the format usd"),
     ):
         with pytest.raises(ValueError, match=said):
             job.Job("folder", FRAMES, **options)
@@ -113,7 +113,7 @@ def test_names_become_those_of_files():
     assert wanted.path_of("a/b:c") == os.path.join("folder", "a_b_c.pc2")
     assert wanted.path_of("..") == os.path.join("folder", "_...pc2")
     wanted.check_names(["a", "b"])
-    with pytest.raises(ValueError, match=r"a/b and a_B would have one file, a_B.pc2"):
+    with pytest.raises(ValueError, match=r"a/b and a_B would both be written to a_B.pc2"):
         wanted.check_names(["a/b", "a_B"])
 
 
@@ -275,7 +275,9 @@ def test_a_folder_that_forbids_it_is_left_as_it_was(tmp_path, monkeypatch):
 def test_a_bake_that_would_not_fit_does_not_begin(tmp_path, monkeypatch):
     usage = type("Usage", (), {"free": 700})
     monkeypatch.setattr(part_files.shutil, "disk_usage", lambda _: usage)
-    with pytest.raises(OSError, match="the bake takes 752 bytes, and the disk has 700"):
+    with pytest.raises(
+        OSError, match="the bake needs 752 bytes, but only 700 are free: make room, or choose another folder"
+    ):
         bake(tmp_path / "Tube.pc2", [0])
 
 
@@ -289,7 +291,7 @@ def test_frames_are_marked_once_they_are_on_the_disk(tmp_path, monkeypatch):
 
 def test_windows_is_told_so(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "platform", "win32")
-    with pytest.raises(ValueError, match="Windows cannot write point caches in place"):
+    with pytest.raises(ValueError, match="on Windows, Sinew cannot write point caches; bake USD instead"):
         bake(tmp_path / "Tube.pc2", [0])
 
 
@@ -321,13 +323,13 @@ def spoil_world(path):
     "spoil, said",
     [
         (spoil_size, "Tube.pc2 has 271 bytes; with 5 vertices on 4 frames it should have 272"),
-        (spoil_numbers, "Tube.pc2 has numbers that are not finite on the frames 5"),
-        (spoil_header, "does not begin as a PC2 file with these frames and vertices does"),
+        (spoil_numbers, "Tube.pc2 has numbers that are not finite on frames 5"),
+        (spoil_header, "the header of Tube.pc2 is not that of a PC2 file with these frames and vertices"),
         (spoil_description, "is not a description that this version of Sinew has written"),
-        (spoil_world, "Tube.world.npy has not 4 matrices of float64"),
-        (os.remove, "Tube.pc2 is not there"),
-        (lambda path: os.remove(f"{path}.json"), "Tube.pc2.json is not there, which says what Tube.pc2 should hold"),
-        (lambda path: os.remove(path.parent / "Tube.world.npy"), "Tube.world.npy is not there"),
+        (spoil_world, "Tube.world.npy does not hold 4 matrices of float64"),
+        (os.remove, "Tube.pc2 is missing"),
+        (lambda path: os.remove(f"{path}.json"), "Tube.pc2.json is missing, which says what Tube.pc2 should hold"),
+        (lambda path: os.remove(path.parent / "Tube.world.npy"), "Tube.world.npy is missing"),
     ],
 )
 def test_what_is_wrong_with_a_cache_is_said(tmp_path, spoil, said):

@@ -30,7 +30,7 @@ def test_frames_are_read(words, frames):
 
 @pytest.mark.parametrize("words", ["", "5", "a-b", "1-2-3", "1..9", "1.5-3", " 1-2"])
 def test_what_is_no_range_of_frames_is_said(words):
-    with pytest.raises(ValueError, match="is not a range of frames such as 1-40"):
+    with pytest.raises(ValueError, match="is not a range of frames; write it like 1-40"):
         costs.parse_frames(words)
 
 

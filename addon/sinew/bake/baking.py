@@ -71,7 +71,7 @@ def _check_paths(job, objects):
         if job.overwrite:
             part_files.discard(path)
         elif os.path.exists(path) and job.chunk is None:
-            raise ValueError(f"{path} is there already; {part_files.ADVICE}")
+            raise ValueError(f"{path} already exists; {part_files.ADVICE}")
 
 
 class _Cache:
@@ -85,7 +85,7 @@ class _Cache:
             self.baked.found = self.baked.frames
         elif job.chunk is not None and os.path.exists(path):
             raise ValueError(
-                f"{path} is there already, of another bake: remove it before the first chunk, or choose another folder"
+                f"{path} already exists, from another bake: remove it before the first chunk, or choose another folder"
             )
         else:
             self._part = stack.enter_context(part_files.PartFiles(path, subject))
@@ -101,7 +101,7 @@ class _Cache:
         try:
             self._part.write(index, positions, world)
         except OSError as error:
-            kept = f"{error.strerror}; what was baked before frame {frame} is kept, and the same bake goes on there"
+            kept = f"{error.strerror}; the frames before {frame} are kept: bake again to continue there"
             raise OSError(error.errno, kept, error.filename) from error
         self.baked.baked += 1
 

@@ -99,14 +99,14 @@ def _modifier_of(ob):
     armature = [modifier for modifier in shown if modifier.type == "ARMATURE" and modifier.object is not None]
     others = [modifier.name for modifier in shown if modifier not in armature]
     if others or len(armature) != 1:
-        raise NotLinear(f"{others[0]} deforms it" if others else "not one Armature modifier deforms it")
+        raise NotLinear(f"{others[0]} deforms it" if others else "its only deformer is not a single Armature modifier")
     modifier = armature[0]
     if ob.data.shape_keys is not None:
         raise NotLinear("shape keys deform it")
     if modifier.use_deform_preserve_volume:
         raise NotLinear(f"{modifier.name} preserves volume")
     if modifier.vertex_group or modifier.use_bone_envelopes or not modifier.use_vertex_groups:
-        raise NotLinear(f"{modifier.name} has more than vertex groups")
+        raise NotLinear(f"{modifier.name} uses more than vertex groups")
     return modifier
 
 

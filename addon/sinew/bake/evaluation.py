@@ -16,7 +16,7 @@ def objects_to_bake(context, names):
     if not names:
         found = [ob for ob in layer.objects if ob.type == "MESH" and ob.visible_get() and _may_change(ob)]
         if not found:
-            raise ValueError("there is no mesh on show that modifiers or shape keys deform; name the objects to bake")
+            raise ValueError("no visible mesh has modifiers or shape keys; name the objects to bake")
         return found
     return [_object_named(layer, name) for name in dict.fromkeys(names)]
 
@@ -29,11 +29,11 @@ def _object_named(layer, name):
     ob = layer.objects.get(name)
     if ob is None:
         there = ", ".join(each.name for each in layer.objects if each.type == "MESH") or "none"
-        raise ValueError(f"there is no object {name} in the view layer {layer.name}; meshes that are there: {there}")
+        raise ValueError(f"there is no object {name} in the view layer {layer.name}; its meshes are {there}")
     if ob.type != "MESH":
         raise ValueError(f"{name} is not a mesh")
     if not ob.visible_get():
-        raise ValueError(f"{name} is hidden in the viewport, and Blender does not evaluate it: show it first")
+        raise ValueError(f"{name} is hidden in the viewport, so Blender does not evaluate it: show it first")
     return ob
 
 
@@ -69,8 +69,8 @@ def check_count(ob, frame, count, expected):
     """Raises ValueError if a frame has not as many vertices as those before it."""
     if count != expected:
         raise ValueError(
-            f"{ob.name} has {count:,} vertices on frame {frame}, and {expected:,} before: a cache has the same "
-            "vertices on all frames. Leave out the modifier that changes them, or bake another range"
+            f"{ob.name} has {count:,} vertices on frame {frame}, but {expected:,} before: a bake needs the same "
+            "vertices on all frames. Switch off the modifier that changes them, or bake other frames"
         )
 
 

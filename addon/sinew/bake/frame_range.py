@@ -16,11 +16,11 @@ class FrameRange:
 
     def __post_init__(self):
         if self.last < self.first:
-            raise ValueError(f"the last frame ({self.last}) comes before the first ({self.first})")
+            raise ValueError(f"the last frame ({self.last}) comes before the first ({self.first}): swap them")
         if self.step < 1:
-            raise ValueError(f"{self.step} is no step from one frame to the next; the least is 1")
+            raise ValueError(f"the step between frames is {self.step}; the smallest is 1")
         if max(-self.first, self.last) > LIMIT:
-            raise ValueError(f"Blender has no frames beyond {LIMIT:,}, which {self} asks for")
+            raise ValueError(f"the frames {self} go beyond Blender's, {-LIMIT:,} to {LIMIT:,}; choose others")
 
     def __str__(self):
         if self.first == self.last:
@@ -38,11 +38,11 @@ class FrameRange:
         ValueError if it reaches beyond this range, or has none of its frames."""
         words = ",".join(map(str, chunk))
         if any(part.first < self.first or part.last > self.last for part in chunk):
-            raise ValueError(f"the chunk {words} reaches beyond the frames {self}")
+            raise ValueError(f"the chunk {words} reaches beyond the frames {self}: choose one within them")
         wanted = set().union(*chunk)
         found = [index for index, frame in enumerate(self) if frame in wanted]
         if not found:
-            raise ValueError(f"the chunk {words} has none of the frames {self}")
+            raise ValueError(f"the chunk {words} has none of the frames {self}: choose one that has some")
         return found
 
 
@@ -50,7 +50,7 @@ def parse(words):
     """ "A-B", "A-B:step" or one frame "A"; a frame may be negative. Raises ValueError."""
     found = re.fullmatch(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?", words)
     if not found:
-        raise ValueError(f"{words} is not a range of frames such as 1-40 or 1-40:2")
+        raise ValueError(f"{words} is not a range of frames; write it like 1-40, or 1-40:2 for every second frame")
     first = int(found[1])
     return FrameRange(first, int(found[2] or first), int(found[3] or 1))
 

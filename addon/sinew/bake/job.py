@@ -26,14 +26,14 @@ class Job:
 
     def __post_init__(self):
         if self.format not in FORMATS:
-            raise ValueError(f"{self.format} is no format of a bake; those are {', '.join(FORMATS)}")
+            raise ValueError(f"there is no format {self.format}; choose one of {', '.join(FORMATS)}")
         if self.usd_points and self.format != USD:
-            raise ValueError("points instead of a skeleton are a matter of USD alone")
+            raise ValueError("only a USD file has points instead of a skeleton: choose the format usd")
         if self.chunk is not None and self.format == USD:
             raise ValueError("a USD file is written by one process: bake it without chunks")
         if self.chunk is not None and self.overwrite:
             raise ValueError(
-                "a chunk cannot overwrite: it would take away what the others bake. Remove the old files "
+                "a chunk cannot overwrite files: it would remove what other processes bake. Remove the old files "
                 "before the first chunk, or choose another folder"
             )
 
@@ -52,7 +52,7 @@ class Job:
             other = found.setdefault(file_name(name).lower(), name)
             if other != name:
                 raise ValueError(
-                    f"{other} and {name} would have one file, {file_name(name)}.{self.format}: rename one of them, "
+                    f"{other} and {name} would both be written to {file_name(name)}.{self.format}: rename one of them, "
                     "or bake them into two folders"
                 )
 

@@ -47,14 +47,14 @@ def set_up(context, ob, path):
     if ob.library:
         raise ValueError(f"{ob.name} is linked from another file: make a library override of it first")
     if is_on(ob):
-        raise ValueError(f"{ob.name} plays a cache already: take that off first")
+        raise ValueError(f"{ob.name} already plays a cache: detach that first")
     vertex_count, first, step, until_subdivision = _read(path, context.scene)
     end = evaluation.subdivision_of(ob) if until_subdivision else None
     place = ob.modifiers.find(end.name) if end else len(ob.modifiers)
     off = [modifier for modifier in list(ob.modifiers)[:place] if _can_stand_in_for(modifier)]
     for modifier in off:
         if set(SWITCHES).intersection(animation.animated_properties(ob, modifier)):
-            raise ValueError(f"{modifier.name} of {ob.name} is switched by drivers or keyframes: remove these first")
+            raise ValueError(f"{modifier.name} of {ob.name} is switched by drivers or keyframes: remove them first")
     active = ob.modifiers.active
     cache = ob.modifiers.new(NAME, "MESH_CACHE")
     ob.sinew.cache_kept = json.dumps(

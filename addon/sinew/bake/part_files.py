@@ -72,7 +72,7 @@ class PartFiles:
     def __init__(self, path, subject):
         """path: of the whole cache, in a folder that is there."""
         if sys.platform == "win32":
-            raise ValueError("Windows cannot write point caches in place as several processes do; bake USD")
+            raise ValueError("on Windows, Sinew cannot write point caches; bake USD instead")
         self.path, self.subject, self._layout = path, subject, subject.layout
         self._line, self._world_header = subject.line(), world_header(len(subject.frames))
         self._pending, self._synced, self._files = [], time.monotonic(), {}
@@ -152,7 +152,8 @@ class PartFiles:
         needed = len(self.missing()) * (self._layout.frame_size + MATRIX_SIZE)
         free = shutil.disk_usage(folder_of(self.path)).free
         if needed > free:
-            raise OSError(errno.ENOSPC, f"the bake takes {needed:,} bytes, and the disk has {free:,}", self.path)
+            said = f"the bake needs {needed:,} bytes, but only {free:,} are free: make room, or choose another folder"
+            raise OSError(errno.ENOSPC, said, self.path)
 
     def _close(self):
         while self._files:

@@ -21,7 +21,7 @@ def load(expose=None, advice=""):
             from pxr import Usd, UsdGeom, UsdSkel  # noqa: F401
 
             return
-    raise ValueError(f"USD wants the Python package usd-core, which this Blender does not have{advice}")
+    raise ValueError(f"USD needs the Python package usd-core, which this Blender does not have{advice}")
 
 
 def row_matrices(matrices):

@@ -20,7 +20,7 @@ def steps(context, job, objects):
     for ob in objects:
         path = job.path_of(ob.name)
         if os.path.exists(path) and not job.overwrite:
-            raise ValueError(f"{path} is there already; {part_files.ADVICE}")
+            raise ValueError(f"{path} already exists; {part_files.ADVICE}")
     by_points, baked = dict.fromkeys(objects, ""), {}
     if not job.usd_points:
         by_points = yield from _bake(context, job, objects, _Skinned, baked)
@@ -107,10 +107,9 @@ class _Skinned:
             raise NotLinear(f"on frame {frame} a bone has a scale of 0") from error
         skinned = self._character.skinned(kept)
         if skinned.shape != positions.shape:
-            raise NotLinear("it has not the vertices of its mesh")
+            raise NotLinear("its vertices are not those of its mesh")
         size = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
         off = float(np.abs(skinned - positions).max(initial=0.0))
         if not off <= TOLERANCE * size:
-            raise NotLinear(
-                f"on frame {frame} a skeleton without scale is {off / size if size else off:.2g} of the diagonal off"
-            )
+            share = off / size if size else off
+            raise NotLinear(f"on frame {frame} a skeleton without scale would be off by {share:.2g} of the diagonal")

@@ -15,11 +15,11 @@ def problems(path, frames=None):
     if os.path.isdir(part_files.folder_of(path)):
         return [_unfinished(path, name)]
     if not os.path.isfile(path):
-        return [f"{name} is not there"]
+        return [f"{name} is missing"]
     try:
         subject = subjects.of_cache(path)
     except FileNotFoundError:
-        return [f"{os.path.basename(subjects.path_beside(path))} is not there, which says what {name} should hold"]
+        return [f"{os.path.basename(subjects.path_beside(path))} is missing, which says what {name} should hold"]
     except ValueError as error:
         return [str(error)]
     layout = subject.layout
@@ -33,7 +33,8 @@ def problems(path, frames=None):
         ]
     with open(path, "rb") as file:
         if file.read(len(layout.header())) != layout.header():
-            return [f"{name} does not begin as a {subject.format.upper()} file with these frames and vertices does"]
+            kind = subject.format.upper()
+            return [f"the header of {name} is not that of a {kind} file with these frames and vertices"]
     return _not_finite(path, name, subject) + _about_world(path, subject)
 
 
@@ -59,7 +60,7 @@ def _not_finite(path, name, subject):
         if not np.isfinite(point_cache.read_frame(path, layout, index)).all()
     ]
     return (
-        [f"{name} has numbers that are not finite on the frames {frame_range.words_of(bad, subject.frames.step)}"]
+        [f"{name} has numbers that are not finite on frames {frame_range.words_of(bad, subject.frames.step)}"]
         if bad
         else []
     )
@@ -71,9 +72,9 @@ def _about_world(path, subject):
     try:
         matrices = np.load(world)
     except FileNotFoundError:
-        return [f"{name} is not there"]
+        return [f"{name} is missing"]
     except (ValueError, EOFError):
-        return [f"{name} is not a whole .npy file"]
+        return [f"{name} is not a complete .npy file"]
     if matrices.shape != (count, 4, 4) or matrices.dtype != np.float64:
-        return [f"{name} has not {count} matrices of float64"]
+        return [f"{name} does not hold {count} matrices of float64"]
     return [] if np.isfinite(matrices).all() else [f"{name} has numbers that are not finite"]

@@ -245,7 +245,7 @@ def release_if_undone(ob):
     for name in stood_in_for if was_applied else ():
         ob.modifiers[name].show_viewport = ob.modifiers[name].show_render = False
     notice.show(
-        f"{ob.name} has had its shape applied and is no longer bound to Sinew"
+        f"The shape of {ob.name} was applied, so it is no longer bound to Sinew"
         if was_applied
         else f"{ob.name} no longer has the modifier that Sinew needs, so it was unbound; accelerate it again"
     )

@@ -53,7 +53,7 @@ OUTPUT_ITEMS = (
     (
         "MESH",
         "Mesh",
-        "Show it, and write it on each frame into the vertices of a hidden copy of the object as well, for "
+        "Also write the shape on each frame into the vertices of a hidden copy of the object, for "
         "scripts and exporters that read a mesh's vertices",
     ),
 )
@@ -138,7 +138,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
         default=True,
         update=_apply_show_shape,
         override=OVERRIDE,
-        description="Write the deformed shape into the copy; off: the rest shape (output Mesh)",
+        description="With the output Mesh: write the deformed shape into the copy. If off, the copy has the rest shape",
     )
 
     skinning: PointerProperty(type=SinewSkinningSettings, name="Skinning", override=OVERRIDE)

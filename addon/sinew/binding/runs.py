@@ -64,7 +64,7 @@ def _why_not(ob, modifier, like, shown):
     if set(wiring.SHOWS).intersection(animation.animated_properties(ob, modifier)):
         return "it is switched by drivers or keyframes"
     if wiring.shown_of(ob, modifier) != shown:
-        return f"it is not shown where {like} is"
+        return f"its switches for viewport and renders differ from those of {like}"
     driven = wiring.driven_settings(ob, [modifier])
     if driven:
         return f"its {driven[0]} is driven, and the driver may run too late"

@@ -12,7 +12,7 @@ LAPLACIANS = (
     ("UNIFORM", "Uniform", "All edges count alike: for meshes with bad triangles"),
 )
 VARIANTS = (
-    ("0", "Full", "Ten numbers a vertex and bone: the method itself"),
+    ("0", "Full", "Ten numbers per vertex and bone: the full method"),
     ("1", "Inverse Transpose", "Ten numbers, turned by the inverse transpose of the deformation, which shears"),
     ("2", "Blended Quaternions", "Four numbers: translations of bones no longer turn the surface"),
     ("3", "Blended Matrices", "Four numbers, turned by blended matrices"),
@@ -39,16 +39,16 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
     share: _setting(
         FloatProperty,
         "Share",
-        "0 is linear, 1 dual quaternion skinning: of all vertices, where no vertex group says it",
+        "For all vertices, if there is no vertex group: 0 is linear, 1 is dual quaternion skinning",
         min=0.0,
         max=1.0,
         default=0.5,
         subtype="FACTOR",
     )
     share_group: _setting(
-        StringProperty, "Share", "Vertex group with the share of dual quaternion skinning, which can be painted"
+        StringProperty, "Share", "Vertex group that holds the share of dual quaternion skinning; it can be painted"
     )
-    share_invert: _setting(BoolProperty, "Invert", "Weight 1 is linear, 0 dual quaternion skinning")
+    share_invert: _setting(BoolProperty, "Invert", "Weight 1 is linear, 0 is dual quaternion skinning")
 
     # Of Centers of Rotation.
     sigma: _setting(
@@ -76,16 +76,20 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
         default=0.8,
         subtype="FACTOR",
     )
-    iterations: _setting(IntProperty, "Iterations", "How often it is smoothed", min=0, max=200, default=20)
-    laplacian: _setting(EnumProperty, "Laplacian", "What counts as near", items=LAPLACIANS)
-    variant: _setting(EnumProperty, "Variant", "The less is kept of a vertex, the faster and rougher", items=VARIANTS)
+    iterations: _setting(
+        IntProperty, "Iterations", "How many times shape and weights are smoothed", min=0, max=200, default=20
+    )
+    laplacian: _setting(EnumProperty, "Laplacian", "How the edges of the mesh are weighted", items=LAPLACIANS)
+    variant: _setting(
+        EnumProperty, "Variant", "How much is kept for each vertex: less is faster and rougher", items=VARIANTS
+    )
 
     # Of smoothing behind any method.
     smooth_iterations: _setting(
         IntProperty,
         "Iterations",
-        "Smooths the deformed shape and puts the detail of the rest shape back (delta mush), as a Corrective Smooth "
-        "modifier does; 0: not at all",
+        "How many times the deformed shape is smoothed before the detail of the rest shape is put back (delta mush), "
+        "as a Corrective Smooth modifier does; 0 switches this off",
         min=0,
         max=200,
         default=0,
@@ -93,7 +97,7 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
     smooth_factor: _setting(
         FloatProperty, "Factor", "How far each iteration smooths", min=0.0, max=1.0, default=0.5, subtype="FACTOR"
     )
-    smooth_group: _setting(StringProperty, "Group", "Vertex group with what is smoothed, and how much")
+    smooth_group: _setting(StringProperty, "Group", "Vertex group that says what is smoothed, and how much")
     smooth_invert: _setting(BoolProperty, "Invert", "Smooth what is not in the group")
 
     data: PointerProperty(

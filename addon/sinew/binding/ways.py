@@ -78,7 +78,7 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
         if _picks_by_number(modifier) and modifier.name not in stages:
             return Way(
                 BLENDER,
-                f"{modifier.name} picks vertices by number, and Blender mistakes these behind Sinew's modifier: add a "
+                f"{modifier.name} picks vertices by index, and Blender mixes these up behind Sinew's modifier: add a "
                 "shape key, and Sinew uses that",
                 wants_keys=True,
             )
@@ -140,7 +140,7 @@ def _through_keys(ob, keys, taken):
     if any(modifier.show_viewport != modifier.show_render for modifier in taken):
         return Way(
             BLENDER,
-            "Its Armature modifier is shown in the viewport or in renders alone, which Sinew cannot tell apart on "
+            "Its Armature modifier is shown only in the viewport or only in renders, which Sinew cannot tell apart on "
             "a mesh with shape keys: show it in both",
         )
     if taken and not wiring.is_shown(taken[0]):

@@ -45,10 +45,10 @@ def names_of(words):
 
 def _verify(job):
     if job.format == jobs.USD:
-        raise ValueError("--verify is for point caches: a USD file appears when it is whole")
+        raise ValueError("--verify is only for point caches: a USD file does not exist until it is complete")
     names = [ob.name for ob in evaluation.objects_to_bake(bpy.context, job.names)]
     problems = [problem for name in names for problem in verify.problems(job.path_of(name), job.frames)]
     if problems:
         raise ValueError("; ".join(problems))
     document = {"path": bpy.data.filepath, "frames": str(job.frames), "format": job.format, "whole": names}
-    return document, "\n".join(f"{job.path_of(name)} is whole: {len(job.frames)} frames" for name in names)
+    return document, "\n".join(f"{job.path_of(name)} is complete: {len(job.frames)} frames" for name in names)

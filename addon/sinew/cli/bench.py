@@ -46,7 +46,7 @@ def set_up(output, frame_count):
     scene, layer = bpy.context.scene, bpy.context.view_layer
     meshes = [ob for ob in deformed_meshes(layer.objects) if ob.visible_get()]
     if not meshes:
-        raise ValueError("the view layer shows no mesh that Sinew deforms or could deform")
+        raise ValueError("no visible mesh is one that Sinew deforms or could deform: show one")
     linked = [ob for ob in meshes if ob.library]
     skipped = {ob.name_full: f"{ob.name} is linked from another file: make a library override of it" for ob in linked}
     sources = {ob: release(ob) for ob in meshes if ob not in linked}

@@ -3,7 +3,7 @@
     blender -b --command sinew info PATH                                      Blender 4.2 and later
     blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
 
-Exit codes: 0 done; 1 not to be done, and a sentence on stderr says why; 2 wrong usage. With --json the last
+Exit codes: 0 done; 1 failed, and a sentence on stderr says why; 2 wrong usage. With --json the last
 line on stdout is one JSON document.
 """
 

@@ -16,7 +16,7 @@ def make_parser():
     parser = argparse.ArgumentParser(
         prog="sinew",
         description="Skeletal deformation with a native core.",
-        epilog="Exit codes: 0 done, 1 not to be done (stderr says why), 2 wrong usage.",
+        epilog="Exit codes: 0 done, 1 failed (stderr says why), 2 wrong usage.",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     add_info(commands)
@@ -41,15 +41,15 @@ def add_info(commands):
     command.add_argument(
         "--profile",
         action="store_true",
-        help="of a .blend: play its scene and list what evaluating each object costs, dearest first, "
+        help="of a .blend: play its scene and list what evaluating each object costs, most expensive first, "
         "and what Accelerate would save; nothing is saved",
     )
     command.add_argument(
         "--frames",
         metavar="A-B",
         type=frames_by(costs.parse_frames),
-        help=f"those to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
-        "(the scene's; --frames=-5-10 from a negative one on)",
+        help=f"the frames to play for --profile, at most {costs.MOST_FRAMES} of them, evenly spread "
+        "(default: the scene's; if the first is negative, --frames=-5-10)",
     )
     add_file_options(command)
 
@@ -115,7 +115,7 @@ def add_bake(commands):
         metavar="FILE.blend",
         nargs="?",
         type=blend_path,
-        help="without it the file that is open; nothing is saved",
+        help="default: the file that is open; nothing is saved",
     )
     command.add_argument(
         "-o",
@@ -130,48 +130,46 @@ def add_bake(commands):
         "--frames",
         metavar="A-B[:STEP]",
         type=frames_by(bake_range.parse),
-        help="those of the whole bake (the scene's; --frames=-5-10 from a negative one on)",
+        help="the frames of the whole bake (default: the scene's; if the first is negative, --frames=-5-10)",
     )
     command.add_argument(
         "--chunk",
         metavar="A-B,...",
         type=frames_by(bake_range.parse_chunk),
-        help="bake only these of the frames, into the same files as other processes do",
+        help="bake only these frames, into the same files as other processes",
     )
     command.add_argument(
         "--objects",
         metavar="NAME,...",
         action="append",
-        help="which meshes (all on show that have modifiers or shape keys); may be repeated",
+        help="which meshes (default: all visible ones with modifiers or shape keys); may be repeated",
     )
     command.add_argument(
         "--format", choices=job.FORMATS, default="pc2", help="point caches pc2 (the default) or mdd, or usd"
     )
     command.add_argument(
-        "--until-subdivision",
-        action="store_true",
-        help="the shape before the first Subdivision Surface modifier, not what it and the following make of it",
+        "--until-subdivision", action="store_true", help="the shape before the first Subdivision Surface modifier"
     )
     command.add_argument(
-        "--usd-points", action="store_true", help="USD with points on each frame, also where a skeleton would do"
+        "--usd-points", action="store_true", help="USD with points on each frame, even where a skeleton would do"
     )
     command.add_argument(
-        "--overwrite", action="store_true", help="bake anew what is there, whole or unfinished; not with --chunk"
+        "--overwrite", action="store_true", help="replace what is there, finished or not; not with --chunk"
     )
     command.add_argument(
         "--verify",
         action="store_true",
-        help="bake nothing: exit with 0 if all is baked and whole, else say what is missing",
+        help="bake nothing: exit with 0 if everything is baked and complete, else say what is missing",
     )
 
 
 def add_bench(commands):
-    command = add_command(commands, "bench", "how long a frame takes by Sinew and by Blender's Armature modifier")
+    command = add_command(commands, "bench", "how long a frame takes with Sinew and with Blender's Armature modifier")
     command.add_argument(
         "path",
         metavar="PATH",
         type=os.path.abspath,
-        help="a rig folder, its skeleton file, or a .blend, whose deformed meshes on show "
+        help="a rig folder, its skeleton file, or a .blend, whose visible deformed meshes "
         "are measured together; nothing is saved",
     )
     command.add_argument(
@@ -179,7 +177,7 @@ def add_bench(commands):
         metavar="N",
         type=positive_integer,
         default=40,
-        help="how many frames, from the scene's first on (40)",
+        help="how many frames, counted from the scene's first (40)",
     )
     command.add_argument("--method", dest="methods", choices=(*BLENDERS_METHODS, "both"), default="both")
     add_output_kind(command, default="modifier")
@@ -188,15 +186,17 @@ def add_bench(commands):
 
 def add_file_options(command):
     group = command.add_argument_group("how to read a rig folder", argument_default=argparse.SUPPRESS)
-    group.add_argument("--mesh", metavar="FILE", help="its file beside the skeleton (mesh.obj)")
-    group.add_argument("--weights", metavar="FILE", help="their file (weights.dmat)")
+    group.add_argument("--mesh", metavar="FILE", help="the mesh's file, beside the skeleton (mesh.obj)")
+    group.add_argument("--weights", metavar="FILE", help="the weights' file (weights.dmat)")
     group.add_argument("--pose", metavar="FILE", help="file of the poses (default: pose.dmat, else anim.dmat)")
     group.add_argument(
         "--convention",
         choices=("auto", "bone", "joint"),
         help="what a row of a .bf file stands for (auto: as the file says)",
     )
-    group.add_argument("--quaternion-order", choices=("wxyz", "xyzw"), help="in the poses (wxyz)")
+    group.add_argument(
+        "--quaternion-order", choices=("wxyz", "xyzw"), help="the order of the numbers in the poses (wxyz)"
+    )
 
 
 def add_output_kind(command, **default):
@@ -205,7 +205,7 @@ def add_output_kind(command, **default):
         dest="output",
         choices=("modifier", "mesh"),
         **default,
-        help="where the shape goes: through a modifier (the default), or into a copy of the mesh as well",
+        help="where the shape goes: through a modifier (the default), or also into a copy of the mesh",
     )
 
 

@@ -74,7 +74,7 @@ def parse_frames(words):
     """ "A-B" as (A, B); a frame may be negative. Raises ValueError."""
     found = re.fullmatch(r"(-?\d+)-(-?\d+)", words)
     if not found:
-        raise ValueError(f"{words} is not a range of frames such as 1-40")
+        raise ValueError(f"{words} is not a range of frames; write it like 1-40")
     return check_frames(int(found[1]), int(found[2]))
 
 

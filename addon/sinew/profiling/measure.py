@@ -51,7 +51,7 @@ def _measure(context, scene, frames):
     scene.frame_set(frames[0])
     subjects = _subjects(context)
     if not subjects:
-        raise ValueError("the scene shows nothing that has bones, shape keys or modifiers")
+        raise ValueError("nothing visible has bones, shape keys or modifiers: show what you want to measure")
     rounds = [_Round(stage, subjects) for stage in (WHOLE, DEFORMED, BARE)]
     rounds = [each for each in rounds if each is rounds[0] or each.absences]
     blocks = costs.blocks(frames, BLOCK)

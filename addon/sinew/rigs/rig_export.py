@@ -56,7 +56,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
     ]
     if left:
         raise ValueError(
-            f"{folder} has {left[0]} of another rig, which would be read with this one; remove it, "
+            f"{folder} has {left[0]} from another rig, which the next import would read with this one; remove it, "
             "or choose another folder"
         )
     mesh = ob.data

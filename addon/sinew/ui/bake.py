@@ -14,7 +14,7 @@ from .operators import selected_meshes
 FORMATS = (
     ("pc2", "PC2", "A point cache, little-endian"),
     ("mdd", "MDD", "A point cache, big-endian"),
-    ("usd", "USD", "A skeleton where linear skinning says it all, else points on each frame"),
+    ("usd", "USD", "A skeleton where linear skinning gives the shape, otherwise points on each frame"),
 )
 
 
@@ -22,22 +22,22 @@ class BakeSettings:
     """What Bake and the operator that does it share."""
 
     directory: StringProperty(
-        name="Folder", description="Where the files go, made if it is missing", subtype="DIR_PATH"
+        name="Folder", description="Folder for the files; it is made if it is missing", subtype="DIR_PATH"
     )
     file_format: EnumProperty(name="Format", description="What is written", items=FORMATS)
-    frame_start: IntProperty(name="First Frame", description="The first frame to bake; without it the scene's")
-    frame_end: IntProperty(name="Last Frame", description="The last frame to bake; without it the scene's")
+    frame_start: IntProperty(name="First Frame", description="The first frame to bake; by default the scene's")
+    frame_end: IntProperty(name="Last Frame", description="The last frame to bake; by default the scene's")
     frame_step: IntProperty(name="Step", description="From one baked frame to the next", default=1, min=1)
     until_subdivision: BoolProperty(
         name="Until Subdivision",
-        description="Bake the shape before the first Subdivision Surface modifier, which goes on behind the cache",
+        description="Bake the shape before the first Subdivision Surface modifier, which then works on the cache",
     )
     overwrite: BoolProperty(
-        name="Overwrite", description="Bake anew what is there. Else a bake that was stopped goes on"
+        name="Overwrite", description="Replace what is there. If off, a bake that was stopped continues"
     )
     play: BoolProperty(
         name="Play the Cache",
-        description="Let a Mesh Cache modifier play what was baked, and switch off what it stands in for",
+        description="Let a Mesh Cache modifier play what was baked, and switch off the modifiers that it replaces",
     )
 
     def settings(self):
@@ -49,7 +49,7 @@ class BakeSettings:
         scene, is_set = context.scene, self.properties.is_property_set
         folder = bpy.path.abspath(self.directory)
         if not folder or folder.startswith("//"):
-            raise ValueError("choose a folder for the files; one beside the .blend wants the .blend to be saved first")
+            raise ValueError("choose a folder for the files; for one beside the .blend, save the .blend first")
         if self.play and self.file_format == jobs.USD:
             raise ValueError("a Mesh Cache modifier plays PC2 and MDD, not USD")
         return jobs.Job(
@@ -72,9 +72,9 @@ def can_bake(context):
 
 
 class Bake(BakeSettings, bpy.types.Operator):
-    """Write the shape that the selected meshes have on each frame to files, which Blender's Mesh Cache modifier and
-    other programs play. Nothing in the file changes, but what was changed by hand and not keyed goes back to its
-    keyframes, as with all playing. Esc stops it, and it goes on there the next time"""
+    """Write the shape of the selected meshes on each frame to files, which Blender's Mesh Cache modifier and
+    other programs play. Nothing in the file changes, except that unkeyed changes go back to their keyframes, as they do
+    whenever the scene plays. Press Esc to stop; the next bake continues there"""
 
     bl_idname = "object.sinew_bake"
     bl_label = "Bake"
@@ -110,7 +110,7 @@ class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     bl_idname = "object.sinew_bake_frames"
     bl_label = "Bake Frames"
     bl_options = {"UNDO", "INTERNAL"}
-    stopped = "Stopped: the frames that were baked are kept, and the same bake goes on there"
+    stopped = "Stopped: the frames that were baked are kept; bake again to continue there"
     seconds_in_a_row = 0.1
 
     @classmethod
@@ -133,7 +133,7 @@ class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
 
 class PlayCache(bpy.types.Operator):
     """Let Blender's Mesh Cache modifier play a PC2 or MDD file on the active mesh, and switch off the modifiers that
-    the cache stands in for"""
+    the cache replaces"""
 
     bl_idname = "object.sinew_play_cache"
     bl_label = "Play Cache"
@@ -161,10 +161,10 @@ class PlayCache(bpy.types.Operator):
 
 
 class TakeOffCache(bpy.types.Operator):
-    """Remove the Mesh Cache modifier from the selected meshes, and switch their other modifiers as they were before"""
+    """Remove the Mesh Cache modifier from the selected meshes, and switch their other modifiers back as they were"""
 
     bl_idname = "object.sinew_take_off_cache"
-    bl_label = "Take Off Cache"
+    bl_label = "Detach Cache"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -175,7 +175,9 @@ class TakeOffCache(bpy.types.Operator):
         for ob in selected_meshes(context):
             if mesh_cache.is_on(ob):
                 for name in mesh_cache.take_off(ob):
-                    self.report({"WARNING"}, f"{ob.name} has no modifier {name} any more, which was switched off")
+                    self.report(
+                        {"WARNING"}, f"{ob.name} has lost the modifier {name}, which the cache had switched off"
+                    )
         return {"FINISHED"}
 
 

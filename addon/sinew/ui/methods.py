@@ -14,13 +14,13 @@ SETTINGS = {
 }
 MAPS = (
     ("share_group", "Share", "The share of dual quaternion skinning, of the method Blended"),
-    ("smooth_group", "Smooth", "What is smoothed, and how much"),
+    ("smooth_group", "Smooth", "Where, and how much, the shape is smoothed"),
 )
 NAMES = {"share_group": "Dual Quaternion", "smooth_group": "Smooth"}  # of new vertex groups
 LACKS = {
-    methods.ABSENT: "It has not been computed yet: the mesh is deformed by {fallback} meanwhile",
-    methods.STALE: "Weights, rest shape or settings have changed since it was computed",
-    methods.UNFIT: "It was computed for other bones or vertices: the mesh is deformed by {fallback} meanwhile",
+    methods.ABSENT: "It has not been computed yet: until then, {fallback} deforms the mesh",
+    methods.STALE: "Weights, rest shape or settings have changed since it was computed: compute it again",
+    methods.UNFIT: "It was computed for other bones or vertices: until you compute it again, {fallback} deforms it",
 }
 
 
@@ -83,8 +83,8 @@ class _OfBoundMesh:
 
 
 class PrepareMethod(_OfBoundMesh, bpy.types.Operator):
-    """Compute what the skinning method of this mesh needs, from its weights and rest shape as they are now. Blender
-    can be used meanwhile"""
+    """Compute what the skinning method of this mesh needs, from its weights and rest shape as they are now. You
+    can use Blender in the meantime"""
 
     bl_idname = "object.sinew_prepare_method"
     bl_label = "Compute Skinning Data"
@@ -115,7 +115,7 @@ class CancelMethod(_OfBoundMesh, bpy.types.Operator):
 
 
 class PaintMap(_OfBoundMesh, bpy.types.Operator):
-    """Paint this map in Weight Paint; without a vertex group it gets one"""
+    """Paint this map in Weight Paint. If it has no vertex group, one is added"""
 
     bl_idname = "object.sinew_paint_map"
     bl_label = "Paint Skinning Map"

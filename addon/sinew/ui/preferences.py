@@ -71,7 +71,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
 
     thread_count: IntProperty(
         name="Threads",
-        description="The most threads that Sinew uses; 0: as many as the computer has",
+        description="The most threads that Sinew uses; 0 is as many as the computer has",
         min=0,
         max=1024,
         update=_apply,
@@ -86,7 +86,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         name="Log File",
         subtype="FILE_PATH",
         update=_apply_log,
-        description="Where what goes wrong is written, with its traceback; empty: Blender's console",
+        description="File to which errors are written, with tracebacks; if empty, Blender's console",
     )
 
     def draw(self, _context):
