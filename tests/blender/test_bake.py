@@ -304,7 +304,11 @@ def test_an_unfinished_bake_of_an_older_file_is_not_filled(sinew, blend, tmp_pat
         (["--format", "abc"], 2, "invalid choice: 'abc'"),
         (["--objects", "Nobody"], 1, "there is no object Nobody"),
         (["--chunk", "1-2", "--overwrite"], 1, "a chunk cannot overwrite"),
-        (["--verify", "--format", "usd"], 1, "--verify is only for point caches: a USD file does not exist until it is complete"),
+        (
+            ["--verify", "--format", "usd"],
+            1,
+            "--verify is only for point caches: a USD file does not exist until it is complete",
+        ),
     ],
 )
 def test_what_the_command_cannot_do(sinew, blend, tmp_path, words, code, said):

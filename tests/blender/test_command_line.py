@@ -421,7 +421,9 @@ def test_export_wants_one_mesh(sinew, tmp_path):
 
 
 def test_bench_of_what_does_not_move(sinew, tmp_path):
-    assert "no visible mesh is one that Sinew deforms or could deform: show one" in one_sentence(sinew("bench", save(tmp_path)))
+    assert "no visible mesh is one that Sinew deforms or could deform: show one" in one_sentence(
+        sinew("bench", save(tmp_path))
+    )
     folder = copied_rig(tmp_path)
     (folder / "pose.dmat").unlink()
     assert "nothing moves on these 3 frames" in one_sentence(sinew("bench", folder, "--frames", 3))

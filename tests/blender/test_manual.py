@@ -1,4 +1,5 @@
-"""The manual's page of options names all that the interface has, with the names that scripts use."""
+"""The manual's page of options names all that the interface has, with the names that scripts use; and what the manual
+shows of Python in Blender runs."""
 
 import re
 
@@ -102,5 +103,53 @@ def test_each_command_and_its_options_stand_there():
     for name, command in commands.items():
         assert f"### sinew {name} " in page and words(command.description) in page
         for action in command._actions:
-            for text in (*action.option_strings, words(action.help or "")):
-                assert text in page, f"{name}: {text}"
+            choices = f"{{{','.join(action.choices)}}}" if action.choices else ""
+            for text in (*action.option_strings, words(action.help or ""), choices):
+                assert text in section(page, name), f"{name}: {text}"
+
+
+def section(page, command):
+    return page.partition(f"### sinew {command} ")[2].partition("### ")[0]
+
+
+def example(page, **replaced):
+    """The one block of Python on a page, for Blender."""
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```$", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    for old, new in replaced.items():
+        assert old in block
+        block = block.replace(old, new)
+    return block
+
+
+def test_the_example_of_the_deformed_copy_runs(character, capsys):
+    ob, twin, _ = character
+    ob.name, ob.sinew.output = "Tube", "MESH"
+    bpy.context.scene.frame_set(5)
+    exec(example("accelerate.md"), {"bpy": bpy})
+    assert len(capsys.readouterr().out.splitlines()) == len(ob.data.vertices)
+
+
+def test_the_example_of_a_bake_runs(character, capsys, tmp_path):
+    ob, _, _ = character
+    ob.name = "Body"
+    package = addon_module("bake").__name__
+    code = example(
+        "bake.md", **{"bl_ext.user_default.sinew.bake": package, "/shots/010/bake": str(tmp_path), "240": "3"}
+    )
+    exec(code, {"bpy": bpy})
+    assert "3 of 3 frames baked" in capsys.readouterr().out and (tmp_path / "Body.pc2").is_file()
+
+
+def test_operators_in_the_text_are_there():
+    """With the arguments that the manual gives them."""
+    calls = [
+        call
+        for page in (ROOT / "docs").glob("*.md")
+        for call in re.findall(r"bpy\.ops\.(\w+)\.(\w+)\(([^)]*)\)", page.read_text(encoding="utf-8"))
+    ]
+    assert len(calls) >= 6
+    for category, name, arguments in calls:
+        known = getattr(getattr(bpy.ops, category), name).get_rna_type().properties.keys()
+        assert set(re.findall(r"(\w+)=", arguments)) <= set(known), name

@@ -1,4 +1,4 @@
-"""The manual: its reference is what the module says, its example runs, its links lead somewhere."""
+"""The manual: its reference is what the module says, its examples run, its links lead somewhere."""
 
 import importlib.util
 import re
@@ -36,14 +36,24 @@ def test_an_old_reference_is_noticed(tmp_path):
         maker.check(sinew)
 
 
+def python_of(page):
+    return re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def test_the_readmes_example_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    examples = [block for block in python_of(ROOT / "README.md") if "bpy" not in block]
+    assert examples
+    names = {}
+    exec(compile("".join(examples), "README.md", "exec"), names)
+    skin, positions = names["skin"], names["positions"]
+    assert positions.shape == (skin.vertex_count, 3) and positions.dtype == np.float32
+    assert np.abs(positions - skin.rest_positions).max() > 0.01
+
+
 def test_the_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
-    page = API.read_text(encoding="utf-8")
-    examples = [
-        block
-        for block in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-        if "= sinew." in block and "sinew_native as sinew  #" not in block
-    ]
+    examples = [block for block in python_of(API) if "= sinew." in block and "sinew_native as sinew  #" not in block]
     assert len(examples) == 2
     names = {}
     exec(compile("".join(examples), str(API), "exec"), names)
@@ -87,6 +97,11 @@ def test_links_lead_somewhere(page):
         if not is_there or (anchor and target.suffix == ".md" and anchor not in anchors(target)):
             broken.append(link)
     assert not broken
+
+
+def test_links_of_the_manual_lead_nowhere_else():
+    """Its pages are in the add-on's zip, which has nothing beside them."""
+    assert [(page.name, link) for page in DOCS.glob("*.md") for link in links(page) if link.startswith("..")] == []
 
 
 def test_links_are_found():

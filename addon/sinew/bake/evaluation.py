@@ -113,8 +113,8 @@ def until_subdivision(objects):
     for modifier in off:
         if "show_viewport" in animation.animated_properties(modifier.id_data, modifier):
             raise ValueError(
-                f"{modifier.name} of {modifier.id_data.name} is switched by drivers or keyframes: bake with all "
-                "modifiers"
+                f"{modifier.name} of {modifier.id_data.name} is switched by drivers or keyframes, so Sinew cannot "
+                "switch it off: bake without Until Subdivision"
             )
     try:
         for modifier in off:
