@@ -124,23 +124,20 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
 void bind_deformer(py::module_& module) {
   py::class_<Bends, std::shared_ptr<Bends>>(
       module, "Bends",
-      "Influences of bones with segments, which are split over the two ends of the segment at "
-      "which "
-      "a vertex is: N vertices with M influences of B bones. Immutable.")
+      "Influences of bones with segments, which are split between the two ends of the segment that a vertex is at: N "
+      "vertices with M influences of B bones. Immutable.")
       .def(py::init(&make_bends), py::arg("vertices"), py::arg("offsets"), py::arg("bones"), py::arg("weights"),
            py::arg("first_joints"), py::arg("segments"), py::arg("axes"),
            "vertices: (N,) integers, ascending: the vertices with an influence of a bone with "
            "segments.\n"
            "offsets: (N + 1,) integers: vertices[i] has the influences offsets[i] to "
            "offsets[i + 1].\n"
-           "bones: (M,) integers in 0..B-1: all influences of these vertices, whole, in stored "
-           "order.\n"
+           "bones: (M,) integers in 0..B-1: all influences of these vertices, not yet split, in stored order.\n"
            "weights: (M,) float32.\n"
            "first_joints: (B,) integers, the first joint of each bone.\n"
            "segments: (B,) integers: 1 is an ordinary bone with one joint, n > 1 one with n + 1.\n"
            "axes: (B, 4) float64: a point p of the armature's space lies at share axes[b, :3] . p + "
-           "axes[b, 3] of the bone's length, 0 the head and 1 the tail; what is beyond counts as "
-           "them.\n"
+           "axes[b, 3] of the bone's length, 0 at the head and 1 at the tail; points beyond count as at the end.\n"
            "All are copied. Raises ValueError for sizes that do not fit and for numbers that are "
            "out of range or not finite.")
       .def_property_readonly(
@@ -148,27 +145,26 @@ void bind_deformer(py::module_& module) {
       .def_property_readonly("influence_count", &Bends::influence_count, "M.");
 
   py::class_<Layer, std::shared_ptr<Layer>>(
-      module, "Layer", "What one armature does to a mesh. Immutable, but for what is done to its skin.")
+      module, "Layer", "What one armature does to a mesh. Immutable, except for changes to its skin.")
       .def(py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
            py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(), py::arg("share") = py::none(),
            py::arg("bends") = py::none(), py::arg("split_space") = py::none(), py::arg("data") = py::none(),
            "skin: a Skin of V vertices and J joints; several layers may share it.\n"
-           "method: \"linear\", \"dual_quaternion\" or, with data of its own, \"blended\", \"rotation_centers\" or "
+           "method: \"linear\" or \"dual_quaternion\"; or, with data, \"blended\", \"rotation_centers\" or "
            "\"direct_delta_mush\".\n"
            "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
            "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
-           "mask: (V,), how much of the motion each vertex takes: "
+           "mask: (V,), how much of the motion each vertex gets: "
            "p' = p + mask (skinned(p) - p). None: all of it.\n"
-           "share: (V,), of a layer that is mixed in: shape += share (own - shape). The first layer "
-           "of a deformer has none, every other one has one.\n"
-           "bends: a Bends: influences that the skin has split as they are at its rest positions "
-           "and "
-           "in split_space. In each frame, vertices of it that shape keys move are split again where they are; on "
-           "other rest positions, or in another space, all of them are.\n"
+           "share: (V,), for a layer that is mixed in: shape += share (own - shape). The first layer of a deformer has "
+           "no share, and every other layer has one.\n"
+           "bends: a Bends: influences that are split in the skin as at its rest positions and in split_space. On each "
+           "frame, those of vertices that shape keys move are split again at their new place; with other rest "
+           "positions, or in another space, all are.\n"
            "split_space: (4, 4), the space in which the skin was split, None if it is the pose's.\n"
-           "data: what the method has of its own for each vertex, a BlendShares, a RotationCenters or a "
-           "DirectDeltaMush, which bends do not change; None for a method that has nothing.\n"
-           "All are copied but skin, bends and data. Raises ValueError for sizes that do not fit and for "
+           "data: the method's own data for each vertex: a BlendShares, a RotationCenters or a DirectDeltaMush, which "
+           "bends do not change; None for a method without data.\n"
+           "All except skin, bends and data are copied. Raises ValueError for sizes that do not fit and for "
            "numbers that are not finite.")
       .def_property_readonly(
           "vertex_count", [](const Layer& self) { return self.skin().vertex_count(); }, "V.")
@@ -177,12 +173,10 @@ void bind_deformer(py::module_& module) {
 
   py::class_<ShapeKeys, std::shared_ptr<ShapeKeys>>(
       module, "ShapeKeys",
-      "Relative shape keys, as Blender adds them, to the bit. Of each key only what differs is "
-      "kept. "
+      "Relative shape keys, as Blender adds them, to the bit. Of each key only the differences are stored. "
       "Immutable.")
       .def(py::init(&make_keys), py::arg("positions"), py::arg("relative_to"), py::arg("weights") = py::none(),
-           "positions: K arrays (V, 3), the first of which is the base. Read once, nothing of them "
-           "is kept.\n"
+           "positions: K arrays (V, 3), the first of which is the base. They are read once and not kept.\n"
            "relative_to: (K,) integers, the key that each one is relative to; a key that is relative to a missing one "
            "adds nothing.\n"
            "weights: K entries, each None or (V,): how much each vertex takes of the key.\n"
@@ -190,7 +184,7 @@ void bind_deformer(py::module_& module) {
       .def_property_readonly("count", &ShapeKeys::count, "K.")
       .def_property_readonly("vertex_count", &ShapeKeys::vertex_count, "V.")
       .def_property_readonly("delta_count", &ShapeKeys::delta_count,
-                             "How many vertices of all keys are kept because they differ.")
+                             "How many vertices of all keys are stored because they differ.")
       .def_property_readonly(
           "base",
           [](py::object self) {
@@ -200,8 +194,8 @@ void bind_deformer(py::module_& module) {
           "(V, 3) float32, read-only: the first key.");
 
   py::class_<Deformer>(module, "Deformer",
-                       "All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their "
-                       "mix, stages after them. Immutable; several threads may use one at once.")
+                       "Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks "
+                       "and mix, and the stages after them. Immutable; several threads may use one at once.")
       .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers, std::shared_ptr<ShapeKeys> keys,
                        std::optional<std::ptrdiff_t> vertex_count) {
              if (!vertex_count) return Deformer({layers.begin(), layers.end()}, std::move(keys));
@@ -214,8 +208,8 @@ void bind_deformer(py::module_& module) {
            "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
            "keys: ShapeKeys, or None: the rest positions of the first layer's skin are deformed.\n"
            "vertex_count: V, in place of both, for stages alone.\n"
-           "Raises ValueError if they have different numbers of vertices, or for a share where "
-           "none belongs or none where one does.")
+           "Raises ValueError if their numbers of vertices differ, if the first layer has a share, or if another layer "
+           "has none.")
       .def_property_readonly("vertex_count", &Deformer::vertex_count, "V.")
       .def("deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
            py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
@@ -224,17 +218,15 @@ void bind_deformer(py::module_& module) {
            "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
            "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are the same.\n"
            "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
-           "key_values: (K,) float32, how much of each key, 0 for those that are muted; None: 0 for "
-           "all.\n"
-           "rest_positions: (V, 3) float32, C-contiguous, in place of the skin's own and of the "
-           "keys; no part of out.\n"
+           "key_values: (K,) float32, the value of each key, 0 for those that are muted; None: 0 for all.\n"
+           "rest_positions: (V, 3) float32, C-contiguous, in place of those of the skin and of the keys; must not "
+           "overlap out.\n"
            "stages: Stage objects, which work on the result in this order.\n"
-           "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: where to write "
-           "what "
-           "keys and layers took, then each stage; None: nowhere.\n"
-           "A space that a method cannot carry (dual quaternions: one that shears or scales "
-           "unevenly) is gone through point by point; one without an inverse has zeros for it, as "
-           "in Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
+           "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: receives the time that keys and "
+           "layers took, then that of each stage; None: nothing is written.\n"
+           "If a method cannot include the space in its matrices (dual quaternions: one that shears or scales "
+           "unevenly), the points are transformed one by one. A space without an inverse gets zeros for it, as in "
+           "Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
 }
 
 }  // namespace sinew::bindings

@@ -89,24 +89,24 @@ constexpr const char* kFaces =
     "triangles.\n";
 
 constexpr const char* kSettings =
-    "smoothing: lambda, 0 to 1,000, how much each smoothing of the shape takes.\n"
-    "weight_smoothing: kappa, likewise, of the weights that alone carry the share `blend`.\n"
+    "smoothing: lambda, 0 to 1,000, how strongly each iteration smooths the shape.\n"
+    "weight_smoothing: kappa, 0 to 1,000, the same for the weights that `blend` uses.\n"
     "blend: alpha, 0 to 1, how much of the translation comes from smoothed weights alone.\n"
-    "iterations: p, 0 to 1,000, how often both are smoothed; 0 is linear skinning.\n"
-    "laplacian: \"cotangent\" or \"uniform\", every edge alike.\n"
-    "variant: the paper's. 0: ten numbers a vertex and joint, the method itself. 1: ten, turned by the inverse "
+    "iterations: p, 0 to 1,000, how many times both are smoothed; 0 is linear skinning.\n"
+    "laplacian: \"cotangent\", or \"uniform\" for edges that all count the same.\n"
+    "variant: the paper's. 0: ten numbers per vertex and joint, the full method. 1: ten, turned by the inverse "
     "transpose of the deformation, which shears. 2: four, turned by blended quaternions, so that translations of "
     "joints no longer turn the surface. 3: four, by blended matrices. 4: one, turned as 2 about the smoothed rest "
     "position. 5: one, linear skinning by the smoothed weights.\n"
-    "prune: 0 to 1: of each vertex, joints are left out that move it by less than this, all together, as a part of how "
-    "far its joints move it apart.\n";
+    "prune: 0 to 1: for each vertex, joints are left out that together move it by less than this fraction of the "
+    "spread of its joints' motions.\n";
 
 }  // namespace
 
 void bind_direct_delta_mush(py::module_& module) {
   py::class_<DirectDeltaMush, MethodData, std::shared_ptr<DirectDeltaMush>>(
       module, "DirectDeltaMush",
-      "Direct delta mush (Le and Lewis 2019): a skin made ready for skin_direct_delta_mush and for the method "
+      "Direct delta mush (Le and Lewis 2019): a skin prepared for skin_direct_delta_mush and for the method "
       "\"direct_delta_mush\". Immutable.")
       .def(py::init(&from_dense), py::arg("rest_positions"), py::arg("face_offsets"), py::arg("face_vertices"),
            py::arg("weights"), py::arg("smoothing") = 3.0, py::arg("weight_smoothing") = 1.0, py::arg("blend") = 0.8,
@@ -121,33 +121,34 @@ void bind_direct_delta_mush(py::module_& module) {
                   py::arg("smoothing") = 3.0, py::arg("weight_smoothing") = 1.0, py::arg("blend") = 0.8,
                   py::arg("iterations") = 20, py::arg("laplacian") = "cotangent", py::arg("variant") = 0,
                   py::arg("prune") = 1e-5, py::arg("progress") = py::none(),
-                  (std::string("The same of a Skin, for a thread of its own.\n\n"
+                  (std::string("The same from a Skin, to be run in a thread of its own.\n\n"
                                "skin: a Skin, which must not change meanwhile.\n") +
                    kFaces + kSettings +
                    "progress: a Progress that another thread watches, or None. If it is cancelled, None is returned.\n"
                    "Raises ValueError as the constructor does.")
                       .c_str())
       .def("arrays", &arrays_of,
-           "What was computed, to be kept, for from_arrays: variant, pruned; offsets (V + 1,) int64, where each "
+           "What was computed, to be saved and passed to from_arrays: variant, pruned; offsets (V + 1,) int64, where "
+           "each "
            "vertex's N entries begin; joints (N,) int32; omega (N, 10), (N, 4) or (N, 1) float32: second moment xx xy "
            "xz yy yz zz about the center, first moment x y z, share, or the last of them; centers (V, 3) float32, the "
            "smoothed rest positions; scales (V,) float32.")
       .def_static("from_arrays", &from_arrays, py::arg("skin"), py::arg("variant"), py::arg("pruned"),
                   py::arg("offsets"), py::arg("joints"), py::arg("omega"), py::arg("centers"), py::arg("scales"),
-                  "What arrays() gave, for a Skin with the same rest positions and joints.\n\n"
+                  "From what arrays() returned, for a Skin with the same rest positions and joints.\n\n"
                   "Raises ValueError for sizes that do not fit, a joint that does not exist, a number that is not "
                   "finite.")
       .def_property_readonly("variant", &DirectDeltaMush::variant, "0 to 5.")
       .def_property_readonly("entry_count", &DirectDeltaMush::entry_count, "N, pairs of a vertex and a joint.")
-      .def_property_readonly("bytes", &DirectDeltaMush::bytes, "What it takes in memory beside its skin.")
+      .def_property_readonly("bytes", &DirectDeltaMush::bytes, "How many bytes it takes, without its skin.")
       .def_property_readonly("pruned", &DirectDeltaMush::pruned,
-                             "How far a vertex is off, at most, because joints were left out, as a part of how far its "
-                             "joints move it apart; at most `prune`, but for many joints.");
+                             "The largest error of a vertex because joints were left out, as a fraction of the spread "
+                             "of its joints' motions; at most `prune`, except with very many joints.");
 
   module.def("skin_direct_delta_mush", &direct_delta_mush, py::arg("ddm"), py::arg("matrices"),
              py::arg("out") = py::none(),
-             (std::string("Direct delta mush: v' = R v + q - R p, R the rotation nearest to how the smoothed "
-                          "neighbourhood is deformed.\n\n"
+             (std::string("Direct delta mush: v' = R v + q - R p, where R is the rotation nearest to how the smoothed "
+                          "neighborhood is deformed.\n\n"
                           "ddm: a DirectDeltaMush of V vertices and J joints.\n") +
               kSkinArguments + kSkinReturns)
                  .c_str());

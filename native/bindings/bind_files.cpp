@@ -91,8 +91,7 @@ void bind_rig_skeleton(py::module_& module) {
            "names: J unique names; if empty, they are made from the joints' numbers.\n"
            "convention: \"joint\", a row of the file stands for a joint and turns about it; or "
            "\"bone\", for the bone that ends there and turns about the parent's place.\n"
-           "Raises ValueError for parts that do not fit each other, a cycle, a number that is not "
-           "finite.")
+           "Raises ValueError if the parts do not fit each other, for a cycle, and for a number that is not finite.")
       .def_property_readonly(
           "heads", [](py::object self) { return view_matrix(self.cast<const RigSkeleton&>().heads(), self); },
           "(J, 3) float64, read-only, world: where each joint turns.")
@@ -142,7 +141,7 @@ void bind_rig(py::module_& module) {
       .def_property_readonly(
           "face_materials",
           [](py::object self) { return view_list(self.cast<const Rig&>().mesh.face_materials, self); },
-          "(faces,) int32, read-only: index into material_names, or -1. Empty if nothing was said.")
+          "(faces,) int32, read-only: index into material_names, or -1. Empty if the file has no materials.")
       .def_property_readonly(
           "material_names", [](const Rig& self) { return self.mesh.material_names; }, "In order of first use.")
       .def_property_readonly(
@@ -226,20 +225,20 @@ void bind_files(py::module_& module) {
       },
       py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::arg("convention") = py::none(),
       "A .bf or .tgf file as RigSkeleton.\n\n"
-      "convention: \"bone\" or \"joint\" overrides what a .bf file says of itself (\"bone\" if the "
+      "convention: \"bone\" or \"joint\" overrides what a .bf file says about itself (\"bone\" if the "
       "weight index of a root is -1); a .tgf file is always \"bone\".\n"
       "Raises ValueError, naming file and line, for what cannot be read.");
   module.def("write_skeleton", &write_skeleton, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
              py::arg("skeleton"),
-             "Write .bf or .tgf, by the path's ending. Raises ValueError if the format cannot hold "
+             "Write a .bf or .tgf file, depending on the path's ending. Raises ValueError if the format cannot hold "
              "the skeleton or the file cannot be written.");
   module.def("read_rig", &py_read_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"), py::kw_only(),
              py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(), py::arg("weights") = py::none(),
              py::arg("pose") = py::none(), py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
              "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
              "exist, pose.dmat and anim.dmat. Weights below 0 or above 1, which Blender's vertex groups "
-             "cannot hold, become 0 or 1, the weights of such a vertex are divided by their sum, and "
-             "clamped_weights says how many there were. (read_dmat gives the file's own.)\n\n"
+             "cannot hold, become 0 or 1, and the weights of their vertices are divided by their sum; clamped_weights "
+             "says how many there were. (read_dmat returns the weights as they are in the file.)\n\n"
              "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
              "convention: as of read_skeleton.\n"
              "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "

@@ -68,58 +68,59 @@ py::array has_center_of(const RotationCenters& self) {
 void bind_method_data(py::module_& module) {
   py::class_<MethodData, std::shared_ptr<MethodData>>(
       module, "MethodData",
-      "What a method has of its own for each vertex: the base of BlendShares, RotationCenters and DirectDeltaMush. "
+      "A method's own data for each vertex: the base class of BlendShares, RotationCenters and DirectDeltaMush. "
       "Immutable.")
       .def_property_readonly(
           "method", [](const MethodData& self) { return name_of(self.method()); }, "The one method that takes it.")
       .def_property_readonly("vertex_count", &MethodData::vertex_count, "V.");
 
   py::class_<BlendShares, MethodData, std::shared_ptr<BlendShares>>(
-      module, "BlendShares", "How much of dual quaternion skinning each vertex has, for the method \"blended\".")
+      module, "BlendShares", "The share of dual quaternion skinning of each vertex, for the method \"blended\".")
       .def(py::init([](const py::array& shares) { return BlendShares(list_of<float>("shares", shares)); }),
            py::arg("shares"),
-           "shares: (V,), each from 0, linear skinning, to 1, dual quaternion skinning; both to the bit. Copied.\n"
+           "shares: (V,), each from 0, linear skinning, to 1, dual quaternion skinning; the ends give exactly the bits "
+           "of these two. Copied.\n"
            "Raises ValueError, naming the vertex, for a share that is not from 0 to 1.")
       .def_property_readonly(
           "shares", [](py::object self) { return view_list(self.cast<const BlendShares&>().shares(), self); },
           "(V,) float32, read-only.");
 
-  py::class_<Progress, std::shared_ptr<Progress>>(
-      module, "Progress",
-      "How far a long computation has come, and how to end it: made by one thread, handed to a computation in "
-      "another.")
-      .def(py::init<>(), "For one computation at a time.")
+  py::class_<Progress, std::shared_ptr<Progress>>(module, "Progress",
+                                                  "The progress of a long computation, and a way to cancel it. Make it "
+                                                  "in one thread and pass it to a computation in another.")
+      .def(py::init<>(), "Use it for one computation at a time.")
       .def_property_readonly("fraction", &Progress::fraction, "0 to 1.")
       .def_property_readonly("is_cancelled", &Progress::is_cancelled, "Whether cancel() was called.")
-      .def("cancel", &Progress::cancel, "The computation ends within about 0.1 s and returns None.");
+      .def("cancel", &Progress::cancel, "Ends the computation within about 0.1 s; it then returns None.");
 
   py::class_<RotationCenters, MethodData, std::shared_ptr<RotationCenters>>(
       module, "RotationCenters",
-      "Optimised centres of rotation (Le and Hodgins 2016), for the method \"rotation_centers\".")
+      "Optimized centers of rotation (Le and Hodgins 2016), for the method \"rotation_centers\".")
       .def(py::init(&make_centers), py::arg("centers"), py::arg("has_center"),
-           "Those that compute() has made before.\n\n"
+           "From arrays that compute() has made before.\n\n"
            "centers: (V, 3), space of the rest mesh.\n"
-           "has_center: (V,) bool; without a center a vertex moves linearly, and its row of centers says nothing.\n"
+           "has_center: (V,) bool; a vertex without a center moves linearly, and its row of centers is ignored.\n"
            "Raises ValueError for sizes that do not fit and for a center that is not finite.")
-      .def_static("compute", &compute_centers, py::arg("skin"), py::arg("face_offsets"), py::arg("face_vertices"),
-                  py::arg("sigma") = 0.1, py::arg("progress") = py::none(),
-                  "The mean of the mesh's surface for each vertex, weighted by how alike its weights are to the "
-                  "vertex's own. The GIL is released.\n\n"
-                  "skin: V vertices at rest; weights that are not above 0 count as 0. It must not change meanwhile.\n"
-                  "face_offsets: (faces + 1,) integers, where each face begins in face_vertices.\n"
-                  "face_vertices: integers, vertices around each face; a polygon counts as a fan of triangles.\n"
-                  "sigma: above 0; the larger, the less alike weights need to be.\n"
-                  "progress: a Progress that another thread watches, or None.\n"
-                  "A vertex has no center if fewer than two joints move it or if no triangle is like it. Triangles "
-                  "that are alike to a sixteenth of sigma are taken together. Returns None if progress was "
-                  "cancelled. Raises ValueError for what does not fit.")
+      .def_static(
+          "compute", &compute_centers, py::arg("skin"), py::arg("face_offsets"), py::arg("face_vertices"),
+          py::arg("sigma") = 0.1, py::arg("progress") = py::none(),
+          "For each vertex, the mean of the mesh's surface, weighted by how similar the weights there are to the "
+          "vertex's own. The GIL is released.\n\n"
+          "skin: V vertices at rest; weights that are not above 0 count as 0. It must not change meanwhile.\n"
+          "face_offsets: (faces + 1,) integers, where each face begins in face_vertices.\n"
+          "face_vertices: integers, vertices around each face; a polygon counts as a fan of triangles.\n"
+          "sigma: above 0; the larger it is, the less similar weights need to be.\n"
+          "progress: a Progress that another thread watches, or None.\n"
+          "A vertex has no center if fewer than two joints move it, or if no triangle has similar weights. Triangles "
+          "whose weights differ by less than a sixteenth of sigma are taken together. Returns None if progress was "
+          "cancelled. Raises ValueError for what does not fit.")
       .def_property_readonly("centers", &centers_of, "(V, 3) float32, zeros where there is none. A copy.")
       .def_property_readonly("has_center", &has_center_of, "(V,) bool. A copy.")
       .def_property_readonly("count", &RotationCenters::count, "How many vertices have a center.");
 
   module.def("skin_rotation_centers", &rotation_centers, py::arg("skin"), py::arg("centers"), py::arg("matrices"),
              py::arg("out") = py::none(),
-             (std::string("Skinning about optimised centres of rotation (Le and Hodgins 2016): "
+             (std::string("Skinning about optimized centers of rotation (Le and Hodgins 2016): "
                           "v' = R (v - p) + sum_j w_j M(j) p.\n\n"
                           "centers: a RotationCenters of V vertices.\n") +
               kSkinArguments + "Scale and shear are blended linearly and applied to v - p first.\n" + kSkinReturns)

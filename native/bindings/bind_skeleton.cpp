@@ -96,8 +96,7 @@ void bind_skeleton(py::module_& module) {
            py::arg("parents"), py::arg("rest"),
            "parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after "
            "its child.\n"
-           "rest: (J, 4, 4), R(j), each joint's rest transform relative to its parent, a root's to "
-           "the world.\n"
+           "rest: (J, 4, 4), R(j), each joint's rest transform relative to its parent, or to the world for a root.\n"
            "Raises ValueError for a parent that does not exist, a cycle, a number that is not "
            "finite, a rest transform that cannot be inverted.")
       .def_property_readonly("joint_count", &Skeleton::joint_count, "J.")
@@ -132,15 +131,15 @@ void bind_skeleton(py::module_& module) {
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
 
   py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")
-      .def(py::init([](const py::array& rotations) {
-             auto quaternions = copied_rotations(rotations, 3);
-             return PoseClip(rotations.shape(1), std::move(quaternions));
-           }),
-           py::arg("rotations"),
-           "rotations: (P, J, 4), quaternions w x y z, each on top of its joint's rest transform; "
-           "brought to unit length.\n"
-           "Raises ValueError for no pose, no joint, a quaternion of length 0 or one that is not "
-           "finite.")
+      .def(
+          py::init([](const py::array& rotations) {
+            auto quaternions = copied_rotations(rotations, 3);
+            return PoseClip(rotations.shape(1), std::move(quaternions));
+          }),
+          py::arg("rotations"),
+          "rotations: (P, J, 4), quaternions w x y z, each on top of its joint's rest transform; "
+          "brought to unit length.\n"
+          "Raises ValueError if there is no pose or no joint, and for a quaternion that is not finite or has length 0.")
       .def_property_readonly("joint_count", &PoseClip::joint_count, "J.")
       .def_property_readonly("pose_count", &PoseClip::pose_count, "P.")
       .def_property_readonly(
@@ -157,7 +156,7 @@ void bind_skeleton(py::module_& module) {
            "either end.\n"
            "Raises ValueError for a time that is not finite.");
   module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"), py::arg("out") = py::none(),
-             "T(j) of joints that only turn.\n\n"
+             "T(j) of joints that only rotate.\n\n"
              "rotations: (J, 4), unit quaternions w x y z.\n"
              "out: where to write, (J, 4, 4) float64, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");

@@ -59,9 +59,8 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
 }  // namespace
 
 void bind_skinning(py::module_& module) {
-  py::class_<Skin, std::shared_ptr<Skin>>(module, "Skin",
-                                          "The mesh at rest and what moves each vertex. Immutable but for "
-                                          "set_rest_positions.")
+  py::class_<Skin, std::shared_ptr<Skin>>(
+      module, "Skin", "The mesh at rest and what moves each vertex. Immutable except for set_rest_positions.")
       .def(py::init([](const py::array& rest_positions, const py::array& offsets, const py::array& joints,
                        const py::array& weights, std::ptrdiff_t joint_count) {
              check_counts(rest_positions.size() / 3, joints.size(), joint_count);
@@ -75,8 +74,7 @@ void bind_skinning(py::module_& module) {
            "joints: (N,) integers, each in 0 to J - 1.\n"
            "weights: (N,), used as they are; those of a vertex should sum to 1.\n"
            "joint_count: J, how many matrices a frame has.\n"
-           "Every influence is kept, in its order; a vertex without any, or with zeros alone, stays "
-           "at rest.\n"
+           "All influences are kept, in their order. A vertex without any, or with only zeros, stays at rest.\n"
            "Raises ValueError for sizes that do not fit, a joint that does not exist, a number "
            "that is not finite.")
       .def_static("from_dense", &skin_from_dense, py::arg("rest_positions"), py::arg("weights"),
@@ -113,8 +111,8 @@ void bind_skinning(py::module_& module) {
             self.set_rest_positions(points_of<float>("positions", positions));
           },
           py::arg("positions"),
-          "The same influences on another shape, as shape keys change it. Not while another "
-          "thread skins with it.\n\n"
+          "Sets another rest shape, for example after a change of shape keys; influences stay. Do not call it while "
+          "another thread skins with it.\n\n"
           "positions: (V, 3), space of the mesh; copied.\n"
           "Raises ValueError, and changes nothing, for another number of vertices or a number that "
           "is not finite.")
@@ -129,18 +127,18 @@ void bind_skinning(py::module_& module) {
   module.def("skin_dual_quaternion", &dual_quaternion, py::arg("skin"), py::arg("matrices"),
              py::arg("out") = py::none(), py::arg("stretch") = "polar", py::arg("rest_frames") = py::none(),
              (std::string("Dual quaternion skinning (Kavan et al. 2008).\n\n") + kSkinArguments +
-              "stretch: what becomes of scale and shear: \"polar\", decomposed and blended "
+              "stretch: what happens to scale and shear: \"polar\", decomposed and blended "
               "linearly; \"frame\", along the axes of the joint's rest frame, as Blender 3.4 does; "
-              "\"frame_each\", each joint for itself, as Blender 4.3 and 5.2 do.\n"
-              "rest_frames: with the latter two, (J, 4, 4), each joint's rest transform relative to "
-              "the space of the mesh, without scale; None with \"polar\".\n" +
+              "\"frame_each\", each joint on its own, as Blender 4.0 and later do.\n"
+              "rest_frames: with \"frame\" and \"frame_each\", (J, 4, 4): each joint's rest transform relative to the "
+              "space of the mesh, without scale; None with \"polar\".\n" +
               kSkinReturns)
                  .c_str());
   module.def("skin_all", &skin_jobs, py::arg("jobs"),
-             "Several skins at once, with all threads at work on all of them.\n\n"
-             "jobs: (skin, matrices, out, method) each, or with (stretch, rest_frames) of dual "
-             "quaternions, or (stretch, rest_frames, data), behind them: matrices and out as of skin_linear, out "
-             "not None; method and data as of Layer.\n"
+             "Skins several meshes at once, with all threads working on all of them.\n\n"
+             "jobs: tuples (skin, matrices, out, method), optionally followed by stretch and rest_frames (for dual "
+             "quaternions), and then by data. matrices and out are as in skin_linear, but out is not None; method and "
+             "data are as in Layer.\n"
              "The same bits as one call per job. Raises ValueError, and writes nothing, if a shape or dtype "
              "does not fit or two results overlap.");
 }

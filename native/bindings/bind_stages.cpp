@@ -88,19 +88,19 @@ void apply(const StageOfPython& self, const py::object& positions) {
 }
 
 constexpr const char* kGroup =
-    "weights: (V,), how much of it each vertex takes; None: all of it.\n"
-    "invert: 1 - weight in place of each weight. Without weights it has no effect.\n";
+    "weights: (V,), how much of it each vertex gets; None: all of it.\n"
+    "invert: use 1 - weight instead of each weight. Without weights it has no effect.\n";
 
 }  // namespace
 
 void bind_stages(py::module_& module) {
-  py::class_<Topology, std::shared_ptr<Topology>>(module, "Topology",
-                                                  "Which vertices edges join, and the faces around each. Immutable.")
+  py::class_<Topology, std::shared_ptr<Topology>>(
+      module, "Topology", "Which vertices are joined by edges, and the faces around each. Immutable.")
       .def(py::init(&make_topology), py::arg("vertex_count"), py::arg("edges"), py::arg("face_offsets") = py::none(),
            py::arg("corner_vertices") = py::none(),
            "vertex_count: V.\n"
-           "edges: (E, 2) integers. Sums over neighbours are taken in this order, as Blender takes "
-           "them. Edges without a face are fine.\n"
+           "edges: (E, 2) integers. Sums over neighbors are taken in this order, as in Blender. Edges without a face "
+           "are allowed.\n"
            "face_offsets: (faces + 1,) integers, where the corners of each face begin. None: there "
            "are no faces.\n"
            "corner_vertices: (C,) integers, the vertices around each face, face after face.\n"
@@ -119,10 +119,9 @@ void bind_stages(py::module_& module) {
 
   py::class_<CorrectiveSmooth, std::shared_ptr<CorrectiveSmooth>>(
       module, "CorrectiveSmooth",
-      "Blender's Corrective Smooth modifier: smooths the shape, then adds what smoothing takes from the rest shape, "
-      "turned with the faces. To Blender's bit, except with arc cosines. "
-      "Immutable "
-      "but for set_rest_positions; several threads may use one at once.")
+      "Blender's Corrective Smooth modifier: smooths the shape, then adds what smoothing removes from the rest shape, "
+      "turned with the faces. It equals Blender's result to the bit, except with arc cosines. "
+      "Immutable except for set_rest_positions; several threads may use one at once.")
       .def(py::init(&make_corrective), py::arg("topology"), py::arg("rest_positions") = py::none(),
            py::arg("weights") = py::none(), py::arg("invert") = false, py::arg("pin_boundary") = false,
            py::arg("corner_angle") = "polynomial",
@@ -130,7 +129,7 @@ void bind_stages(py::module_& module) {
                         "rest_positions: (V, 3), the shape that keeps its detail: Blender's "
                         "original or bound coordinates. None: for only_smooth.\n") +
             kGroup +
-            "pin_boundary: vertices at an edge that has one face have weight 0.\n"
+            "pin_boundary: vertices on edges with only one face get weight 0.\n"
             "corner_angle: \"polynomial\" as in Blender 4.1 and later, \"arc_cosine\" as before.\n"
             "All but topology is copied. Vertices of weight 0 stay, and cost nothing. Raises "
             "ValueError for sizes that do not fit and for numbers that are not finite.")
@@ -144,7 +143,8 @@ void bind_stages(py::module_& module) {
             self.set_rest_positions(own);
           },
           py::arg("positions"),
-          "Another rest shape, (V, 3). Copied. Not while another thread uses the object. Raises "
+          "Sets another rest shape, (V, 3), which is copied. Do not call it while another thread uses the object. "
+          "Raises "
           "ValueError for another number of positions and for one that is not finite.")
       .def(
           "stage",
@@ -155,13 +155,13 @@ void bind_stages(py::module_& module) {
           },
           py::arg("factor") = 0.5f, py::arg("iterations") = 5, py::arg("scale") = 1.0f,
           py::arg("smooth_type") = "simple", py::arg("only_smooth") = false,
-          "factor: any finite number, also outside of 0 to 1.\n"
-          "iterations: 0 or fewer: nothing happens.\n"
+          "factor: any finite number, even outside of 0 to 1.\n"
+          "iterations: if 0 or less, nothing happens.\n"
           "scale: multiplies what is added.\n"
           "smooth_type: \"simple\" or \"length_weighted\".\n"
           "only_smooth: nothing is added.\n"
-          "What smoothing takes from the rest shape is kept from frame to frame while factor, iterations and "
-          "smooth_type stay. Raises ValueError for an unknown name, for numbers that are not "
+          "What smoothing removes from the rest shape is kept from frame to frame while factor, iterations and "
+          "smooth_type stay the same. Raises ValueError for an unknown name, for numbers that are not "
           "finite, and without rest positions unless only_smooth.");
 
   py::class_<Smooth, std::shared_ptr<Smooth>>(
@@ -183,8 +183,8 @@ void bind_stages(py::module_& module) {
           },
           py::arg("factor") = 0.5f, py::arg("iterations") = 1, py::arg("use_x") = true, py::arg("use_y") = true,
           py::arg("use_z") = true,
-          "factor: any finite number, also outside of 0 to 1.\n"
-          "iterations: 0 or fewer: nothing happens.\n"
+          "factor: any finite number, even outside of 0 to 1.\n"
+          "iterations: if 0 or less, nothing happens.\n"
           "use_x, use_y, use_z: the axes along which vertices move.\n"
           "Raises ValueError for a factor that is not finite.");
 
@@ -195,7 +195,7 @@ void bind_stages(py::module_& module) {
       .def(py::init(&make_hook), py::arg("vertex_count"), py::arg("vertices") = py::none(),
            py::arg("weights") = py::none(), py::arg("invert") = false,
            (std::string("vertex_count: V.\n"
-                        "vertices: integers, those that are hooked; one that is listed twice is moved twice. None: all "
+                        "vertices: integers, the hooked vertices; one that is listed twice is moved twice. None: all "
                         "that have a weight.\n") +
             kGroup +
             "All are copied. Without vertices and weights nothing is hooked, as in Blender. Raises "
@@ -218,7 +218,7 @@ void bind_stages(py::module_& module) {
           "\"linear\", \"smooth\", \"sharp\", \"root\", \"sphere\" or \"inverse_square\".\n"
           "radius: 0 is no falloff.\n"
           "center: x, y, z in the space of the mesh.\n"
-          "uniform: (3, 3): distances are measured after it. None: in the space of the mesh.\n"
+          "uniform: (3, 3): a transform in which distances are measured. None: the space of the mesh.\n"
           "Raises ValueError for an unknown falloff, for shapes that do not fit and for "
           "numbers "
           "that are not finite.");

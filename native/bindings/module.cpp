@@ -56,6 +56,7 @@ PYBIND11_MODULE(sinew_native, module) {
   module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
   module.def("set_instruction_set", &sinew::set_instruction_set, pybind11::arg("name"),
              "Use this instruction set from now on, or the best for \"auto\". Results of two sets "
-             "agree to rounding, not to the bit. No skinning may be under way. Raises ValueError for an unknown name.");
+             "agree to rounding, not to the bit. Do not call it while skinning is running. Raises ValueError for an "
+             "unknown name.");
   module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use, at least 1.");
 }

@@ -172,7 +172,7 @@ void CorrectiveSmooth::check(const Settings& settings) const {
   check_setting("factor", settings.factor);
   check_setting("scale", settings.scale);
   if (!settings.only_smooth && !body_->has_rest()) {
-    fail("there are no rest positions; expected some, or only_smooth");
+    fail("there are no rest positions; pass some, or only_smooth");
   }
 }
 

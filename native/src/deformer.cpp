@@ -132,7 +132,7 @@ Deformer::Deformer(std::ptrdiff_t vertex_count) : vertex_count_(vertex_count) {
 
 Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers, std::shared_ptr<const ShapeKeys> keys)
     : layers_(std::move(layers)), keys_(std::move(keys)) {
-  if (layers_.empty() && !keys_) fail("there are no layers and no shape keys; expected some");
+  if (layers_.empty() && !keys_) fail("there are no layers and no shape keys; expected at least one of them");
   vertex_count_ = layers_.empty() ? keys_->vertex_count() : layers_[0]->skin().vertex_count();
   for (std::size_t i = 0; i < layers_.size(); ++i) {
     const std::ptrdiff_t own = layers_[i]->skin().vertex_count();

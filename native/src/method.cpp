@@ -42,7 +42,7 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
 
 void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where) {
   const bool has_some = method != SkinningMethod::linear && method != SkinningMethod::dual_quaternion;
-  if (has_some && !data) fail(where, "the method ", name_of(method), " has no data; expected some");
+  if (has_some && !data) fail(where, "the method ", name_of(method), " needs data of its own; pass it as data");
   if (!data) return;
   if (data->method() != method) {
     fail(where, "the data is of the method ", name_of(data->method()), "; the method is ", name_of(method));

@@ -218,7 +218,7 @@ std::string bone_forest_text(const Path& path, const RigSkeleton& skeleton) {
     }
     if (!is_name(skeleton.names()[j])) {
       fail(shown(path.filename()), " cannot hold the name \"", skeleton.names()[j], "\" of joint ", j,
-           ": it reads as a number, a comment or nothing");
+           ": it reads as a number, a comment or nothing; rename it");
     }
     Eigen::RowVector3d offset = positions.row(j);
     if (parent >= 0) offset -= positions.row(parent);

@@ -110,7 +110,7 @@ TEST(MethodData, BelongsToItsMethodAndItsVertices) {
         [&] { Layer(skin, method, {}, std::nullopt, std::nullopt, nullptr, std::nullopt, std::move(data)); });
   };
   const auto shares = std::make_shared<const BlendShares>(Floats(100));
-  EXPECT_EQ(layer(SkinningMethod::blended, nullptr), "the method blended has no data; expected some");
+  EXPECT_EQ(layer(SkinningMethod::blended, nullptr), "the method blended needs data of its own; pass it as data");
   EXPECT_EQ(layer(SkinningMethod::linear, shares), "the data is of the method blended; the method is linear");
   EXPECT_EQ(layer(SkinningMethod::blended, std::make_shared<const BlendShares>(Floats(99))),
             "the data has 99 vertices; the skin has 100");

@@ -285,7 +285,7 @@ TEST(CorrectiveSmooth, RefusesWhatIsWrong) {
   EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, rest, {two}); }),
             "weights has 2 numbers; the mesh has 3 vertices");
   EXPECT_EQ(complaint([&] { CorrectiveSmooth(topology, {}).apply({}, positions); }),
-            "there are no rest positions; expected some, or only_smooth");
+            "there are no rest positions; pass some, or only_smooth");
   const CorrectiveSmooth smooth(topology, rest);
   EXPECT_EQ(complaint([&] { smooth.apply({bad[4]}, positions); }), "factor is nan; expected a finite number");
   EXPECT_EQ(complaint([&] { smooth.apply({1, 1, bad[4]}, positions); }), "scale is nan; expected a finite number");

@@ -383,7 +383,7 @@ TEST(Deformer, RefusesWhatDoesNotFit) {
               Layer(skin, SkinningMethod::dual_quaternion, {Stretch::frame, rigs::identities(3)});
             }),
             "there are 3 rest frames; expected 4");
-  EXPECT_EQ(complaint([&] { made({}); }), "there are no layers and no shape keys; expected some");
+  EXPECT_EQ(complaint([&] { made({}); }), "there are no layers and no shape keys; expected at least one of them");
   EXPECT_EQ(complaint([&] { made({first, other}); }), "layer 1 has 11 vertices; layer 0 has 10");
   EXPECT_EQ(complaint([&] { made({with_share}); }),
             "layer 0 has a share; there is nothing that it could be mixed with");

@@ -172,7 +172,7 @@ TEST_F(BoneForest, RefusesToWriteWhatItWouldReadDifferently) {
                 "a.bf"),
         "a.bf cannot hold the name \"" + printable(name) +
             "\" of joint 0: it reads as a number, a comment "
-            "or nothing");
+            "or nothing; rename it");
   }
 }
 

@@ -128,7 +128,7 @@ TEST(Stages, WriteNothingIfOneIsWrong) {
                                             std::to_string(staging.mesh.vertices % 1000));
   const CorrectiveSmooth restless(staging.mesh.topology(), {});
   EXPECT_EQ(said(Staged<CorrectiveSmooth>{&restless}),
-            "stage 1: there are no rest positions; expected some, or only_smooth");
+            "stage 1: there are no rest positions; pass some, or only_smooth");
   EXPECT_EQ(positions, Floats(rest.size(), 7));
 }
 

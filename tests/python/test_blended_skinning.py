@@ -87,9 +87,9 @@ def test_refuses_what_is_wrong(subject):
     short = sinew.BlendShares(shares[1:])
     assert said(sinew.skin_blended, skin, short, matrices) == "the data has 299 vertices; the skin has 300"
     assert said(sinew.Layer, skin, "blended", data=short) == "the data has 299 vertices; the skin has 300"
-    assert said(sinew.Layer, skin, "blended") == "the method blended has no data; expected some"
+    assert said(sinew.Layer, skin, "blended") == "the method blended needs data of its own; pass it as data"
     whole = sinew.BlendShares(shares)
     assert said(sinew.Layer, skin, "linear", data=whole) == "the data is of the method blended; the method is linear"
     out = np.empty((300, 3), np.float32)
     job = (skin, matrices, out, "blended", "polar", None, None)
-    assert said(sinew.skin_all, [job]) == "the method blended has no data; expected some"
+    assert said(sinew.skin_all, [job]) == "the method blended needs data of its own; pass it as data"

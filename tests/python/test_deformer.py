@@ -425,7 +425,7 @@ def test_refuses_what_it_is_made_of():
     assert said(sinew.Layer, skin, "linear", mask=np.ones(4)) == "mask has 4 numbers; the skin has 5 vertices"
     assert said(sinew.Layer, skin, "linear", share=np.ones((5, 1))) == "share has shape (5, 1); expected one axis"
     assert said(sinew.Layer, skin, "linear", mask=np.full(5, np.nan)) == "mask is not finite at vertex 0"
-    assert said(sinew.Deformer, []) == "there are no layers and no shape keys; expected some"
+    assert said(sinew.Deformer, []) == "there are no layers and no shape keys; expected at least one of them"
     assert (
         said(sinew.Deformer, [layer, sinew.Layer(small, "linear", share=np.ones(4))])
         == "layer 1 has 4 vertices; layer 0 has 5"

@@ -245,7 +245,7 @@ def test_refuses_settings(topology, shape):
         said(smooth.stage, smooth_type="SIMPLE")
         == 'there is no smooth_type "SIMPLE"; expected simple or length_weighted'
     )
-    assert said(sinew.CorrectiveSmooth(topology).stage) == "there are no rest positions; expected some, or only_smooth"
+    assert said(sinew.CorrectiveSmooth(topology).stage) == "there are no rest positions; pass some, or only_smooth"
     assert said(smooth.set_rest_positions, shape[:3]) == "rest_positions has 9 numbers; expected 6,000 (2000 x 3)"
     assert said(sinew.Smooth(topology).stage, float("nan")) == "factor is nan; expected a finite number"
     hook = sinew.Hook(V)
