@@ -3,7 +3,7 @@
     blender -b --python-exit-code 1 --python addon/bench_bake.py -- [--vertices N] [--json FILE]
 
 A chain of 22 bones with a tube of 120,000 vertices, bound to Sinew; 100 frames. Milliseconds a frame, medians of
-ROUNDS rounds, turn and turn about: the evaluation alone, the write alone (the same bytes in one stream, on the disk),
+ROUNDS rounds, alternating: the evaluation alone, the write alone (the same bytes in one stream, on the disk),
 Sinew's bakes as a whole, and the exporters: Blender's own (io_shape_mdd, io_export_pc2) where it has them, and what
 they do, written here as plainly: a list of coordinates packed by `struct`, and `foreach_get` into numpy.
 """

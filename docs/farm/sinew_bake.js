@@ -1,5 +1,5 @@
 // A job type for Flamenco 3: bakes meshes of a .blend into point caches, a chunk of frames a task, and verifies the
-// whole when all of them are done. It goes into the folder `scripts` beside the Manager; the workers want Blender 4.2 or
+// whole when all of them are done. It goes into the folder `scripts` beside the Manager; the workers need Blender 4.2 or
 // later with Sinew enabled.
 
 const JOB_TYPE = {
@@ -15,11 +15,11 @@ const JOB_TYPE = {
     { key: "chunk_size", type: "int32", default: 50, visible: "submission", description: "Frames that a task bakes" },
     {
       key: "output", type: "string", subtype: "dir_path", required: true, visible: "submission",
-      description: "A folder that all workers write to; made if it is missing",
+      description: "A folder that all workers can write to; it is made if it is missing",
     },
     {
       key: "objects", type: "string", default: "", visible: "submission",
-      description: "Names with commas between them; empty: all meshes on show that have modifiers or shape keys",
+      description: "Names, separated by commas; if empty, all visible meshes with modifiers or shape keys",
     },
     { key: "format", type: "string", choices: ["pc2", "mdd"], default: "pc2", visible: "submission" },
     {
@@ -33,7 +33,7 @@ const JOB_TYPE = {
 function compileJob(job) {
   const settings = job.settings;
   if (!/^-?\d+--?\d+$/.test(settings.frames)) {
-    throw new Error(`${settings.frames} is not one range of frames such as 1-240`);
+    throw new Error(`${settings.frames} is not a range of frames; write it like 1-240`);
   }
   const verify = bakeTask("verify", settings, "--verify");
   for (const chunk of frameChunker(settings.frames, settings.chunk_size)) {
