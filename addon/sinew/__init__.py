@@ -32,7 +32,7 @@ def _modules():
     from .binding import properties
     from .cli import command_line
     from .session import handlers
-    from .ui import bake, cures, display, menus, methods, operators, panels, preferences, profile, rig_files
+    from .ui import bake, crowd, cures, display, menus, methods, operators, panels, preferences, profile, rig_files
 
     return (
         properties,
@@ -40,6 +40,7 @@ def _modules():
         rig_files,
         operators,
         bake,
+        crowd,
         cures,
         methods,
         display,

@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import bake, cures, methods
+from . import bake, crowd, cures, methods
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -45,6 +45,10 @@ def draw_export(menu, _context):
     menu.layout.operator(ExportRig.bl_idname, text=RIG_FILES)
 
 
+def draw_add(menu, _context):
+    menu.layout.operator(crowd.AddCrowd.bl_idname, icon="COMMUNITY")
+
+
 def draw_submenu(menu, _context):
     menu.layout.separator()
     menu.layout.menu(SinewMenu.bl_idname)
@@ -53,6 +57,7 @@ def draw_submenu(menu, _context):
 PLACES = (
     ("TOPBAR_MT_file_import", draw_import),
     ("TOPBAR_MT_file_export", draw_export),
+    ("VIEW3D_MT_add", draw_add),
     ("VIEW3D_MT_object", draw_submenu),
     ("VIEW3D_MT_pose", draw_submenu),
 )
