@@ -2,9 +2,10 @@
 
     blender -b --python-exit-code 1 --python addon/bench_crowd.py -- [--vertices N] [--agents N] [--json FILE]
 
-Medians of whole `scene.frame_set` calls over 40 frames, and how much a process of its own has grown for it: the character duplicated with its armature, deformed by Blender's modifier and by Sinew; and agents that pick one of
-64 shapes: Sinew's crowd, whose shapes are objects in a collection; one mesh of all shapes, split into instances on
-each frame; one mesh of all agents. The last row is the crowd with ten times as many agents.
+Medians of whole `scene.frame_set` calls over 40 frames, and how much a process of its own has grown for it: the
+character duplicated with its armature, deformed by Blender's modifier and by Sinew; and agents that pick one of 64
+shapes: one mesh of all agents, made on each frame; one mesh of all shapes, split into instances on each frame;
+Sinew's crowd, whose shapes are objects in a collection. The last row is that with ten times as many agents.
 """
 
 import argparse

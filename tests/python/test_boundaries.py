@@ -19,6 +19,7 @@ LAYERS = (
     {"blender", "deform", "feedback"},
     {"binding", "rigs", "session"},
     {"bake", "profiling"},
+    {"crowd"},
     {"ui", "cli", "without_native"},
     {"__init__"},
 )
@@ -34,6 +35,7 @@ PURE = {
     "bake.verify",
     "blender.materials",
     "cli.command_options",
+    "crowd.stride",
     "deform.clips",
     "deform.influences",
     "native",

@@ -38,6 +38,16 @@ def find_armature(ob):
     return None
 
 
+def meshes_of(context, armature):
+    """The meshes of the view layer that an armature deforms, through Blender or through Sinew."""
+    return [
+        ob
+        for ob in context.view_layer.objects
+        if ob.type == "MESH"
+        and (ob.sinew.armature == armature if ob.sinew.is_bound else armature_modifier(ob, armature) is not None)
+    ]
+
+
 def armature_to_bind(ob):
     """The armature that a mesh is to be bound to if nobody chooses one: its own. None: shape keys and
     smoothing are all that deforms it."""

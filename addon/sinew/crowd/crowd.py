@@ -15,10 +15,7 @@ LENGTH_OF_BLOCK = 6.0  # of its width: how long a crowd is in which nobody chose
 def build(context, phases, agents, path=None, lanes=0, seed=0):
     """phases: phases.Phases, which now belong to the crowd. path: a curve object; None: a circle is made. lanes: 0: so
     many that the agents have room. Returns the crowd's object."""
-    scene = context.scene
-    stride, corners = phases.settle(phases.frames * scene.render.fps_base / scene.render.fps)
-    heading = math.atan2(stride[1], stride[0]) if stride.any() else -math.pi / 2  # Blender's front view looks along Y
-    along, across = _extent(corners, heading)
+    inputs, along, across = _clip_inputs(context.scene, phases)
     length, width = AHEAD * along, ASIDE * across
     needed = agents * length
     if path is None:
@@ -31,22 +28,49 @@ def build(context, phases, agents, path=None, lanes=0, seed=0):
     modifier = ob.modifiers.new(walkers.NAME, "NODES")
     modifier.node_group = _node_group()
     graph.set_inputs(
-        modifier,
-        {
-            "Path": path,
-            "Phases": _collection(phases),
-            "Agents": agents,
-            "Lanes": lanes,
-            "Lane Distance": width,
-            "Seed": seed,
-            "First Frame": float(phases.first),
-            "Frames a Cycle": float(phases.frames),
-            "Phase Count": phases.count,
-            "Stride": float(np.linalg.norm(stride)),
-            "Heading": heading,
-        },
+        modifier, inputs | {"Path": path, "Agents": agents, "Lanes": lanes, "Lane Distance": width, "Seed": seed}
     )
     return ob
+
+
+def modifier_of(ob):
+    """The modifier that makes an object a crowd, or None."""
+    return next(
+        (
+            modifier
+            for modifier in ob.modifiers
+            if modifier.type == "NODES" and modifier.node_group and walkers.VERSION_PROPERTY in modifier.node_group
+        ),
+        None,
+    )
+
+
+def renew(scene, ob, phases):
+    """Other shapes for a crowd, which keeps all else. Those that it had are removed."""
+    modifier = modifier_of(ob)
+    old = graph.get_input(modifier, "Phases")
+    inputs, _, _ = _clip_inputs(scene, phases)
+    graph.set_inputs(modifier, inputs)
+    if old is not None and old.library is None and old.users == 0:
+        objects = list(old.all_objects)
+        meshes = [each.data for each in objects]
+        bpy.data.batch_remove([*objects, *old.children, old])
+        bpy.data.batch_remove([mesh for mesh in meshes if mesh.users == 0])
+
+
+def _clip_inputs(scene, phases):
+    """What the modifier knows of the clip; the extent along and across its heading."""
+    stride, corners = phases.settle(phases.frames * scene.render.fps_base / scene.render.fps)
+    heading = math.atan2(stride[1], stride[0]) if stride.any() else -math.pi / 2  # Blender's front view looks along Y
+    inputs = {
+        "Phases": _collection(phases),
+        "First Frame": float(phases.first),
+        "Frames a Cycle": float(phases.frames),
+        "Phase Count": phases.count,
+        "Stride": float(np.linalg.norm(stride)),
+        "Heading": heading,
+    }
+    return inputs, *_extent(corners, heading)
 
 
 def _extent(corners, heading):

@@ -109,6 +109,7 @@ def make():
         "GeometryNodeInstanceOnPoints",
         {
             "Points": placed.outputs[0],
+            "Selection": graph.node("FunctionNodeCompare", {0: total, 1: 0.0}, operation="GREATER_THAN").outputs[0],
             "Instance": shapes.outputs[0],
             "Pick Instance": True,
             "Instance Index": phase,
@@ -127,7 +128,7 @@ def _other(graph, number):
 def _lanes(graph):
     """The path's splines, each as many times as there are lanes, side by side."""
     path = graph.node("GeometryNodeObjectInfo", {"Object": graph.input("Path")}, transform_space="RELATIVE")
-    step = graph.math("MAXIMUM", graph.math("MULTIPLY", graph.input("Lane Distance"), 0.5), 1e-3)
+    step = graph.math("MAXIMUM", graph.math("MULTIPLY", graph.input("Lane Distance"), 0.2), 1e-3)
     even = graph.node("GeometryNodeResampleCurve", {"Curve": path.outputs["Geometry"], "Length": step}, mode="LENGTH")
     copies = graph.node(
         "GeometryNodeDuplicateElements", {"Geometry": even.outputs[0], "Amount": graph.input("Lanes")}, domain="SPLINE"

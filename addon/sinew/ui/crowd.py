@@ -3,12 +3,8 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..bake import evaluation
-from ..binding import bindable
-from ..crowd import crowd, phases
+from ..crowd import crowd, source
 from ..feedback import progress
-from ..rigs import rig_import
-from .operators import meshes_of, selected_armature
 
 
 class AddCrowd(bpy.types.Operator):
@@ -55,11 +51,12 @@ class AddCrowd(bpy.types.Operator):
         path = next((ob for ob in context.selected_objects if ob.type == "CURVE"), None)
         try:
             with progress.shown(context) as shown:
-                made = self._of_rig() if self.filepath else self._of_character(context, shown)
+                origin = self.source(context)
+                made = origin.phases(context, shown)
                 ob = crowd.build(context, made, self.agents, path, self.lanes, self.seed)
         except (ValueError, OSError, MemoryError) as error:
-            self.report({"ERROR"}, str(error) or "There is not enough memory")
-            return {"CANCELLED"}
+            return fail(self, error)
+        origin.keep(ob)
         for other in context.selected_objects:
             other.select_set(False)
         ob.select_set(True)
@@ -67,44 +64,51 @@ class AddCrowd(bpy.types.Operator):
         self.report({"INFO"}, f"{self.agents:,} agents, {made.count} shapes of {made.frames:g} frames")
         return {"FINISHED"}
 
-    def _of_rig(self):
-        path = bpy.path.abspath(self.filepath)
-        return phases.of_rig(path, rig_import.ImportOptions(pose=self.pose), self.shapes)
-
-    def _of_character(self, context, shown):
-        objects, name = character(context)
-        frames = clip_range(context, objects)
-        for number, given in enumerate(("frame_start", "frame_end")):
-            if self.properties.is_property_set(given):
-                frames[number] = getattr(self, given)
-        if frames[1] < frames[0]:
-            raise ValueError(f"the last frame ({frames[1]:g}) comes before the first ({frames[0]:g})")
-        self.frame_start, self.frame_end = map(round, frames)
-        with evaluation.undisturbed(context):
-            return phases.of_objects(context, objects, name, *frames, self.shapes, shown)
+    def source(self, context):
+        if self.filepath:
+            return source.Source(filepath=self.filepath, pose=self.pose, count=self.shapes)
+        candidates = [context.active_object, *context.selected_objects]
+        found = next((ob for ob in candidates if ob is not None and ob.type in {"MESH", "ARMATURE"}), None)
+        if found is None:
+            raise ValueError("select a character first: a mesh, or the armature of meshes that are on show")
+        first, last = (
+            float(getattr(self, name)) if self.properties.is_property_set(name) else None
+            for name in ("frame_start", "frame_end")
+        )
+        return source.Source(character=found.name, count=self.shapes, first=first, last=last)
 
 
-def character(context):
-    """The meshes on show of the active character, or the selected ones of no armature, and its name. Raises
-    ValueError."""
-    active = context.active_object
-    meshes = [ob for ob in (active, *context.selected_objects) if ob is not None and ob.type == "MESH"]
-    armature = bindable.find_armature(meshes[0]) if meshes else selected_armature(context)
-    found = meshes if armature is None else [*meshes_of(context, armature), *armature.children_recursive]
-    found = [ob for ob in dict.fromkeys(found) if ob.type == "MESH" and ob.visible_get()]
-    if not found:
-        raise ValueError("select a character first: a mesh, or the armature of meshes that are on show")
-    return found, (meshes or found)[0].name
+class RenewCrowd(bpy.types.Operator):
+    """Make the shapes of the active crowd anew, after its character or the character's clip has been edited"""
+
+    bl_idname = "object.sinew_crowd_renew"
+    bl_label = "Renew Crowd"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return context.mode == "OBJECT" and ob is not None and crowd.modifier_of(ob) is not None
+
+    def execute(self, context):
+        ob = context.active_object
+        try:
+            origin = source.kept(ob)
+            if origin is None:
+                raise ValueError(f"{ob.name} does not know what it was made from: add another crowd")
+            with progress.shown(context) as shown:
+                made = origin.phases(context, shown)
+        except (ValueError, OSError, MemoryError) as error:
+            return fail(self, error)
+        crowd.renew(context.scene, ob, made)
+        self.report({"INFO"}, f"{made.count} shapes of {made.frames:g} frames")
+        return {"FINISHED"}
 
 
-def clip_range(context, objects):
-    """[first frame, last frame]"""
-    armature = bindable.find_armature(objects[0])
-    data = armature.animation_data if armature is not None else None
-    if data is not None and data.action is not None:
-        return [float(frame) for frame in data.action.frame_range]
-    return [float(context.scene.frame_start), float(context.scene.frame_end)]
+def fail(operator, error):
+    operator.report({"ERROR"}, str(error) or "There is not enough memory")
+    return {"CANCELLED"}
 
 
-CLASSES = (AddCrowd,)
+CLASSES = (AddCrowd, RenewCrowd)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

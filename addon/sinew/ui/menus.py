@@ -34,6 +34,8 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(bake.PlayCache.bl_idname)
         layout.operator(bake.TakeOffCache.bl_idname)
         layout.separator()
+        layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")
+        layout.separator()
         layout.operator(OpenManual.bl_idname, icon="HELP")
 
 

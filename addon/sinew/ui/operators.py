@@ -16,20 +16,8 @@ def selected_meshes(context):
     if not meshes and active and active.type == "MESH":
         meshes = [active]
     if not meshes and selected_armature(context):
-        meshes = meshes_of(context, selected_armature(context))
+        meshes = bindable.meshes_of(context, selected_armature(context))
     return meshes
-
-
-def meshes_of(context, armature):
-    """The meshes of the view layer that an armature deforms, through Blender or through Sinew."""
-    return [
-        ob
-        for ob in context.view_layer.objects
-        if ob.type == "MESH"
-        and (
-            ob.sinew.armature == armature if ob.sinew.is_bound else bindable.armature_modifier(ob, armature) is not None
-        )
-    ]
 
 
 def selected_armature(context):

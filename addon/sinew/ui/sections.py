@@ -8,7 +8,7 @@ from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import whole_frames
 from . import cures, display, methods
-from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind, meshes_of
+from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .rig_files import ImportRig
 
 WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}
@@ -48,7 +48,7 @@ def draw_free(layout, context, ob):
 
 
 def draw_armature(layout, context, armature):
-    meshes = meshes_of(context, armature)
+    meshes = bindable.meshes_of(context, armature)
     bound = sum(ob.sinew.is_bound for ob in meshes)
     if any(ob.sinew.source == "CLIP" for ob in meshes):
         draw_clip(layout.box(), armature)
