@@ -38,6 +38,7 @@ def classes():
         addon_module("ui.profile").MeasureProfile,
         addon_module("ui.bake").Bake,
         addon_module("ui.bake").PlayCache,
+        addon_module("ui.crowd").AddCrowd,
         addon_module("ui.preferences").SinewPreferences,
     )
 
@@ -45,7 +46,7 @@ def classes():
 def all_operators():
     return [
         cls
-        for name in ("rig_files", "operators", "bake", "cures", "methods", "display", "preferences", "profile")
+        for name in ("rig_files", "operators", "bake", "crowd", "cures", "methods", "display", "preferences", "profile")
         for cls in addon_module(f"ui.{name}").CLASSES
         if issubclass(cls, bpy.types.Operator)
     ]
@@ -55,7 +56,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", range(11))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -68,7 +69,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize("number", range(10))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):

@@ -165,7 +165,10 @@ def test_refuses_what_is_wrong(subject):
     assert said(made, np.full((2, 3), np.inf), np.ones(2, bool)) == "the center of vertex 0 is not finite"
     other = made(np.zeros((299, 3)), np.ones(299, bool))
     assert said(sinew.skin_rotation_centers, skin, other, matrices) == "the data has 299 vertices; the skin has 300"
-    assert said(sinew.Layer, skin, "rotation_centers") == "the method rotation_centers needs data of its own; pass it as data"
+    assert (
+        said(sinew.Layer, skin, "rotation_centers")
+        == "the method rotation_centers needs data of its own; pass it as data"
+    )
     assert said(sinew.Layer, skin, "blended", data=centers) == (
         "the data is of the method rotation_centers; the method is blended"
     )
