@@ -73,11 +73,14 @@ void ScaledRows::take(const Laplacian& laplacian, std::span<const std::uint32_t>
 }
 
 void smooth_fields(const ScaledRows& rows, std::span<const double> shape, std::span<const double> weights,
-                   SmoothingPanels& panels, const Progress* progress) {
+                   SmoothingPanels& panels, Progress* progress, std::int64_t steps) {
   panels.now.assign(rows.count() * kFields, 0);
   panels.next.assign(rows.count() * kFields, 0);
-  for (std::size_t k = std::max(shape.size(), weights.size()); k-- > 0;) {
+  const auto count = std::ssize(shape.size() > weights.size() ? shape : weights);
+  for (auto left = count; left-- > 0;) {
     stop_if_cancelled(progress);
+    if (progress) progress->advance(steps * (count - left) / count - steps * (count - left - 1) / count);
+    const auto k = static_cast<std::size_t>(left);
     double coefficients[kFields];
     for (int f = 0; f < kFields; ++f) {
       const auto own = f < kFirstWeightField ? shape : weights;

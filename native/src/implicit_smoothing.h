@@ -49,9 +49,9 @@ struct SmoothingPanels {
 
 /// Clenshaw's recurrence. The result is in panels.now.
 /// shape, weights  coefficients for the first fields and for those from kFirstWeightField on.
-/// progress        is looked at, not advanced; or null.
+/// progress        advanced by `steps` on the way; or null.
 void smooth_fields(const ScaledRows& rows, std::span<const double> shape, std::span<const double> weights,
-                   SmoothingPanels& panels, const Progress* progress);
+                   SmoothingPanels& panels, Progress* progress, std::int64_t steps);
 
 constexpr int kFirstWeightField = 10;
 

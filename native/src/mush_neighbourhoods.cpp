@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace sinew {
 namespace {
@@ -93,7 +94,7 @@ Eigen::Vector3d MushNeighbourhoods::fill(Space& space, const WeightField& field)
 }
 
 MushNeighbourhoods::Smoothed MushNeighbourhoods::smooth_in(Space& space, const WeightField& field,
-                                                           const Progress* progress) const {
+                                                           Progress* progress) const {
   const auto forget = [&] {
     for (const std::uint32_t v : space.vertices) space.number_of[v] = -1;
   };
@@ -101,12 +102,13 @@ MushNeighbourhoods::Smoothed MushNeighbourhoods::smooth_in(Space& space, const W
     const double* own = &space.panels.now[std::size_t(space.number_of[v]) * kFields];
     return std::abs(own[9]) < kFaded && std::abs(own[kFirstWeightField]) < kFaded;
   };
+  std::int64_t steps = std::ssize(field.vertices);
   for (std::size_t rings = rings_;; rings *= 2) {
     const bool more = grow(space, field, rings);
     const Eigen::Vector3d origin = fill(space, field);
     space.rows.take(laplacian_, space.vertices, space.number_of);
     try {
-      smooth_fields(space.rows, shape_, weights_, space.panels, progress);
+      smooth_fields(space.rows, shape_, weights_, space.panels, progress, std::exchange(steps, 0));
     } catch (...) {
       forget();
       throw;

@@ -45,8 +45,9 @@ class MushNeighbourhoods {
   };
 
   /// Calls take(Smoothed) with what becomes of a field.
+  /// progress  advanced by a step for each vertex of the field; or null.
   template <class Take>
-  void smooth(const WeightField& field, const Progress* progress, const Take& take) {
+  void smooth(const WeightField& field, Progress* progress, const Take& take) {
     const auto space = spaces_.take([&] { return std::make_unique<Space>(skin_.vertex_count()); });
     take(smooth_in(*space, field, progress));
   }
@@ -62,7 +63,7 @@ class MushNeighbourhoods {
     SmoothingPanels panels;
   };
 
-  Smoothed smooth_in(Space& space, const WeightField& field, const Progress* progress) const;
+  Smoothed smooth_in(Space& space, const WeightField& field, Progress* progress) const;
   bool grow(Space& space, const WeightField& field, std::size_t rings) const;
   Eigen::Vector3d fill(Space& space, const WeightField& field) const;
 

@@ -63,7 +63,6 @@ class Precomputation {
     for (const WeightField& field : fields) work += field.vertices.size();
     if (progress_) progress_->start(static_cast<std::int64_t>(work));
     measure_wholes();
-    advance(wholes_.size());
     // The largest first, so that no thread is left with one at the end.
     std::vector<std::size_t> order(fields.size());
     std::iota(order.begin(), order.end(), 0);
@@ -74,17 +73,12 @@ class Precomputation {
         const std::size_t joint = order[i];
         stop_if_cancelled(progress_);
         if (!fields[joint].vertices.empty()) of_joints[joint] = entries_of(joint, fields[joint]);
-        advance(fields[joint].vertices.size());
       }
     });
     return gathered(of_joints);
   }
 
  private:
-  void advance(std::size_t vertices) const {
-    if (progress_) progress_->advance(static_cast<std::int64_t>(vertices));
-  }
-
   std::vector<WeightField> fields_of_joints() const {
     std::vector<WeightField> fields(static_cast<std::size_t>(skin_.joint_count()));
     for (std::size_t v = 0; v < wholes_.size(); ++v) {

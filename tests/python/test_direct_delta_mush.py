@@ -422,6 +422,25 @@ def test_progress_and_cancelling(random):
     assert sinew.DirectDeltaMush.compute(skin, offsets, vertices, progress=progress) is None
 
 
+def test_progress_of_the_first_smoothing(random):
+    """It is half of the work where one joint moves all."""
+    positions, offsets, vertices, weights = tube(random, 400, 60)
+    skin = sinew.Skin.from_dense(positions, np.ones((len(positions), 1)))
+    progress = sinew.Progress()
+    worker = threading.Thread(
+        target=sinew.DirectDeltaMush.compute,
+        args=(skin, offsets, vertices),
+        kwargs={"iterations": 1000, "progress": progress},
+    )
+    worker.start()
+    while worker.is_alive() and progress.fraction == 0:
+        pass
+    seen = progress.fraction
+    progress.cancel()
+    worker.join()
+    assert 0 < seen < 0.5
+
+
 def test_other_python_threads_run_meanwhile(random):
     positions, offsets, vertices, weights = tube(random, 400, 60)
     skin = sinew.Skin.from_dense(positions, weights)
