@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from helpers import addon_module, assert_same_shape, select, twin_of
-from windowed import FOLDER, playing, run, when_allowed, window
+from windowed import FOLDER, camera, pixels, playing, run, when_allowed, window
 
 FRAMES = range(1, 31)
 
@@ -99,27 +99,6 @@ def playing_with_the_interface(bone, ob, done):
     yield 0.5
     assert moved > 2, "the interface stood still while F12 rendered"
     print(f"window: a bone was moved {moved} times while F12 rendered")
-
-
-def camera(scene):
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising = 64, False
-    scene.render.resolution_x = scene.render.resolution_y = 48
-    scene.render.use_lock_interface = False
-    ob = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    ob.location, ob.rotation_euler = (0, -12, 2.5), (np.pi / 2, 0, 0)
-    light = bpy.data.objects.new("light", bpy.data.lights.new("light", "SUN"))
-    light.rotation_euler = (0.7, 0.3, 0)
-    for each in (ob, light):
-        scene.collection.objects.link(each)
-    scene.camera = ob
-
-
-def pixels(path):
-    image = bpy.data.images.load(str(path))
-    numbers = np.array(image.pixels[:])
-    bpy.data.images.remove(image)
-    return numbers
 
 
 run(steps())

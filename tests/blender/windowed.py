@@ -33,7 +33,7 @@ def run(steps):
 
     faulthandler.dump_traceback_later(SECONDS, exit=True)
     bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(go_on, first_interval=2.0)
+    bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)  # a step may open a file
 
 
 def when_allowed(write):
@@ -175,3 +175,24 @@ def playing(seconds, frames=None):
     times = np.array([moment for moment, _ in shown])
     assert len(times) > 3, "nothing was played"
     return float(1 / np.median(np.diff(times))), [frame for _, frame in shown]
+
+
+def camera(scene):
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 64, False
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    scene.render.use_lock_interface = False
+    ob = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    ob.location, ob.rotation_euler = (0, -12, 2.5), (np.pi / 2, 0, 0)
+    light = bpy.data.objects.new("light", bpy.data.lights.new("light", "SUN"))
+    light.rotation_euler = (0.7, 0.3, 0)
+    for each in (ob, light):
+        scene.collection.objects.link(each)
+    scene.camera = ob
+
+
+def pixels(path):
+    image = bpy.data.images.load(str(path))
+    numbers = np.array(image.pixels[:])
+    bpy.data.images.remove(image)
+    return numbers
