@@ -191,6 +191,24 @@ def test_an_edit_makes_it_out_of_date(character, method, edit):
 
 
 @pytest.mark.parametrize("method", (CENTERS, MUSH))
+def test_painting_does_not_read_again_what_is_kept(character, monkeypatch, method):
+    ob, _twin = character
+    ob.sinew.method = method
+    shapes(ob)
+    kept_arrays, reads = addon_module("blender.kept_arrays"), []
+    read = kept_arrays.read
+    monkeypatch.setattr(kept_arrays, "read", lambda text: reads.append(text) or read(text))
+    for weight in (0.1, 0.2, 0.3):
+        ob.vertex_groups["bone1"].add(range(20), weight, "REPLACE")
+        shapes(ob)
+    assert lacks(ob) == "STALE" and not reads
+    select(ob)
+    bpy.ops.object.sinew_prepare_method()
+    shapes(ob)
+    assert lacks(ob) == "" and len(reads) == 1
+
+
+@pytest.mark.parametrize("method", (CENTERS, MUSH))
 def test_with_other_vertices_it_is_deformed_as_without_sinew(character, method):
     ob, twin = character
     ob.sinew.method = method

@@ -72,6 +72,7 @@ class Character:
     lock: threading.RLock = field(default_factory=threading.RLock, repr=False)
     weights: object = None  # layers.Weights
     method: methods.Method = methods.Method()
+    kept: object = field(default_factory=methods.Kept, repr=False)  # what the method has precomputed
     _rest: np.ndarray | None = None  # (V, 3)
     _is_known: bool = False  # the object was looked at
     _is_method_known: bool = False
@@ -200,6 +201,8 @@ class Character:
         if not self._is_method_known:
             self.method = methods.Method.of(ob.original.sinew, lambda: self._digest_of_faces(mesh))
             self._is_method_known = True
+            if self.method.kind not in methods.PRECOMPUTED:
+                self.kept = methods.Kept()
 
     def _digest_of_faces(self, mesh):
         self._faces = self._faces or methods.digest(*meshes.read_faces(mesh)[:2])
@@ -246,6 +249,7 @@ class Character:
                     number,
                     method,
                     ob.original.sinew.skinning.data,
+                    self.kept,
                 )
                 self.deformer = None
             channels = channels_of(modifier)

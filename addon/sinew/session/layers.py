@@ -153,10 +153,10 @@ class Layer:
         return numbers.transpose(0, 2, 1)
 
 
-def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, number, method, kept):
+def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, number, method, text, kept):
     """settings: Settings; weights: Weights; rest (V, 3): rest positions, space of the mesh; armature: evaluated;
-    mesh_from_armature (4, 4) or None; number: of the layer, 0 the first; method: methods.Method; kept: the text with
-    what it has precomputed, or None."""
+    mesh_from_armature (4, 4) or None; number: of the layer, 0 the first; method: methods.Method; text: with what it has
+    precomputed, or None; kept: methods.Kept, which reads it."""
     bones = Bones(**armatures.read_bones(armature))
     index = {name: i for i, name in enumerate(bones.names)}
     bone_of_group = np.array([index.get(name, -1) for name in weights.names] + [-1], np.int32)
@@ -196,7 +196,7 @@ def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, n
         how["data"] = methods.shares(method, weights, len(rest))
     elif method.kind:
         wanted = methods.made_of(method, rest, own, skin.joint_count, bones.names)
-        data, lacks = methods.kept(method, kept, wanted, skin)
+        data, lacks = kept.read(method.kind, text, wanted, skin)
         if data is not None:
             how = {"method": data.method, "data": data}
     blank = np.tile(np.eye(4, dtype=np.float32), (bones.joint_count + 1, 1, 1))

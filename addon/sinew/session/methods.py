@@ -96,18 +96,29 @@ def compute(kind, settings, skin, faces, progress):
     return {name: np.asarray(value) for name, value in found.arrays().items()}
 
 
-def kept(method, text, wanted, skin):
-    """(data or None, what is the matter or ""). text: with the arrays; wanted: made_of of what would be computed now;
-    skin: sinew_native.Skin."""
-    has = kept_arrays.made_of(text)
-    if not has:
-        return None, ABSENT
-    if has.partition(":")[2] != wanted.partition(":")[2]:
-        return None, UNFIT
-    arrays = kept_arrays.read(text)
-    if method.kind == CENTERS:
-        data = sinew_native.RotationCenters(arrays["centers"], arrays["has_center"])
-    else:
-        scalars = {name: arrays.pop(name).item() for name in ("variant", "pruned")}
-        data = sinew_native.DirectDeltaMush.from_arrays(skin, **scalars, **arrays)
-    return data, "" if has == wanted else STALE
+class Kept:
+    """What a mesh's method has kept in the file, as native data: made when the file has something else, and not when
+    somebody paints weights."""
+
+    def __init__(self):
+        self._made_of, self._data = "", None
+
+    def read(self, kind, text, wanted, skin):
+        """(data or None, what is the matter or ""). text: with the arrays; wanted: made_of of what would be computed
+        now; skin: sinew_native.Skin."""
+        has = kept_arrays.made_of(text)
+        if not has:
+            return None, ABSENT
+        if has.partition(":")[2] != wanted.partition(":")[2]:
+            return None, UNFIT
+        if has != self._made_of:
+            self._data = _native(kind, kept_arrays.read(text), skin)
+            self._made_of = has
+        return self._data, "" if has == wanted else STALE
+
+
+def _native(kind, arrays, skin):
+    if kind == CENTERS:
+        return sinew_native.RotationCenters(arrays["centers"], arrays["has_center"])
+    scalars = {name: arrays.pop(name).item() for name in ("variant", "pruned")}
+    return sinew_native.DirectDeltaMush.from_arrays(skin, **scalars, **arrays)
