@@ -68,6 +68,19 @@ def test_the_share_of_a_painted_group(character, invert):
     assert np.abs(shapes(ob) - (linear + share * (dual - linear))).max() < 1e-5 * diagonal(linear[0])
 
 
+@pytest.mark.parametrize("share", (0.2, 0.8))
+def test_without_sinew_the_nearer_of_the_two(character, share):
+    ob, _twin = character
+    ob.sinew.method = BLENDED
+    ob.sinew.skinning.share = share
+    own = shapes(ob)
+    ob.sinew.method = "DUAL_QUATERNION" if share < 0.5 else "LINEAR"
+    other = shapes(ob)
+    ob.sinew.method = BLENDED
+    addon_module("binding.bind").unbind(ob)
+    assert np.square(shapes(ob) - own).sum() < np.square(other - own).sum()
+
+
 # --- what is computed once ------------------------------------------------------------------------
 
 

@@ -265,7 +265,13 @@ def switch_method(ob, name):
 def _set_method(settings, modifier, name):
     """Without Sinew the modifier has to come as near as it can."""
     settings.own_method = name if name in methods.OWN else ""
-    modifier.use_deform_preserve_volume = name in methods.LIKE_DUAL_QUATERNION
+    modifier.use_deform_preserve_volume = methods.is_like_dual_quaternion(name, settings.skinning)
+
+
+def follow_share(ob):
+    """Likewise, where the share of the method Blended is another one now."""
+    if ob.sinew.own_method == methods.BLENDED and ob.sinew.modifier is not None:
+        _set_method(ob.sinew, ob.sinew.modifier, methods.BLENDED)
 
 
 def prepare_method(ob):

@@ -5,6 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..session import characters
+from . import bind
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 LAPLACIANS = (
@@ -28,8 +29,14 @@ def _show(settings, _context):
         ob.update_tag()
 
 
-def _setting(kind, name, description, **options):
-    return kind(name=name, description=description, options=set(), override=OVERRIDE, update=_show, **options)
+def _show_share(settings, context):
+    if settings.id_data.sinew.is_bound:
+        bind.follow_share(settings.id_data)
+    _show(settings, context)
+
+
+def _setting(kind, name, description, update=_show, **options):
+    return kind(name=name, description=description, options=set(), override=OVERRIDE, update=update, **options)
 
 
 class SinewSkinningSettings(bpy.types.PropertyGroup):
@@ -40,13 +47,17 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
         FloatProperty,
         "Share",
         "For all vertices, if there is no vertex group: 0 is linear, 1 is dual quaternion skinning",
+        _show_share,
         min=0.0,
         max=1.0,
         default=0.5,
         subtype="FACTOR",
     )
     share_group: _setting(
-        StringProperty, "Share", "Vertex group that holds the share of dual quaternion skinning; it can be painted"
+        StringProperty,
+        "Share",
+        "Vertex group that holds the share of dual quaternion skinning; it can be painted",
+        _show_share,
     )
     share_invert: _setting(BoolProperty, "Invert", "Weight 1 is linear, 0 is dual quaternion skinning")
 

@@ -12,7 +12,7 @@ from ..native import sinew_native
 
 BLENDED, CENTERS, MUSH = "BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"
 PRECOMPUTED = {CENTERS, MUSH}
-LIKE_DUAL_QUATERNION = {"DUAL_QUATERNION", BLENDED, CENTERS}  # more than like linear skinning
+LIKE_DUAL_QUATERNION = {"DUAL_QUATERNION", BLENDED, CENTERS}  # more than like linear skinning, as far as one can tell
 OWN = {BLENDED, *PRECOMPUTED}
 
 # What is the matter with the data that a method has kept in the file.
@@ -53,6 +53,13 @@ def settings_of(kind, skinning):
         ("laplacian", skinning.laplacian.lower()),
         ("variant", int(skinning.variant)),
     )
+
+
+def is_like_dual_quaternion(name, skinning):
+    """Whether that method with those settings comes nearer to dual quaternion than to linear skinning."""
+    if name == BLENDED and not skinning.share_group:
+        return skinning.share >= 0.5
+    return name in LIKE_DUAL_QUATERNION
 
 
 def made_of(method, rest, influences, joint_count, bone_names):
