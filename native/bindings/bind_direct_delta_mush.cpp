@@ -94,7 +94,7 @@ constexpr const char* kSettings =
     "blend: alpha, 0 to 1, how much of the translation comes from smoothed weights alone.\n"
     "iterations: p, 0 to 1,000, how many times both are smoothed; 0 is linear skinning.\n"
     "laplacian: \"cotangent\", or \"uniform\" for edges that all count the same.\n"
-    "variant: the paper's. 0: ten numbers per vertex and joint, the full method. 1: ten, turned by the inverse "
+    "variant: what is kept. 0: ten numbers per vertex and joint, the full method. 1: ten, turned by the inverse "
     "transpose of the deformation, which shears. 2: four, turned by blended quaternions, so that translations of "
     "joints no longer turn the surface. 3: four, by blended matrices. 4: one, turned as 2 about the smoothed rest "
     "position. 5: one, linear skinning by the smoothed weights.\n"

@@ -22,7 +22,7 @@ struct MushSettings {
   double blend = 0.8;           ///< alpha, 0 to 1: how much of the translation comes from smoothed weights alone
   int iterations = 20;          ///< p: how often both are smoothed
   LaplacianKind laplacian = LaplacianKind::cotangent;
-  /// The paper's: what is kept of a vertex and joint, and how the vertex turns.
+  /// What is kept of a vertex and joint, and how the vertex turns; the paper has such reductions too.
   ///   0  ten numbers, the rotation nearest to how the smoothed neighbourhood is deformed: the method itself
   ///   1  ten numbers, the inverse transpose of that deformation with determinant 1: shears
   ///   2  four numbers, the blend of the joints' quaternions: translations of joints no longer turn the surface
