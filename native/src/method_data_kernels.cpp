@@ -27,9 +27,15 @@ class Lanes {
   decltype(hn::SetTableIndices(kTag, static_cast<const int32_t*>(nullptr))) vertex_;
 };
 
-/// to where share is 1, from where it is 0, both to the bit.
+HWY_INLINE bool are_between_0_and_1(Floats shares) {
+  return hn::AllTrue(kTag, hn::And(hn::Gt(shares, hn::Zero(kTag)), hn::Lt(shares, hn::Set(kTag, 1.0f))));
+}
+
+/// from + share (to - from). to_the_bit: `to` where share is 1, from where it is 0.
+template <bool to_the_bit>
 HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
   const Floats mixed = hn::MulAdd(share, hn::Sub(to, from), from);
+  if constexpr (!to_the_bit) return mixed;
   const Floats low = hn::IfThenElse(hn::Gt(share, hn::Zero(kTag)), mixed, from);
   return hn::IfThenElse(hn::Eq(share, hn::Set(kTag, 1.0f)), to, low);
 }
@@ -91,9 +97,15 @@ void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows*
       sum_quaternions<8, false>(groups[n], joints, set, quaternions, sum);
       move_by_dual_quaternions(sum, points.x[n], points.y[n], points.z[n], x, y, z);
       const Floats share = lanes.load(shares + vertex + n * kLanes);
-      moved.x[n] = between(moved.x[n], x, share);
-      moved.y[n] = between(moved.y[n], y, share);
-      moved.z[n] = between(moved.z[n], z, share);
+      if (are_between_0_and_1(share)) {
+        moved.x[n] = between<false>(moved.x[n], x, share);
+        moved.y[n] = between<false>(moved.y[n], y, share);
+        moved.z[n] = between<false>(moved.z[n], z, share);
+      } else {
+        moved.x[n] = between<true>(moved.x[n], x, share);
+        moved.y[n] = between<true>(moved.y[n], y, share);
+        moved.z[n] = between<true>(moved.z[n], z, share);
+      }
     }
     moved.store(groups, interleaver);
   };
