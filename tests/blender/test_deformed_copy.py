@@ -120,6 +120,30 @@ def test_edits_of_the_original_come_along(tube):
     assert tube.sinew.deformed.data == mesh and data_counts() == counts
 
 
+def add_shifted_key(ob):
+    if ob.data.shape_keys is None:
+        ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Shifted")
+    key.data[700].co.x += 1
+    key.value = 1
+
+
+def clear_geometry(ob):
+    if ob.data.shape_keys:
+        ob.shape_key_clear()
+    ob.data.clear_geometry()
+
+
+@pytest.mark.parametrize("edit", (add_shifted_key, clear_geometry))
+def test_edits_that_change_what_the_file_needs_come_along_at_once(tube, edit):
+    """Blender's own modifiers deform in the evaluation in which Sinew finds that out."""
+    tube.modifiers.new("Smooth", "SMOOTH")
+    bpy.context.view_layer.update()
+    edit(tube)
+    bpy.context.view_layer.update()
+    assert np.allclose(own_positions(tube.sinew.deformed), evaluated(tube), atol=1e-5)
+
+
 def test_painting_does_not_renew_it(tube):
     """It takes time, and no vertex comes or goes."""
     mesh = tube.sinew.deformed.data

@@ -96,7 +96,7 @@ def _shape_of(entry, ob, evaluated):
     if not ob.sinew.show_shape or not is_shown:
         return meshes.read_positions(ob.data)
     if not entry.is_deforming:
-        shape = meshes.read_positions(evaluated.data) if _ends_with_armature(ob) else None
+        shape = meshes.read_positions(evaluated.data) if _ends_with_ours(entry, ob) else None
         return shape if shape is not None and len(shape) == len(ob.data.vertices) else None
     mesh = wiring.waits_for(entry.hook_of(evaluated), "mesh")
     count = len(mesh.vertices)
@@ -107,10 +107,12 @@ def _shape_of(entry, ob, evaluated):
     return memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
 
 
-def _ends_with_armature(ob):
+def _ends_with_ours(entry, ob):
     """Whether what Blender's own modifiers make is the shape after Sinew's stage."""
+    if entry.way.in_pass:  # from the next evaluation on
+        return not entry.run.end
     shown = [modifier for modifier in ob.modifiers if modifier.show_viewport and not nodes.is_sinew(modifier)]
-    return not shown or shown[-1] in wiring.taken_modifiers(ob)
+    return not shown or shown[-1].name in entry.taken
 
 
 _said = set()
