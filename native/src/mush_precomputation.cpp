@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "mush_neighbourhoods.h"
@@ -18,6 +19,8 @@ constexpr double kReached = 1e-6;
 constexpr double kLine = 1e-4;
 // What a line gets of a ball in addition, or a point in place of nothing; and all that has to have an inverse.
 constexpr double kBall = 1e-3;
+// A neighbourhood no longer than this is a point: the first moment over the second would be too large for a float.
+constexpr double kSmallest = std::numeric_limits<float>::min();
 // Of MushSettings::prune: an entry that is not even worth a closer look.
 constexpr double kNothing = 1e-3;
 
@@ -119,7 +122,7 @@ class Precomputation {
     whole.center = origin + center;
     const Eigen::Matrix3d second = moments.moved_to(center).second / moments.weight;
     whole.extent = second.trace();
-    whole.is_point = !(whole.extent > 1e-14 * diagonal_ * diagonal_);
+    whole.is_point = !(whole.extent > std::max(1e-14 * diagonal_ * diagonal_, kSmallest * kSmallest));
     if (whole.is_point) whole.extent = 1;
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
     solver.computeDirect(second / whole.extent, Eigen::EigenvaluesOnly);
@@ -182,7 +185,7 @@ class Precomputation {
   /// How far, at most, the vertex is off without this entry, as a part of how far joints move it apart.
   double importance_of(const Entry& entry) const {
     const double leverage = wholes_[entry.vertex].leverage;
-    const double first = Eigen::Map<const Eigen::Vector3f>(entry.first).norm();
+    const double first = Eigen::Map<const Eigen::Vector3f>(entry.first).cast<double>().norm();
     const double second = diagonal_ > 0 ? second_of(entry).norm() / diagonal_ : 0;
     return std::abs(entry.share) + leverage * (first + second);
   }

@@ -50,19 +50,24 @@ inline const Folder& folder() {
   return folder;
 }
 
-/// Calls `read`, which may refuse what it finds, in one sentence. False if it did.
+/// Calls what may refuse its input, in one sentence. False if it did.
+template <class Call>
+bool accepts(const Call& call) {
+  try {
+    call();
+    return true;
+  } catch (const InputError& error) {
+    const std::string_view said = error.what();
+    require(!said.empty() && said.find('\n') == said.npos, "an error is one sentence");
+    return false;
+  }
+}
+
+/// The same of what reads that many bytes.
 template <class Read>
 bool reads(std::size_t file_bytes, const Read& read) {
-  bool accepted = true;
-  const std::size_t bytes = bytes_allocated_by([&] {
-    try {
-      read();
-    } catch (const InputError& error) {
-      accepted = false;
-      const std::string_view said = error.what();
-      require(!said.empty() && said.find('\n') == said.npos, "an error is one sentence");
-    }
-  });
+  bool accepted = false;
+  const std::size_t bytes = bytes_allocated_by([&] { accepted = accepts(read); });
   require(bytes <= most_bytes_to_read(file_bytes), "memory is in proportion to the file");
   return accepted;
 }

@@ -21,7 +21,7 @@ using Numbers = std::vector<std::int32_t>;
 
 /// A rolling sheet of quads, `size` vertices along each side, and joints along it.
 struct Sheet {
-  explicit Sheet(std::int32_t size, std::int32_t joints = 5) : joint_count(joints) {
+  explicit Sheet(std::int32_t size, std::int32_t joints = 5, float length = 1) : joint_count(joints) {
     rigs::Random random(1);
     std::vector<std::int64_t> offsets{0};
     Numbers names;
@@ -40,6 +40,7 @@ struct Sheet {
       face_vertices.insert(face_vertices.end(), {v, v + 1, v + size + 1, v + size});
       face_offsets.push_back(static_cast<std::int32_t>(face_vertices.size()));
     }
+    for (float& coordinate : rest) coordinate *= length;
     skin = std::make_shared<const Skin>(rest, offsets, names, weights, joints);
   }
 
@@ -144,6 +145,17 @@ TEST_P(DirectDeltaMushKernels, EveryVariantKeepsTheRestMeshAndRigidMotions) {
         EXPECT_LT((Eigen::Map<const Eigen::Vector3f>(&positions[3 * v]).cast<double>() - moved.head<3>()).norm(), 2e-6)
             << "variant " << variant << ", vertex " << v;
       }
+    }
+  }
+}
+
+TEST(DirectDeltaMush, KeepsTheRestMeshOfAnyLength) {
+  for (const float length : {1e-42f, 1e-38f, 1e-25f, 1e-10f, 1e10f}) {
+    const Sheet sheet(5, 3, length);
+    const auto mush = DirectDeltaMush::compute(sheet.skin, sheet.face_offsets, sheet.face_vertices);
+    const Floats positions = skinned(*mush, Matrices(3, Matrix4<double>::Identity()));
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      EXPECT_LE(std::abs(positions[i] - sheet.rest[i]), std::max(1e-5f * length, 3e-45f)) << length << ", number " << i;
     }
   }
 }
