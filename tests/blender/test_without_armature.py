@@ -99,6 +99,18 @@ def make(fresh_scene):
     return make
 
 
+def test_hooks_are_added_behind_others(fresh_scene, make):
+    """From Blender 5.0 on they are put before Sinew's modifier, and so before the others."""
+    ob, twin = make(smoothed)
+    fresh_scene.frame_set(3)
+    for each in (ob, twin):
+        for name in ("First", "Second"):
+            hook(each, name, strength=0.7).vertex_indices_set(range(0, 400, 3))
+    bpy.context.view_layer.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+    assert [m.name for m in ob.modifiers if m.type != "NODES"] == [m.name for m in twin.modifiers]
+
+
 def assert_it_is_sinew(ob):
     entry = addon_module("session.characters").character(ob)
     assert entry.is_deforming and entry.error == ""

@@ -113,7 +113,10 @@ def _adapt(ob):
     needs_attribute = entry.way.kind == ways.ATTRIBUTE
     if ob.sinew.needs_attribute != needs_attribute:
         ob.sinew.needs_attribute = needs_attribute
+    displaced = displaced_modifiers(ob, entry.newcomers)
     if needs_attribute:
+        for modifier in displaced:
+            nodes.move_modifier_back(ob, modifier)
         try:
             put_own_modifier_first(ob, entry)
         except ValueError as error:
@@ -122,13 +125,12 @@ def _adapt(ob):
         if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:
             meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
     else:
-        displaced = displaced_modifiers(ob, entry.newcomers)
         if carrier is not None and nodes.is_sinew(carrier):  # out of the way
             nodes.move_modifier_back(ob, carrier)
             remove_attribute(ob)
         else:
             remove_own_modifier(ob)
-        for modifier in reversed(displaced):
+        for modifier in displaced:
             nodes.move_modifier_back(ob, modifier)
     entry.newcomers = frozenset()
     entry.look(ob)
