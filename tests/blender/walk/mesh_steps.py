@@ -123,7 +123,8 @@ def deleted(random):
 
 
 def extruded(random):
-    bpy.ops.mesh.extrude_region_move(TRANSFORM_OT_translate={"value": (0, 0.1, 0)})
+    """Face by face: in which order a region's new faces come is left to chance, and for a twin comes out otherwise."""
+    bpy.ops.mesh.extrude_faces_move(TRANSFORM_OT_shrink_fatten={"value": 0.1})
 
 
 def triangulated(random):
@@ -145,7 +146,7 @@ def edit_mesh(random, ob):
     if count > MOST_VERTICES and edit in (extruded, duplicated):
         return
     start = random.randrange(count or 1)
-    end = start + random.randrange(count // 5 if edit in (deleted, extruded, duplicated) else count or 1)
+    end = start + random.randrange((count // 5 if edit in (deleted, extruded, duplicated) else count) or 1)
     for number, vertex in enumerate(mesh.vertices):
         vertex.select = start <= number < end
     for part in *mesh.edges, *mesh.polygons:
@@ -187,17 +188,20 @@ def take_out_of_group(random, ob):
 def rename_group(random, ob):
     if ob.vertex_groups:
         random.choice(list(ob.vertex_groups)).name = random.choice(("bone1", "bone3", "side", "Nobody's", "elbow"))
+        ob.data.update()  # else Blender evaluates it some time later, and its twin at another time
 
 
 @on_both(1)
 def add_group(random, ob):
     ob.vertex_groups.new(name=random.choice(("bone0", "bone2", "side", "elbow")))
+    ob.data.update()
 
 
 @on_both(0.7)
 def remove_group(random, ob):
     if len(ob.vertex_groups) > 2:
         ob.vertex_groups.remove(random.choice(list(ob.vertex_groups)))
+        ob.data.update()
 
 
 @on_both(1)

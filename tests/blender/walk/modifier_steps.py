@@ -7,13 +7,13 @@ from helpers import select
 
 from . import scene
 from .kinds import on_both
+from .mesh_steps import keys_of
 
-# What Sinew stands in for, what it does not, and what wants to stand behind deforming modifiers alone. Hooks are there
-# from the beginning (scene.py): Blender puts one that is added to a bound mesh before Sinew's modifier, and so before
-# the Armature modifier, and there it stays.
+# What Sinew stands in for, what it does not, and what wants to stand behind deforming modifiers alone.
 TYPES = {
     "CORRECTIVE_SMOOTH": 6,
     "SMOOTH": 5,
+    "HOOK": 3,
     "ARMATURE": 3,
     "SUBSURF": 1.5,
     "MIRROR": 1,
@@ -46,6 +46,10 @@ def add_modifier(random, ob):
     kind = random.choices(list(TYPES), list(TYPES.values()))[0]
     name, many = f"{kind.capitalize()} {random.randrange(100)}", kind in {"SUBSURF", "MIRROR"}
     if len(own(ob)) >= MOST or many and any(modifier.type in {"SUBSURF", "MIRROR"} for modifier in ob.modifiers):
+        return
+    if (
+        kind == "HOOK" and not ob.visible_get()
+    ):  # Blender 5 puts it before Sinew's, which is mended when it is evaluated
         return
     modifier = ob.modifiers.new(name, kind)
     set_modifier(random, ob, modifier)
@@ -151,8 +155,10 @@ def apply_modifier(random, ob):
 
 @on_both(0.7)
 def apply_as_shape_key(random, ob):
+    """But for one among others on a mesh that has keys already: Blender starts from the evaluated keys, in which a
+    bound mesh has its whole shape. The manual says to unbind first."""
     modifier = one_of(random, ob, "ARMATURE", "CAST", "HOOK")
-    if modifier:
+    if modifier and (not keys_of(ob) or len(own(ob)) == 1 and modifier.type != "HOOK"):
         select(ob)
         bpy.ops.object.modifier_apply_as_shapekey(keep_modifier=random.random() < 0.5, modifier=modifier.name)
 

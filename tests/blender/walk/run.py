@@ -24,7 +24,7 @@ from walk.shrink import LENGTH, options_of
 STEPS = mesh_steps, modifier_steps, object_steps, scene_steps, sinew_steps  # importing them declares the kinds
 
 
-REFUSALS = ("cannot have the output Mesh",)  # sentences for people
+REFUSALS = ("cannot use the output Mesh",)  # sentences for people
 
 
 class Listener(logging.Handler):
