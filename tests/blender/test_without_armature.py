@@ -107,7 +107,15 @@ def test_hooks_are_added_behind_others(fresh_scene, make):
         for name in ("First", "Second"):
             hook(each, name, strength=0.7).vertex_indices_set(range(0, 400, 3))
     bpy.context.view_layer.update()
+    assert [m.name for m in ob.modifiers if m.type != "NODES"] == [m.name for m in twin.modifiers]
     assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+
+
+def test_a_hook_of_nothing_is_added_behind_others(make):
+    ob, twin = make(smoothed)
+    for each in (ob, twin):
+        each.modifiers.new("Of nothing", "HOOK")
+    bpy.context.view_layer.update()
     assert [m.name for m in ob.modifiers if m.type != "NODES"] == [m.name for m in twin.modifiers]
 
 

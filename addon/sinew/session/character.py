@@ -111,7 +111,7 @@ class Character:
         self.own = own and own.name
         self.is_wired = self.way.in_pass and self._has_what_it_needs(ob, original.data)
         self._is_known = True
-        lacks = self.way.in_pass != self.is_wired or self._has_too_much(original)
+        lacks = self.way.in_pass != self.is_wired or self._has_too_much(original) or self._has_displaced(original)
         self._lacks = (self.way, self.taken, values.key_of(original.data)) if lacks else None
         if lacks and self._lacks != self._given_up:
             mail.post(rewire, self.key)
@@ -143,6 +143,11 @@ class Character:
         if self.hook_path == wiring.path_of(own):
             return meshes.point_attribute(original.data, nodes.POSITION_ATTRIBUTE) is not None
         return nodes.is_removable(original, own)
+
+    def _has_displaced(self, original):
+        """Whether a modifier that has just come was put before Sinew's."""
+        names = original.modifiers.keys()
+        return self.own is not None and not self.newcomers.isdisjoint(names[: names.index(self.own)])
 
     def switch(self, ob, deforms):
         """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
