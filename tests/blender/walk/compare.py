@@ -92,8 +92,9 @@ def state(ob):
 def difference(ours, theirs):
     """Of two such lists or dicts, in as few words as it takes."""
     if isinstance(ours, list):
-        if len(ours) != len(theirs):
-            return f"modifiers {[each['name'] for each in ours]}, due are {[each['name'] for each in theirs]}"
+        names = [[each["name"] for each in modifiers] for modifiers in (ours, theirs)]
+        if names[0] != names[1]:
+            return f"modifiers {names[0]}, due are {names[1]}"
         return next(f"{a['name']}: {difference(a, b)}" for a, b in zip(ours, theirs) if a != b)
     return ", ".join(
         f"{name} {ours[name]}, due is {theirs.get(name)}" for name in ours if ours[name] != theirs.get(name)

@@ -147,10 +147,9 @@ def edit_mesh(random, ob):
         return
     start = random.randrange(count or 1)
     end = start + random.randrange((count // 5 if edit in (deleted, extruded, duplicated) else count) or 1)
-    for number, vertex in enumerate(mesh.vertices):
-        vertex.select = start <= number < end
-    for part in *mesh.edges, *mesh.polygons:
-        part.select = all(start <= number < end for number in part.vertices)
+    mesh.vertices.foreach_set("select", [start <= number < end for number in range(count)])
+    for parts in mesh.edges, mesh.polygons:  # one by one Blender 5.0 crashes
+        parts.foreach_set("select", [all(start <= number < end for number in part.vertices) for part in parts])
     select(ob)
     bpy.ops.object.mode_set(mode="EDIT")
     try:
