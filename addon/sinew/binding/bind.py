@@ -6,7 +6,7 @@ from ..blender import memory, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from ..session import character, characters, deformed_copies, methods, precomputing
+from ..session import character, characters, deformed_copies, mail, methods, precomputing
 from . import deformed_copy, old_files, runs, ways, wiring
 from .bindable import BindingError, check_bindable, modifiers_to_take
 from .deformed_copy import OutputError
@@ -194,6 +194,14 @@ def rewire(key):
     entry = characters.of(ob)
     entry.give_up_on_what_lacks()
     ob.update_tag()
+    if ob.sinew.installed_output == "MESH":
+        mail.post(_follow_when_evaluated, key)
+
+
+def _follow_when_evaluated(key):
+    ob = characters.find(key)
+    if ob is not None:
+        deformed_copies.follow_last_evaluation(ob)
 
 
 character.rewire = rewire

@@ -38,6 +38,13 @@ def follow(objects, depsgraph, changed):
                 _say_once(ob, error)
 
 
+def follow_last_evaluation(ob):
+    """Of which no handler was told: what a handler edits Blender evaluates without a word."""
+    depsgraph = bpy.context.view_layer.depsgraph
+    if depsgraph is not None:
+        follow(those_of([ob]), depsgraph, {values.key_of(ob)})
+
+
 def tidy(objects, depsgraph):
     """After objects were moved between collections, or deleted. objects: as `those_of` gives them."""
     global _object_count

@@ -78,6 +78,7 @@ def look(listener):
     for _ in range(2):
         bpy.context.view_layer.update()
         compare.assert_alike()
+        compare.addon_module("session.handlers").look_into_the_mail()  # as a timer does in a window
     compare.assert_copies_follow()
     assert not listener.said(), "it was said: " + listener.said()
 
