@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 
+#include "each_instruction_set.h"
 #include "failures.h"
 #include "rigs.h"
 #include "sinew/deformer.h"
-#include "sinew/instruction_set.h"
 #include "skinned.h"
 
 namespace sinew {
@@ -184,14 +184,9 @@ std::shared_ptr<const ShapeKeys> keys_on(const Floats& base) {
   return std::make_shared<ShapeKeys>(positions, std::vector<std::int64_t>{0, 0});
 }
 
-class BendsOnEachInstructionSet : public testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override { set_instruction_set(GetParam()); }
-  void TearDown() override { set_instruction_set("auto"); }
-};
+class BendsOnEachInstructionSet : public OnEachInstructionSet {};
 
-INSTANTIATE_TEST_SUITE_P(Kernels, BendsOnEachInstructionSet, testing::ValuesIn(instruction_sets()),
-                         [](const auto& set) { return set.param; });
+INSTANTIATE_TEST_SUITE_P(Kernels, BendsOnEachInstructionSet, each_instruction_set(), set_name);
 
 TEST_P(BendsOnEachInstructionSet, FollowOtherRestPositionsInEverySpace) {
   rigs::Random random(1);

@@ -3,9 +3,9 @@
 #include <bit>
 #include <limits>
 
+#include "each_instruction_set.h"
 #include "failures.h"
 #include "sinew/deformer.h"
-#include "sinew/instruction_set.h"
 #include "skinned.h"
 
 namespace sinew {
@@ -49,14 +49,9 @@ std::vector<Subject> subjects() {
   return all;
 }
 
-class Blended : public testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override { set_instruction_set(GetParam()); }
-  void TearDown() override { set_instruction_set("auto"); }
-};
+class Blended : public OnEachInstructionSet {};
 
-INSTANTIATE_TEST_SUITE_P(Kernels, Blended, testing::ValuesIn(instruction_sets()),
-                         [](const auto& set) { return set.param; });
+INSTANTIATE_TEST_SUITE_P(Kernels, Blended, each_instruction_set(), set_name);
 
 TEST_P(Blended, SharesOf0And1AreTheMethodsToTheBit) {
   for (const auto& [skin, pose] : subjects()) {

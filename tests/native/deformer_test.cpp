@@ -4,8 +4,8 @@
 
 #include <thread>
 
+#include "each_instruction_set.h"
 #include "failures.h"
-#include "sinew/instruction_set.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
 
@@ -148,14 +148,9 @@ Matrix4<double> mirrored() {
   return matrix;
 }
 
-class DeformerOnEachInstructionSet : public testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override { set_instruction_set(GetParam()); }
-  void TearDown() override { set_instruction_set("auto"); }
-};
+class DeformerOnEachInstructionSet : public OnEachInstructionSet {};
 
-INSTANTIATE_TEST_SUITE_P(Kernels, DeformerOnEachInstructionSet, testing::ValuesIn(instruction_sets()),
-                         [](const auto& set) { return set.param; });
+INSTANTIATE_TEST_SUITE_P(Kernels, DeformerOnEachInstructionSet, each_instruction_set(), set_name);
 
 TEST_P(DeformerOnEachInstructionSet, InEverySpaceMaskedMixedOnEveryInput) {
   rigs::Random random(1);

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <thread>
 
+#include "each_instruction_set.h"
 #include "failures.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
@@ -17,16 +18,9 @@ using rigs::skinned;
 
 constexpr double kDiagonal = 2 * std::numbers::sqrt3;  // of the box that the rigs' skins fill
 
-/// Runs the test's body under each instruction set of this machine.
-class EachInstructionSet : public testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override { set_instruction_set(GetParam()); }
-  void TearDown() override { set_instruction_set("auto"); }
-};
+class EachInstructionSet : public OnEachInstructionSet {};
 
-std::string test_name(const testing::TestParamInfo<std::string>& set) { return set.param; }
-
-INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, testing::ValuesIn(instruction_sets()), test_name);
+INSTANTIATE_TEST_SUITE_P(Kernels, EachInstructionSet, each_instruction_set(), set_name);
 
 rigs::Matrices gentle_pose(rigs::Random& random, std::int32_t joints) {
   rigs::Matrices pose;

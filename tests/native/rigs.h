@@ -16,64 +16,29 @@ namespace sinew::rigs {
 using Random = std::mt19937;
 using reference::Matrices;
 
-inline double uniform(Random& random, double low, double high) {
-  return low + (high - low) * (random() / 4294967296.0);  // the same on every machine
-}
+double uniform(Random& random, double low, double high);
 
-inline Eigen::Vector3d vector(Random& random, double size) {
-  return {uniform(random, -size, size), uniform(random, -size, size), uniform(random, -size, size)};
-}
+Eigen::Vector3d vector(Random& random, double size);
 
-inline Matrix4<double> rigid(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
-  Matrix4<double> matrix = Matrix4<double>::Identity();
-  matrix.topLeftCorner<3, 3>() = rotation.normalized().toRotationMatrix();
-  matrix.topRightCorner<3, 1>() = translation;
-  return matrix;
-}
+Matrix4<double> rigid(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation);
 
-inline Matrix4<double> turn(double degrees, const Eigen::Vector3d& axis,
-                            const Eigen::Vector3d& translation = Eigen::Vector3d::Zero()) {
-  const double radians = degrees * std::numbers::pi / 180;
-  return rigid(Eigen::Quaterniond(Eigen::AngleAxisd(radians, axis.normalized())), translation);
-}
+Matrix4<double> turn(double degrees, const Eigen::Vector3d& axis,
+                     const Eigen::Vector3d& translation = Eigen::Vector3d::Zero());
 
-inline Matrix4<double> random_rigid(Random& random, double size = 1) {
-  return turn(uniform(random, -180, 180), vector(random, 1), vector(random, size));
-}
+Matrix4<double> random_rigid(Random& random, double size = 1);
 
-inline Matrices random_pose(Random& random, std::ptrdiff_t count, double size = 1) {
-  Matrices pose;
-  for (std::ptrdiff_t i = 0; i < count; ++i) pose.push_back(random_rigid(random, size));
-  return pose;
-}
+Matrices random_pose(Random& random, std::ptrdiff_t count, double size = 1);
 
-inline Matrices identities(std::ptrdiff_t count) { return Matrices(count, Matrix4<double>::Identity()); }
+Matrices identities(std::ptrdiff_t count);
 
 /// 0 <- 1 <- 2 ...
-inline std::vector<std::int32_t> chain(std::int32_t count) {
-  std::vector<std::int32_t> parents(count);
-  std::iota(parents.begin(), parents.end(), -1);
-  return parents;
-}
+std::vector<std::int32_t> chain(std::int32_t count);
 
 /// Every joint has `children` children: few levels, wide ones.
-inline std::vector<std::int32_t> bushy_tree(std::int32_t count, std::int32_t children) {
-  std::vector<std::int32_t> parents(count);
-  for (std::int32_t j = 0; j < count; ++j) parents[j] = j == 0 ? -1 : (j - 1) / children;
-  return parents;
-}
+std::vector<std::int32_t> bushy_tree(std::int32_t count, std::int32_t children);
 
 /// Several roots, and numbers that say nothing about the order: parents come after their children.
-inline std::vector<std::int32_t> random_forest(Random& random, std::int32_t count) {
-  std::vector<std::int32_t> name(count);
-  std::iota(name.begin(), name.end(), 0);
-  std::shuffle(name.begin(), name.end(), random);
-  std::vector<std::int32_t> parents(count, -1);
-  for (std::int32_t i = 1; i < count; ++i) {
-    if (random() % 8 != 0) parents[name[i]] = name[random() % i];
-  }
-  return parents;
-}
+std::vector<std::int32_t> random_forest(Random& random, std::int32_t count);
 
 /// Puts a skin together, vertex by vertex: positions in a box of 2 x 2 x 2, weights that sum to 1.
 class SkinMaker {
@@ -100,38 +65,11 @@ class SkinMaker {
 };
 
 /// Vertex v has v % 16 influences, so vertex 0 has none. Joints may repeat.
-inline Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints) {
-  SkinMaker maker;
-  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
-    maker.add_vertex(random);
-    std::vector<std::int32_t> own;
-    std::vector<double> weights;
-    for (std::ptrdiff_t i = 0; i < v % 16; ++i) {
-      weights.push_back(uniform(random, 0.01, 1));
-      own.push_back(static_cast<std::int32_t>(random() % joints));
-    }
-    maker.set_influences(own, weights);
-  }
-  return maker.skin(joints);
-}
+Skin random_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints);
 
 /// A skin like a real one: neighbouring vertices share joints. Vertex v has `influences` of them,
 /// beginning at v / 48, in random order; every 37th vertex has none, which leaves it at rest.
-inline Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints, std::int32_t influences) {
-  SkinMaker maker;
-  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
-    maker.add_vertex(random);
-    std::vector<std::int32_t> own;
-    for (std::int32_t i = 0; i < influences && v % 37 != 36; ++i) {
-      own.push_back(static_cast<std::int32_t>((v / 48 + i) % joints));
-    }
-    std::shuffle(own.begin(), own.end(), random);
-    std::vector<double> weights;
-    for (std::size_t i = 0; i < own.size(); ++i) weights.push_back(uniform(random, 0.05, 1));
-    maker.set_influences(own, weights);
-  }
-  return maker.skin(joints);
-}
+Skin coherent_skin(Random& random, std::ptrdiff_t vertices, std::int32_t joints, std::int32_t influences);
 
 enum class Layout { column_major, row_major, padded, backwards };
 constexpr Layout kLayouts[] = {Layout::column_major, Layout::row_major, Layout::padded, Layout::backwards};
@@ -179,16 +117,9 @@ class Stack {
 };
 
 /// What float32 made of them: the matrices that a frame function really sees.
-inline Matrices through_float(const Matrices& matrices) {
-  Matrices rounded;
-  for (const auto& matrix : matrices) rounded.push_back(matrix.cast<float>().cast<double>());
-  return rounded;
-}
+Matrices through_float(const Matrices& matrices);
 
 /// The largest coordinate of a - b, where a is V x 3 row by row; NaN if there is one in either.
-inline double distance(const std::vector<float>& a, const Eigen::MatrixX3d& b) {
-  using Rows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
-  return (Eigen::Map<const Rows>(a.data(), b.rows(), 3).cast<double>() - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-}
+double distance(const std::vector<float>& a, const Eigen::MatrixX3d& b);
 
 }  // namespace sinew::rigs

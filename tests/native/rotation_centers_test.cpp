@@ -4,8 +4,8 @@
 
 #include <limits>
 
+#include "each_instruction_set.h"
 #include "failures.h"
-#include "sinew/instruction_set.h"
 #include "skinned.h"
 
 namespace sinew {
@@ -244,14 +244,9 @@ Matrices pose_of(rigs::Random& random, std::int32_t joints, int wild, int scaled
   return rigs::through_float(pose);
 }
 
-class RotationCenterSkinning : public testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override { set_instruction_set(GetParam()); }
-  void TearDown() override { set_instruction_set("auto"); }
-};
+class RotationCenterSkinning : public OnEachInstructionSet {};
 
-INSTANTIATE_TEST_SUITE_P(Kernels, RotationCenterSkinning, testing::ValuesIn(instruction_sets()),
-                         [](const auto& set) { return set.param; });
+INSTANTIATE_TEST_SUITE_P(Kernels, RotationCenterSkinning, each_instruction_set(), set_name);
 
 TEST_P(RotationCenterSkinning, EqualsTheReference) {
   rigs::Random random(1);
