@@ -36,7 +36,8 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
   if(WIN32)
     set(extension .pyd)
   endif()
-  set_target_properties(${target} PROPERTIES
+  # As one source, for most of the time goes into pybind11's templates, which all of them share.
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0
     PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}${extension}
     LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
   add_dependencies(modules ${target})
