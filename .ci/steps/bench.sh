@@ -1,0 +1,45 @@
+# shellcheck shell=bash
+# Measurements.
+
+bench() {
+  local what=${1:-kernel} json options=()
+  shift || true
+  json=$BUILD/bench/$what.json
+  while [ $# -gt 0 ]; do
+    case $1 in
+      --json) json=$(realpath "${2:?--json wants a file}") ;;
+      --blender) use_blender "${2:?--blender wants a version}" ;;
+      --rig | --with | --vertices | --characters)
+        [[ "$what" = playback || "$what $1" =~ ^(bake|crowd)\ --vertices$ ]] || { echo "$1 is for playback" >&2; exit 2; }
+        options+=("$1" "${2:?$1 wants a value}") ;;
+      *) echo "there is no option $1" >&2; exit 2 ;;
+    esac
+    shift 2
+  done
+  if [[ $what =~ ^(playback|bake|crowd)$ ]]; then
+    install_zip
+    mkdir -p "$BUILD/bench"
+    BENCH_FOLDER=$BUILD/bench isolated_blender -b --python-exit-code 1 --python "addon/bench_$what.py" -- \
+      --json "$json" "${options[@]}" |
+      grep --line-buffered -E '^(\||Blender .* milliseconds)' | tee "$BUILD/bench/$what.md"
+    return
+  fi
+  install_packages libbenchmark-dev python3-matplotlib
+  build -DSINEW_BENCH=ON
+  mkdir -p "$BUILD/bench"
+  say "measuring"
+  local raw=$BUILD/bench/$what.raw.json programs=$BUILD/native/bench
+  local how=(--benchmark_enable_random_interleaving=true --benchmark_repetitions=9
+    --benchmark_min_time=0.04 --benchmark_out="$raw" --benchmark_out_format=json)
+  case $what in
+    kernel) "$programs/kernel_bench" data/ogre "${how[@]}" >/dev/null ;;
+    joints) "$programs/joints_bench" "${how[@]}" >/dev/null ;;
+    report)
+      "$programs/report_bench" "${LARGEST_POWER:-14}" "${STRONG_CALLS:-5000}" data/capsule data/ogre \
+        >"$BUILD/bench/report.csv"
+      $PYTHON native/bench/tables.py report "$BUILD/bench/report.csv" "$BUILD/bench"
+      return ;;
+    *) echo "there is no benchmark $what; expected kernel, joints, report, playback, bake or crowd" >&2; exit 2 ;;
+  esac
+  $PYTHON native/bench/tables.py "$what" "$raw" "$json" | tee "$BUILD/bench/$what.md"
+}

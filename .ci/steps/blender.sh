@@ -1,0 +1,54 @@
+# shellcheck shell=bash
+# The zip in Blender: installed, played, walked through at random.
+
+# Blender with a throw-away profile.
+isolated_blender() {
+  isolated "$BLENDER" "$@"
+}
+
+isolated() {
+  HOME=$PROFILE BLENDER_USER_RESOURCES=$PROFILE "$@"
+}
+
+# Lets the later steps use that version.
+use_blender() {
+  BLENDER=$(.ci/blender "$1")
+}
+
+install_zip() {
+  [ "$BLENDER" != blender ] || install_packages blender
+  package
+  say "installing the zip in a fresh profile"
+  install_in_profile
+}
+
+install_in_profile() {
+  rm -rf "$PROFILE" && mkdir -p "$PROFILE" &&
+    isolated_blender -b --python-exit-code 1 --python addon/install.py -- "$ZIP" | grep -v '^$'
+}
+
+demo() {
+  install_zip
+  say "playing"
+  local folder=${1:-ogre} poses=walk.dmat
+  [ "$folder" != capsule ] || poses=pose.dmat # a twist
+  [ -d "data/$folder" ] && folder=data/$folder
+  isolated_blender -b --python-exit-code 1 --python addon/demo.py -- "$folder" "$BUILD/demo" "$poses" |
+    grep --line-buffered -vE '^(Fra:|Saved:| Time:|$)' # the renderer's progress
+}
+
+# With the zip that is installed. A walk that fails is cut down to the steps that matter.
+walk_at_random() {
+  say "a random walk in $("$BLENDER" --version | head -1)"
+  isolated $PYTHON tests/blender/walk/shrink.py "$@" -- "$BLENDER"
+}
+
+# [--blender VERSION] [options of walk/shrink.py]
+walk() {
+  if [ "${1:-}" = --blender ]; then
+    use_blender "${2:?--blender wants a version}"
+    shift 2
+  fi
+  install_zip
+  walk_at_random "$@"
+}

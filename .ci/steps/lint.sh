@@ -1,0 +1,22 @@
+# shellcheck shell=bash
+# Formatting and static checks.
+
+lint() {
+  say "ruff"
+  local ruff
+  ruff=$(.ci/pypi ruff)/bin/ruff
+  "$ruff" format --check . && "$ruff" check . || return 1
+  install_packages clang-format clang-tidy shellcheck
+  say "shellcheck"
+  shellcheck --severity=warning --external-sources --check-sourced dev .ci/blender .ci/libraries .ci/pypi .ci/run \
+    tests/blender/hand.sh docs/farm/slurm.sh || return 1
+  say "clang-format"
+  find native tests \( -name '*.h' -o -name '*.cpp' \) -exec clang-format --dry-run -Werror {} + || return 1
+  say "clang-tidy"
+  # For its compile_commands.json. Each source as it stands: with what it includes itself, and the kernels once.
+  configure "$BUILD/lint" -DSINEW_PYTHON=OFF -DSINEW_TESTS=OFF -DSINEW_PRECOMPILED_HEADERS=OFF \
+    -DCMAKE_CXX_FLAGS=-DHWY_COMPILE_ONLY_STATIC || return 1
+  run-clang-tidy -quiet -p "$BUILD/lint" -j "$(nproc)" -extra-arg=-Wno-unknown-warning-option \
+    "$PWD/native/src/" >"$BUILD/lint/log" 2>&1 ||
+    { grep -E '(warning|error): ' "$BUILD/lint/log" | sort -u; return 1; }
+}

@@ -1,0 +1,78 @@
+# shellcheck shell=bash
+# The native library, compiled and tested in other ways than it is shipped.
+
+# Highway's for x86 are left out but AVX2 and what there is without any.
+ONE_INSTRUCTION_SET='-DSINEW_DISABLED_TARGETS=HWY_SSSE3|HWY_SSE4|HWY_AVX3'
+
+# [thread|address]...: without a name both
+sanitize() {
+  local kinds=("$@") kind
+  [ $# -gt 0 ] || kinds=(thread address)
+  for kind in "${kinds[@]}"; do
+    case $kind in
+      thread | address) "sanitize_$kind" || return 1 ;;
+      *) echo "there is no sanitizer $kind; expected thread or address" >&2; exit 2 ;;
+    esac
+  done
+}
+
+# FOLDER SANITIZERS [CMake options]
+build_sanitized() {
+  configure_and_build "$1" -DSINEW_SANITIZE="$2" -DCMAKE_BUILD_TYPE=Sanitized \
+    -DCMAKE_CXX_FLAGS_SANITIZED="-O1 -g1" "${@:3}"
+}
+
+sanitize_thread() {
+  say "native tests under the thread sanitizer"
+  local folder=$BUILD/sanitize-thread instrumented
+  instrumented=$(.ci/libraries thread)
+  # Threads meet alike in every instruction set.
+  build_sanitized "$folder" thread -DTBB_DIR="$instrumented/lib/cmake/TBB" -DSINEW_PYTHON=OFF "$ONE_INSTRUCTION_SET" &&
+    ctest --test-dir "$folder" --output-on-failure -E '/(SSE2|EMU128|SCALAR)( |$)'
+}
+
+sanitize_address() {
+  say "native tests under the address,undefined sanitizer"
+  local folder=$BUILD/sanitize-address runtime='' library
+  build_sanitized "$folder" address,undefined && ctest --test-dir "$folder" --output-on-failure || return 1
+  say "Python tests under the address,undefined sanitizer"
+  for library in libasan.so libubsan.so libstdc++.so.6; do
+    runtime+="$(g++ -print-file-name=$library) "
+  done
+  # Without leaks, of which Python itself has many, and without the test that reads the machine code.
+  LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0 SINEW_BUILD=$folder $PYTHON -m pytest -q -p no:cacheprovider \
+    tests/python --ignore tests/python/test_vectorisation.py
+}
+
+# [--seconds N]; two at a time
+fuzz() {
+  local seconds=30
+  [ "${1:-}" != --seconds ] || seconds=${2:?--seconds wants a number}
+  install_packages clang libclang-rt-dev
+  say "fuzzing, $seconds seconds each"
+  local folder=$BUILD/fuzz
+  configure_and_build "$folder" -DCMAKE_CXX_COMPILER=clang++ -DSINEW_PYTHON=OFF -DSINEW_TESTS=OFF -DSINEW_FUZZ=ON \
+    -DSINEW_SANITIZE=address,undefined,fuzzer-no-link -DCMAKE_CXX_FLAGS_RELEASE="-O1 -g1" \
+    "$ONE_INSTRUCTION_SET" || return 1
+  printf '%s\n' dmat obj rig skeleton skin | xargs -P 2 -I{} tests/fuzz/run.sh "$folder" {} "$seconds"
+}
+
+# [names in .ci/toolchains]
+cross() {
+  local targets=("$@") target packages
+  [ $# -gt 0 ] || targets=(clang windows aarch64)
+  for target in "${targets[@]}"; do
+    case $target in
+      clang) packages=(clang-16 libc++-16-dev libc++abi-16-dev) ;;
+      windows) packages=(g++-mingw-w64-x86-64-posix wine wine64) ;;
+      aarch64) packages=(g++-aarch64-linux-gnu qemu-user) ;;
+      *) echo "there is no target $target; expected clang, windows or aarch64" >&2; exit 2 ;;
+    esac
+    say "native tests: $target"
+    install_packages googletest "${packages[@]}"
+    CROSS=$target configure_and_build "$BUILD/$target" -DSINEW_PYTHON=OFF \
+      -DCMAKE_TOOLCHAIN_FILE="$PWD/.ci/toolchains/$target.cmake" || return 1
+    WINEPREFIX=$BUILD/wine WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml=" \
+      ctest --test-dir "$BUILD/$target" --output-on-failure || return 1
+  done
+}
