@@ -1,8 +1,11 @@
+import os
+import sys
+
 import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import assert_same_shape, twin_of
+from helpers import addon_module, assert_same_shape, twin_of
 
 
 @pytest.fixture(autouse=True)
@@ -26,6 +29,18 @@ def character(fresh_scene):
     fresh_scene.frame_set(3)
     assert_same_shape(ob, twin)
     return ob, twin, armature
+
+
+@pytest.fixture
+def usd():
+    """USD's Python package: Blender's own or the one in the folder SINEW_USD."""
+    sys.path += [path for path in (os.environ.get("SINEW_USD"),) if path and path not in sys.path]
+    try:
+        addon_module("bake.usd").load(getattr(bpy.utils, "expose_bundled_modules", None))
+    except ValueError:
+        if os.environ.get("SINEW_USD"):
+            raise
+        pytest.skip("usd-core is not there: SINEW_USD names its folder")
 
 
 def pytest_configure(config):

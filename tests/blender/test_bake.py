@@ -176,14 +176,20 @@ def test_what_is_there_is_kept_unless_told_otherwise(figure, tmp_path):
 # --- what goes wrong ------------------------------------------------------------------------------
 
 
-def test_vertices_that_come_in_the_middle(figure, tmp_path):
+@pytest.mark.parametrize("format", (*FORMATS, "usd"))
+def test_vertices_that_come_in_the_middle(figure, tmp_path, format, request):
+    if format == "usd":
+        request.getfixturevalue("usd")
     sub = smoothed(figure, "Sub", "SUBSURF", levels=0)
     for frame, levels in ((4, 0), (5, 1)):
         sub.levels = levels
         sub.keyframe_insert("levels", frame=frame)
     with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, but 1,200 before"):
-        bake(tmp_path)
-    assert "6 of 10 frames are missing (5-10)" in problems(tmp_path / "Tube.pc2")[0]
+        bake(tmp_path, format=format)
+    if format == "usd":
+        assert os.listdir(tmp_path) == []
+    else:
+        assert "6 of 10 frames are missing (5-10)" in problems(tmp_path / f"Tube.{format}")[0]
 
 
 def test_a_full_disk(figure, tmp_path, monkeypatch):

@@ -12,18 +12,8 @@ import pytest
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
 from helpers import addon_module, diagonal, evaluated, select
 
-sys.path += [path for path in (os.environ.get("SINEW_USD"),) if path and path not in sys.path]
+pytestmark = pytest.mark.usefixtures("usd")
 FRAMES = range(1, 8)
-
-
-@pytest.fixture(autouse=True)
-def pxr():
-    try:
-        addon_module("bake.usd").load(getattr(bpy.utils, "expose_bundled_modules", None))
-    except ValueError:
-        if os.environ.get("SINEW_USD"):
-            raise
-        pytest.skip("usd-core is not there: SINEW_USD names its folder")
 
 
 @pytest.fixture
@@ -258,16 +248,6 @@ def test_a_file_that_is_there_stays(figure, tmp_path):
         next(work)
     work.close()
     assert (tmp_path / "Tube.usdc").read_text() == "mine" and os.listdir(tmp_path) == ["Tube.usdc"]
-
-
-def test_vertices_that_come_in_the_middle(figure, tmp_path):
-    sub = smoothed(figure, "Sub", "SUBSURF", levels=0)
-    for frame, levels in ((4, 0), (5, 1)):
-        sub.levels = levels
-        sub.keyframe_insert("levels", frame=frame)
-    with pytest.raises(ValueError, match=r"Tube has 4,760 vertices on frame 5, but 1,200 before"):
-        bake(tmp_path)
-    assert os.listdir(tmp_path) == []
 
 
 def test_a_full_disk(figure, tmp_path):
