@@ -194,7 +194,7 @@ def flatten(ob):
         (preserve_volume, "Armature preserves volume"),
         (mask, "Armature uses more than vertex groups"),
         (bend, "Rig has bones with segments or envelopes that move it"),
-        (scale, "on frame 2 a skeleton without scale is"),
+        (scale, "on frame 2 a skeleton without scale would be"),
         (flatten, "on frame 1 a bone has a scale of 0"),
         (lambda ob: ob.modifiers.clear(), "its only deformer is not a single Armature modifier"),
     ],
