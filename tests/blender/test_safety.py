@@ -299,6 +299,18 @@ def test_duplicated(fresh_scene, character, output, linked):
         assert_same_shape(copy, twin)
 
 
+def test_another_object_is_given_the_mesh(fresh_scene):
+    """Blender evaluates both at the same time, so it deforms both."""
+    ob = make_mesh(make_armature(), False)
+    add_shape_keys(ob)
+    other = make_mesh(ob.modifiers[0].object, False)
+    accelerate(ob)
+    assert way(ob) == "KEYS"
+    other.data = ob.data
+    bpy.context.view_layer.update()
+    assert way(ob) == "BLENDER"
+
+
 def test_objects_that_share_a_mesh(fresh_scene):
     """Each by an armature of its own."""
     armatures = [make_armature(), make_armature()]

@@ -103,12 +103,14 @@ def _note_edits(objects, changed):
 
 
 def receive_strangers(depsgraph):
-    """A bound mesh that came while as many objects went is noticed here. A mesh that was given a copy of another
-    one's modifier is not bound, and has that taken away."""
+    """A bound mesh that came while as many objects went is noticed here, and one that another object was given as well.
+    A mesh that was given a copy of another one's modifier is not bound, and has that taken away."""
     for update in depsgraph.updates:
         if not isinstance(update.id, bpy.types.Object) or update.id.type != "MESH":
             continue
         ob = update.id.original
+        if update.is_updated_geometry and ob.data.users > 1:  # it may have been given the mesh of a bound one
+            characters.gather_again()
         if ob.sinew.copy_of is not None:
             deformed_copy.let_go_of_duplicate(ob)
         if ob.sinew.is_bound:
