@@ -34,6 +34,7 @@ PURE = {
     "bake.usd",
     "bake.verify",
     "blender.materials",
+    "blender.modifier_types",
     "cli.command_options",
     "crowd.stride",
     "deform.clips",

@@ -5,36 +5,12 @@ import os
 
 import bpy
 
-from ..blender import animation, nodes
+from ..blender import animation, modifier_types, nodes
 from . import evaluation, part_files, point_cache
 from . import subject as subjects
 
 NAME = "Sinew Cache"
 SWITCHES = ("show_viewport", "show_render")
-# Modifiers that only move vertices: the cache stands in for them. All others stay, for what they make of faces and
-# materials, or how many vertices there are.
-DEFORMING = {
-    "ARMATURE",
-    "CAST",
-    "CLOTH",
-    "CORRECTIVE_SMOOTH",
-    "CURVE",
-    "DISPLACE",
-    "HOOK",
-    "LAPLACIANDEFORM",
-    "LAPLACIANSMOOTH",
-    "LATTICE",
-    "MESH_CACHE",
-    "MESH_DEFORM",
-    "SHRINKWRAP",
-    "SIMPLE_DEFORM",
-    "SMOOTH",
-    "SOFT_BODY",
-    "SURFACE_DEFORM",
-    "VOLUME_DISPLACE",
-    "WARP",
-    "WAVE",
-}
 
 
 def is_on(ob):
@@ -94,7 +70,7 @@ def _read(path, scene):
 
 
 def _can_stand_in_for(modifier):
-    return modifier.type in DEFORMING and (modifier.show_viewport or modifier.show_render)
+    return modifier.type in modifier_types.MOVING_VERTICES and (modifier.show_viewport or modifier.show_render)
 
 
 def _configure(cache, path, first, step):

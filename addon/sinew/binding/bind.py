@@ -116,7 +116,7 @@ def _adapt(ob):
     displaced = displaced_modifiers(ob, entry.newcomers)
     if needs_attribute:
         for modifier in displaced:
-            nodes.move_modifier_back(ob, modifier)
+            nodes.move_behind_deforming(ob, modifier)
         try:
             put_own_modifier_first(ob, entry)
         except ValueError as error:
@@ -131,7 +131,7 @@ def _adapt(ob):
         else:
             remove_own_modifier(ob)
         for modifier in displaced:
-            nodes.move_modifier_back(ob, modifier)
+            nodes.move_behind_deforming(ob, modifier)
     entry.newcomers = frozenset()
     entry.look(ob)
 

@@ -2,6 +2,8 @@
 
 import bpy
 
+from . import modifier_types
+
 MODIFIER_NAME = "Sinew"
 NODE_GROUP_NAME = "Sinew"
 NODE_GROUP_VERSION = 4
@@ -64,6 +66,18 @@ def move_modifier(ob, modifier, index):
 def move_modifier_back(ob, modifier):
     """As far towards the end as Blender lets it go."""
     for index in range(ob.modifiers.find(modifier.name) + 1, len(ob.modifiers)):
+        _move(ob, modifier, index)
+
+
+def move_behind_deforming(ob, modifier):
+    """To where Blender puts a new Hook: before the first modifier that does more than deform, as if Sinew's were not
+    there."""
+    others = [each for each in ob.modifiers if each != modifier]
+    end = next(
+        (i for i, each in enumerate(others) if each.type not in modifier_types.ONLY_DEFORMING and not is_sinew(each)),
+        len(others),
+    )
+    for index in range(ob.modifiers.find(modifier.name) + 1, end + 1):
         _move(ob, modifier, index)
 
 

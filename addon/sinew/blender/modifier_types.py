@@ -1,0 +1,28 @@
+"""What kinds of modifiers there are. Pure."""
+
+# These change nothing but where vertices are. A cache can stand in for them.
+MOVING_VERTICES = {
+    "ARMATURE",
+    "CAST",
+    "CLOTH",
+    "CORRECTIVE_SMOOTH",
+    "CURVE",
+    "DISPLACE",
+    "HOOK",
+    "LAPLACIANDEFORM",
+    "LAPLACIANSMOOTH",
+    "LATTICE",
+    "MESH_CACHE",
+    "MESH_DEFORM",
+    "SHRINKWRAP",
+    "SIMPLE_DEFORM",
+    "SMOOTH",
+    "SOFT_BODY",
+    "SURFACE_DEFORM",
+    "VOLUME_DISPLACE",
+    "WARP",
+    "WAVE",
+}
+# And these not even that. Blender puts new modifiers that want the vertices of the mesh itself, as Hooks do, behind all
+# of both kinds, and before the first modifier of another one.
+ONLY_DEFORMING = MOVING_VERTICES | {"COLLISION", "PARTICLE_SYSTEM", "SURFACE"}
