@@ -29,9 +29,9 @@ INPUTS = (
         "Float",
         0.35,
         0.0,
-        "How far agents are from where even steps along the path would put them: 1 is a step",
+        "How irregular the distances are: 0 is even, 1 shifts an agent by up to half a distance",
     ),
-    ("Seed", "Int", 0, None, "Another number, another crowd"),
+    ("Seed", "Int", 0, None, "Another number gives another crowd"),
     (
         "Speed",
         "Float",

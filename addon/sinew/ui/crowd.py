@@ -8,9 +8,9 @@ from ..feedback import progress
 
 
 class AddCrowd(bpy.types.Operator):
-    """Add many agents that play the clip of the active character, each at a moment of its own, and walk along the
-    selected curve or a circle. The shapes of the clip are made once: the crowd plays without armatures, and without
-    Sinew"""
+    """Add many agents that play the clip of the active character, each starting at a different moment, and walk along
+    the selected curve or a circle. The shapes of the clip are computed once, so the crowd plays without armatures, and
+    without Sinew"""
 
     bl_idname = "object.sinew_crowd_add"
     bl_label = "Sinew Crowd"
@@ -25,16 +25,18 @@ class AddCrowd(bpy.types.Operator):
     filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
     pose: StringProperty(name="Poses", description="File of the poses, beside the skeleton; empty: pose.dmat")
     agents: IntProperty(name="Agents", description="How many there are", default=100, min=1, soft_max=10_000)
-    lanes: IntProperty(name="Lanes", description="How many walk side by side; 0: so many that they have room", min=0)
+    lanes: IntProperty(name="Lanes", description="How many walk side by side; 0: as many as they need for room", min=0)
     shapes: IntProperty(
-        name="Shapes", description="How many moments of the clip there are; 0: one a frame", min=0, soft_max=128
+        name="Shapes", description="How many moments of the clip become meshes; 0: one per frame", min=0, soft_max=128
     )
-    frame_start: IntProperty(name="First Frame", description="Of the clip; without it that of the action, or the scene")
+    frame_start: IntProperty(
+        name="First Frame", description="The first frame of the clip; by default that of the action, or of the scene"
+    )
     frame_end: IntProperty(
         name="Last Frame",
-        description="Of the clip. If it shows the character as the first one does, the cycle ends before it",
+        description="The last frame of the clip. If it shows the same pose as the first one, the cycle ends before it",
     )
-    seed: IntProperty(name="Seed", description="Another number, another crowd")
+    seed: IntProperty(name="Seed", description="Another number gives another crowd")
 
     @classmethod
     def poll(cls, context):
@@ -79,7 +81,7 @@ class AddCrowd(bpy.types.Operator):
 
 
 class RenewCrowd(bpy.types.Operator):
-    """Make the shapes of the active crowd anew, after its character or the character's clip has been edited"""
+    """Compute the shapes of the active crowd again, after its character or the clip has changed"""
 
     bl_idname = "object.sinew_crowd_renew"
     bl_label = "Renew Crowd"
