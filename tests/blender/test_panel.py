@@ -40,8 +40,8 @@ class Notes:
     def note(self, name, given):
         text = given.get("text")
         if name in {"prop", "prop_search"}:
-            rna = given["data"].bl_rna.properties[given["property"]]  # KeyError: there is none
-            text = rna.name if text is None else text
+            name = name_of_property(given["data"], given["property"])
+            text = name if text is None else text
         if name == "prop_search":
             assert given["search_data"].bl_rna.properties[given["search_property"]].type == "COLLECTION"
         if name == "operator":
@@ -49,6 +49,14 @@ class Notes:
             text = given["operator"] if text is None else text
         if text is not None:
             self.said.append(text)
+
+
+def name_of_property(data, name):
+    """Of a custom property too, which stands in brackets. KeyError: there is none."""
+    if name.startswith('["'):
+        assert data[name[2:-2]] is not None
+        return name
+    return data.bl_rna.properties[name].name
 
 
 def properties_of(operator):
@@ -103,6 +111,15 @@ def draw(place="Sidebar"):
 def test_nothing_selected():
     assert draw() == ["Select a mesh or its armature", "import_scene.sinew_rig"]
     assert draw("Modifiers") == draw("Armature") == []
+
+
+def test_a_crowd():
+    select(make_mesh(make_armature(), False))
+    assert bpy.ops.object.sinew_crowd_add(agents=3, shapes=2) == {"FINISHED"}
+    said = draw()
+    assert (said[0], said[-1]) == ("A crowd", "object.sinew_crowd_renew")
+    assert {"Agents", "Lanes", "Speed", "Seed"} < set(said)
+    assert draw("Modifiers") == said
 
 
 @pytest.mark.parametrize("mesh_panel, armature_panel", (("Sidebar", "Sidebar"), ("Modifiers", "Armature")))

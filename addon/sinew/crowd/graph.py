@@ -117,6 +117,12 @@ def get_input(modifier, name):
     return modifier[key] if holder == modifier else getattr(holder, key)
 
 
+def as_property(modifier, name):
+    """What layout.prop() wants for that input: its holder, and the name of the property there."""
+    holder, key = _place_of(modifier, name)
+    return (holder, f'["{key}"]') if holder == modifier else (holder, key)
+
+
 def _place_of(modifier, name):
     """What holds the value of an input, and under which name: the modifier, by a custom property, or in 5.2 and later a
     struct of it, by an attribute."""

@@ -3,15 +3,18 @@
 import bpy
 
 from ..binding import bindable, runs, ways
+from ..crowd import crowd, graph
 from ..feedback import notice
 from ..native import sinew_native
 from ..rigs import clip_store
 from ..session import whole_frames
 from . import cures, display, methods
+from .crowd import RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .rig_files import ImportRig
 
 WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}
+CROWD_SETTINGS = ("Agents", "Lanes", "Lane Distance", "Jitter", "Seed", "Speed", "Speed Variation", "Size Variation")
 MOST_MESHES = 10  # of an armature, that are listed
 
 
@@ -22,6 +25,8 @@ def draw_main(layout, context):
     elif ob is None or ob.type != "MESH":
         layout.label(text="Select a mesh or its armature", icon="INFO")
         layout.operator(ImportRig.bl_idname, icon="IMPORT")
+    elif crowd.modifier_of(ob) is not None:
+        draw_crowd(layout, ob)
     elif ob.sinew.copy_of is not None:
         layout.label(text=f"Deformed copy of {ob.sinew.copy_of.name}", icon="MESH_DATA")
         draw_hiding(layout, ob)
@@ -29,6 +34,15 @@ def draw_main(layout, context):
         draw_bound(layout, context, ob)
     else:
         draw_free(layout, context, ob)
+
+
+def draw_crowd(layout, ob):
+    modifier = crowd.modifier_of(ob)
+    layout.label(text="A crowd", icon="COMMUNITY")
+    column = layout.column()
+    for name in CROWD_SETTINGS:
+        column.prop(*graph.as_property(modifier, name), text=name)
+    layout.operator(RenewCrowd.bl_idname, icon="FILE_REFRESH")
 
 
 def draw_free(layout, context, ob):
