@@ -126,6 +126,28 @@ def test_switches_that_are_animated_are_refused(character, means):
 
 
 @pytest.mark.parametrize("means", ("driver", "keyframe"))
+@pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
+def test_switches_that_are_animated_later_are_blenders(fresh_scene, character, means, output):
+    ob, twin, _ = character
+    ob.sinew.output = output
+    fresh_scene.frame_set(2)
+    for each in (ob, twin):
+        modifier = each.modifiers["Armature"]
+        if means == "driver":
+            modifier.driver_add("show_viewport").driver.expression = "frame < 6"
+        else:
+            for frame, is_on in ((1, True), (6, False)):
+                modifier.show_viewport = is_on
+                modifier.keyframe_insert("show_viewport", frame=frame)
+    shapes = []
+    for frame in (3, 8, 1, 12, 5):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+        shapes.append(evaluated(ob))
+    assert way(ob) == "BLENDER" and not np.allclose(shapes[0], shapes[1]) and np.array_equal(shapes[1], shapes[3])
+
+
+@pytest.mark.parametrize("means", ("driver", "keyframe"))
 def test_settings_that_are_animated_are_followed(fresh_scene, character, means):
     ob, twin, _ = character
     for each in ob, twin:

@@ -56,6 +56,12 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
     driven = wiring.driven_settings(ob, taken)
     if driven:
         return Way(BLENDER, f"{driven[0]} of its Armature modifier is driven, and the driver may run too late")
+    switched = [modifier.name for modifier in taken if wiring.is_switched(ob.original, modifier)]
+    if switched:
+        return Way(
+            BLENDER,
+            f"{switched[0]} is switched by drivers or keyframes, but Sinew has to switch it itself: remove them",
+        )
     if sharer_count > 1:
         return Way(
             BLENDER,

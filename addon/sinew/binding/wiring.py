@@ -97,7 +97,8 @@ def switch(ob, taken, shown, binds, run, own, deforms, through_keys):
     modifiers = ob.modifiers
     for number, name in enumerate(taken):
         evaluated = modifiers[name]
-        memory.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
+        if deforms or shown[number] is not None:
+            memory.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
         if through_keys:
             memory.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
     for name in run.stages:
@@ -108,9 +109,14 @@ def switch(ob, taken, shown, binds, run, own, deforms, through_keys):
 
 def shown_of(ob, modifier):
     """(in the viewport, in renders): the switches of a modifier of an object, original or evaluated, as its owner
-    set them."""
+    set them; None if keyframes or drivers do so, and nobody else may."""
     original = ob.original.modifiers[modifier.name]
-    return original.show_viewport, original.show_render
+    return None if is_switched(ob.original, original) else (original.show_viewport, original.show_render)
+
+
+def is_switched(ob, modifier):
+    """Whether keyframes or drivers of the object switch that modifier on and off."""
+    return not set(SHOWS).isdisjoint(animation.animated_properties(ob, modifier))
 
 
 def hook_variables(ob, armatures, targets, waits):

@@ -99,8 +99,7 @@ def _follow_one(entry, ob, depsgraph):
 
 def _shape_of(entry, ob, evaluated):
     """(V, 3) float32, to be used at once: as the viewport shows it after Sinew's stage; None: it is not to be had."""
-    is_shown, _in_renders = entry.shown[0] if entry.shown else entry.run.shown
-    if not ob.sinew.show_shape or not is_shown:
+    if not ob.sinew.show_shape or not _is_shown(entry, evaluated):
         return meshes.read_positions(ob.data)
     if not entry.is_deforming:
         shape = meshes.read_positions(evaluated.data) if _ends_with_ours(entry, ob) else None
@@ -112,6 +111,15 @@ def _shape_of(entry, ob, evaluated):
     if entry.way.kind == ways.KEYS:
         return memory.key_positions(memory.key_addresses(mesh.shape_keys)[0], count)
     return memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+
+
+def _is_shown(entry, evaluated):
+    """Whether Sinew's stage is, in the viewport."""
+    if not entry.shown:
+        return entry.run.shown[0]
+    if entry.shown[0] is None:  # on this frame
+        return evaluated.modifiers[entry.taken[0]].show_viewport
+    return entry.shown[0][0]
 
 
 def _ends_with_ours(entry, ob):
