@@ -147,6 +147,25 @@ def test_switches_that_are_animated_later_are_blenders(fresh_scene, character, m
     assert way(ob) == "BLENDER" and not np.allclose(shapes[0], shapes[1]) and np.array_equal(shapes[1], shapes[3])
 
 
+@pytest.mark.parametrize("first", ((False, False), (True, False), (False, True)))
+def test_a_mix_that_is_not_shown_alike_is_blenders(fresh_scene, character, first):
+    ob, twin, armature = character
+    for each in (ob, twin):
+        second = each.modifiers.new("Second", "ARMATURE")
+        second.object, second.use_multi_modifier = armature, True
+        each.modifiers["Armature"].show_viewport, each.modifiers["Armature"].show_render = first
+    for frame in (3, 8):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert not np.allclose(evaluated(ob), own_positions(ob)) and way(ob) == "BLENDER"
+    for each in (ob, twin):
+        each.modifiers["Armature"].show_viewport = each.modifiers["Armature"].show_render = True
+    for frame in (5, 6):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert way(ob) == "ATTRIBUTE"
+
+
 @pytest.mark.parametrize("means", ("driver", "keyframe"))
 def test_settings_that_are_animated_are_followed(fresh_scene, character, means):
     ob, twin, _ = character

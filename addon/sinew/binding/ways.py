@@ -62,6 +62,13 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
             BLENDER,
             f"{switched[0]} is switched by drivers or keyframes, but Sinew has to switch it itself: remove them",
         )
+    unlike = [modifier.name for modifier in taken if wiring.shown_of(ob, modifier) != wiring.shown_of(ob, taken[0])]
+    if unlike:
+        return Way(
+            BLENDER,
+            f"{taken[0].name} and {unlike[0]} are mixed, but their switches for viewport and renders differ: set them "
+            "alike",
+        )
     if sharer_count > 1:
         return Way(
             BLENDER,

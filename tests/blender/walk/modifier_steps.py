@@ -193,6 +193,8 @@ def key_modifier(random, ob):
             else:
                 setattr(modifier, name, random.randrange(3) if name == "iterations" else random.random())
             modifier.keyframe_insert(name, frame=frame)
+        # Until then it has the value set last, or the keyed one if Blender has seen to the object for another reason.
+        bpy.context.scene.frame_set(bpy.context.scene.frame_current)
 
 
 @on_both(0.7)
