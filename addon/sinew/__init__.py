@@ -31,7 +31,7 @@ def _modules():
         return (without_native,)
     from .binding import properties
     from .cli import command_line
-    from .session import handlers
+    from .session import handlers, write_lock
     from .ui import bake, crowd, cures, display, menus, methods, operators, panels, preferences, profile, rig_files
 
     return (
@@ -47,6 +47,7 @@ def _modules():
         menus,
         panels,
         profile,
+        write_lock,
         handlers,
         command_line,
     )

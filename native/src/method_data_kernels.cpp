@@ -118,6 +118,7 @@ void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const Mat
   const auto move = [&](const Group* groups, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
     const Points<kAtOnce> points(groups);
     Points<kAtOnce> from;
+    for (int at = 0; at < 3 * kAtOnce * kLanes; at += kBlock) fetch_ahead(centers + 3 * vertex + at, 0);
     for (int n = 0; n < kAtOnce; ++n) {
       interleaver.take_apart(centers + 3 * (vertex + n * kLanes), from.x[n], from.y[n], from.z[n]);
       const auto has = hn::Eq(from.x[n], from.x[n]);

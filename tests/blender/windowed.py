@@ -36,30 +36,13 @@ def run(steps):
     bpy.app.timers.register(go_on, first_interval=2.0, persistent=True)  # a step may open a file
 
 
-class Write(bpy.types.Operator):
-    """Does what when_allowed() asks for"""
-
-    bl_idname = "wm.write_for_a_test"
-    bl_label = "Write for a Test"
-    work = None
-
-    def execute(self, _context):
-        Write.work()
-        return {"FINISHED"}
-
-
 def when_allowed(write):
-    """Calls write() as soon as Blender lets Python write, as people's edits do: in an operator. A timer may not write
-    while Blender draws, which it says by one flag for all threads; and where a render's thread calls a property's
-    `get` just then, the flag may stay. An operator may always write, but not to what a render has locked."""
-    Write.work = staticmethod(write)
-    if not hasattr(bpy.types, "WM_OT_write_for_a_test"):
-        bpy.utils.register_class(Write)
+    """Calls write() as soon as Blender lets Python write. It forbids that while it draws, by one flag for all threads;
+    and where a render's thread calls a property's `get` just then, the flag stays until Sinew takes it down."""
     for attempt in range(SECONDS_TO_WAIT * 20):
         try:
-            with window():
-                return bpy.ops.wm.write_for_a_test()
-        except RuntimeError as error:
+            return write()
+        except (AttributeError, RuntimeError) as error:
             if "not allowed" not in str(error) and "drawing/rendering" not in str(error):
                 raise
             for each in areas():

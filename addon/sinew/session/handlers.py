@@ -11,7 +11,7 @@ from ..blender import layout, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from . import characters, deformed_copies, mail, precomputing, whole_frames
+from . import characters, deformed_copies, mail, precomputing, whole_frames, write_lock
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
 forgotten_with_file = [notice.forget, whole_frames.forget, precomputing.forget]  # called as another file is opened
@@ -125,6 +125,7 @@ def receive_strangers(depsgraph):
 
 
 def look_into_the_mail():
+    write_lock.look()
     take_over_open_file()
     mail.deliver()
     return SECONDS_BETWEEN_LOOKS
