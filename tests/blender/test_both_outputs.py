@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, evaluated, own_positions, select, traces, twin_of
+from helpers import addon_module, assert_same_shape, evaluated, own_positions, select, traces, traces_of, twin_of
 
 FRAMES = (2, 8)
 
@@ -233,6 +233,7 @@ def test_bound_mesh_joined_to_another(pair):
         assert_same_shape(*others)
     assert np.array_equal(*map(own_positions, others))
     assert [ob for ob in bpy.context.scene.objects if ob.sinew.copied_from or ob.sinew.is_bound] == []
+    assert [trace for other in others for trace in traces_of(other)] == []
 
 
 def test_converted_to_a_mesh(pair):

@@ -7,7 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..binding import bind, deformed_copy, old_files, ways, wiring
-from ..blender import layout, nodes, values
+from ..blender import layout, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
@@ -122,6 +122,17 @@ def receive_strangers(depsgraph):
                 f"{ob.name} was given the modifiers of a mesh that is bound to Sinew: Blender's own modifiers "
                 "deform it until you bind it too"
             )
+        elif _has_stray_attribute(ob.data):
+            bind.remove_attribute(ob)
+
+
+def _has_stray_attribute(mesh):
+    """Of a bound mesh that was joined to this one."""
+    return (
+        mesh.library is None
+        and not mesh.is_editmode
+        and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None
+    )
 
 
 def look_into_the_mail():
