@@ -9,7 +9,7 @@ from itertools import count
 import bpy
 from mathutils import Euler
 
-from characters import make_armature, make_mesh, make_tube
+from characters import BONES, make_armature, make_mesh, make_tube
 from helpers import select
 
 OURS, TWINS = "Tube ", "Twin "
@@ -61,7 +61,7 @@ def key_bone(bone, frame):
 def new_character(random):
     """A mesh and its twin, deformed by one of the armatures or by none."""
     name = next_name(OURS)
-    rigs = armatures()
+    rigs = [each for each in armatures() if len(each.data.bones) > BONES]  # the tube has weights of so many
     armature = random.choice(rigs) if rigs and random.random() < 0.85 else None
     preserve_volume, hooks = random.random() < 0.5, random.choice((0, 0, 1, 2))
     for each in name, twin_name(name):
