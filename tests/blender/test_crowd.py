@@ -29,11 +29,11 @@ def phases_of(crowd):
 
 
 def get_input(crowd, name):
-    return addon_module("crowd.graph").get_input(modifier_of(crowd), name)
+    return addon_module("blender.graph").get_input(modifier_of(crowd), name)
 
 
 def set_inputs(crowd, **values):
-    addon_module("crowd.graph").set_inputs(modifier_of(crowd), {k.replace("_", " "): v for k, v in values.items()})
+    addon_module("blender.graph").set_inputs(modifier_of(crowd), {k.replace("_", " "): v for k, v in values.items()})
 
 
 def modifier_of(crowd):

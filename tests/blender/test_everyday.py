@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys
-from helpers import RIGS, addon_module, assert_same_shape, evaluated, own_positions, select, traces, twin_of, way
+from helpers import (
+    RIGS,
+    addon_module,
+    assert_same_on_all_frames,
+    assert_same_shape,
+    evaluated,
+    own_positions,
+    select,
+    traces,
+    twin_of,
+    way,
+)
 
 
 def errors(ob):
@@ -154,15 +165,11 @@ def test_a_mix_that_is_not_shown_alike_is_blenders(fresh_scene, character, first
         second = each.modifiers.new("Second", "ARMATURE")
         second.object, second.use_multi_modifier = armature, True
         each.modifiers["Armature"].show_viewport, each.modifiers["Armature"].show_render = first
-    for frame in (3, 8):
-        fresh_scene.frame_set(frame)
-        assert_same_shape(ob, twin)
+    assert_same_on_all_frames(fresh_scene, ob, twin, (3, 8))
     assert not np.allclose(evaluated(ob), own_positions(ob)) and way(ob) == "BLENDER"
     for each in (ob, twin):
         each.modifiers["Armature"].show_viewport = each.modifiers["Armature"].show_render = True
-    for frame in (5, 6):
-        fresh_scene.frame_set(frame)
-        assert_same_shape(ob, twin)
+    assert_same_on_all_frames(fresh_scene, ob, twin, (5, 6))
     assert way(ob) == "ATTRIBUTE"
 
 

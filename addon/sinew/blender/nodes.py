@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import modifier_types
+from . import graph, modifier_types
 
 MODIFIER_NAME = "Sinew"
 NODE_GROUP_NAME = "Sinew"
@@ -98,17 +98,13 @@ def _move(ob, modifier, index):
 
 def node_group():
     """The node group that Sinew's modifiers share, made when it is first needed."""
-    for group in bpy.data.node_groups:
-        if group.library is None and group.get(VERSION_PROPERTY) == NODE_GROUP_VERSION:
-            return group
+    group = graph.find_group(VERSION_PROPERTY, NODE_GROUP_VERSION)
+    if group is not None:
+        return group
     group = bpy.data.node_groups.new(NODE_GROUP_NAME, "GeometryNodeTree")
     group[VERSION_PROPERTY] = NODE_GROUP_VERSION
-    if hasattr(group, "interface"):
-        for direction in ("INPUT", "OUTPUT"):
-            group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-    else:  # before 4.0
-        group.inputs.new("NodeSocketGeometry", "Geometry")
-        group.outputs.new("NodeSocketGeometry", "Geometry")
+    for direction in ("INPUT", "OUTPUT"):
+        graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
     source = group.nodes.new("NodeGroupInput")
     attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
     attribute.data_type = "FLOAT_VECTOR"

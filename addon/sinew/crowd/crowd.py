@@ -6,7 +6,8 @@ import math
 import bpy
 import numpy as np
 
-from . import graph, walkers
+from ..blender import graph
+from . import walkers
 
 AHEAD, ASIDE = 1.6, 1.2  # from one agent to the next, and from lane to lane, in sizes of the character
 LENGTH_OF_BLOCK = 6.0  # of its width: how long a crowd is in which nobody chose lanes
@@ -26,7 +27,7 @@ def build(context, phases, agents, path=None, lanes=0, seed=0):
     ob = bpy.data.objects.new(f"{phases.name} Crowd", bpy.data.meshes.new(f"{phases.name} Crowd"))
     context.collection.objects.link(ob)
     modifier = ob.modifiers.new(walkers.NAME, "NODES")
-    modifier.node_group = _node_group()
+    modifier.node_group = graph.find_group(walkers.VERSION_PROPERTY, walkers.VERSION) or walkers.make()
     graph.set_inputs(
         modifier, inputs | {"Path": path, "Agents": agents, "Lanes": lanes, "Lane Distance": width, "Seed": seed}
     )
@@ -117,10 +118,3 @@ def _collection(phases):
         for mesh in shapes:
             holder.objects.link(bpy.data.objects.new(name, mesh))
     return whole
-
-
-def _node_group():
-    for group in bpy.data.node_groups:
-        if group.library is None and group.get(walkers.VERSION_PROPERTY) == walkers.VERSION:
-            return group
-    return walkers.make()

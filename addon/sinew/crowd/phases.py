@@ -41,23 +41,20 @@ class Phases:
         seconds: of a cycle. Returns the stride (3,) and the extent, least and largest corner (2, 3)."""
         away = np.arange(self.count)[:, None] / self.count * self.drift
         found = [[meshes.read_positions(mesh) - shift for mesh, shift in zip(each, away)] for each in self.shapes]
-        whole = np.array([np.concatenate(each) for each in zip(*found)]) if self._is_even() else None
+        is_even = all(len({len(positions) for positions in each}) == 1 for each in found)
         corners = np.array([[positions.min(0), positions.max(0)] for each in found for positions in each])
         least, most = corners[:, 0].min(0), corners[:, 1].max(0)
         origin = np.array([*(least + most)[:2] / 2, least[2]])
         for each, shapes in zip(found, self.shapes):
             for mesh, positions in zip(shapes, each):
                 meshes.write_positions(mesh, np.float32(positions - origin))
-            if self._is_even() and self.count > 1:
+            if is_even and self.count > 1:
                 for mesh, velocity in zip(shapes, stride.velocities(np.float32(each), seconds)):
                     meshes.write_attribute(mesh, "velocity", velocity)
         walked = self.drift
-        if not walked.any() and whole is not None:
-            walked = stride.stride_of(whole)
+        if not walked.any() and is_even:
+            walked = stride.stride_of(np.concatenate(found, axis=1))
         return walked, np.array([least, most]) - origin
-
-    def _is_even(self):
-        return all(len({len(mesh.vertices) for mesh in each}) == 1 for each in self.shapes)
 
 
 # --- of a character -------------------------------------------------------------------------------

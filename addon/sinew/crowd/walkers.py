@@ -11,7 +11,7 @@ so that feet do not slide: a larger agent makes fewer steps. h is held while Ble
 for motion blur: an agent that showed another mesh there would not be taken for the same.
 """
 
-from .graph import Graph, enabled
+from ..blender.graph import Graph, enabled
 
 NAME = "Sinew Crowd"
 VERSION_PROPERTY = "sinew_crowd_version"
@@ -71,7 +71,7 @@ def make():
     jitter = graph.random(-0.5, 0.5, index, given("Seed"))
     place = graph.math("ADD", graph.math("ADD", index, 0.5), graph.math("MULTIPLY", jitter, given("Jitter")))
     place = graph.math("WRAP", graph.math("DIVIDE", place, given("Agents")), 1.0, 0.0)
-    spline = _spline_at(graph, lanes, place, index)
+    spline = _spline_at(graph, lanes, place)
     spline_length = _at(graph, lanes, length, spline)
     before = _at(graph, lanes, enabled(sums.outputs, "Trailing"), spline)
     start = graph.math("SUBTRACT", graph.math("MULTIPLY", place, total), before)
@@ -152,7 +152,7 @@ def _at(graph, lanes, value, spline):
     return enabled(sample.outputs)
 
 
-def _spline_at(graph, lanes, share, agent):
+def _spline_at(graph, lanes, share):
     """The number of the spline at a share of the length of all."""
     number = graph.node("GeometryNodeFieldOnDomain", data_type="FLOAT", domain="CURVE")
     graph.put(graph.node("GeometryNodeInputIndex").outputs[0], enabled(number.inputs))

@@ -3,7 +3,8 @@
 import bpy
 
 from ..binding import bindable, runs, ways
-from ..crowd import crowd, graph
+from ..blender import graph
+from ..crowd import crowd
 from ..feedback import notice
 from ..native import sinew_native
 from ..rigs import clip_store

@@ -2,7 +2,7 @@
 
 import bpy
 
-WIDTH, HEIGHT = 190, 220  # of a node's place the nodes on the editor's canvas
+WIDTH, HEIGHT = 190, 220  # of a node's place on the editor's canvas
 
 
 class Graph:
@@ -13,8 +13,8 @@ class Graph:
         name of the group's one output, a geometry."""
         self.tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
         for each in inputs:
-            _set_up(_new_socket(self.tree, each[0], "INPUT", f"NodeSocket{each[1]}"), *each[2:])
-        _new_socket(self.tree, output, "OUTPUT", "NodeSocketGeometry")
+            _set_up(new_socket(self.tree, each[0], "INPUT", f"NodeSocket{each[1]}"), *each[2:])
+        new_socket(self.tree, output, "OUTPUT", "NodeSocketGeometry")
         self._source = self.tree.nodes.new("NodeGroupInput")
 
     def input(self, name):
@@ -48,7 +48,7 @@ class Graph:
         used = [socket for socket in node.inputs if socket.enabled]
         for value, socket in zip(values, used):
             self.put(value, socket)
-        return next(socket for socket in node.outputs if socket.enabled)
+        return enabled(node.outputs)
 
     def random(self, least, most, identity, seed):
         """A number of that range, the same for the same identity and seed."""
@@ -87,7 +87,13 @@ def _input(node, name):
     return node.inputs[name] if isinstance(name, int) else enabled(node.inputs, name)
 
 
-def _new_socket(tree, name, direction, kind):
+def find_group(name, version):
+    """A node group of this file that has that version as a custom property of that name, or None."""
+    return next((each for each in bpy.data.node_groups if each.library is None and each.get(name) == version), None)
+
+
+def new_socket(tree, name, direction, kind):
+    """Of the group itself. direction: "INPUT" or "OUTPUT"."""
     if hasattr(tree, "interface"):
         return tree.interface.new_socket(name, in_out=direction, socket_type=kind)
     return (tree.inputs if direction == "INPUT" else tree.outputs).new(kind, name)  # before 4.0
