@@ -23,16 +23,11 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import CHAIN, make_characters, select
+from bench_rigs import ADDON, CHAIN, make_characters, select, sinew
 
 FRAMES = range(1, 101)
 SLOW_FRAMES = range(1, 11)  # of what takes long
 ROUNDS = 3
-ADDON = next(name for name in bpy.context.preferences.addons.keys() if name.rpartition(".")[2] == "sinew")
-
-
-def sinew(name):
-    return __import__(f"{ADDON}.{name}", fromlist=["_"])
 
 
 def each_frame(frames):

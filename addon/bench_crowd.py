@@ -21,16 +21,11 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import CHAIN, make_characters, select
+from bench_rigs import ADDON, CHAIN, make_characters, select, sinew
 
 FRAMES = range(2, 42)
 SHAPES = 64
 RESULT = "measured"  # begins the line in which a process says what it has measured
-ADDON = next(name for name in bpy.context.preferences.addons.keys() if name.rpartition(".")[2] == "sinew")
-
-
-def sinew(name):
-    return __import__(f"{ADDON}.{name}", fromlist=["_"])
 
 
 def frame_time():
@@ -78,7 +73,7 @@ def split_mesh(vertices, agents):
     """The same crowd with one mesh of all shapes, whose parts become the instances on each frame."""
     ob = crowd(vertices, agents)
     modifier = ob.modifiers[0]
-    phases = sinew("crowd.graph").get_input(modifier, "Phases")
+    phases = sinew("blender.graph").get_input(modifier, "Phases")
     meshes = [each.data for each in phases.objects]
     carrier = bpy.data.objects.new("shapes", joined(meshes))
     phases.objects.link(carrier)

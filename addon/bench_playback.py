@@ -20,17 +20,12 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import CHAIN, RIGS, VARIANTS, make_characters, select
+from bench_rigs import ADDON, CHAIN, RIGS, VARIANTS, make_characters, select
 
 FRAMES = range(2, 42)
 SIZES, LARGE = (30_000, 180_000), 1_000_000
 ROUNDS = 3
 TOLERANCE = 1e-5  # a share of the diagonal
-ADDON = next(
-    name
-    for name in bpy.context.preferences.addons.keys()  # however this Blender names it
-    if name.rpartition(".")[2] == "sinew"
-)
 
 
 @contextlib.contextmanager

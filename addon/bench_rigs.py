@@ -21,6 +21,15 @@ SMOOTHED_SHARE = 0.2  # of the vertices, by the variant smooth-part
 CHUNK = 10_000  # vertices
 
 
+# However this Blender names the add-on.
+ADDON = next(name for name in bpy.context.preferences.addons.keys() if name.rpartition(".")[2] == "sinew")
+
+
+def sinew(name):
+    """A module of the add-on."""
+    return __import__(f"{ADDON}.{name}", fromlist=["_"])
+
+
 def make_characters(rig, vertices, count=1, variant=""):
     """Into the open file: so many, with an armature each. Returns [mesh object]."""
     armature = make_chain() if rig == CHAIN else make_generated(rig)
