@@ -4,6 +4,8 @@ Every .blend file begins with a description (the "DNA") of the structs of the Bl
 library written by the running Blender thus tells the layout of this very build: no offset stands in our code.
 """
 
+import contextlib
+import ctypes
 import functools
 import os
 import struct
@@ -29,12 +31,24 @@ class Struct:
         return spare[0] if spare else None
 
 
+@contextlib.contextmanager
+def temporary_data():
+    """Data apart from those of the open file, which go with the context.
+
+    Blender's own context (3.4 to 5.2) gives away the one reference that it has to them, and lets go of it again when
+    it is freed. The name behind `as` would then stand for freed memory, and the next object there would be damaged.
+    """
+    with bpy.data.temp_data() as data:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(data))
+        yield data
+
+
 @functools.lru_cache(maxsize=1)
 def structs():
     """{name: Struct} of the running Blender. To be called from the main thread first: it writes a file."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "layout.blend")
-        with bpy.data.temp_data() as data:  # apart from the open file
+        with temporary_data() as data:
             data.libraries.write(path, {data.texts.new("")}, compress=False)  # 4.2 crashes on an empty set
         with open(path, "rb") as file:
             return parse(file.read())
