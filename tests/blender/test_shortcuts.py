@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from characters import accelerate, make_armature, make_mesh, pose, with_bendy_bones
-from helpers import addon_module, assert_same_shape, depsgraph, select, twin_of, way
+from characters import accelerate, hook, make_armature, make_mesh, pose, with_bendy_bones
+from helpers import addon_module, assert_same_on_all_frames, assert_same_shape, depsgraph, select, stages, twin_of, way
 
 
 @pytest.fixture(params=[False, True], ids=["linear", "volume"])
@@ -30,11 +30,15 @@ def play(scene, first):
         scene.frame_set(frame)
 
 
+def shortcut_of(ob):
+    """Of its evaluated copy, or None."""
+    return addon_module("session.characters").character(ob).shortcuts.get(ob.evaluated_get(depsgraph()).as_pointer())
+
+
 def goes_it(ob):
     """Whether the next frame goes the shorter way."""
-    entry = addon_module("session.characters").character(ob)
-    shortcut = entry.shortcuts.get(ob.evaluated_get(depsgraph()).as_pointer())
-    return shortcut is not None and shortcut.holds(entry)
+    shortcut = shortcut_of(ob)
+    return shortcut is not None and shortcut.holds(addon_module("session.characters").character(ob))
 
 
 def test_it_is_the_modifiers_shape(in_use):
@@ -148,6 +152,36 @@ def test_an_edit_is_seen_at_once(in_use, edit):
         assert_same_shape(ob, twin)
 
 
+def hooked(ob):
+    hook(ob, strength=0.7).vertex_indices_set(range(0, 400, 3))
+    return lambda: stages(ob) == ["Hook"]
+
+
+def with_keys(ob):
+    ob.shape_key_add(name="Basis")
+    ob.shape_key_add(name="Up", from_mix=False).data[0].co.z += 1
+    ob.data.shape_keys.key_blocks["Up"].value = 0.8
+    return lambda: way(ob) == "KEYS"
+
+
+def behind_another(ob):
+    ob.modifiers.new("Cast", "CAST").factor = 0.3
+    select(ob)
+    assert bpy.ops.object.modifier_move_to_index(modifier="Cast", index=0) == {"FINISHED"}
+    return lambda: way(ob) == "BLENDER"
+
+
+@pytest.mark.parametrize("edit", (hooked, with_keys, behind_another), ids=lambda edit: edit.__name__)
+def test_an_edit_after_which_there_is_no_shorter_way(in_use, edit):
+    """The old one looks at modifiers that are gone. It must not be taken up again, whatever lies in their place."""
+    scene, ob, twin, _ = in_use
+    edit(twin)
+    took_effect = edit(ob)
+    assert_same_on_all_frames(scene, ob, twin, range(4, 9))
+    assert took_effect()
+    assert shortcut_of(ob) is None
+
+
 def test_settings_with_keyframes(in_use):
     scene, ob, twin, _ = in_use
     for each in (ob, twin):
@@ -195,7 +229,7 @@ def test_another_pose_than_was_thought(in_use):
     """Blender's own modifier deforms in the same pass."""
     scene, ob, twin, _ = in_use
     entry = addon_module("session.characters").character(ob)
-    shortcut = entry.shortcuts[ob.evaluated_get(depsgraph()).as_pointer()]
+    shortcut = shortcut_of(ob)
 
     class Wrong:
         def holds(self):

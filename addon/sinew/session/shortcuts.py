@@ -69,8 +69,12 @@ class Shortcut:
 
 def take(entry, ob):
     """Deforms an evaluated object. False: nothing was done, the whole way is to be gone."""
-    shortcut = entry.shortcuts.get(ob.as_pointer())
-    if shortcut is None or not shortcut.holds(entry):
+    address = ob.as_pointer()
+    shortcut = entry.shortcuts.get(address)
+    if shortcut is None:
+        return False
+    if not shortcut.holds(entry):
+        entry.shortcuts[address] = None  # for good: the whole way marks the object anew, and its modifiers may be gone
         return False
     start = perf_counter()
     out, spaces = shortcut.prepare(ob)
