@@ -107,8 +107,44 @@ def test_hooks_are_added_behind_others(fresh_scene, make):
         for name in ("First", "Second"):
             hook(each, name, strength=0.7).vertex_indices_set(range(0, 400, 3))
     bpy.context.view_layer.update()
-    assert [m.name for m in ob.modifiers if m.type != "NODES"] == [m.name for m in twin.modifiers]
+    assert names_but_own(ob) == names_but_own(twin)
     assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+
+
+def names_but_own(ob):
+    return [m.name for m in ob.modifiers if m.type != "NODES"]
+
+
+@pytest.fixture
+def left_to_blender(fresh_scene, make):
+    """Bound, and nothing left that Sinew could stand in for: its modifier, which has the hook, stands at the end."""
+    ob, twin = make(hooked)
+    for each in (ob, twin):
+        each.modifiers["Hook"].show_viewport = each.modifiers["Hook"].show_render = False
+        each.modifiers.new("Cast", "CAST").factor = 0.2
+    fresh_scene.frame_set(4)
+    assert way(ob) == "BLENDER" and ob.modifiers[-1].type == "NODES"
+    return ob, twin
+
+
+def test_a_hook_is_added_behind_an_armature_that_came_later(fresh_scene, left_to_blender):
+    """It stands behind Sinew's modifier, before which Blender puts the Hook."""
+    ob, twin = left_to_blender
+    armature = make_armature()
+    pose(armature, 1, False)
+    for each in (ob, twin):
+        each.modifiers.new("Armature", "ARMATURE").object = armature
+        hook(each, "New").vertex_indices_set(range(0, 1200, 5))
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+    assert names_but_own(ob) == names_but_own(twin) == ["Hook", "Cast", "Armature", "New"]
+
+
+def test_a_hook_that_stands_first_is_renamed(fresh_scene, left_to_blender):
+    ob, twin = left_to_blender
+    for each in (ob, twin):
+        each.modifiers["Hook"].name = "Renamed"
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5))
+    assert names_but_own(ob) == names_but_own(twin) == ["Renamed", "Cast"]
 
 
 @pytest.mark.parametrize("kind", ("", "MIRROR", "SOLIDIFY"))
@@ -122,7 +158,7 @@ def test_a_hook_of_nothing_is_added_behind_others_that_only_deform(make, kind):
     for each in (ob, twin):
         each.modifiers.new("Of nothing", "HOOK")
     bpy.context.view_layer.update()
-    assert [m.name for m in ob.modifiers if m.type != "NODES"] == [m.name for m in twin.modifiers]
+    assert names_but_own(ob) == names_but_own(twin)
 
 
 def assert_it_is_sinew(ob):

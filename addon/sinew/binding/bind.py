@@ -152,17 +152,21 @@ def put_own_modifier_first(ob, entry):
 
 
 def displaced_modifiers(ob, newcomers):
-    """Those that people have added, and Blender has put before Sinew's modifier and so before all that deforms, since
-    it lets them stand behind deforming ones alone; from 5.0 on also Hooks, which may well have been moved there, but
-    for those that have just come. newcomers: names."""
+    """Those that people have added, and Blender has put before Sinew's modifier and so before what deforms behind it,
+    since it lets them stand behind deforming ones alone; from 5.0 on also Hooks, which may well have been moved there,
+    but for those that have just come. newcomers: as nodes.identity has them."""
     own = nodes.find_modifier(ob)
-    if own is None or meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:  # it did not come first
+    if own is None:
         return []
+    came_first = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None
     before = list(ob.modifiers)[: ob.modifiers.find(own.name)]
     return [
         modifier
         for modifier in before
-        if modifier.type in ways.WANTS_DEFORM_ONLY or modifier.type == "HOOK" and modifier.name in newcomers
+        if came_first
+        and modifier.type in ways.WANTS_DEFORM_ONLY
+        or modifier.type == "HOOK"
+        and nodes.identity(modifier) in newcomers
     ]
 
 

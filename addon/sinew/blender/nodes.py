@@ -69,6 +69,11 @@ def move_modifier_back(ob, modifier):
         _move(ob, modifier, index)
 
 
+def identity(modifier):
+    """A number that stays when the modifier of an original object is renamed."""
+    return modifier.persistent_uid if hasattr(modifier, "persistent_uid") else modifier.as_pointer()
+
+
 def move_behind_deforming(ob, modifier):
     """To where Blender puts a new Hook: before the first modifier that does more than deform, as if Sinew's were not
     there."""

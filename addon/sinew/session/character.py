@@ -65,8 +65,8 @@ class Character:
     shortcuts: dict = field(default_factory=dict)  # see shortcuts.py
     stages: object = field(default_factory=stages.Stages)  # of the run
     timings: Timings = field(default_factory=Timings)
-    newcomers: frozenset = frozenset()  # names of modifiers that have come since the main thread saw to the mesh
-    _modifiers: frozenset | None = None  # names of all of them when the object was last looked at
+    newcomers: frozenset = frozenset()  # modifiers.identity of those that came since the main thread saw to the mesh
+    _modifiers: frozenset | None = None  # that of all of them when the object was last looked at
     sharer_count: int | None = None  # objects that have its mesh; None: count
     moves_against_armature: bool = False  # again and again
     lock: threading.RLock = field(default_factory=threading.RLock, repr=False)
@@ -95,10 +95,10 @@ class Character:
         self.taken = tuple(modifier.name for modifier in taken)
         self.binds = tuple(wiring.binds_of(ob, modifier) for modifier in taken)
         self.shown = tuple(wiring.shown_of(ob, modifier) for modifier in taken)
-        names = frozenset(original.modifiers.keys())
+        modifiers = frozenset(map(nodes.identity, original.modifiers))
         if self._modifiers is not None:
-            self.newcomers |= names - self._modifiers
-        self._modifiers = names
+            self.newcomers |= modifiers - self._modifiers
+        self._modifiers = modifiers
         carrier = wiring.carrier_of(ob)
         self.hook_path = wiring.path_of(carrier) if carrier is not None else ""
         if self.sharer_count is None:
@@ -146,8 +146,10 @@ class Character:
 
     def _has_displaced(self, original):
         """Whether a modifier that has just come was put before Sinew's."""
-        names = original.modifiers.keys()
-        return self.own is not None and not self.newcomers.isdisjoint(names[: names.index(self.own)])
+        if self.own is None or not self.newcomers:
+            return False
+        before = list(original.modifiers)[: original.modifiers.find(self.own)]
+        return not self.newcomers.isdisjoint(map(nodes.identity, before))
 
     def switch(self, ob, deforms):
         """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
