@@ -423,6 +423,22 @@ def test_saved_and_opened(tube, tmp_path):
     assert copies() == [copy]
 
 
+def test_a_file_that_was_saved_in_another_pose_than_its_keyframes_say(tube, tmp_path):
+    """Opening it, Blender takes the one of the keyframes, without a word to handlers."""
+    bpy.context.scene.frame_set(4)
+    tube.sinew.armature.pose.bones["bone1"].rotation_quaternion = 0.6, 0.8, 0, 0
+    bpy.context.view_layer.update()
+    before = own_positions(tube.sinew.deformed)
+    path, name = str(tmp_path / "saved.blend"), tube.name
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    ob = bpy.data.objects[name]
+    due = evaluated(ob)
+    addon_module("session.handlers").look_into_the_mail()  # as a timer does in a window
+    assert np.allclose(own_positions(ob.sinew.deformed), due, atol=1e-5)
+    assert np.abs(due - before).max() > 0.1
+
+
 @pytest.mark.parametrize("which", ((0,), (1,), (0, 1)), ids=("original", "copy", "both"))
 def test_appended(tube, tmp_path, which):
     """The one brings the other, or it is made."""

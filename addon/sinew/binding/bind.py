@@ -199,10 +199,11 @@ def rewire(key):
     entry.give_up_on_what_lacks()
     ob.update_tag()
     if ob.sinew.installed_output == "MESH":
-        mail.post(_follow_when_evaluated, key)
+        mail.post(follow_when_evaluated, key)
 
 
-def _follow_when_evaluated(key):
+def follow_when_evaluated(key):
+    """The deformed copy of the object with that key, where Blender has told no handler of an evaluation."""
     ob = characters.find(key)
     if ob is not None:
         deformed_copies.follow_last_evaluation(ob)

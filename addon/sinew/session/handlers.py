@@ -154,6 +154,8 @@ def take_over_open_file():
         else:
             wiring.revive(ob)
             bind.adapt(ob)
+    for ob in deformed_copies.those_of(characters.bound_objects()):
+        mail.post(bind.follow_when_evaluated, values.key_of(ob))  # no handler is told of a file's first evaluation
 
 
 FRAME_HANDLERS = (("frame_change_pre", before_frame), ("frame_change_post", after_frame))
