@@ -63,6 +63,68 @@ def test_undo_and_redo_of_bind_and_unbind(fresh_scene, output):
     check(False)
 
 
+def groups():
+    return [(group.name, group.as_pointer()) for group in bpy.data.node_groups]
+
+
+def test_the_node_group_stays_while_a_mesh_is_bound(fresh_scene, character, tmp_path):
+    """Also while none uses it. Made anew by a handler it would be unknown to the step that is undone, and an object
+    that undo keeps would point to it: Blender crashed."""
+    ob, _, armature = character
+    with_keys = make_mesh(armature, False)
+    add_shape_keys(with_keys)
+    accelerate(with_keys)
+    before = groups()
+    assert len(before) == 1 and way(with_keys) == "KEYS"
+    select(ob)
+    bpy.ops.object.sinew_unbind()
+    assert groups() == before
+    reload(tmp_path / "saved.blend")
+    assert groups() == []
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert len(groups()) == 1
+    bpy.ops.outliner.orphans_purge(do_recursive=True)
+    assert len(groups()) == 1
+    bpy.data.objects.remove(next(ob for ob in bpy.data.objects if ob.sinew.is_bound))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert groups() == []
+
+
+def test_an_appended_mesh_brings_the_node_group(fresh_scene, character, tmp_path):
+    ob, name, path = character[0], character[0].name, tmp_path / "library.blend"
+    add_shape_keys(ob)
+    bpy.context.view_layer.update()
+    reload(path)
+    bpy.ops.wm.append(filepath=str(path / "Object" / name), directory=str(path / "Object"), filename=name)
+    bpy.context.view_layer.update()
+    assert way(bpy.data.objects[name]) == "KEYS" and len(groups()) == 1
+
+
+def test_undo_past_a_modifier_that_a_handler_gave(fresh_scene, character):
+    """As its keys are removed the mesh gets Sinew's modifier, outside of Blender's steps."""
+    ob, twin, armature = character
+    for each in (ob, twin):
+        add_shape_keys(each)
+    bpy.context.view_layer.update()
+    assert way(ob) == "KEYS"
+    for message in ("keys", "another step"):
+        armature.location.x += 1
+        bpy.ops.ed.undo_push(message=message)
+    for _ in range(3):
+        for each in (ob, twin):
+            each.shape_key_clear()
+        bpy.context.view_layer.update()
+        assert way(ob) == "ATTRIBUTE" and len(groups()) == 1
+        bpy.ops.ed.undo_push(message="without keys")
+        bpy.ops.ed.undo()
+        ob, twin = (bpy.data.objects[each] for each in ("Tube", "Tube.001"))
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, twin)
+        assert way(ob) == "KEYS" and len(groups()) == 1
+    bpy.ops.ed.undo()
+    assert_same_shape(*(bpy.data.objects[each] for each in ("Tube", "Tube.001")))
+
+
 def test_undo_of_import(fresh_scene):
     bpy.ops.ed.undo_push(message="empty")
     before = len(bpy.data.objects), len(bpy.data.node_groups)

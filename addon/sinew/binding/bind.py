@@ -7,7 +7,7 @@ from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from ..session import character, characters, deformed_copies, mail, methods, precomputing
-from . import deformed_copy, old_files, runs, ways, wiring
+from . import deformed_copy, old_files, runs, shared_group, ways, wiring
 from .bindable import BindingError, check_bindable, modifiers_to_take
 from .deformed_copy import OutputError
 
@@ -61,6 +61,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
     characters.forget_object(ob)
+    shared_group.see_to()
     adapt(ob)
     if is_shown:
         show(ob)
@@ -234,6 +235,7 @@ def unbind(ob):
         for modifier in taken[:1]:
             ob.modifiers.remove(modifier)
     characters.forget_object(ob)
+    shared_group.see_to()
     if is_deleted(settings.last_armature):
         settings.last_armature = None  # else it would stay in the file for this mesh's sake
     ob.update_tag()

@@ -30,7 +30,6 @@ def add_modifier(ob, index):
         move_modifier(ob, modifier, index)
     except ValueError:
         ob.modifiers.remove(modifier)
-        forget_unused_groups()
         raise
     return modifier
 
@@ -51,7 +50,6 @@ def remove_modifiers(ob):
     for modifier in [modifier for modifier in ob.modifiers if is_sinew(modifier)]:
         if is_removable(ob, modifier):
             ob.modifiers.remove(modifier)
-    forget_unused_groups()
 
 
 def move_modifier(ob, modifier, index):
@@ -102,12 +100,15 @@ def _move(ob, modifier, index):
 
 
 def node_group():
-    """The node group that Sinew's modifiers share, made when it is first needed."""
+    """The node group that Sinew's modifiers share, made if there is none."""
     group = graph.find_group(VERSION_PROPERTY, NODE_GROUP_VERSION)
     if group is not None:
+        if not group.use_fake_user:
+            group.use_fake_user = True
         return group
     group = bpy.data.node_groups.new(NODE_GROUP_NAME, "GeometryNodeTree")
     group[VERSION_PROPERTY] = NODE_GROUP_VERSION
+    group.use_fake_user = True
     for direction in ("INPUT", "OUTPUT"):
         graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
     source = group.nodes.new("NodeGroupInput")
@@ -139,6 +140,18 @@ def node_group():
     return group
 
 
+def let_groups_go():
+    """Blender does not save what has no user."""
+    for group in _own_groups():
+        group.use_fake_user = False
+
+
 def forget_unused_groups():
-    for group in [g for g in bpy.data.node_groups if VERSION_PROPERTY in g and g.users == 0 and g.library is None]:
-        bpy.data.node_groups.remove(group)
+    """Also those of older versions."""
+    for group in _own_groups():
+        if group.users == group.use_fake_user:
+            bpy.data.node_groups.remove(group)
+
+
+def _own_groups():
+    return [group for group in bpy.data.node_groups if VERSION_PROPERTY in group and group.library is None]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..binding import bind, deformed_copy
-from ..blender import meshes, nodes
+from ..binding import bind, deformed_copy, shared_group
+from ..blender import meshes
 from ..feedback import progress
 from ..native import sinew_native
 from . import clip_store
@@ -88,7 +88,7 @@ def remove(created):
         if isinstance(data, bpy.types.Object):
             deformed_copy.remove(data)
         bpy.data.batch_remove([data])
-    nodes.forget_unused_groups()
+    shared_group.see_to()
 
 
 def remark_on(rig, name):

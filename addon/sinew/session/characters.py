@@ -22,6 +22,8 @@ log = logging.getLogger("sinew")
 _characters = {}  # key of the mesh object -> Character
 _editions = {}  # key of the mesh object -> the edition of its mesh, kept through undo
 _edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
+_gatherings = itertools.count()
+_gathering_number = -1
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 _gathering = threading.Lock()
 
@@ -95,6 +97,11 @@ def bound_objects():
     return found
 
 
+def gathering():
+    """A number that is another one after bound meshes have come or gone."""
+    return _gathering_number
+
+
 def find(key):
     """The bound object of that key, or None."""
     return next((ob for ob in bound_objects() if values.key_of(ob) == key), None)
@@ -105,7 +112,8 @@ def _name(ob):
 
 
 def _gather():
-    global _object_count
+    global _object_count, _gathering_number
+    _gathering_number = next(_gatherings)
     old = dict(_characters)
     _characters.clear()
     for ob in bpy.data.objects:

@@ -6,7 +6,7 @@ import threading
 import bpy
 from bpy.app.handlers import persistent
 
-from ..binding import bind, deformed_copy, old_files, ways, wiring
+from ..binding import bind, deformed_copy, old_files, shared_group, ways, wiring
 from ..blender import layout, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
@@ -39,6 +39,7 @@ def on_depsgraph_update(_scene, depsgraph):
     take_over_open_file()
     receive_strangers(depsgraph)
     objects = characters.bound_objects()
+    shared_group.follow()
     if objects:
         changed = _changed(depsgraph)
         _note_edits(objects, changed)
@@ -58,6 +59,11 @@ def on_load(*_):
         forget_more()
     forget()
     take_over_open_file()
+
+
+@persistent
+def before_save(*_):
+    shared_group.see_to()
 
 
 @persistent
@@ -154,6 +160,7 @@ def take_over_open_file():
         else:
             wiring.revive(ob)
             bind.adapt(ob)
+    shared_group.see_to()
     for ob in deformed_copies.those_of(characters.bound_objects()):
         mail.post(bind.follow_when_evaluated, values.key_of(ob))  # no handler is told of a file's first evaluation
 
@@ -163,6 +170,7 @@ HANDLERS = (
     *FRAME_HANDLERS,
     ("depsgraph_update_post", on_depsgraph_update),
     ("load_post", on_load),
+    ("save_pre", before_save),
     ("undo_post", on_undo_redo),
     ("redo_post", on_undo_redo),
 )
