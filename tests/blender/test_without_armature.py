@@ -139,6 +139,15 @@ def test_a_hook_is_added_behind_an_armature_that_came_later(fresh_scene, left_to
     assert names_but_own(ob) == names_but_own(twin) == ["Hook", "Cast", "Armature", "New"]
 
 
+def test_multires_is_added_behind_what_came_later(fresh_scene, left_to_blender):
+    ob, twin = left_to_blender
+    for each in (ob, twin):
+        each.modifiers.new("Smooth", "SMOOTH").iterations = 3
+        each.modifiers.new("Finer", "MULTIRES")
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+    assert names_but_own(ob) == names_but_own(twin) == ["Hook", "Cast", "Smooth", "Finer"]
+
+
 def test_a_hook_that_stands_first_is_renamed(fresh_scene, left_to_blender):
     ob, twin = left_to_blender
     for each in (ob, twin):

@@ -154,8 +154,9 @@ def put_own_modifier_first(ob, entry):
 
 def displaced_modifiers(ob, newcomers):
     """Those that people have added, and Blender has put before Sinew's modifier and so before what deforms behind it,
-    since it lets them stand behind deforming ones alone; from 5.0 on also Hooks, which may well have been moved there,
-    but for those that have just come. newcomers: as nodes.identity has them."""
+    since it lets them stand behind deforming ones alone: Multires and Soft Body, and from 5.0 on Hooks. They may well
+    have been moved there, but for those that have just come, and those that cannot stand before Sinew's while that
+    comes first. newcomers: as nodes.identity has them."""
     own = nodes.find_modifier(ob)
     if own is None:
         return []
@@ -164,9 +165,9 @@ def displaced_modifiers(ob, newcomers):
     return [
         modifier
         for modifier in before
-        if came_first
-        and modifier.type in ways.WANTS_DEFORM_ONLY
-        or modifier.type == "HOOK"
+        if modifier.type in ways.WANTS_DEFORM_ONLY
+        and came_first
+        or modifier.type in {"HOOK", *ways.WANTS_DEFORM_ONLY}
         and nodes.identity(modifier) in newcomers
     ]
 
