@@ -148,14 +148,23 @@ def edit_mesh(random, ob):
     start = random.randrange(count or 1)
     end = start + random.randrange((count // 5 if edit in (deleted, extruded, duplicated) else count) or 1)
     mesh.vertices.foreach_set("select", [start <= number < end for number in range(count)])
-    for parts in mesh.edges, mesh.polygons:  # one by one Blender 5.0 crashes
-        parts.foreach_set("select", [all(start <= number < end for number in part.vertices) for part in parts])
+    select_parts(mesh, mesh.edges, ".select_edge", start, end)
+    select_parts(mesh, mesh.polygons, ".select_poly", start, end)
     select(ob)
     bpy.ops.object.mode_set(mode="EDIT")
     try:
         edit(random)
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def select_parts(mesh, parts, name, start, end):
+    """Edges or faces, of which all vertices are selected. name: of the attribute that says so."""
+    selected = [all(start <= number < end for number in part.vertices) for part in parts]
+    if bpy.app.version[:2] != (5, 0):
+        parts.foreach_set("select", selected)
+    elif name in mesh.attributes:  # there the other way crashes
+        mesh.attributes[name].data.foreach_set("value", selected)
 
 
 @on_both(0.2)

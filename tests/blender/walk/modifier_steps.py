@@ -47,12 +47,15 @@ def add_modifier(random, ob):
     name, many = f"{kind.capitalize()} {random.randrange(100)}", kind in {"SUBSURF", "MIRROR"}
     if len(own(ob)) >= MOST or many and any(modifier.type in {"SUBSURF", "MIRROR"} for modifier in ob.modifiers):
         return
-    if (
-        kind == "HOOK" and not ob.visible_get()
-    ):  # Blender 5 puts it before Sinew's, which is mended when it is evaluated
-        return
+    if kind in {"HOOK", "MULTIRES"} and not is_evaluated(ob):
+        return  # Blender puts it before Sinew's, which is mended when the mesh is evaluated
     modifier = ob.modifiers.new(name, kind)
     set_modifier(random, ob, modifier)
+
+
+def is_evaluated(ob):
+    """Before 3.5 Blender gives up the driver of a mesh that has no vertex."""
+    return ob.visible_get() and (bpy.app.version >= (3, 5, 0) or len(ob.data.vertices) > 0)
 
 
 @on_both(6)
