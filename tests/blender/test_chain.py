@@ -268,6 +268,31 @@ def test_hooks_left_to_blender_take_the_right_vertices(fresh_scene, make, before
 
 
 @pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+def test_the_bone_of_a_hook_is_deleted_and_made_again(fresh_scene, make, before):
+    """Blender gives up a driver that waits for a bone that is not there."""
+    ob, twin = make(before, lambda ob: hook(ob, bone="side", strength=0.7).vertex_indices_set(range(0, 400, 3)))
+    armature = ob.modifiers["Armature"].object
+    fresh_scene.frame_set(3)
+
+    def assert_it_is_sinew():
+        assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
+        entry = addon_module("session.characters").character(ob)
+        assert stages(ob) == ["Hook"] and entry.hook_of(ob).driver.is_valid and entry.is_deforming
+
+    assert_it_is_sinew()
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    armature.data.edit_bones.remove(armature.data.edit_bones["side"])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert_it_is_sinew()
+    bpy.ops.object.mode_set(mode="EDIT")
+    armature.data.edit_bones.new("side").tail = (1, 0, 1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    armature.pose.bones["side"].location = (0.3, 0.1, 0)
+    assert_it_is_sinew()
+
+
+@pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_a_hook_is_added(fresh_scene, make, before):
     """From Blender 5.0 on it is put before Sinew's modifier, since that is no deforming one."""
     ob, twin = make(before, simple)

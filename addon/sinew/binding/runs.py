@@ -84,6 +84,12 @@ def why_not_bound(ob, modifier):
 
 
 def hooks(ob, run):
-    """[(object, name of a bone or "")] that the run's hooks follow."""
-    found = [ob.modifiers[name] for name in run.stages if ob.modifiers[name].type == "HOOK"]
-    return [(hook.object, hook.subtarget if hook.object.type == "ARMATURE" else "") for hook in found]
+    """[(object, name of a bone or "")] that the run's hooks follow. ob: original. A bone that is not there has no part
+    in it; if the driver waited for it, Blender would give the driver up."""
+    found = [ob.modifiers[name] for name in run.stages if name in ob.modifiers]
+    found = [modifier for modifier in found if modifier.type == "HOOK" and modifier.object is not None]
+    return [(hook.object, hook.subtarget if _has_bone(hook.object, hook.subtarget) else "") for hook in found]
+
+
+def _has_bone(ob, name):
+    return ob.type == "ARMATURE" and name in ob.data.bones

@@ -126,14 +126,18 @@ class Character:
         if [each and each.original for each in hooked] != [mesh, mesh.shape_keys]:
             return False
         self.waits_for = wiring.bendy_bones_of(hook)
-        targets = {(values.key_of(target), bone) for target, bone in runs.hooks(ob.original, self.run)}
-        if not targets <= wiring.targets_of(hook):
+        if not self.waits_for_hooks(ob.original):
             return False
         return self.way.kind == ways.KEYS or (
             self.own is not None
             and runs.is_in_place(ob.original, self.own, self.taken, self.run)
             and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None
         )
+
+    def waits_for_hooks(self, original):
+        """Whether the hook waits for all that the run's Hook modifiers follow: bones may have come or gone."""
+        targets = {(values.key_of(target), bone) for target, bone in runs.hooks(original, self.run)}
+        return not targets or targets <= wiring.targets_of(self.hook_of(original))
 
     def _has_too_much(self, original):
         """Whether the file has what is there for the way through an attribute alone."""
