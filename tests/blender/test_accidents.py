@@ -258,6 +258,18 @@ def test_a_bone_of_a_further_modifier_is_renamed(fresh_scene, other_armature):
     assert len(ob.sinew.modifiers) == 2
 
 
+def test_a_further_modifier_is_mixed_in_later(character, other_armature):
+    """Blender evaluates its armature first: else its pose would now and then be that of the frame before."""
+    ob, twin, armature = character
+    for each in ob, twin:
+        second = each.modifiers.new("Second", "ARMATURE")
+        second.object, second.use_multi_modifier, second.vertex_group = other_armature, True, "bone1"
+    assert_plays(ob, twin, (3, 6))
+    entry = addon_module("session.characters").character(ob)
+    targets = [variable.targets[0].id for variable in entry.hook_of(ob).driver.variables]
+    assert entry.taken == ("Armature", "Second") and armature in targets and other_armature in targets
+
+
 def test_a_bone_of_a_mesh_that_several_objects_have_is_renamed(fresh_scene):
     armature = make_armature()
     objects = [make_mesh(armature, False)]

@@ -126,7 +126,7 @@ class Character:
         if [each and each.original for each in hooked] != [mesh, mesh.shape_keys]:
             return False
         self.waits_for = wiring.bendy_bones_of(hook)
-        if not self.waits_for_hooks(ob.original):
+        if not self.waits_for_targets(ob.original):
             return False
         return self.way.kind == ways.KEYS or (
             self.own is not None
@@ -134,10 +134,13 @@ class Character:
             and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None
         )
 
-    def waits_for_hooks(self, original):
-        """Whether the hook waits for all that the run's Hook modifiers follow: bones may have come or gone."""
-        targets = {(values.key_of(target), bone) for target, bone in runs.hooks(original, self.run)}
-        return not targets or targets <= wiring.targets_of(self.hook_of(original))
+    def waits_for_targets(self, original):
+        """Whether the hook, if it is where it was, waits for the armatures and for all that the run's Hook modifiers
+        follow: a modifier or a bone may have come or gone."""
+        armatures = [(original.modifiers[name].object, "") for name in self.taken if name in original.modifiers]
+        targets = [target for target in (*armatures, *runs.hooks(original, self.run)) if target[0] is not None]
+        hook = self.hook_of(original)
+        return hook is None or wiring.targets_of(hook).issuperset((values.key_of(ob), bone) for ob, bone in targets)
 
     def _has_too_much(self, original):
         """Whether the file has what is there for the way through an attribute alone."""

@@ -103,7 +103,7 @@ def _note_edits(objects, changed):
         if entry.way.kind == ways.BLENDER and not changed.isdisjoint(_what_it_depends_on(ob)):
             entry.look_again()
             entry.look(ob)
-        elif entry.is_wired and not entry.waits_for_hooks(ob):
+        elif entry.is_wired and not entry.waits_for_targets(ob):
             mail.post(bind.rewire, key)
         armature = ob.sinew.last_armature
         if armature is not None and values.key_of(armature.data) in changed:
