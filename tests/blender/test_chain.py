@@ -293,6 +293,26 @@ def test_the_bone_of_a_hook_is_deleted_and_made_again(fresh_scene, make, before)
 
 
 @pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
+def test_the_object_of_a_hook_is_deleted(fresh_scene, make, before):
+    """Blender gives up a driver that waits for it."""
+
+    def two(ob):
+        for name, bone in (("One", "side"), ("Two", "")):
+            hook(ob, name, bone, strength=0.7).vertex_indices_set(range(0, 400, 3))
+
+    ob, twin = make(before, two)
+    assert_same_on_all_frames(fresh_scene, ob, twin, (3, 4))
+    bpy.data.objects.remove(bpy.data.objects["Target"])
+    assert_same_on_all_frames(fresh_scene, ob, twin, (5, 6))
+    for each in (ob, twin):
+        each.data.vertices[0].co.x += 1
+        each.data.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, (7, 8))
+    entry = addon_module("session.characters").character(ob)
+    assert stages(ob) == ["One"] and entry.hook_of(ob).driver.is_valid and entry.is_deforming
+
+
+@pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_a_hook_is_added(fresh_scene, make, before):
     """From Blender 5.0 on it is put before Sinew's modifier, since that is no deforming one."""
     ob, twin = make(before, simple)

@@ -361,6 +361,28 @@ def test_duplicated(fresh_scene, character, output, linked):
         assert_same_shape(copy, twin)
 
 
+def test_it_is_given_a_mesh_without_shape_keys(fresh_scene, character):
+    """The driver still knows the keys of the old one, which stay as they are."""
+    ob, twin, armature = character
+    for each in (ob, twin):
+        add_shape_keys(each)
+    fresh_scene.frame_set(4)
+    assert way(ob) == "KEYS"
+    keyed = ob.data, twin.data
+    other = make_mesh(armature, False).data
+    addon_module("session.characters").forget()
+    for each in (ob, twin):
+        each.data = other if each == twin else other.copy()
+    for frame in (5, 6):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    ob.data, twin.data = keyed
+    for frame in (7, 8):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert way(ob) == "KEYS"
+
+
 def test_another_object_is_given_the_mesh(fresh_scene):
     """Blender evaluates both at the same time, so it deforms both."""
     ob = make_mesh(make_armature(), False)

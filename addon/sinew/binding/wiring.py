@@ -171,8 +171,16 @@ def bendy_bones_of(hook):
 
 def targets_of(hook):
     """{(key of an object, name of a bone or "")} that a hook waits for."""
-    targets = [variable.targets[0] for variable in hook.driver.variables if variable.type == "TRANSFORMS"]
-    return {(values.key_of(target.id), target.bone_target) for target in targets if target.id is not None}
+    return {(values.key_of(target.id), target.bone_target) for target in _objects_of(hook) if target.id is not None}
+
+
+def has_lost_target(hook):
+    """An object was deleted: Blender gives up such a driver."""
+    return any(target.id is None for target in _objects_of(hook))
+
+
+def _objects_of(hook):
+    return [variable.targets[0] for variable in hook.driver.variables if variable.type == "TRANSFORMS"]
 
 
 def wire(ob, modifier, targets=(), waits=True):

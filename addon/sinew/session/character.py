@@ -136,11 +136,14 @@ class Character:
 
     def waits_for_targets(self, original):
         """Whether the hook, if it is where it was, waits for the armatures and for all that the run's Hook modifiers
-        follow: a modifier or a bone may have come or gone."""
+        follow, and for nothing that is gone: modifiers, objects and bones come and go."""
         armatures = [(original.modifiers[name].object, "") for name in self.taken if name in original.modifiers]
         targets = [target for target in (*armatures, *runs.hooks(original, self.run)) if target[0] is not None]
         hook = self.hook_of(original)
-        return hook is None or wiring.targets_of(hook).issuperset((values.key_of(ob), bone) for ob, bone in targets)
+        if hook is None:
+            return True
+        keys = {(values.key_of(ob), bone) for ob, bone in targets}
+        return keys <= wiring.targets_of(hook) and not wiring.has_lost_target(hook)
 
     def _has_too_much(self, original):
         """Whether the file has what is there for the way through an attribute alone."""

@@ -113,10 +113,10 @@ def _give_keys_back(entry, ob):
     """What was put into this copy of the shape keys goes, for Blender blends them now."""
     hook = entry.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
-    if not keys or not memory.is_marked(keys, "KEY"):
-        return
+    original = ob.original.data
+    if not keys or not memory.is_marked(keys, "KEY") or keys.original != original.shape_keys:
+        return  # they are as they were, or of a mesh that the object no longer has
     if entry.keys is None:
-        original = ob.original.data
         entry.read_weights(original, _group_names(ob))
         entry.keys = shape_keys.read(original.shape_keys, len(original.vertices), entry.weights)
     shape_keys.give_back(keys, entry.keys)

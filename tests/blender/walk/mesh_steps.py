@@ -214,6 +214,8 @@ def remove_group(random, ob):
 
 @on_both(1)
 def weight_tools(random, ob):
+    if len(ob.modifiers) <= 1 and ob.parent_type == "ARMATURE":
+        return  # whether it has any decides on which groups are those of bones
     select(ob)
     if random.random() < 0.5:
         bpy.ops.object.vertex_group_normalize_all(lock_active=False)
