@@ -148,6 +148,17 @@ def test_multires_is_added_behind_what_came_later(fresh_scene, left_to_blender):
     assert names_but_own(ob) == names_but_own(twin) == ["Hook", "Cast", "Smooth", "Finer"]
 
 
+def test_a_hook_that_stands_first_is_copied(fresh_scene, left_to_blender):
+    ob, twin = left_to_blender
+    for each in (ob, twin):
+        each.modifiers.remove(each.modifiers["Cast"])
+        each.modifiers.new("Smooth", "SMOOTH").show_viewport = False
+        select(each)
+        bpy.ops.object.modifier_copy(modifier="Hook")
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5))
+    assert names_but_own(ob) == names_but_own(twin) and len(ob.modifiers) == 4
+
+
 def test_a_hook_that_stands_first_is_renamed(fresh_scene, left_to_blender):
     ob, twin = left_to_blender
     for each in (ob, twin):

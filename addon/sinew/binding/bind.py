@@ -160,16 +160,25 @@ def displaced_modifiers(ob, newcomers):
     own = nodes.find_modifier(ob)
     if own is None:
         return []
-    came_first = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None
     before = list(ob.modifiers)[: ob.modifiers.find(own.name)]
-    return [
-        modifier
-        for modifier in before
-        if modifier.type in ways.WANTS_DEFORM_ONLY
-        and came_first
-        or modifier.type in {"HOOK", *ways.WANTS_DEFORM_ONLY}
-        and nodes.identity(modifier) in newcomers
-    ]
+    if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None:  # it came first
+        found = [modifier for modifier in before if modifier.type in ways.WANTS_DEFORM_ONLY]
+    else:
+        found = []
+    kinds = {"HOOK", *ways.WANTS_DEFORM_ONLY} if values.VERSION >= (5, 0, 0) else ways.WANTS_DEFORM_ONLY
+    while before and before[-1].type in kinds and nodes.identity(before[-1]) in newcomers:
+        newcomer = before.pop()
+        last = before[-1] if before else None
+        is_copy = last is not None and nodes.identity(last) not in newcomers and _is_copy(newcomer, last)
+        if newcomer not in found and not is_copy:
+            found.insert(0, newcomer)
+    return found
+
+
+def _is_copy(modifier, of):
+    """Blender puts the copy of a modifier right behind it."""
+    names = "object", "subtarget", "strength", "falloff_type", "falloff_radius", "vertex_group"
+    return modifier.type == of.type == "HOOK" and all(getattr(modifier, name) == getattr(of, name) for name in names)
 
 
 def remove_own_modifier(ob):
