@@ -258,6 +258,29 @@ def test_a_bone_of_a_further_modifier_is_renamed(fresh_scene, other_armature):
     assert len(ob.sinew.modifiers) == 2
 
 
+def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene):
+    """Through another object that has the same data. Blender gives up the driver, which waits for the bone."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = twin_of(ob)
+    for frame in (1, 4, 7, 10):
+        pose(armature, frame, False)
+    other = armature.copy()
+    fresh_scene.collection.objects.link(other)
+    accelerate(ob)
+    assert_plays(ob, twin, (2, 3))
+    select(other)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name in ("bone4", "side"):
+        other.data.edit_bones.remove(other.data.edit_bones[name])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    assert_plays(ob, twin, (5, 6))
+    entry = addon_module("session.characters").character(ob)
+    assert entry.hook_of(ob).driver.is_valid and entry.is_deforming
+
+
 def test_a_further_modifier_is_mixed_in_later(character, other_armature):
     """Blender evaluates its armature first: else its pose would now and then be that of the frame before."""
     ob, twin, armature = character

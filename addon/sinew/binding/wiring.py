@@ -175,8 +175,12 @@ def targets_of(hook):
 
 
 def has_lost_target(hook):
-    """An object was deleted: Blender gives up such a driver."""
-    return any(target.id is None for target in _objects_of(hook))
+    """An object or a bone was deleted: Blender gives up such a driver, or does not call it when it should."""
+    bones = {target.id: target.id.data.bones for target in _objects_of(hook) if target.bone_target and target.id}
+    return any(
+        target.id is None or target.bone_target and target.bone_target not in bones[target.id]
+        for target in _objects_of(hook)
+    )
 
 
 def _objects_of(hook):
@@ -193,7 +197,7 @@ def wire(ob, modifier, targets=(), waits=True):
     armatures = dict.fromkeys(each.object for each in mixed if each.object is not None)
     wanted = hook_variables(ob, list(armatures), targets, waits)
     hook = hook_of(ob, modifier)
-    if hook is not None and _present(hook) == [variable[1:] for variable in wanted]:
+    if hook is not None and hook.driver.is_valid and _present(hook) == [variable[1:] for variable in wanted]:
         return
     animation.remove_driver(ob, path_of(modifier))
     animation.drive(ob, path_of(modifier), wanted)

@@ -20,6 +20,8 @@ EDITING = {"EDIT", "SCULPT"}
 # Where influences depend on the shape's place (envelopes, curved B-bones) and it moves against its armature, they would
 # have to be made anew on each frame. So often it may happen between two edits:
 MOST_REBUILDS = 8
+# Blender gives up a driver that names something that is gone. It is made anew, but not for ever if that does not help.
+MOST_REVIVALS = 100
 
 
 @dataclass
@@ -80,6 +82,7 @@ class Character:
     _lacks: tuple | None = None  # the situation in which the file lacks something
     _given_up: tuple | None = None  # the one that cannot be mended
     _rebuilds: int = 0  # of layers since the last edit
+    _revivals: int = 0  # of the hook
     edition: int = 0  # a number that no other edition of this mesh has had; 0: not known
     is_deforming: bool = False  # in the last pass; else Blender did
     is_copy_known: bool = False  # the deformed copy was looked at
@@ -144,6 +147,15 @@ class Character:
             return True
         keys = {(values.key_of(ob), bone) for ob, bone in targets}
         return keys <= wiring.targets_of(hook) and not wiring.has_lost_target(hook)
+
+    def is_given_up(self, original):
+        """Whether Blender has given the hook up, and it is to be made anew. (That of a mesh without vertices before 3.5
+        cannot be helped.)"""
+        hook = self.hook_of(original)
+        if hook is None or hook.driver.is_valid or self._revivals >= MOST_REVIVALS or not original.data.vertices:
+            return False
+        self._revivals += 1
+        return True
 
     def _has_too_much(self, original):
         """Whether the file has what is there for the way through an attribute alone."""

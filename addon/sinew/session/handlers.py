@@ -15,6 +15,8 @@ from . import characters, deformed_copies, mail, precomputing, whole_frames, wri
 
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
 forgotten_with_file = [notice.forget, whole_frames.forget, precomputing.forget]  # called as another file is opened
+_seen_gathering = None  # of bound meshes
+_bone_names = {}  # key of an armature's data -> those of its bones
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
 
 
@@ -42,7 +44,7 @@ def on_depsgraph_update(_scene, depsgraph):
     shared_group.follow()
     if objects:
         changed = _changed(depsgraph)
-        _note_edits(objects, changed)
+        _note_edits(objects, changed, _may_have_lost_something(depsgraph))
         copied = deformed_copies.those_of([ob for ob in objects if ob.sinew.is_bound])
         deformed_copies.follow(copied, depsgraph, changed)
     else:
@@ -72,6 +74,7 @@ def on_undo_redo(*_):
 
 
 def forget(is_undo=False):
+    _bone_names.clear()
     characters.forget(is_undo)
     deformed_copies.forget()
     posing.forget()
@@ -93,8 +96,22 @@ def _what_it_depends_on(ob):
     return map(values.key_of, (ob, ob.data, *armatures, *(armature.data for armature in armatures)))
 
 
-def _note_edits(objects, changed):
-    """A modifier may have been applied or removed; the bones of imported poses may have been moved."""
+def _may_have_lost_something(depsgraph):
+    """Whether there are other bones than before, or more objects or fewer."""
+    global _seen_gathering
+    last, _seen_gathering = _seen_gathering, characters.gathering()
+    is_suspect = last != _seen_gathering
+    for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Armature):  # a pose says so too
+            key, names = values.key_of(update.id), update.id.original.bones.keys()
+            is_suspect |= _bone_names.get(key) != names
+            _bone_names[key] = names
+    return is_suspect
+
+
+def _note_edits(objects, changed, may_lack):
+    """A modifier may have been applied or removed; the bones of imported poses may have been moved. may_lack: what a
+    driver waits for may have gone, or not be all."""
     for ob in objects:
         key = values.key_of(ob)
         if key in changed and bind.release_if_undone(ob):
@@ -103,7 +120,7 @@ def _note_edits(objects, changed):
         if entry.way.kind == ways.BLENDER and not changed.isdisjoint(_what_it_depends_on(ob)):
             entry.look_again()
             entry.look(ob)
-        elif entry.is_wired and not entry.waits_for_targets(ob):
+        elif entry.is_wired and (entry.is_given_up(ob) or may_lack and not entry.waits_for_targets(ob)):
             mail.post(bind.rewire, key)
         armature = ob.sinew.last_armature
         if armature is not None and values.key_of(armature.data) in changed:
