@@ -235,12 +235,15 @@ def test_what_cannot_be_followed_is_refused_and_left_alone():
     ob.modifiers.move(1, 0) if hasattr(ob.modifiers, "move") else bpy.ops.object.modifier_move_up(modifier="Wave")
     with pytest.raises(RuntimeError, match="cannot use the output Mesh.*Wave comes before Armature"):
         bpy.ops.object.sinew_bind(output="MESH")
-    other = ob.modifiers["Armature"].object.copy()
+    armature_name, other = ob.modifiers["Armature"].object.name, ob.modifiers["Armature"].object.copy()
     bpy.context.collection.objects.link(other)
     second = ob.modifiers.new("Second", "ARMATURE")
     second.object, second.use_multi_modifier = other, True
     select(other, ob)
-    with pytest.raises(RuntimeError, match="capsule mixes Second with"):
+    with pytest.raises(RuntimeError, match=f"capsule mixes Second with .*; bind the mesh to {armature_name} instead"):
+        bpy.ops.object.sinew_bind()
+    ob.modifiers["Armature"].object = None
+    with pytest.raises(RuntimeError, match="capsule mixes Second with .*; Armature has no armature: choose one there"):
         bpy.ops.object.sinew_bind()
     assert not ob.sinew.is_bound
     assert [m.name for m in ob.modifiers] == ["Wave", "Armature", "Second"]

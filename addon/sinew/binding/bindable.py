@@ -94,10 +94,15 @@ def check_bindable(ob, armature):
             "cannot take over: set the parent type to Object and add an Armature modifier"
         )
     replaced = armature_modifier(ob, armature)
-    if replaced and first_of_mix(ob, replaced) != replaced:
+    first = replaced and first_of_mix(ob, replaced)
+    if first != replaced:
         raise BindingError(
-            f"{ob.name} mixes {replaced.name} with the Armature modifier before it (Multi Modifier); bind the mesh "
-            f"to {first_of_mix(ob, replaced).object.name} instead"
+            f"{ob.name} mixes {replaced.name} with the Armature modifier before it (Multi Modifier); "
+            + (
+                f"bind the mesh to {first.object.name} instead"
+                if first.object is not None
+                else f"{first.name} has no armature: choose one there, or remove it"
+            )
         )
     held = {*wiring.SHOWS, wiring.CARRIER}
     for modifier in modifiers_to_take(ob, armature):
