@@ -258,16 +258,11 @@ def test_a_bone_of_a_further_modifier_is_renamed(fresh_scene, other_armature):
     assert len(ob.sinew.modifiers) == 2
 
 
-def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene):
+def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene, character):
     """Through another object that has the same data. Blender gives up the driver, which waits for the bone."""
-    armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
-    for frame in (1, 4, 7, 10):
-        pose(armature, frame, False)
+    ob, twin, armature = character
     other = armature.copy()
     fresh_scene.collection.objects.link(other)
-    accelerate(ob)
     assert_plays(ob, twin, (2, 3))
     select(other)
     bpy.ops.object.mode_set(mode="EDIT")

@@ -161,10 +161,8 @@ def displaced_modifiers(ob, newcomers):
     if own is None:
         return []
     before = list(ob.modifiers)[: ob.modifiers.find(own.name)]
-    if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None:  # it came first
-        found = [modifier for modifier in before if modifier.type in ways.WANTS_DEFORM_ONLY]
-    else:
-        found = []
+    came_first = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None
+    found = [modifier for modifier in before if came_first and modifier.type in ways.WANTS_DEFORM_ONLY]
     kinds = {"HOOK", *ways.WANTS_DEFORM_ONLY} if values.VERSION >= (5, 0, 0) else ways.WANTS_DEFORM_ONLY
     while before and before[-1].type in kinds and nodes.identity(before[-1]) in newcomers:
         newcomer = before.pop()

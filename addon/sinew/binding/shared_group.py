@@ -8,24 +8,24 @@ it now is: an object to which a handler gave a modifier with a new group would b
 from ..blender import nodes
 from ..session import characters
 
-_followed = None  # the gathering of bound meshes that was followed last
-
 
 def see_to():
     """After a mesh was bound or released, or a file opened, and before saving."""
-    if not follow():
+    if _is_needed():
+        nodes.node_group()
+    else:
         nodes.forget_unused_groups()
 
 
 def follow():
     """In handlers, which remove no data-block in the middle of somebody's operator: bound meshes may have been appended
-    or deleted. Returns whether there are any that are this file's own."""
-    global _followed
-    is_needed = any(ob.library is None for ob in characters.bound_objects())
-    if _followed != characters.gathering():
-        _followed = characters.gathering()
-        if is_needed:
-            nodes.node_group()
-        else:
-            nodes.let_groups_go()
-    return is_needed
+    or deleted."""
+    if _is_needed():
+        nodes.node_group()
+    else:
+        nodes.let_groups_go()
+
+
+def _is_needed():
+    """Whether a mesh is bound that is this file's own."""
+    return any(ob.library is None for ob in characters.bound_objects())

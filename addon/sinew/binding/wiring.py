@@ -176,9 +176,8 @@ def targets_of(hook):
 
 def has_lost_target(hook):
     """An object or a bone was deleted: Blender gives up such a driver, or does not call it when it should."""
-    bones = {target.id: target.id.data.bones for target in _objects_of(hook) if target.bone_target and target.id}
     return any(
-        target.id is None or target.bone_target and target.bone_target not in bones[target.id]
+        target.id is None or target.bone_target and target.bone_target not in target.id.data.bones
         for target in _objects_of(hook)
     )
 

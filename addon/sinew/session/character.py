@@ -67,7 +67,7 @@ class Character:
     shortcuts: dict = field(default_factory=dict)  # see shortcuts.py
     stages: object = field(default_factory=stages.Stages)  # of the run
     timings: Timings = field(default_factory=Timings)
-    newcomers: frozenset = frozenset()  # modifiers.identity of those that came since the main thread saw to the mesh
+    newcomers: frozenset = frozenset()  # nodes.identity of those that came since the main thread saw to the mesh
     _modifiers: frozenset | None = None  # that of all of them when the object was last looked at
     sharer_count: int | None = None  # objects that have its mesh; None: count
     moves_against_armature: bool = False  # again and again
@@ -140,12 +140,12 @@ class Character:
     def waits_for_targets(self, original):
         """Whether the hook, if it is where it was, waits for the armatures and for all that the run's Hook modifiers
         follow, and for nothing that is gone: modifiers, objects and bones come and go."""
-        armatures = [(original.modifiers[name].object, "") for name in self.taken if name in original.modifiers]
-        targets = [target for target in (*armatures, *runs.hooks(original, self.run)) if target[0] is not None]
         hook = self.hook_of(original)
         if hook is None:
             return True
-        keys = {(values.key_of(ob), bone) for ob, bone in targets}
+        armatures = [(original.modifiers[name].object, "") for name in self.taken if name in original.modifiers]
+        targets = (*armatures, *runs.hooks(original, self.run))
+        keys = {(values.key_of(ob), bone) for ob, bone in targets if ob is not None}
         return keys <= wiring.targets_of(hook) and not wiring.has_lost_target(hook)
 
     def is_given_up(self, original):

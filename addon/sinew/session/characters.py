@@ -22,8 +22,7 @@ log = logging.getLogger("sinew")
 _characters = {}  # key of the mesh object -> Character
 _editions = {}  # key of the mesh object -> the edition of its mesh, kept through undo
 _edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
-_gatherings = itertools.count()
-_gathering_number = -1
+_gathering_number = 0
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 _gathering = threading.Lock()
 
@@ -113,7 +112,7 @@ def _name(ob):
 
 def _gather():
     global _object_count, _gathering_number
-    _gathering_number = next(_gatherings)
+    _gathering_number += 1
     old = dict(_characters)
     _characters.clear()
     for ob in bpy.data.objects:

@@ -41,10 +41,13 @@ def on_depsgraph_update(_scene, depsgraph):
     take_over_open_file()
     receive_strangers(depsgraph)
     objects = characters.bound_objects()
-    shared_group.follow()
+    has_gathered = _has_gathered()
+    if has_gathered:
+        shared_group.follow()
     if objects:
         changed = _changed(depsgraph)
-        _note_edits(objects, changed, _may_have_lost_something(depsgraph))
+        has_other_bones = _has_other_bones(depsgraph)
+        _note_edits(objects, changed, has_gathered or has_other_bones)
         copied = deformed_copies.those_of([ob for ob in objects if ob.sinew.is_bound])
         deformed_copies.follow(copied, depsgraph, changed)
     else:
@@ -96,17 +99,22 @@ def _what_it_depends_on(ob):
     return map(values.key_of, (ob, ob.data, *armatures, *(armature.data for armature in armatures)))
 
 
-def _may_have_lost_something(depsgraph):
-    """Whether there are other bones than before, or more objects or fewer."""
+def _has_gathered():
+    """Whether there are more objects than at the last update, or fewer, or others."""
     global _seen_gathering
     last, _seen_gathering = _seen_gathering, characters.gathering()
-    is_suspect = last != _seen_gathering
+    return last != _seen_gathering
+
+
+def _has_other_bones(depsgraph):
+    """Whether an armature has others than when it was last updated."""
+    has_others = False
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Armature):  # a pose says so too
             key, names = values.key_of(update.id), update.id.original.bones.keys()
-            is_suspect |= _bone_names.get(key) != names
+            has_others |= _bone_names.get(key) != names
             _bone_names[key] = names
-    return is_suspect
+    return has_others
 
 
 def _note_edits(objects, changed, may_lack):
