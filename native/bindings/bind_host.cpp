@@ -72,22 +72,12 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
   return array_of(addresses);
 }
 
-// Bits of a shape key's flags. Blender has the first; the others are free, and lost when Blender
-// copies the key anew.
-constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
-
 /// layout: offsets in a key of its flags and its value.
 py::array_t<float> silence_keys(const py::array_t<std::int64_t>& keys, const std::array<std::ptrdiff_t, 2>& layout) {
   const auto addresses = keys.unchecked<1>();
   std::vector<float> values(addresses.shape(0), 0.0f);
   for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
-    const auto at = static_cast<Address>(addresses(k));
-    auto flags = read<std::uint16_t>(at + layout[0]);
-    const bool muted = flags & (flags & kSeen ? kMutedByUser : kMuted);
-    flags = static_cast<std::uint16_t>(flags & ~kMutedByUser) | kMuted | kSeen;
-    if (muted) flags |= kMutedByUser;
-    write(at + layout[0], flags);
-    if (!muted) values[k] = read<float>(at + layout[1]);
+    values[k] = silence_key(static_cast<Address>(addresses(k)), layout[0], layout[1]);
   }
   return array_of(values);
 }

@@ -1,6 +1,8 @@
 #include <pybind11/stl.h>
 
+#include <Eigen/LU>
 #include <array>
+#include <chrono>
 #include <memory>
 #include <optional>
 
@@ -47,6 +49,21 @@ class Watched {
   std::vector<char> seen_;
 };
 
+bool is_flat(const Matrix4<float>& place) { return place.cast<double>().determinant() == 0; }
+
+/// From the armature's space to the mesh's; nothing if they are one.
+std::optional<Matrix4<double>> space_between(const Matrix4<float>& mesh, const Matrix4<float>& armature) {
+  if (mesh == armature) return std::nullopt;
+  return mesh.cast<double>().inverse() * armature.cast<double>();
+}
+
+Matrix4<float> placed(const char* name, const py::array& array) {
+  if (array.ndim() != 2 || array.shape(0) != 4 || array.shape(1) != 4) wrong_shape(name, array, "(4, 4)");
+  require_dtype<float>(name, array);
+  const auto numbers = py::array_t<float, py::array::c_style>(array);
+  return Matrix4<float>::Map(numbers.data()).transpose();
+}
+
 /// The bones of one armature that move a layer.
 struct PoseSource {
   struct Bone {
@@ -88,58 +105,115 @@ struct Switch {
   std::int32_t clear, set;
 };
 
+/// Where the shape keys of an evaluated mesh lie; the deformed shape goes into the first one's numbers.
+struct KeySource {
+  std::vector<Address> keys;
+  std::array<std::ptrdiff_t, 4> layout;  ///< of a key's flags, value, address of its numbers, how many these are
+  std::vector<float> values;
+
+  /// Has Blender add none of them, and takes their values.
+  void take() {
+    for (std::size_t k = 1; k < keys.size(); ++k) values[k] = silence_key(keys[k], layout[0], layout[1]);
+  }
+
+  /// Null if the first key has another number of points.
+  float* points(std::ptrdiff_t count) const {
+    if (read<std::int32_t>(keys[0] + layout[3]) != count) return nullptr;
+    return reinterpret_cast<float*>(read<Address>(keys[0] + layout[2]));
+  }
+};
+
+/// The addresses of two matrices from an object's space to the world's, as Blender has them: of the mesh and of an
+/// armature.
+using Places = std::pair<Address, Address>;
+
+Matrix4<float> matrix_at(Address at) { return Matrix4<float>::Map(reinterpret_cast<const float*>(at)); }
+
 class Shortcut {
  public:
   Shortcut(py::object deformer, const std::vector<std::pair<Address, std::size_t>>& watched,
            const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>& poses,
-           const std::array<std::ptrdiff_t, 6>& layout,
-           const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches)
+           const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
+           const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
+           const std::optional<std::pair<std::vector<Address>, std::array<std::ptrdiff_t, 4>>>& keys,
+           const std::optional<py::array>& rest_positions)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched),
-        layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}} {
-    if (poses.size() != deformer_.layers().size()) {
-      throw InputError("poses has " + std::to_string(poses.size()) + " entries; the deformer has " +
-                       std::to_string(deformer_.layers().size()) + " layers");
+        layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}},
+        places_(std::move(places)),
+        stage_owners_(stages),
+        stages_(stages_of(stages)),
+        rest_owner_(rest_positions),
+        milliseconds_(stages_.size() + 2, 0.0) {
+    const std::size_t layers = deformer_.layers().size();
+    if (poses.size() != layers || places_.size() != layers) {
+      throw InputError("poses and places have " + std::to_string(poses.size()) + " and " +
+                       std::to_string(places_.size()) + " entries; the deformer has " + std::to_string(layers) +
+                       " layers");
     }
     for (const auto& [at, first_joints, joint_counts] : poses) {
       const Layer& layer = *deformer_.layers()[sources_.size()];
       sources_.emplace_back(at, first_joints, joint_counts, layer.skin().joint_count());
     }
     for (const auto& [address, clear, set] : switches) switches_.push_back({address, clear, set});
+    if (keys) {
+      if (keys->first.empty()) throw InputError("keys has no address; expected one per key");
+      keys_ = {keys->first, keys->second, std::vector<float>(keys->first.size(), 0.0f)};
+    }
+    if (rest_owner_) rest_ = numbers_span("rest_positions", *rest_owner_, 2, "(V, 3)");
     poses_.resize(sources_.size());
   }
 
   bool holds() const { return watched_.holds(); }
 
-  void deform(const py::object& out, const std::vector<std::optional<py::array_t<double, py::array::c_style>>>& spaces,
-              const py::sequence& stages, const std::optional<py::array>& milliseconds) {
-    const auto positions = written_span<float>("out", given_array("out", out), {deformer_.vertex_count(), 3});
-    const std::vector<Stage> in_order = stages_of(stages);
-    std::span<double> times;
-    if (milliseconds) {
-      times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});
-    }
-    if (spaces.size() != sources_.size()) throw InputError("spaces needs one entry per layer");
-    for (std::size_t i = 0; i < sources_.size(); ++i) {
-      poses_[i].mesh_from_armature.reset();
-      if (!spaces[i]) continue;
-      if (spaces[i]->size() != 16) wrong_shape("space", *spaces[i], "(4, 4)");
-      poses_[i].mesh_from_armature = Matrix4<double>::Map(spaces[i]->data()).transpose();
-    }
+  /// out  address of V x 3 floats; unused where there are keys.
+  bool deform(Address out) {
     const py::gil_scoped_release release;
+    const Watch watch;
+    if (!watched_.holds()) return false;
     for (std::size_t i = 0; i < sources_.size(); ++i) {
+      if (!place(i)) return false;
       gather(sources_[i]);
       const std::ptrdiff_t joints = std::ssize(sources_[i].matrices) / 16;
       poses_[i].matrices = {sources_[i].matrices.data(), 1, joints, 16 * joints, 16, 1, 4};
     }
-    deformer_.deform(poses_, positions, {}, {}, in_order, times);
+    auto* positions = reinterpret_cast<float*>(out);
+    if (!keys_.keys.empty()) {
+      positions = keys_.points(deformer_.vertex_count());
+      if (!positions) return false;
+      keys_.take();
+    }
+    const auto count = static_cast<std::size_t>(3 * deformer_.vertex_count());
+    milliseconds_[0] = watch.milliseconds();
+    deformer_.deform(poses_, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
     }
+    return true;
   }
 
+  const std::vector<double>& milliseconds() const { return milliseconds_; }
+
  private:
+  class Watch {
+   public:
+    double milliseconds() const {
+      return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+    }
+
+   private:
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  };
+
+  /// The change of space of layer i; false if an object is flat.
+  bool place(std::size_t i) {
+    const Matrix4<float> mesh = matrix_at(places_[i].first), armature = matrix_at(places_[i].second);
+    if (is_flat(mesh) || is_flat(armature)) return false;
+    poses_[i].mesh_from_armature = space_between(mesh, armature);
+    return true;
+  }
+
   void gather(PoseSource& source) const {
     const auto pose = read<Address>(source.at);
     const auto bones = pose == 0 ? 0 : read<Address>(pose + layout_.array);
@@ -162,39 +236,72 @@ class Shortcut {
   const Deformer& deformer_;
   Watched watched_;
   PoseLayout layout_;
+  std::vector<Places> places_;
+  py::object stage_owners_;
+  std::vector<Stage> stages_;
+  std::optional<py::array> rest_owner_;
+  std::span<const float> rest_;
+  KeySource keys_;
   std::vector<PoseSource> sources_;
   std::vector<Switch> switches_;
   std::vector<LayerPose> poses_;
+  std::vector<double> milliseconds_;
 };
 
 }  // namespace
 
 void bind_shortcut(py::module_& host) {
   py::class_<Shortcut>(host, "Shortcut",
-                       "A frame in which nothing but the pose has changed. Of one evaluated object: "
-                       "for one thread at a time.")
+                       "A frame in which nothing but the pose and the values of shape keys has changed. Of one "
+                       "evaluated object: for one thread at a time.")
       .def(py::init<py::object, const std::vector<std::pair<Address, std::size_t>>&,
                     const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
-                    const std::array<std::ptrdiff_t, 6>&,
-                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&>(),
-           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("switches"),
-           "deformer: a Deformer without keys or whose keys add nothing.\n"
+                    const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
+                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
+                    const std::optional<std::pair<std::vector<Address>, std::array<std::ptrdiff_t, 4>>>&,
+                    const std::optional<py::array>&>(),
+           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
+           py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
+           py::arg("rest_positions") = py::none(),
+           "deformer: a Deformer.\n"
            "watched: (address, size) of memory that says that all is as now, looked at in this "
            "order.\n"
            "poses: a layer each, (address at which the address of the pose stands, first_joints, "
            "joint_counts), these as in read_pose.\n"
            "layout: byte offsets in a pose of its list of bones and its array of their addresses, "
            "then what read_pose takes.\n"
+           "places: a layer each, the addresses of 16 float32, column by column: from the mesh's space to the world's, "
+           "and from the armature's.\n"
            "switches: (address of an int32, bits to clear, bits to set).\n"
+           "stages: as Deformer.deform has them.\n"
+           "keys: (addresses of the shape keys, byte offsets in a key of its flags, its value, the address of its "
+           "points and their number), or None. The shape goes into the first key's points.\n"
+           "rest_positions: (V, 3) float32, as Deformer.deform has them, or None.\n"
            "Raises ValueError for sizes that do not fit.")
       .def("holds", &Shortcut::holds, "Whether what is watched is as it was.")
-      .def("deform", &Shortcut::deform, py::arg("out"), py::arg("spaces"), py::arg("stages") = py::tuple(),
-           py::arg("milliseconds") = py::none(),
-           "To be called if it holds: reads the poses, deforms, and sets the switches.\n\n"
-           "out: (V, 3) float32; spaces: (4, 4) float64 or None a layer; stages; milliseconds: as "
-           "Deformer.deform has them.\n"
+      .def("deform", &Shortcut::deform, py::arg("out") = 0,
+           "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"
+           "out: address of V x 3 float32, C-contiguous, for the shape; not used where there are keys.\n"
+           "Returns False, having done nothing, if it does not hold, if the first key has another number of points, "
+           "or if an object's scale is 0 along an axis.\n"
            "Raises ValueError, with the switches as they were, if a pose has other bones or "
-           "segments.");
+           "segments.")
+      .def_property_readonly(
+          "milliseconds", [](py::object self) { return view_list(self.cast<const Shortcut&>().milliseconds(), self); },
+          "(S + 2,) float64, read-only, of the last frame: reading the pose, keys and layers, each stage.");
+  host.def(
+      "space_between",
+      [](const py::array& mesh, const py::array& armature) -> std::optional<py::array> {
+        const auto space = space_between(placed("mesh", mesh), placed("armature", armature));
+        if (!space) return std::nullopt;
+        py::array_t<double> result({4, 4});
+        Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(result.mutable_data()) = *space;
+        return result;
+      },
+      py::arg("mesh"), py::arg("armature"),
+      "From the space of an armature to that of a mesh.\n\n"
+      "mesh, armature: (4, 4) float32, from their space to the world's; the mesh's has an inverse.\n"
+      "Returns (4, 4) float64, or None if the two are equal: what a Shortcut computes, to the bit.");
 }
 
 }  // namespace sinew::bindings

@@ -42,4 +42,18 @@ inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_
   return true;
 }
 
+// Bits of a shape key's flags. Blender has the first; the others are free, and lost when Blender
+// copies the key anew.
+constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
+
+/// Mutes a key of an evaluated copy. Returns its value, 0 if the user has muted it.
+inline float silence_key(Address key, std::ptrdiff_t flags_at, std::ptrdiff_t value_at) {
+  auto flags = read<std::uint16_t>(key + flags_at);
+  const bool muted = flags & (flags & kSeen ? kMutedByUser : kMuted);
+  flags = static_cast<std::uint16_t>(flags & ~kMutedByUser) | kMuted | kSeen;
+  if (muted) flags |= kMutedByUser;
+  write(key + flags_at, flags);
+  return muted ? 0.0f : read<float>(key + value_at);
+}
+
 }  // namespace sinew::bindings

@@ -150,16 +150,16 @@ def assert_plays_without_the_addon(path, ob, twin):
 
 def make_fail(monkeypatch, name):
     """Has the deformation of the mesh object of that name fail from now on."""
-    characters = addon_module("session.characters")
-    poses = characters.Character.poses
+    graph_copy = addon_module("session.graph_copies").GraphCopy
+    poses = graph_copy.poses
 
-    def fail(entry, *arguments):
-        if entry.name[0] == name:
+    def fail(copy, *arguments):
+        if copy.character.name[0] == name:
             raise RuntimeError("It was told to fail")
-        return poses(entry, *arguments)
+        return poses(copy, *arguments)
 
-    monkeypatch.setattr(characters.Character, "poses", fail)
-    monkeypatch.setattr(addon_module("session.shortcuts"), "take", lambda *_: False)
+    monkeypatch.setattr(graph_copy, "poses", fail)
+    monkeypatch.setattr(addon_module("session.shortcuts"), "take", lambda _: False)
 
 
 def into_a_shot(folder, overridden):

@@ -591,6 +591,5 @@ def test_mesh_without_faces_or_edges(fresh_scene):
 def test_frames_that_are_alike_go_the_shorter_way(fresh_scene, make):
     ob, twin = make(animated)
     assert_same_on_all_frames(fresh_scene, ob, twin, (16, 17, 18, 19))  # behind the last keyframe
-    entry = addon_module("session.characters").character(ob)
-    assert entry.shortcuts[ob.evaluated_get(depsgraph()).as_pointer()].holds(entry)
+    assert addon_module("session.shortcuts").of(ob.evaluated_get(depsgraph())).holds()
     assert_same_on_all_frames(fresh_scene, ob, twin)

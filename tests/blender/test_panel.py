@@ -197,16 +197,16 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     shortcuts = addon_module("session.shortcuts")
     take = shortcuts.take
 
-    def note_taken(entry, evaluated_object):
-        taken = take(entry, evaluated_object)
+    def note_taken(evaluated_object):
+        taken = take(evaluated_object)
         calls.extend([True] * taken)
         return taken
 
     monkeypatch.setattr(shortcuts, "take", note_taken)
     is_at_work = characters.Character.is_at_work
 
-    def note(entry, evaluated_object):
-        calls.append(is_at_work(entry, evaluated_object))
+    def note(entry, copy, evaluated_object):
+        calls.append(is_at_work(entry, copy, evaluated_object))
         return calls[-1]
 
     monkeypatch.setattr(characters.Character, "is_at_work", note)
@@ -217,7 +217,9 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     for name in "Whole Frame", "Without Sinew":
         assert float(said[said.index(name) + 1].removesuffix(" ms")) > 0
     assert (fresh_scene.frame_current, fresh_scene.frame_subframe) == (4, 0.5)
-    assert np.array_equal(evaluated(ob), before) and is_at_work(characters.of(ob), ob.evaluated_get(depsgraph()))
+    entry, evaluated_object = characters.of(ob), ob.evaluated_get(depsgraph())
+    assert np.array_equal(evaluated(ob), before)
+    assert is_at_work(entry, entry.copy_of(evaluated_object), evaluated_object)
     other = bpy.data.scenes.new("other")
     assert addon_module("session.whole_frames").last(other) is None
     ob.sinew.output = "MESH"

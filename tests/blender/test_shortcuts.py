@@ -32,13 +32,13 @@ def play(scene, first):
 
 def shortcut_of(ob):
     """Of its evaluated copy, or None."""
-    return addon_module("session.characters").character(ob).shortcuts.get(ob.evaluated_get(depsgraph()).as_pointer())
+    return addon_module("session.shortcuts").of(ob.evaluated_get(depsgraph()))
 
 
 def goes_it(ob):
     """Whether the next frame goes the shorter way."""
     shortcut = shortcut_of(ob)
-    return shortcut is not None and shortcut.holds(addon_module("session.characters").character(ob))
+    return shortcut is not None and shortcut.holds()
 
 
 def test_it_is_the_modifiers_shape(in_use):

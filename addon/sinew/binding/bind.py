@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..blender import memory, meshes, nodes, values
+from ..blender import meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
@@ -57,7 +57,6 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
         _set_method(settings, taken[0], method)
     settings.output = settings.installed_output = output
     wiring.wire(ob, taken[0] if taken else nodes.add_modifier(ob, len(ob.modifiers)))
-    memory.clear_mark(ob.data, "MESH")
     # Last, since the settings' update callbacks act on bound meshes alone.
     settings.is_bound = True
     characters.forget_object(ob)

@@ -15,6 +15,7 @@ from . import layout
 
 host = sinew_native.host
 _SEEN = 0x53  # what a mark is
+_MOST_GROUPS = 1 << 20
 _DEFORM_VERTICES = 2  # Blender's number for that kind of data on vertices
 
 
@@ -49,9 +50,13 @@ def mark_region(block, kind):
 
 def take_mark(block, kind):
     """Whether an evaluated data-block is the copy that was seen last; it counts as seen from now on. The mark is a
-    byte that Blender does not use, so it goes when Blender copies the block anew: after an edit."""
-    byte = _mark(block, kind)
-    seen = byte.value == _SEEN
+    byte that Blender does not use, so it goes when Blender copies the block anew: after an edit.
+
+    An original has none, unless it was made from an evaluated copy (`evaluated.data.copy()`) or comes from a file: all
+    its copies would be marked from the beginning. It is healed."""
+    byte, of_original = _mark(block, kind), _mark(block.original, kind)
+    seen = byte.value == _SEEN and of_original.value == 0
+    of_original.value = 0
     byte.value = _SEEN
     return seen
 
@@ -61,11 +66,23 @@ def is_marked(block, kind):
 
 
 def clear_mark(block, kind):
-    """Also of an original, which may have become one from an evaluated copy (Convert to Mesh)."""
     _mark(block, kind).value = 0
 
 
+def origin_region(block):
+    """(address, size) of what says of which original an evaluated data-block is the copy."""
+    return region(block, "ID", "*orig_id")
+
+
 # --- weights --------------------------------------------------------------------------------------
+
+
+def group_names(mesh):
+    """Names of the vertex groups of that very copy of a mesh."""
+    first = _address_at(region(mesh, "Mesh", "vertex_group_names")[0])
+    offset, _type, size = layout.structs()["bDeformGroup"].members["name"]
+    addresses = host.list_addresses(first, _MOST_GROUPS).tolist()
+    return tuple(ctypes.string_at(address + offset, size).partition(b"\0")[0].decode() for address in addresses)
 
 
 def deform_vertices(mesh):

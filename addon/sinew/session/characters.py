@@ -4,24 +4,21 @@ Caches are dropped on load and undo. Data-blocks are known by key and name, not 
 Blender replaces the block.
 """
 
-import itertools
 import logging
 import threading
-import time
 
 import bpy
 
 from ..blender import meshes, values
 from ..feedback import notice
 from ..native import sinew_native
-from . import layers, mail
+from . import layers, mail, shortcuts
 from .character import Character
 
 log = logging.getLogger("sinew")
 
 _characters = {}  # key of the mesh object -> Character
 _editions = {}  # key of the mesh object -> the edition of its mesh, kept through undo
-_edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
 _gathering_number = 0
 _object_count = -1  # of the file when _characters was last gathered; -1: gather again
 _gathering = threading.Lock()
@@ -53,10 +50,6 @@ def _new(key, name):
     return Character(key, name, edition=_editions.get(key, 0))
 
 
-def new_edition():
-    return next(_edition_numbers)
-
-
 def forget(is_undo=False):
     """Drop everything that is cached, as after load."""
     global _object_count
@@ -65,6 +58,7 @@ def forget(is_undo=False):
         _editions.update((key, entry.edition) for key, entry in _characters.items())
     _characters.clear()
     layers.forget_editions()
+    shortcuts.forget()
     mail.forget()
     _object_count = -1
 

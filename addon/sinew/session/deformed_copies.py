@@ -85,49 +85,52 @@ def _follow_one(entry, ob, depsgraph):
     evaluated = ob.evaluated_get(depsgraph)
     if ob.mode in character.EDITING or not evaluated.is_evaluated:
         return
-    shape = _shape_of(entry, ob, evaluated)
+    seen = entry.copy_of(evaluated)
+    shape = _shape_of(seen, ob, evaluated)
     entry.copy_stays = shape is None
     if shape is None:
         return
     # What is painted may wait: vertices are where they were.
-    is_stale = copy.sinew.copied_edition != entry.edition and ob.mode == "OBJECT"
+    is_stale = copy.sinew.copied_edition != seen.edition and ob.mode == "OBJECT"
     if is_stale or copy.data.library is not None or len(copy.data.vertices) != len(shape):
-        deformed_copy.renew(copy, ob, entry.edition)
+        deformed_copy.renew(copy, ob, seen.edition)
     entry.is_copy_known = True
     meshes.write_positions(copy.data, shape)
 
 
-def _shape_of(entry, ob, evaluated):
-    """(V, 3) float32, to be used at once: as the viewport shows it after Sinew's stage; None: it is not to be had."""
-    if not ob.sinew.show_shape or not _is_shown(entry, evaluated):
+def _shape_of(seen, ob, evaluated):
+    """(V, 3) float32, to be used at once: as the viewport shows it after Sinew's stage; None: it is not to be had.
+    seen: graph_copies.GraphCopy of the evaluated object."""
+    plan = seen.plan or characters.of(ob).plan
+    if not ob.sinew.show_shape or not _is_shown(plan, evaluated):
         return meshes.read_positions(ob.data)
-    if not entry.is_deforming:
-        shape = meshes.read_positions(evaluated.data) if _ends_with_ours(entry, ob) else None
+    if not seen.is_deforming:
+        shape = meshes.read_positions(evaluated.data) if _ends_with_ours(plan, ob) else None
         return shape if shape is not None and len(shape) == len(ob.data.vertices) else None
-    mesh = wiring.waits_for(entry.hook_of(evaluated), "mesh")
+    mesh = wiring.waits_for(plan.hook_of(evaluated), "mesh")
     count = len(mesh.vertices)
     if count == 0:
         return meshes.read_positions(ob.data)
-    if entry.way.kind == ways.KEYS:
+    if plan.way.kind == ways.KEYS:
         return memory.key_positions(memory.key_addresses(mesh.shape_keys)[0], count)
     return memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
 
 
-def _is_shown(entry, evaluated):
+def _is_shown(plan, evaluated):
     """Whether Sinew's stage is, in the viewport."""
-    if not entry.shown:
-        return entry.run.shown[0]
-    if entry.shown[0] is None:  # on this frame
-        return evaluated.modifiers[entry.taken[0]].show_viewport
-    return entry.shown[0][0]
+    if not plan.shown:
+        return plan.run.shown[0]
+    if plan.shown[0] is None:  # on this frame
+        return evaluated.modifiers[plan.taken[0]].show_viewport
+    return plan.shown[0][0]
 
 
-def _ends_with_ours(entry, ob):
+def _ends_with_ours(plan, ob):
     """Whether what Blender's own modifiers make is the shape after Sinew's stage."""
-    if entry.way.in_pass:  # from the next evaluation on
-        return not entry.run.end
+    if plan.way.in_pass:  # from the next evaluation on
+        return not plan.run.end
     shown = [modifier for modifier in ob.modifiers if modifier.show_viewport and not nodes.is_sinew(modifier)]
-    return not shown or shown[-1].name in entry.taken
+    return not shown or shown[-1].name in plan.taken
 
 
 _said = set()

@@ -3,6 +3,7 @@
 Ordinarily a mesh has one layer. It has more where Multi Modifier mixes the results of several modifiers.
 """
 
+import itertools
 import threading
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -71,40 +72,45 @@ class Weights:
 # --- bones ----------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Edition:
-    number: int
-    signature: list
-
-
-_editions = {}  # key of an armature data-block -> _Edition
+_numbers = {}  # key of an armature's data -> [(number, signature)] of the last editions of its bones
+_copies = {}  # address of an evaluated armature's data -> number of the edition that was read from it
 _editions_lock = threading.Lock()
+_new_number = itertools.count(1)
+MOST_EDITIONS = 4  # of one armature; another graph may have an older one
+MOST_COPIES = 1024
 
 
 def forget_editions():
-    _editions.clear()
+    with _editions_lock:
+        _numbers.clear()
+        _copies.clear()
 
 
 def edition_of_bones(armature):
-    """(key of the armature's data, a number that changes when somebody has changed the bones), of an evaluated
-    armature. Bones are compared only when Blender has copied the armature anew: after edits, and as bones are posed by
-    hand, but not on a frame."""
+    """(key of the armature's data, a number that is another one for other bones), of an evaluated armature. Bones are
+    compared only when Blender has copied the armature anew: after edits, and as bones are posed by hand, but not on a
+    frame."""
     data = armature.data
-    key = values.key_of(data)
+    key, address = values.key_of(data), data.as_pointer()
     with _editions_lock:
-        seen, known = memory.take_mark(data, "ARMATURE"), _editions.get(key)
-        if seen and known is not None:
-            return key, known.number
+        if memory.take_mark(data, "ARMATURE") and address in _copies:
+            return key, _copies[address]
         signature = armatures.bone_signature(armature)
-        if known is None or known.signature != signature:
-            known = _editions[key] = _Edition(known.number + 1 if known else 0, signature)
-        return key, known.number
+        known = _numbers.setdefault(key, [])
+        number = next((number for number, other in known if other == signature), 0)
+        if not number:
+            number = next(_new_number)
+            known.append((number, signature))
+            del known[:-MOST_EDITIONS]
+        if len(_copies) >= MOST_COPIES:
+            _copies.clear()
+        _copies[address] = number
+        return key, number
 
 
-def is_edition(key, number):
-    """Whether nobody has changed the bones since, as far as that has been looked into."""
-    known = _editions.get(key)
-    return known is not None and known.number == number
+def is_edition(address, number):
+    """Whether that is the edition that was last read from the evaluated armature's data there."""
+    return _copies.get(address) == number
 
 
 def is_posed(armature):
@@ -120,7 +126,9 @@ class Layer:
     skin: object  # sinew_native.Skin
     influences: Influences
     bones: Bones
-    made_of: tuple  # settings, edition of the bones: if they change, the layer is made anew
+    weights: Weights
+    rest: np.ndarray  # (V, 3)
+    made_of: tuple  # (settings, method, its number), edition of the bones: if they change, the layer is made anew
     space: bytes | None  # from armature to mesh, when it was made
     wanted: str = ""  # methods.made_of, of a method that is precomputed
     lacks: str = ""  # what is the matter with what was precomputed, see methods.py
@@ -128,12 +136,15 @@ class Layer:
 
     @property
     def edition(self):
-        """Of the bones, as edition_of_bones has it."""
-        return self.made_of[1:]
+        """Of the bones, the number that edition_of_bones gives."""
+        return self.made_of[-1]
 
-    def holds(self, made_of, mesh_from_armature):
-        return self.made_of == made_of and (
-            not self.influences.depend_on_shape or self.space == _bytes(mesh_from_armature)
+    def holds(self, weights, rest, made_of, mesh_from_armature):
+        return (
+            self.weights is weights
+            and self.rest is rest
+            and self.made_of == made_of
+            and (not self.influences.depend_on_shape or self.space == _bytes(mesh_from_armature))
         )
 
     def read_pose(self, armature):
@@ -153,10 +164,11 @@ class Layer:
         return numbers.transpose(0, 2, 1)
 
 
-def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, number, method, text, kept):
-    """settings: Settings; weights: Weights; rest (V, 3): rest positions, space of the mesh; armature: evaluated;
-    mesh_from_armature (4, 4) or None; number: of the layer, 0 the first; method: methods.Method; text: with what it has
-    precomputed, or None; kept: methods.Kept, which reads it."""
+def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept):
+    """weights: Weights; rest (V, 3): rest positions, space of the mesh; armature: evaluated; mesh_from_armature (4, 4)
+    or None; made_of: ((Settings, methods.Method, number of the layer), edition of the bones); text: with what the
+    method has precomputed, or None; kept: methods.Kept, which reads it."""
+    settings, method, number = made_of[0]
     bones = Bones(**armatures.read_bones(armature))
     index = {name: i for i, name in enumerate(bones.names)}
     bone_of_group = np.array([index.get(name, -1) for name in weights.names] + [-1], np.int32)
@@ -207,6 +219,8 @@ def make_layer(settings, weights, rest, armature, mesh_from_armature, made_of, n
         skin,
         own,
         bones,
+        weights,
+        rest,
         made_of,
         _bytes(mesh_from_armature),
         wanted,

@@ -10,23 +10,27 @@ import numpy as np
 
 from ..binding import ways, wiring
 from ..blender import memory, nodes
-from . import layers, stages
+from . import character, layers, stages
 
-MOST = 32  # of one mesh: a render has evaluated objects of its own, and each render new ones
+_known = {}  # address of an evaluated object -> Shortcut
 
 
 class Shortcut:
-    def __init__(self, entry, ob, modifiers, behind):
-        """modifiers, behind: evaluated, the Armature modifiers and those of the run behind them."""
-        self.deformer = entry.deformer
-        self.stages = entry.stages.at(ob, entry.stage_names(ob), None)
-        self.editions = [layer.edition for layer in entry.layers]
+    def __init__(self, copy, ob, modifiers, behind):
+        """copy: graph_copies.GraphCopy; modifiers, behind: evaluated, the Armature modifiers and those of the run
+        behind them."""
+        self.copy = copy
+        self.stages = copy.stages.at(ob, copy.stage_names(ob), None)
         self.armatures = [modifier.object for modifier in modifiers]
-        target = wiring.target_of(entry.hook_of(ob), "mesh")
+        self.editions = [
+            (armature.data.as_pointer(), layer.edition) for armature, layer in zip(self.armatures, copy.layers)
+        ]
+        target = wiring.target_of(copy.hook_of(ob), "mesh")
         self.mesh = target.id
         self.count = len(self.mesh.vertices)
         watched = [
             memory.mark_region(ob, "OBJECT"),
+            memory.origin_region(ob),
             memory.region(ob, "Object", "mode"),
             memory.region(target, "DriverTarget", "*id"),
             memory.mark_region(self.mesh, "MESH"),
@@ -45,66 +49,78 @@ class Shortcut:
         for modifier in behind:
             watched += stages.watched(modifier)
         switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in (*modifiers, *behind)]
-        switches.append(memory.mode_switch(ob.modifiers[entry.own], *entry.run.shown))
+        switches.append(memory.mode_switch(ob.modifiers[copy.plan.own], *copy.plan.run.shown))
         poses = [
             (memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
-            for layer, armature in zip(entry.layers, self.armatures)
+            for layer, armature in zip(copy.layers, self.armatures)
         ]
-        self.native = memory.host.Shortcut(self.deformer, watched, poses, memory.posed_layout(), switches)
+        self.native = memory.host.Shortcut(copy.deformer, watched, poses, memory.posed_layout(), switches)
 
-    def holds(self, entry):
+    def holds(self):
+        copy = self.copy
         return (
-            entry.is_made_with(self.deformer)
+            copy.looks == copy.character.looks
+            and not character.stands_aside()
             and self.native.holds()
             and all(layers.is_edition(*edition) for edition in self.editions)
         )
 
-    def prepare(self, ob):
-        """What its native half takes."""
-        return (
-            memory.attribute_vectors(self.mesh.attributes[nodes.POSITION_ATTRIBUTE], self.count),
-            [layers.space_between(ob, armature) for armature in self.armatures],
-        )
+    def run(self, ob):
+        start = perf_counter()
+        out = memory.attribute_vectors(self.mesh.attributes[nodes.POSITION_ATTRIBUTE], self.count)
+        spaces = [layers.space_between(ob, armature) for armature in self.armatures]
+        milliseconds = np.empty(len(self.stages) + 2)
+        milliseconds[0] = 1e3 * (perf_counter() - start)
+        self.native.deform(out, spaces, self.stages, milliseconds[1:])
+        self.copy.character.timings.take(milliseconds)
 
 
-def take(entry, ob):
+def forget():
+    _known.clear()
+
+
+def of(ob):
+    """Of an evaluated object, or None."""
+    return _known.get(ob.as_pointer())
+
+
+def take(ob):
     """Deforms an evaluated object. False: nothing was done, the whole way is to be gone."""
     address = ob.as_pointer()
-    shortcut = entry.shortcuts.get(address)
+    shortcut = _known.get(address)
     if shortcut is None:
         return False
-    if not shortcut.holds(entry):
-        entry.shortcuts[address] = None  # for good: the whole way marks the object anew, and its modifiers may be gone
+    if not shortcut.holds():
+        _known.pop(address, None)  # for good: the modifiers that it knows may be gone
+        shortcut.copy.note_other_frame()
         return False
-    start = perf_counter()
-    out, spaces = shortcut.prepare(ob)
-    milliseconds = np.empty(len(shortcut.stages) + 1)
-    prepared = perf_counter()
-    shortcut.native.deform(out, spaces, shortcut.stages, milliseconds)
-    entry.timings.take(prepared - start, milliseconds)
+    try:
+        shortcut.run(ob)
+    except Exception:
+        _known.pop(address, None)
+        raise
     return True
 
 
-def learn(entry, ob):
-    """The whole way has just been gone for this evaluated object."""
-    known, address = entry.shortcuts, ob.as_pointer()
-    if address not in known:  # while somebody edits, no two frames are alike
-        if len(known) >= MOST:
-            known.clear()
-        known[address] = None
-    elif _is_plain(entry, ob):
-        known[address] = Shortcut(
-            entry, ob, [ob.modifiers[name] for name in entry.taken], [ob.modifiers[name] for name in entry.run.stages]
+def learn(copy, ob):
+    """The whole way has just been gone for this evaluated object. Returns whether nothing had to be made for it."""
+    alike = copy.note_frame()
+    if alike >= copy.patience and _is_plain(copy, ob):
+        plan = copy.plan
+        _known[ob.as_pointer()] = Shortcut(
+            copy, ob, [ob.modifiers[name] for name in plan.taken], [ob.modifiers[name] for name in plan.run.stages]
         )
+    return alike > 1
 
 
-def _is_plain(entry, ob):
+def _is_plain(copy, ob):
+    plan = copy.plan
     return (
-        entry.way.kind == ways.ATTRIBUTE
-        and entry.taken
-        and entry.deformer.vertex_count > 0
+        plan.way.kind == ways.ATTRIBUTE
+        and plan.taken
+        and copy.deformer.vertex_count > 0
         and ob.sinew.source != "CLIP"
-        and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in entry.run.stages)
-        and all(not layer.influences.depend_on_shape for layer in entry.layers)
-        and all(layers.is_posed(ob.modifiers[name].object) for name in entry.taken)
+        and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in plan.run.stages)
+        and all(not layer.influences.depend_on_shape for layer in copy.layers)
+        and all(layers.is_posed(ob.modifiers[name].object) for name in plan.taken)
     )

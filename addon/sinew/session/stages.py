@@ -127,6 +127,12 @@ class OwnSmoothing:
         self.vertex_group, self.invert_vertex_group = skinning.smooth_group, skinning.smooth_invert
 
 
+def names(ob, run):
+    """Of the stages behind skinning: of modifiers, or OWN. run: runs.Run."""
+    own = (OWN,) if ob.sinew.skinning.smooth_iterations > 0 else ()
+    return (*own, *run.stages)
+
+
 def modifier_of(ob, name):
     """The modifier of an evaluated object that a stage stands in for, or what takes its place."""
     return OwnSmoothing(ob.sinew.skinning) if name == OWN else ob.modifiers[name]

@@ -1,0 +1,204 @@
+"""Several dependency graphs evaluate the same bound mesh, and their copies of it need not be of the same age: what one
+of them has read must not count for another. And what tells a graph's copy from a new one must not get into originals."""
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
+from helpers import addon_module, assert_same_shape, depsgraph, evaluated, twin_of
+
+
+@pytest.fixture(params=["plain", "volume", "keys", "smoothed"])
+def two_graphs(request, fresh_scene):
+    """scene, bound mesh that two scenes show, its twin, armature, the graph of the second scene."""
+    armature = make_armature()
+    ob = make_mesh(armature, request.param == "volume")
+    if request.param == "keys":
+        add_shape_keys(ob)
+    if request.param == "smoothed":
+        smoothed(ob, iterations=3)
+    for frame in (1, 6, 12):
+        pose(armature, frame, False)
+    twin = twin_of(ob)
+    accelerate(ob)
+    other = bpy.data.scenes.new("Other")
+    for each in (ob, twin, armature):
+        other.collection.objects.link(each)
+    layer = other.view_layers[0]
+    layer.update()
+    for frame in (2, 3, 4):
+        fresh_scene.frame_set(frame)
+    assert_same_shape(ob, twin)
+    return fresh_scene, ob, twin, armature, layer.depsgraph
+
+
+def move_vertices(ob):
+    for vertex in ob.data.vertices:
+        vertex.co.x *= 1.5
+    if ob.data.shape_keys:
+        for point in ob.data.shape_keys.key_blocks[0].data:
+            point.co.x *= 1.5
+    ob.data.update()
+
+
+def paint(ob):
+    ob.vertex_groups["bone3"].add(range(0, 1200, 2), 0.9, "REPLACE")
+
+
+def name_groups_anew(ob):
+    ob.vertex_groups["bone2"].name = "nothing"
+
+
+def mask(ob):
+    ob.modifiers["Armature"].vertex_group = "bone2"
+
+
+def switch_method(ob):
+    modifier = ob.modifiers["Armature"]
+    modifier.use_deform_preserve_volume = not modifier.use_deform_preserve_volume
+
+
+def add_modifier(ob):
+    ob.modifiers.new("Cast", "CAST").factor = 0.4
+
+
+def as_if_just_copied(old):
+    """An evaluated object and its mesh and keys, as a graph has them that has not deformed them yet."""
+    memory, wiring = addon_module("blender.memory"), addon_module("binding.wiring")
+    hook = wiring.hook_of(old, wiring.carrier_of(old))
+    mesh = wiring.waits_for(hook, "mesh")
+    memory.clear_mark(old, "OBJECT")
+    memory.clear_mark(mesh, "MESH")
+
+
+@pytest.mark.parametrize(
+    "edit",
+    (move_vertices, paint, name_groups_anew, mask, switch_method, add_modifier),
+    ids=lambda edit: edit.__name__,
+)
+def test_an_older_copy_says_nothing_of_a_newer_one(two_graphs, edit):
+    """A render goes on with the mesh as it was when it began."""
+    scene, ob, twin, _, graph = two_graphs
+    old = ob.evaluated_get(graph)
+    shape = evaluated(twin)
+    for each in (ob, twin):
+        edit(each)
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    assert not np.array_equal(evaluated(twin), shape)
+    as_if_just_copied(old)
+    addon_module("session.in_pass").deform_now(old)
+    for frame in (5, 6, 7, 8):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+def test_an_older_copy_of_the_bones_says_nothing_of_a_newer_one(two_graphs):
+    scene, ob, twin, armature, graph = two_graphs
+    memory, old = addon_module("blender.memory"), ob.evaluated_get(graph)
+    armature.data.bones["bone2"].use_deform = False
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    as_if_just_copied(old)
+    memory.clear_mark(old.modifiers["Armature"].object.data, "ARMATURE")
+    addon_module("session.in_pass").deform_now(old)
+    for frame in (5, 6, 7, 8):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+
+
+def test_copies_that_are_equal_share_what_was_made(two_graphs):
+    _, ob, _, _, graph = two_graphs
+    characters = addon_module("session.characters")
+    scenes = [bpy.context.scene.view_layers[0].depsgraph, graph]
+    first, second = (characters.character(ob).copy_of(ob.evaluated_get(each)) for each in scenes)
+    assert first is not second and first.deformer is not second.deformer
+    assert first.weights is second.weights and first.rest is second.rest and first.layers[0] is second.layers[0]
+
+
+# --- marks ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["plain", "keys"])
+def playing(request, fresh_scene):
+    """scene, bound mesh, twin, armature."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    if request.param == "keys":
+        add_shape_keys(ob)
+    for frame in (1, 6, 12):
+        pose(armature, frame, False)
+    twin = twin_of(ob)
+    accelerate(ob)
+    for frame in (2, 3, 4):
+        fresh_scene.frame_set(frame)
+    return fresh_scene, ob, twin, armature
+
+
+def assert_edits_are_seen(scene, ob, twin):
+    for edit in (paint, move_vertices, mask):
+        for each in (ob, twin):
+            edit(each)
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, twin)
+        for frame in (5, 6, 7):
+            scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+
+
+def marked(ob, armature):
+    """The original data-blocks of a character that have a mark."""
+    memory = addon_module("blender.memory")
+    blocks = {"OBJECT": ob, "MESH": ob.data, "ARMATURE": armature.data, "KEY": ob.data.shape_keys}
+    return [kind for kind, block in blocks.items() if block is not None and memory.is_marked(block, kind)]
+
+
+def test_a_mesh_made_from_an_evaluated_one(playing):
+    scene, ob, twin, armature = playing
+    meshes = [each.evaluated_get(depsgraph()).data.copy() for each in (ob, twin)]
+    for each, mesh in zip((ob, twin), meshes):
+        each.data = mesh
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    assert_edits_are_seen(scene, ob, twin)
+    assert marked(ob, armature) == []
+
+
+def test_an_armature_made_from_an_evaluated_one(playing):
+    scene, ob, twin, armature = playing
+    armature.data = armature.evaluated_get(depsgraph()).data.copy()
+    bpy.context.view_layer.update()
+    assert_same_shape(ob, twin)
+    for edit in (
+        lambda: setattr(armature.data.bones["bone2"], "use_deform", False),
+        lambda: setattr(armature.data.bones["bone1"], "bbone_segments", 5),
+    ):
+        edit()
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, twin)
+        for frame in (5, 6, 7):
+            scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+    assert marked(ob, armature) == []
+
+
+def test_a_file_with_marks(playing, tmp_path):
+    """As other programs may leave in bytes that Blender does not use, and Sinew 0.2 did."""
+    scene, ob, twin, armature = playing
+    memory = addon_module("blender.memory")
+    names = ob.name, twin.name, armature.name
+    for kind, block in (("OBJECT", ob), ("MESH", ob.data), ("ARMATURE", armature.data), ("KEY", ob.data.shape_keys)):
+        if block is not None:
+            memory.take_mark(block, kind)
+            assert memory.is_marked(block, kind)
+    path = str(tmp_path / "marked.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    ob, twin, armature = (bpy.data.objects[name] for name in names)
+    scene = bpy.context.scene
+    for frame in (2, 3, 4):
+        scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert_edits_are_seen(scene, ob, twin)
+    assert marked(ob, armature) == []
