@@ -1,5 +1,5 @@
-"""Several dependency graphs evaluate the same bound mesh, and their copies of it need not be of the same age: what one
-of them has read must not count for another. And what tells a graph's copy from a new one must not get into originals."""
+"""Several dependency graphs evaluate the same bound mesh, and their copies of it need not be of the same age: what was
+read from one must not count for another. And what tells a graph's copy from a new one must not get into originals."""
 
 import bpy
 import numpy as np
@@ -73,9 +73,7 @@ def as_if_just_copied(old):
 
 
 @pytest.mark.parametrize(
-    "edit",
-    (move_vertices, paint, name_groups_anew, mask, switch_method, add_modifier),
-    ids=lambda edit: edit.__name__,
+    "edit", (move_vertices, paint, name_groups_anew, mask, switch_method, add_modifier), ids=lambda edit: edit.__name__
 )
 def test_an_older_copy_says_nothing_of_a_newer_one(two_graphs, edit):
     """A render goes on with the mesh as it was when it began."""

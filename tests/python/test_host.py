@@ -92,8 +92,22 @@ class Pose(ctypes.Structure):
     _fields_ = [("first", ctypes.c_void_p), ("last", ctypes.c_void_p), ("array", ctypes.c_void_p)]
 
 
+Place = ctypes.c_float * 16
+
+
 class Owner(ctypes.Structure):
-    _fields_ = [("pose", ctypes.c_void_p), ("state", ctypes.c_int32), ("mode", ctypes.c_int32)]
+    _fields_ = [
+        ("pose", ctypes.c_void_p),
+        ("state", ctypes.c_int32),
+        ("mode", ctypes.c_int32),
+        ("mesh_place", Place),
+        ("armature_place", Place),
+    ]
+
+
+def placed(matrix):
+    """As Blender has it: column by column."""
+    return Place(*np.asarray(matrix, np.float32).T.reshape(-1))
 
 
 @pytest.fixture
@@ -102,7 +116,7 @@ def posed():
     bones, motions, segments = pose()
     array = (ctypes.c_void_p * 3)(*map(ctypes.addressof, bones))
     own = Pose(array[0], array[2], ctypes.addressof(array))
-    owner = Owner(ctypes.addressof(own), 7, 0b1011)
+    owner = Owner(ctypes.addressof(own), 7, 0b1011, placed(np.eye(4)), placed(np.eye(4)))
     rest = np.random.default_rng(2).normal(size=(3, 3)).astype(np.float32)
     skin = sinew_native.Skin(rest, np.arange(4), np.array([0, 2, 4]), np.ones(3), 5)
     deformer = sinew_native.Deformer([sinew_native.Layer(skin, "linear")])
@@ -112,6 +126,7 @@ def posed():
         [(address + Owner.state.offset, 4)],
         [(address, [0, -1, 1], [1, 0, 3])],
         (Pose.first.offset, Pose.array.offset, *BONE),
+        [(address + Owner.mesh_place.offset, address + Owner.armature_place.offset)],
         [(address + Owner.mode.offset, 0b0011, 0b0100)],
     )
     return SimpleNamespace(
@@ -132,22 +147,121 @@ def as_poses(posed, space=None):
     return [(matrices.reshape(-1, 4, 4).transpose(0, 2, 1), space)]
 
 
-@pytest.mark.parametrize("space", [None, np.diag([1.0, 2.0, 3.0, 1.0])], ids=["one space", "two"])
-def test_a_shortcut_gives_the_deformers_bits(posed, space):
+MESH = np.array([[0, -2, 0, 1], [2, 0, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]], np.float32)
+ARMATURE = np.array([[1, 0, 0, 4], [0, 0, -1, 5], [0, 1, 0, 6], [0, 0, 0, 1]], np.float32)
+
+
+@pytest.mark.parametrize("mesh, armature", [(MESH, MESH), (MESH, ARMATURE)], ids=["one space", "two"])
+def test_a_shortcut_gives_the_deformers_bits(posed, mesh, armature):
     out, wanted = np.empty((2, 3, 3), np.float32)
-    posed.shortcut.deform(out, [space])
-    posed.deformer.deform(as_poses(posed, space), wanted)
+    posed.owner.mesh_place, posed.owner.armature_place = placed(mesh), placed(armature)
+    assert posed.shortcut.deform(out.ctypes.data)
+    posed.deformer.deform(as_poses(posed, host.space_between(mesh, armature)), wanted)
     assert np.array_equal(out, wanted) and posed.owner.mode == 0b1100
+    assert posed.shortcut.milliseconds.shape == (2,) and (posed.shortcut.milliseconds >= 0).all()
+
+
+def test_the_space_between_two_places():
+    assert host.space_between(MESH, MESH.copy()) is None
+    wanted = np.linalg.inv(MESH.astype(np.float64)) @ ARMATURE
+    assert np.allclose(host.space_between(MESH, ARMATURE), wanted, rtol=0, atol=1e-15)
+    with pytest.raises(ValueError, match=r"mesh has shape \(3, 4\)"):
+        host.space_between(MESH[:3], ARMATURE)
+    with pytest.raises(ValueError, match="armature is float64"):
+        host.space_between(MESH, np.eye(4))
+
+
+@pytest.mark.parametrize("flat", ["mesh_place", "armature_place"])
+def test_a_shortcut_of_something_flat(posed, flat):
+    out = np.zeros((3, 3), np.float32)
+    setattr(posed.owner, flat, placed(np.diag([1, 0, 1, 1])))
+    assert not posed.shortcut.deform(out.ctypes.data)
+    assert posed.owner.mode == 0b1011 and not out.any()
 
 
 def test_a_shortcut_holds_as_long_as_nothing_has_changed(posed):
+    out = np.zeros((3, 3), np.float32)
     assert posed.shortcut.holds()
     posed.owner.mode = 0
     assert posed.shortcut.holds()
     posed.owner.state = 8
-    assert not posed.shortcut.holds()
+    assert not posed.shortcut.holds() and not posed.shortcut.deform(out.ctypes.data)
+    assert posed.owner.mode == 0 and not out.any()
     posed.owner.state = 7
     assert posed.shortcut.holds()
+
+
+class KeyWithPoints(ctypes.Structure):
+    _fields_ = [*Key._fields_, ("points", ctypes.c_void_p), ("count", ctypes.c_int32)]
+
+
+def keyed(stages=(), mode=0b11):
+    """A shortcut for two shape keys, without an armature; all that it reads and writes."""
+    base = np.random.default_rng(4).normal(size=(5, 3)).astype(np.float32)
+    native = sinew_native.ShapeKeys([base, base + 1, base - 2], np.array([0, 0, 0]))
+    deformer = sinew_native.Deformer(keys=native)
+    points = base.copy()
+    structs = [KeyWithPoints(None, 1.0, 0, points.ctypes.data, 5), KeyWithPoints(None, 0.25), KeyWithPoints(None, 0.5)]
+    owner = Owner(None, 7, mode)
+    layout = tuple(getattr(KeyWithPoints, name).offset for name in ("flags", "value", "points", "count"))
+    shortcut = host.Shortcut(
+        deformer,
+        [],
+        [],
+        (0,) * 6,
+        [],
+        [(ctypes.addressof(owner) + Owner.mode.offset, 0b01, 0)],
+        stages,
+        ([ctypes.addressof(key) for key in structs], layout),
+    )
+    return SimpleNamespace(shortcut=shortcut, deformer=deformer, keys=structs, points=points, owner=owner)
+
+
+def test_a_shortcut_through_shape_keys():
+    made = keyed()
+    for values in ((0.25, 0.5), (1.0, 0.0)):
+        made.keys[1].value, made.keys[2].value = values
+        wanted = np.empty((5, 3), np.float32)
+        made.deformer.deform([], wanted, np.array([0, *values], np.float32))
+        assert made.shortcut.deform()
+        assert np.array_equal(made.points, wanted)
+        assert [key.flags & 1 for key in made.keys] == [0, 1, 1] and made.owner.mode == 0b10
+
+
+def test_a_shortcut_leaves_out_a_key_that_the_user_has_muted():
+    made = keyed()
+    made.keys[1].flags = 1
+    wanted = np.empty((5, 3), np.float32)
+    made.deformer.deform([], wanted, np.array([0, 0, 0.5], np.float32))
+    for _ in range(2):
+        assert made.shortcut.deform() and np.array_equal(made.points, wanted)
+
+
+def test_a_shortcut_through_keys_of_another_mesh():
+    made = keyed()
+    before = made.points.copy()
+    made.keys[0].count = 4
+    assert not made.shortcut.deform()
+    assert np.array_equal(made.points, before) and made.owner.mode == 0b11
+    assert [key.flags for key in made.keys] == [0, 0, 0]
+
+
+def test_a_shortcut_with_stages():
+    edges = np.array([[0, 1], [1, 2], [2, 3], [3, 4]], np.int32)
+    topology = sinew_native.Topology(5, edges, np.zeros(1, np.int32), np.zeros(0, np.int32))
+    stage = sinew_native.Smooth(topology).stage(0.5, 2)
+    made = keyed([stage])
+    wanted = np.empty((5, 3), np.float32)
+    made.deformer.deform([], wanted, np.array([0, 0.25, 0.5], np.float32), stages=[stage])
+    assert made.shortcut.deform() and np.array_equal(made.points, wanted)
+    assert made.shortcut.milliseconds.shape == (3,)
+
+
+def test_a_shortcut_for_stages_alone():
+    rest = np.random.default_rng(6).normal(size=(5, 3)).astype(np.float32)
+    deformer, out = sinew_native.Deformer(vertex_count=5), np.empty((5, 3), np.float32)
+    shortcut = host.Shortcut(deformer, [], [], (0,) * 6, [], [], rest_positions=rest)
+    assert shortcut.deform(out.ctypes.data) and np.array_equal(out, rest)
 
 
 def spoil_first(posed):
@@ -175,14 +289,14 @@ def test_a_shortcut_through_another_pose(posed, spoil):
     spoil(posed)
     out = np.zeros((3, 3), np.float32)
     with pytest.raises(ValueError, match="other bones|other segments"):
-        posed.shortcut.deform(out, [None])
+        posed.shortcut.deform(out.ctypes.data)
     assert posed.owner.mode == 0b1011 and not out.any()
 
 
 @pytest.mark.parametrize(
     "poses, sentence",
     [
-        ([], "0 entries; the deformer has 1 layers"),
+        ([], "0 and 1 entries; the deformer has 1 layers"),
         ([(0, [], [])], "one number per bone"),
         ([(0, [0, 1], [1])], "one number per bone"),
         ([(0, [3], [3])], "too few joints"),
@@ -191,7 +305,7 @@ def test_a_shortcut_through_another_pose(posed, spoil):
 )
 def test_a_shortcut_that_does_not_fit(posed, poses, sentence):
     with pytest.raises(ValueError, match=sentence):
-        host.Shortcut(posed.deformer, [], poses, (0,) * 6, [])
+        host.Shortcut(posed.deformer, [], poses, (0,) * 6, [(0, 0)], [])
 
 
 def test_keys_are_silenced_and_given_back():

@@ -9,6 +9,7 @@ import ctypes
 import functools
 
 import numpy as np
+from mathutils import Matrix
 
 from ..native import sinew_native
 from . import layout
@@ -151,11 +152,55 @@ def read_pose(armature, first_joints, joint_counts, out):
     host.read_pose(armature.pose.bones[0].as_pointer(), first_joints, joint_counts, pose_layout(), out)
 
 
+# --- places ---------------------------------------------------------------------------------------
+
+
+@functools.lru_cache(maxsize=1)
+def place_layout():
+    """(offset in an object of the address at which its matrix to the world's space lies or None, offset of the matrix
+    from there or from the object), or None if it is not where it is looked for. To be called from the main thread
+    first."""
+    members = layout.structs()["Object"].members
+    for name in ("obmat", "object_to_world"):  # before 4.1
+        if name in members:
+            return None, members[name][0]
+    # Later it is in a struct that Blender's description does not have. It is the first member there; an object that
+    # is placed like no other tells whether that is so.
+    with layout.temporary_data() as data:
+        probe = data.objects.new("", None)
+        probe.matrix_world = Matrix.Translation((3, 5, 7)) @ Matrix.Diagonal((11, 13, 17, 1))
+        place = members["*runtime"][0], 0
+        return place if _matrix_at(_place_address(probe, place)) == _columns(probe.matrix_world) else None
+
+
+def _place_address(ob, place):
+    pointer, offset = place
+    start = ob.as_pointer()
+    return (start if pointer is None else _address_at(start + pointer)) + offset
+
+
+def _matrix_at(address):
+    return list((ctypes.c_float * 16).from_address(address))
+
+
+def _columns(matrix):
+    return [number for column in matrix.transposed() for number in column]
+
+
+def place_address(ob):
+    """The address of 16 float32, column by column: the matrix of an evaluated object to the world's space, for as long
+    as Blender has not copied the object anew; None if it cannot be found."""
+    place = place_layout()
+    address = place and _place_address(ob, place)
+    return address if address and _matrix_at(address) == _columns(ob.matrix_world) else None
+
+
 # --- shape keys -----------------------------------------------------------------------------------
 
 
 @functools.cache
-def _key_layout():
+def key_layout():
+    """Byte offsets in a key of its flags, its value, the address of its points, and their number."""
     key = layout.structs()["KeyBlock"]
     return key.offset("flag"), key.offset("curval"), key.offset("*data"), key.offset("totelem")
 
@@ -168,7 +213,7 @@ def key_addresses(keys):
 
 def key_positions(address, count):
     """(count, 3) float32: a key's numbers themselves, or None if it has another number of them."""
-    _flag, _value, data, total = _key_layout()
+    _flag, _value, data, total = key_layout()
     address = int(address)
     if ctypes.c_int32.from_address(address + total).value != count:
         return None
@@ -178,11 +223,11 @@ def key_positions(address, count):
 def silence_keys(addresses):
     """Has Blender add nothing to the reference key in an evaluated copy. Returns (K,) float32, the keys' values, 0
     for what the user has muted."""
-    return host.silence_keys(addresses, _key_layout()[:2])
+    return host.silence_keys(addresses, key_layout()[:2])
 
 
 def give_keys_back(addresses):
-    host.give_keys_back(addresses, _key_layout()[0])
+    host.give_keys_back(addresses, key_layout()[0])
 
 
 @functools.lru_cache(maxsize=64)

@@ -24,11 +24,16 @@ def is_flat(ob):
     return ob.matrix_world.determinant() == 0
 
 
-def relative_matrix(ob, armature):
-    """(4, 4): from the armature's space to the object's. Raises Flat."""
-    for each in ob, armature:
+def refuse_flat(*objects):
+    """Raises Flat."""
+    for each in objects:
         if is_flat(each):
             raise Flat(f"{each.name} has a scale of 0 along an axis; set another scale")
+
+
+def relative_matrix(ob, armature):
+    """(4, 4): from the armature's space to the object's. Raises Flat."""
+    refuse_flat(ob, armature)
     return np.linalg.inv(matrix_to_numpy(ob.matrix_world)) @ matrix_to_numpy(armature.matrix_world)
 
 

@@ -7,7 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..binding import bind, deformed_copy, old_files, shared_group, ways, wiring
-from ..blender import layout, meshes, nodes, values
+from ..blender import memory, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
@@ -180,7 +180,7 @@ def take_over_open_file():
     if not _is_file_unknown or threading.current_thread() is not threading.main_thread():
         return
     _is_file_unknown = False
-    layout.structs()
+    memory.place_layout()
     for ob in characters.bound_objects():
         if old_files.is_old(ob):
             bind.bind_anew(ob)

@@ -231,9 +231,8 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
 
 def space_between(ob, armature):
     """(4, 4): from the armature's space to the mesh object's; None where they are one. Raises values.Flat."""
-    if ob.matrix_world == armature.matrix_world and not values.is_flat(ob):
-        return None
-    return values.relative_matrix(ob, armature)
+    values.refuse_flat(ob, armature)
+    return sinew_native.host.space_between(*(np.array(each.matrix_world, np.float32) for each in (ob, armature)))
 
 
 def _share(mask, vertex_count):
