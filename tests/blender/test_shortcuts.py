@@ -17,17 +17,7 @@ from characters import (
     smoothed,
     with_bendy_bones,
 )
-from helpers import (
-    addon_module,
-    assert_same_on_all_frames,
-    assert_same_shape,
-    depsgraph,
-    evaluated,
-    select,
-    stages,
-    twin_of,
-    way,
-)
+from helpers import addon_module, assert_same_on_all_frames, assert_same_shape, depsgraph, select, stages, twin_of, way
 
 
 @pytest.fixture(params=["linear", "volume", "keys", "smoothed"])
