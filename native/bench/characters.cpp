@@ -142,7 +142,7 @@ Character read_character(const std::filesystem::path& folder, int subdivisions, 
     limit_influences(mesh, heads, influences, at_least);
   }
 
-  Character character{skin_of(mesh, columns), {}, {}, {}, {}, {}, {0}, {}};
+  Character character{skin_of(mesh, columns), {}, {}, {}, {}, {}, {}, {}, {0}, {}};
   for (const auto& face : mesh.faces) {
     character.face_vertices.insert(character.face_vertices.end(), face.begin(), face.end());
     character.face_offsets.push_back(static_cast<std::int32_t>(character.face_vertices.size()));
@@ -160,11 +160,14 @@ Character read_character(const std::filesystem::path& folder, int subdivisions, 
   }
   for (const std::int32_t joint : joint_of) {
     character.inverse_rest.push_back(rig.skeleton.inverse_rest()[joint]);
+    character.rest_frames.push_back(character.inverse_rest.back().inverse());
   }
   const auto joints = rig.skeleton.joint_count();
   std::vector<Eigen::Quaterniond> rotations(joint_count);
   std::vector<Matrix4<double>> local(joint_count), world(joint_count);
   std::vector<Matrix4<float>> matrices(joint_count);
+  Matrix4<double> stretch = Matrix4<double>::Identity();
+  stretch.diagonal() << 0.98, 1.05, 0.97, 1;
   for (int f = 0; f < frames; ++f) {
     rig.poses->sample(static_cast<double>(rig.poses->pose_count()) * f / frames, true, rotations);
     rotation_transforms<double>(rotations, MatrixStack<double>::of(local.data(), 1, joints));
@@ -174,7 +177,10 @@ Character read_character(const std::filesystem::path& folder, int subdivisions, 
                               MatrixStack<float>::of(matrices.data(), 1, joints));
     for (const std::int32_t joint : joint_of) {
       character.transforms.push_back(world[joint]);
+      const std::size_t j = character.matrices.size() % joint_of.size();
+      const Matrix4<double> along = character.rest_frames[j] * stretch * character.inverse_rest[j];
       character.matrices.push_back(matrices[joint]);
+      character.stretched.push_back(j % 2 == 0 ? matrices[joint] : matrices[joint] * along.cast<float>());
     }
   }
   return character;

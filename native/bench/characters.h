@@ -16,6 +16,8 @@ struct Character {
   Eigen::MatrixXd dense_weights;              ///< V x J; empty above kMostDense vertices
   Eigen::MatrixXd rest;                       ///< V x 3, as long as dense_weights is there
   std::vector<Matrix4<float>> matrices;       ///< F x J skinning matrices
+  std::vector<Matrix4<float>> stretched;      ///< likewise, every other joint stretched by some per cent
+  std::vector<Matrix4<double>> rest_frames;   ///< J, A(j)
   std::vector<Matrix4<double>> transforms;    ///< F x J, F(j)
   std::vector<Matrix4<double>> inverse_rest;  ///< J, A(j)^-1
   std::vector<std::int32_t> face_offsets;     ///< faces + 1
@@ -25,6 +27,9 @@ struct Character {
   /// One frame's skinning matrices.
   MatrixStack<const float> frame(std::ptrdiff_t f) const {
     return MatrixStack<const float>::of(matrices.data() + f * skin.joint_count(), 1, skin.joint_count());
+  }
+  MatrixStack<const float> stretched_frame(std::ptrdiff_t f) const {
+    return MatrixStack<const float>::of(stretched.data() + f * skin.joint_count(), 1, skin.joint_count());
   }
 };
 

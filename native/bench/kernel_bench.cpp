@@ -135,6 +135,27 @@ void add_with_data(Subject& subject, const std::string& set, int threads, Betwee
   });
 }
 
+/// Joints of which every other one is stretched: each way of blending stretches, and each method.
+void add_stretched(Subject& subject, const std::string& set, int threads, Between between) {
+  const auto row = [&](const std::string& what, auto run) {
+    add(subject, what, set, threads, between, 1, [&subject, run](std::ptrdiff_t frame) {
+      run(subject.character, subject.character.stretched_frame(frame), subject.out(1));
+    });
+  };
+  row("dual quaternion, stretched", [](const Character& own, auto frame, auto out) {
+    skin_dual_quaternion(own.skin, frame, out, {Stretch::frame_each, own.rest_frames});
+  });
+  row("dual quaternion, stretched first", [](const Character& own, auto frame, auto out) {
+    skin_dual_quaternion(own.skin, frame, out, {Stretch::frame, own.rest_frames});
+  });
+  row("blended, stretched", [&subject](const Character& own, auto frame, auto out) {
+    skin_blended(own.skin, subject.shares, frame, out, {Stretch::frame_each, own.rest_frames});
+  });
+  row("centres of rotation, stretched", [&subject](const Character& own, auto frame, auto out) {
+    skin_rotation_centers(own.skin, subject.centers, frame, out);
+  });
+}
+
 std::shared_ptr<const DirectDeltaMush> mush_of(const Character& character, int variant) {
   // The character outlives it; its pointer does not own the skin.
   const std::shared_ptr<const Skin> borrowed(std::shared_ptr<const Skin>(), &character.skin);
@@ -246,6 +267,7 @@ void add_all(std::vector<Subject>& subjects, int cores) {
       add_skinning(one, "linear", skin_linear, best, threads, Between::nothing);
       add_skinning(one, "dual quaternion", skin_dual_quaternion, best, threads, Between::nothing);
       add_with_data(one, best, threads, Between::nothing);
+      if (natural) add_stretched(one, best, threads, Between::nothing);
       add_bound(one, threads, Between::nothing);
       if (smallest && natural) add_centers(one, threads);
       const bool has_mush = natural && (smallest || one.character.skin.vertex_count() > 500'000) &&
@@ -278,6 +300,7 @@ void add_all(std::vector<Subject>& subjects, int cores) {
         add_skinning(one, "linear", skin_linear, set, 1, between);
         add_skinning(one, "dual quaternion", skin_dual_quaternion, set, 1, between);
         add_with_data(one, set, 1, between);
+        add_stretched(one, set, 1, between);
         add_mush(one, set, 1, between);
       }
     }

@@ -25,14 +25,13 @@ void run_blended(const BlockedSkin& skin, const Palette& palette, const Tile& ti
     const SkinningMethod method = data.method_of_block(b);
     if (method == SkinningMethod::linear) return Way::linear;
     if (method == SkinningMethod::dual_quaternion) return Way::dual_quaternion;
-    const std::uint32_t joint_set = skin.blocks[b].joint_set;
-    return skin.sets[joint_set].count == 0 || palette.skip[joint_set] ? Way::one_by_one : Way::kernel;
+    return palette.ways[skin.blocks[b].joint_set] == SetWay::one_by_one ? Way::one_by_one : Way::kernel;
   };
   for_runs(tile, way_of, [&](Way way, const Tile& part) {
     const float* const shares = data.of_block(part.begin);
     if (way == Way::dual_quaternion) return run_dual_quaternion(skin, palette, part);
     if (way == Way::kernel) {
-      return blended_blocks(skin, part, palette.matrices.data(), palette.dual_quaternions.data(), shares);
+      return blended_blocks(skin, part, palette.matrices.data(), palette.quaternion_joints(), shares);
     }
     run_linear(skin, palette, part);
     if (way == Way::linear) return;

@@ -137,6 +137,14 @@ struct Points {
       for (int axis = 0; axis < 3; ++axis) fetch_ahead(groups[n].points + axis * kBlock, n);
     }
   }
+  /// Those of group n alone.
+  HWY_INLINE Points<1> of(int n) const {
+    Points<1> one;
+    one.x[0] = x[n];
+    one.y[0] = y[n];
+    one.z[0] = z[n];
+    return one;
+  }
   Floats x[N], y[N], z[N];
 };
 
@@ -222,54 +230,6 @@ HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t
     run.template operator()<groups_at_once>(groups + g);
   }
   if (partial) std::memcpy(partial, buffer, skin.vertex_count() % kBlock * 3 * sizeof(float));
-}
-
-/// The first `parts` of the eight parts of the joints' dual quaternions, real then dual, each w x y z: summed.
-template <int parts, bool fetch = true>
-HWY_INLINE void sum_quaternions(const Group& group, const std::uint32_t* joints, JointSet set,
-                                const DualQuaternion* palette, Floats* sum) {
-  const auto part_of = [](const DualQuaternion& joint, int part)
-                           HWY_ATTR { return hn::Set(kTag, part < 4 ? joint.real[part] : joint.dual[part - 4]); };
-  for (int part = 0; part < parts; ++part) {
-    sum[part] = set.is_rigid ? part_of(palette[joints[0]], part) : hn::Zero(kTag);
-  }
-  const float* weights = group.weights;
-  for (std::uint32_t k = 0; k < set.count && !set.is_rigid; ++k, weights += kBlock) {
-    const Floats weight = hn::Load(kTag, weights);
-    if (fetch) fetch_ahead(weights, 0);
-    for (int part = 0; part < parts; ++part) {
-      sum[part] = hn::MulAdd(weight, part_of(palette[joints[k]], part), sum[part]);
-    }
-  }
-}
-
-/// 2 / |r|^2 of a real part w x y z that is not normalised; 0 where rotations cancel or weights are
-/// nearly nothing: no direction is right, nothing turns.
-HWY_INLINE Floats two_over_norm2(const Floats* real) {
-  const Floats norm2 = hn::MulAdd(
-      real[0], real[0], hn::MulAdd(real[1], real[1], hn::MulAdd(real[2], real[2], hn::Mul(real[3], real[3]))));
-  const auto usable = hn::Ge(norm2, hn::Set(kTag, 1.17549435e-38f));
-  return hn::IfThenElseZero(usable, hn::Div(hn::Set(kTag, 2.0f), norm2));
-}
-
-/// a d - c b
-HWY_INLINE Floats cross(Floats a, Floats b, Floats c, Floats d) { return hn::NegMulAdd(c, b, hn::Mul(a, d)); }
-
-/// Summed dual quaternions applied as Kavan 2008, algorithm 1, on a real part that is not yet
-/// normalised: p + 2 / |r|^2 (r x (r x p + w p + d) + w d - d_w r).
-HWY_INLINE void move_by_dual_quaternions(const Floats* sum, Floats px, Floats py, Floats pz, Floats& x, Floats& y,
-                                         Floats& z) {
-  const Floats rw = sum[0], rx = sum[1], ry = sum[2], rz = sum[3];
-  const Floats dw = sum[4], dx = sum[5], dy = sum[6], dz = sum[7];
-  const Floats scale = two_over_norm2(sum);
-  const Floats tx = hn::Add(hn::MulAdd(rw, px, dx), cross(ry, py, rz, pz));
-  const Floats ty = hn::Add(hn::MulAdd(rw, py, dy), cross(rz, pz, rx, px));
-  const Floats tz = hn::Add(hn::MulAdd(rw, pz, dz), cross(rx, px, ry, py));
-  const auto applied = [&](Floats p, Floats turned, Floats d, Floats r)
-                           HWY_ATTR { return hn::MulAdd(scale, hn::MulAdd(rw, d, hn::NegMulAdd(dw, r, turned)), p); };
-  x = applied(px, cross(ry, ty, rz, tz), dx, rx);
-  y = applied(py, cross(rz, tz, rx, tx), dy, ry);
-  z = applied(pz, cross(rx, tx, ry, ty), dz, rz);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "check.h"
+#include "dual_quaternion-inl.h"
 #include "kernels-inl.h"
 #include "kernels.h"
 #include "sinew/instruction_set.h"
@@ -69,19 +70,17 @@ void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* 
   }
 }
 
-void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const DualQuaternion* palette,
-                            const std::uint8_t* skip) {
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const QuaternionJoints& joints) {
   const Interleaver interleaver;
   for (std::size_t b = tile.begin; b < tile.end; ++b) {
     const std::uint32_t joint_set = skin.blocks[b].joint_set;
+    const SetWay way = joints.ways[joint_set];
+    if (way == SetWay::one_by_one) continue;
     const JointSet set = skin.sets[joint_set];
-    if (set.count == 0 || skip[joint_set]) continue;
     run_block<1>(skin, tile, b, 1, [&]<int>(const Group* group) HWY_ATTR {
-      Floats sum[8];
-      sum_quaternions<8>(*group, skin.joints.data() + set.begin, set, palette, sum);
       Moved<1> moved;
-      const Points<1> points(group);
-      move_by_dual_quaternions(sum, points.x[0], points.y[0], points.z[0], moved.x[0], moved.y[0], moved.z[0]);
+      move_by_dual_quaternions<true>(Points<1>(group), *group, skin.joints.data() + set.begin, set, way, joints,
+                                     moved.x[0], moved.y[0], moved.z[0]);
       moved.store(group, interleaver);
     });
   }
@@ -172,9 +171,8 @@ void linear_vertex(const Influences& influences, const float* p, const MatrixRow
   HWY_DYNAMIC_DISPATCH(linear_vertex)(influences, p, palette, out);
 }
 
-void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const DualQuaternion* palette,
-                            const std::uint8_t* skip) {
-  HWY_DYNAMIC_DISPATCH(dual_quaternion_blocks)(skin, tile, palette, skip);
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const QuaternionJoints& joints) {
+  HWY_DYNAMIC_DISPATCH(dual_quaternion_blocks)(skin, tile, joints);
 }
 
 }  // namespace sinew

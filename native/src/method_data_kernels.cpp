@@ -5,6 +5,7 @@
 // foreach_target.h comes first.
 #include <hwy/highway.h>
 
+#include "dual_quaternion-inl.h"
 #include "kernels-inl.h"
 #include "method_data_kernels.h"
 
@@ -43,15 +44,15 @@ HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
 // Groups of a block that are moved together: they share the loads of a joint's matrix.
 constexpr int kAtOnce = kLanes == kBlock ? 1 : 2;
 
-/// Calls move(groups, joints, set, vertex) for all groups, kAtOnce of them each time; vertex: the first
+/// Calls move(groups, joint_set, vertex) for all groups, kAtOnce of them each time; vertex: the first
 /// one's first, counted from the tile's.
 template <class Move>
 HWY_INLINE void for_groups(const BlockedSkin& skin, const Tile& tile, const Move& move) {
   for (std::size_t b = tile.begin; b < tile.end; ++b) {
-    const JointSet set = skin.sets[skin.blocks[b].joint_set];
+    const std::uint32_t joint_set = skin.blocks[b].joint_set;
     std::size_t vertex = (b - tile.begin) * kBlock;
     run_block<kAtOnce>(skin, tile, b, 1, [&]<int>(const Group* groups) HWY_ATTR {
-      move(groups, skin.joints.data() + set.begin, set, vertex);
+      move(groups, joint_set, vertex);
       vertex += kAtOnce * kLanes;
     });
   }
@@ -85,17 +86,19 @@ HWY_INLINE void move_and_sum(const Points<N>& points, const Group* groups, const
 }
 
 void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
-                    const DualQuaternion* quaternions, const float* shares) {
+                    const QuaternionJoints& quaternions, const float* shares) {
   const Interleaver interleaver;
   const Lanes lanes;
-  const auto move = [&](const Group* groups, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
+  const auto move = [&](const Group* groups, std::uint32_t joint_set, std::size_t vertex) HWY_ATTR {
+    const JointSet set = skin.sets[joint_set];
+    const std::uint32_t* const joints = skin.joints.data() + set.begin;
     const Points<kAtOnce> points(groups);
     Moved<kAtOnce> moved;
     move_linearly<kAtOnce>(points, groups, joints, set, matrices, moved);
     for (int n = 0; n < kAtOnce; ++n) {
-      Floats sum[8], x, y, z;
-      sum_quaternions<8, false>(groups[n], joints, set, quaternions, sum);
-      move_by_dual_quaternions(sum, points.x[n], points.y[n], points.z[n], x, y, z);
+      Floats x, y, z;
+      move_by_dual_quaternions<false>(points.of(n), groups[n], joints, set, quaternions.ways[joint_set], quaternions, x,
+                                      y, z);
       const Floats share = lanes.load(shares + vertex + n * kLanes);
       if (are_between_0_and_1(share)) {
         moved.x[n] = between<false>(moved.x[n], x, share);
@@ -113,9 +116,11 @@ void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows*
 }
 
 void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
-                            const DualQuaternion* quaternions, const float* centers) {
+                            const QuaternionJoints& quaternions, const float* centers) {
   const Interleaver interleaver;
-  const auto move = [&](const Group* groups, const std::uint32_t* joints, JointSet set, std::size_t vertex) HWY_ATTR {
+  const auto move = [&](const Group* groups, std::uint32_t joint_set, std::size_t vertex) HWY_ATTR {
+    const JointSet set = skin.sets[joint_set];
+    const std::uint32_t* const joints = skin.joints.data() + set.begin;
     const Points<kAtOnce> points(groups);
     Points<kAtOnce> from;
     for (int at = 0; at < 3 * kAtOnce * kLanes; at += kBlock) fetch_ahead(centers + 3 * vertex + at, 0);
@@ -128,13 +133,18 @@ void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const Mat
     }
     Moved<kAtOnce> moved;
     Floats reals[kAtOnce][4];
-    move_and_sum<kAtOnce>(from, groups, joints, set, matrices, quaternions, moved, reals);
+    move_and_sum<kAtOnce>(from, groups, joints, set, matrices, quaternions.joints, moved, reals);
     for (int n = 0; n < kAtOnce; ++n) {
       const Floats* const r = reals[n];
       const Floats scale = two_over_norm2(r);
-      const Floats dx = hn::Sub(points.x[n], from.x[n]);
-      const Floats dy = hn::Sub(points.y[n], from.y[n]);
-      const Floats dz = hn::Sub(points.z[n], from.z[n]);
+      Points<1> arm;
+      arm.x[0] = hn::Sub(points.x[n], from.x[n]);
+      arm.y[0] = hn::Sub(points.y[n], from.y[n]);
+      arm.z[0] = hn::Sub(points.z[n], from.z[n]);
+      if (quaternions.ways[joint_set] == SetWay::stretched) {
+        stretch<false, false>(groups[n], joints, set, quaternions.displacements, arm);
+      }
+      const Floats dx = arm.x[0], dy = arm.y[0], dz = arm.z[0];
       // d + 2 / |r|^2 r x (r x d + w d); without a center d is 0.
       const Floats tx = hn::MulAdd(r[0], dx, cross(r[2], dy, r[3], dz));
       const Floats ty = hn::MulAdd(r[0], dy, cross(r[3], dz, r[1], dx));
@@ -160,12 +170,12 @@ HWY_EXPORT(blended_blocks);
 HWY_EXPORT(rotation_center_blocks);
 
 void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
-                    const DualQuaternion* quaternions, const float* shares) {
+                    const QuaternionJoints& quaternions, const float* shares) {
   HWY_DYNAMIC_DISPATCH(blended_blocks)(skin, tile, matrices, quaternions, shares);
 }
 
 void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
-                            const DualQuaternion* quaternions, const float* centers) {
+                            const QuaternionJoints& quaternions, const float* centers) {
   HWY_DYNAMIC_DISPATCH(rotation_center_blocks)(skin, tile, matrices, quaternions, centers);
 }
 

@@ -7,16 +7,16 @@
 namespace sinew {
 
 /// Linear and dual quaternion skinning, each as its own kernel does it, blended.
-/// tile                   none of its blocks is without a set or has joints on two sides.
-/// matrices, quaternions  J + 1, the last the identity.
-/// shares                 of the tile's vertices, in whole blocks.
+/// tile      none of its blocks goes one by one.
+/// matrices  J + 1, the last the identity.
+/// shares    of the tile's vertices, in whole blocks.
 void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
-                    const DualQuaternion* quaternions, const float* shares);
+                    const QuaternionJoints& quaternions, const float* shares);
 
-/// v' = R (v - p) + sum_j w_j M(j) p, R the rotation of the blended real parts.
+/// v' = R S (v - p) + sum_j w_j M(j) p, R the rotation of the blended real parts, S the blended stretch.
 /// centers  p of the tile's vertices, x y z each, in whole blocks; not a number: there is none, the
 ///          vertex moves linearly.
 void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
-                            const DualQuaternion* quaternions, const float* centers);
+                            const QuaternionJoints& quaternions, const float* centers);
 
 }  // namespace sinew

@@ -1,11 +1,11 @@
 #include "rotation_center_skinning.h"
 
 #include <limits>
-#include <memory>
 
 #include "dual_quaternion_skinning.h"
 #include "linear_skinning.h"
 #include "method_data_kernels.h"
+#include "per_thread.h"
 
 namespace sinew {
 namespace {
@@ -17,21 +17,23 @@ Point move_about(const Point& center, const Influences& influences, const Palett
   Point moved;
   linear_vertex(influences, center.data(), palette.matrices.data(), moved.data());
   const Point arm = rest - center;
-  Eigen::Vector4f real = Eigen::Vector4f::Zero();
+  const Eigen::Vector4f direction(arm.x(), arm.y(), arm.z(), 0);
+  Eigen::Vector4f real = Eigen::Vector4f::Zero();  // w x y z
   Point stretched = Point::Zero();
   float weight_sum = 0;
   for (std::size_t i = 0; i < influences.joints.size(); ++i) {
-    const RigidAndStretch& joint = palette.motions[influences.joints[i]];
+    const std::int32_t j = influences.joints[i];
+    const Eigen::Map<const Eigen::Vector4f> own(palette.dual_quaternions[j].real);
     const float weight = influences.weights[i];
-    real += (joint.real.coeffs().dot(real) < 0 ? -weight : weight) * joint.real.coeffs();
+    real += (own.dot(real) < 0 ? -weight : weight) * own;
     weight_sum += weight;
-    if (!joint.is_rigid) stretched += weight * (joint.stretch.leftCols<3>() * arm - arm);
+    if (palette.is_stretched[j]) stretched += weight * palette.displacement(j, direction);
   }
-  const float norm2 = real.squaredNorm();
-  if (norm2 < std::numeric_limits<float>::min()) return moved + arm;
   const Point d = weight_sum != 0 ? Point(arm + stretched / weight_sum) : arm;
-  const Point r = real.head<3>();
-  return moved + d + 2 / norm2 * r.cross(Point(r.cross(d) + real.w() * d));
+  const float norm2 = real.squaredNorm();
+  if (norm2 < std::numeric_limits<float>::min()) return moved + d;
+  const Point r = real.tail<3>();
+  return moved + d + 2 / norm2 * r.cross(Point(r.cross(d) + real[0] * d));
 }
 
 /// In the space in which the matrices move points.
@@ -41,15 +43,20 @@ Point center_of(const float* center, const Palette& palette) {
   return (palette.from_mesh->topRows<3>() * point.cast<double>().homogeneous()).cast<float>();
 }
 
+/// What a thread keeps for the centers of a tile.
+struct MovedCenters {
+  float points[3 * kTile];
+};
+
 /// Those of a tile, in the space in which the matrices move points.
 const float* centers_of(const RotationCenters& data, const Palette& palette, const Tile& tile) {
   const float* const centers = data.centers().data() + tile.begin * kBlockFloats;
   if (!palette.from_mesh) return centers;
-  thread_local const auto moved = std::make_unique<float[]>(3 * kTile);
+  auto& moved = per_thread<MovedCenters>();
   for (std::size_t i = 0; i < (tile.end - tile.begin) * kBlockFloats; i += 3) {
-    Eigen::Map<Point>(moved.get() + i) = center_of(centers + i, palette);
+    Eigen::Map<Point>(moved.points + i) = center_of(centers + i, palette);
   }
-  return moved.get();
+  return moved.points;
 }
 
 enum class Way { linear, kernel, one_by_one };
@@ -62,12 +69,12 @@ void run_rotation_centers(const BlockedSkin& skin, const Palette& palette, const
   const auto way_of = [&](std::size_t b) {
     const JointSet set = skin.sets[skin.blocks[b].joint_set];
     if (!data.block_has_centers(b) || set.is_rigid) return Way::linear;
-    return set.count == 0 || palette.skip[skin.blocks[b].joint_set] ? Way::one_by_one : Way::kernel;
+    return palette.ways[skin.blocks[b].joint_set] == SetWay::one_by_one ? Way::one_by_one : Way::kernel;
   };
   for_runs(tile, way_of, [&](Way way, const Tile& part) {
     const float* const own = centers + (part.begin - tile.begin) * kBlockFloats;
     if (way == Way::kernel) {
-      rotation_center_blocks(skin, part, palette.matrices.data(), palette.dual_quaternions.data(), own);
+      rotation_center_blocks(skin, part, palette.matrices.data(), palette.quaternion_joints(), own);
       return;
     }
     run_linear(skin, palette, part);

@@ -1,5 +1,8 @@
+#include "dual_quaternion_skinning.h"
+
 #include <gtest/gtest.h>
 
+#include "each_instruction_set.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
 
@@ -194,6 +197,67 @@ TEST(DualQuaternionSkinning, WhereNoDirectionIsRightTheVertexStays) {
   for (const float weight : {1e-18f, 1e-19f, 1e-20f, 1e-22f, 1e-30f, 1e-45f}) {
     for (const float number : skinned(one_vertex({1, 2, 3}, {0, 1}, {weight, weight}), matrices)) {
       EXPECT_TRUE(std::isfinite(number)) << weight;
+    }
+  }
+}
+
+/// Joints near each other, so that all signs agree; every `stretched`th stretched along its frame.
+Matrices stretching_pose(rigs::Random& random, const Matrices& frames, std::size_t stretched) {
+  Matrices pose;
+  for (std::size_t j = 0; j < frames.size(); ++j) {
+    pose.push_back(rigs::turn(rigs::uniform(random, -60, 60), rigs::vector(random, 1), rigs::vector(random, 0.5)));
+    if (j % stretched != 0) continue;
+    Matrix4<double> scale = Matrix4<double>::Identity();
+    scale.diagonal().head<3>() = Eigen::Vector3d::Ones() + rigs::vector(random, 0.2);
+    scale(0, 1) = rigs::uniform(random, -0.1, 0.1);
+    pose.back() = pose.back() * frames[j] * scale * frames[j].inverse();
+  }
+  return rigs::through_float(pose);
+}
+
+Eigen::MatrixX3d expected_of(const Skin& skin, const Matrices& pose, const StretchRule& rule) {
+  if (rule.stretch == Stretch::polar) return reference::skin_dual_quaternion(skin, pose);
+  const Matrices frames(rule.rest_frames.begin(), rule.rest_frames.end());
+  return reference::skin_dual_quaternion_in_frames(skin, pose, frames, rule.stretch == Stretch::frame_each);
+}
+
+class StretchedJoints : public OnEachInstructionSet {};
+
+INSTANTIATE_TEST_SUITE_P(Kernels, StretchedJoints, each_instruction_set(), set_name);
+
+TEST_P(StretchedJoints, EqualTheReference) {
+  rigs::Random random(7);
+  const Matrices frames = rigs::through_float(rigs::random_pose(random, 20));
+  for (const Stretch stretch : {Stretch::polar, Stretch::frame, Stretch::frame_each}) {
+    const StretchRule rule{stretch, std::span(frames).first(stretch == Stretch::polar ? 0 : 20)};
+    for (const std::size_t each : {1, 2, 5}) {
+      const Matrices pose = stretching_pose(random, frames, each);
+      Stack<float> stack(pose, 1);
+      for (const std::int32_t influences : {1, 3, 8, 14}) {
+        for (const std::ptrdiff_t vertices : {1, 17, 2000}) {
+          const Skin skin = rigs::coherent_skin(random, vertices, 20, influences);
+          Floats positions(3 * vertices);
+          skin_dual_quaternion(skin, stack.read(), positions, rule);
+          EXPECT_LT(rigs::distance(positions, expected_of(skin, pose, rule)), 2e-6 * kDiagonal)
+              << static_cast<int>(stretch) << ": " << influences << ", " << vertices;
+        }
+      }
+    }
+  }
+}
+
+TEST_P(StretchedJoints, AreTheKernelsAndOnlyWhereOneIsStretched) {
+  rigs::Random random(8);
+  const Skin skin = rigs::coherent_skin(random, 2000, 20, 3);
+  const Matrices frames = rigs::through_float(rigs::random_pose(random, 20));
+  Matrices pose = stretching_pose(random, frames, 20);  // the first alone
+  Stack<float> stack(pose, 1);
+  Palette palette;
+  for (const Stretch stretch : {Stretch::polar, Stretch::frame, Stretch::frame_each}) {
+    prepare_dual_quaternion(skin.blocked(), {stretch, frames}, stack.read(), 0, palette);
+    for (std::uint32_t set = 0; set < skin.blocked().sets.size(); ++set) {
+      const bool has_first = std::ranges::count(skin.blocked().joints_of(set), 0) > 0;
+      EXPECT_EQ(palette.ways[set], has_first ? SetWay::stretched : SetWay::rigid) << set;
     }
   }
 }

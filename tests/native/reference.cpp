@@ -96,6 +96,48 @@ Eigen::MatrixX3d skin_dual_quaternion(const Skin& skin, const Matrices& matrices
   return positions;
 }
 
+FrameMotion frame_motion(const Matrix4<double>& matrix, const Matrix4<double>& rest) {
+  const Matrix4<double> posed = matrix * rest;
+  Matrix4<double> rigid = posed;
+  const Eigen::Vector3d y = posed.col(1).head<3>().normalized();
+  const Eigen::Vector3d z = Eigen::Vector3d(posed.col(0).head<3>()).cross(y).normalized();
+  rigid.topLeftCorner<3, 3>() << y.cross(z), y, z;
+  const Matrix4<double> motion = rigid * rest.inverse();
+  return {Eigen::Quaterniond(Eigen::Matrix3d(motion.topLeftCorner<3, 3>())), motion.topRightCorner<3, 1>(),
+          motion.inverse() * matrix};
+}
+
+Eigen::MatrixX3d skin_dual_quaternion_in_frames(const Skin& skin, const Matrices& matrices, const Matrices& rest_frames,
+                                                bool each) {
+  Eigen::MatrixX3d positions(skin.vertex_count(), 3);
+  for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
+    const Eigen::Vector3d point = rest_position(skin, v);
+    positions.row(v) = point;
+    if (!is_moved(skin, v)) continue;
+    Eigen::Quaterniond real(0, 0, 0, 0), dual(0, 0, 0, 0);
+    Eigen::Vector3d stretched = Eigen::Vector3d::Zero();
+    double weights = 0;
+    for (auto i = skin.offsets()[v]; i < skin.offsets()[v + 1]; ++i) {
+      const FrameMotion joint = frame_motion(matrices[skin.joints()[i]], rest_frames[skin.joints()[i]]);
+      const double weight = skin.weights()[i];
+      const Eigen::Vector3d own = (joint.stretch * point.homogeneous()).head<3>();
+      // Where it is the joint's own matter, the point has gone to its stretched place before it is turned.
+      const Eigen::Vector3d t = each ? joint.translation + joint.rotation * (own - point) : joint.translation;
+      const Eigen::Quaterniond half = Eigen::Quaterniond(0, t.x() / 2, t.y() / 2, t.z() / 2) * joint.rotation;
+      const double sign = real.dot(joint.rotation) < 0 ? -weight : weight;
+      real.coeffs() += sign * joint.rotation.coeffs();
+      dual.coeffs() += sign * half.coeffs();
+      stretched += weight * own;
+      weights += weight;
+    }
+    dual.coeffs() /= real.norm();
+    real.normalize();
+    positions.row(v) =
+        real.toRotationMatrix() * (each ? point : stretched / weights) + 2 * (dual * real.conjugate()).vec();
+  }
+  return positions;
+}
+
 Eigen::MatrixX3d skin_rotation_centers(const Skin& skin, const Matrices& matrices, const Eigen::MatrixX3d& centers) {
   const std::vector<DualQuaternion> joints = dual_quaternions(matrices);
   const Eigen::MatrixXd dense = dense_weights(skin);

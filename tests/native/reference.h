@@ -43,6 +43,20 @@ std::vector<DualQuaternion> dual_quaternions(const Matrices& matrices);
 /// Kavan 2008 with signs against the running sum, in the stored order of the influences.
 Eigen::MatrixX3d skin_dual_quaternion(const Skin& skin, const Matrices& matrices);
 
+/// A joint's motion split along its rest frame: rotation and translation after the stretch, an affine matrix. The frame
+/// keeps the direction of its Y, and its Z at right angles to its X.
+struct FrameMotion {
+  Eigen::Quaterniond rotation;
+  Eigen::Vector3d translation;
+  Matrix4<double> stretch;
+};
+
+FrameMotion frame_motion(const Matrix4<double>& matrix, const Matrix4<double>& rest);
+
+/// Blended stretches first, or, with `each`, each joint moving the point that it has stretched itself.
+Eigen::MatrixX3d skin_dual_quaternion_in_frames(const Skin& skin, const Matrices& matrices, const Matrices& rest_frames,
+                                                bool each);
+
 /// R S (v - p) + sum_j w_j M_j p with signs against the running sum; linear where there is no p.
 /// centers  V x 3.
 Eigen::MatrixX3d skin_rotation_centers(const Skin& skin, const Matrices& matrices, const Eigen::MatrixX3d& centers);
