@@ -195,9 +195,11 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
             first, count = bones.first_joint[bone], bones.joint_counts[bone]
             rest_frames[first : first + count] = bones.rest[bone]
             if count > 1:
-                rest_frames[first : first + count] = bones.rest[bone] @ armatures.read_segments(
-                    armature, bone, rest=True
-                )
+                frames = bones.rest[bone] @ armatures.read_segments(armature, bone, rest=True)
+                # A bone's rest matrix may be 5e-5 from orthonormal. Blender brings the axes of segments to length 1,
+                # and those of bones without segments not.
+                frames[:, :3, :3] /= np.linalg.norm(frames[:, :3, :3], axis=1, keepdims=True)
+                rest_frames[first : first + count] = frames
     skin = sinew_native.Skin(rest, own.offsets, own.joints, own.weights, bones.joint_count + 1)
     how = {"method": "linear"}
     if settings.preserve_volume:

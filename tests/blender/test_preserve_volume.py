@@ -1,0 +1,51 @@
+"""Preserve Volume, to float32's rounding: where Blender's own decisions about a bone's matrix show."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from characters import accelerate, make_armature, make_mesh, pose
+from helpers import assert_same_shape, select, twin_of
+
+ROUNDING = 1e-6  # a share of the diagonal
+START = Vector((3, 2, 1))  # far from the origin, about which an error turns
+
+
+def lay_down(ob, tilt):
+    """Armature and mesh along almost -Y: there rest matrices come out of Blender with axes that are not quite of
+    length 1. Returns by how much, squared."""
+    armature = ob.modifiers["Armature"].object
+    along = Vector((tilt, -1, 0))
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for i in range(5):
+        bone = armature.data.edit_bones[f"bone{i}"]
+        bone.head, bone.tail, bone.roll = START + i * along, START + (i + 1) * along, 0
+    side = armature.data.edit_bones["side"]
+    side.head, side.tail = START + 2 * along, START + 2 * along + Vector((1, 0.3, 0.2))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for vertex in ob.data.vertices:
+        x, y, z = vertex.co
+        vertex.co = START + z * along + Vector((x, 0, y))
+    axes = np.array(armature.data.bones["bone1"].matrix_local)[:3, :3]
+    return np.abs(axes.T @ axes - np.eye(3)).max()
+
+
+# Blender takes a bone whose axes are off by up to 1e-5 for rigid.
+@pytest.mark.parametrize("tilt, least, most", ((0.1, 3e-5, 1e-4), (0.062, 5e-6, 1e-5)))
+@pytest.mark.parametrize("segments", (1, 6))
+@pytest.mark.parametrize("scaled", (False, True))
+def test_bones_whose_axes_are_not_quite_of_length_1(fresh_scene, scaled, segments, tilt, least, most):
+    ob = make_mesh(make_armature(), preserve_volume=True)
+    armature = ob.modifiers["Armature"].object
+    assert least < lay_down(ob, tilt) < most
+    for bone in armature.data.bones:
+        bone.bbone_segments = segments
+    for frame in (1, 10):
+        pose(armature, frame, scaled)
+    twin = twin_of(ob)
+    accelerate(ob)
+    for frame in range(1, 11, 3):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin, ROUNDING)
