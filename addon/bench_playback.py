@@ -87,13 +87,11 @@ def difference(ours, theirs):
     return max(float(np.abs(a - b).max() / np.linalg.norm(np.ptp(b, axis=0))) for a, b in zip(ours, theirs))
 
 
-def measure(rig, vertices, count=1, variant="", preserve_volume=False, outputs=("MODIFIER",)):
+def measure(rig, vertices, count=1, variant="", outputs=("MODIFIER",)):
     """One row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     meshes = make_characters(rig, vertices, count, variant)
-    for ob in meshes:
-        ob.modifiers["Armature"].use_deform_preserve_volume = preserve_volume
     select(*meshes)
     looked_at = meshes if variant == "subdivision" else ()
     times, bound, worst = {}, {}, 0.0
@@ -119,7 +117,6 @@ def measure(rig, vertices, count=1, variant="", preserve_volume=False, outputs=(
             "vertices": len(meshes[0].data.vertices),
             "characters": count,
             "with": variant,
-            "method": "preserve volume" if preserve_volume else "linear",
             "sinew_extremes_ms": (min(times["MODIFIER"]), max(times["MODIFIER"])),
             "accelerate_s": bound["MODIFIER"],
             "difference": worst,
@@ -147,10 +144,10 @@ def rows(options):
     variants = options.variants or [""]
     for rig in options.rig or (CHAIN, "human"):
         if rig == CHAIN and not (options.variants or options.characters or options.vertices):
-            for preserve_volume in (False, True):
+            for variant in ("", "preserve-volume"):
                 for size in (*SIZES, LARGE):
-                    yield measure(rig, size, 1, "", preserve_volume, ("MODIFIER", "MESH"))
-            yield measure(rig, SIZES[0], 10, "", False, ("MODIFIER", "MESH"))
+                    yield measure(rig, size, 1, variant, ("MODIFIER", "MESH"))
+            yield measure(rig, SIZES[0], 10, "", ("MODIFIER", "MESH"))
             continue
         for variant in variants:
             for size in options.vertices or (SIZES[:1] if options.characters else SIZES):
@@ -170,7 +167,6 @@ def line(row):
                 f"{row['rig']} ({row['bones']})",
                 f"{count}{row['vertices']:,}",
                 row["with"] or "-",
-                row["method"],
                 number(row["rig_ms"]),
                 number(row["modifier_ms"]),
                 number(row["sinew_ms"]),
@@ -204,10 +200,10 @@ def main(arguments):
     options = parsed(arguments)
     print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
     print(
-        "| rig (bones) | vertices | with | method | rig alone | modifier | Sinew | output Mesh "
+        "| rig (bones) | vertices | with | rig alone | modifier | Sinew | output Mesh "
         "| modifier adds | Sinew adds | less | accelerate, s |"
     )
-    print("|" + "---|" * 12)
+    print("|" + "---|" * 11)
     results = []
     for row in rows(options):
         results.append(row)

@@ -12,7 +12,7 @@ from mathutils import Euler
 CHAIN, CHAIN_BONES = "chain", 22
 METARIGS = ("human", "horse", "cat", "wolf", "bird", "shark", "basic_human", "basic_quadruped")
 RIGS = (CHAIN, *METARIGS)
-VARIANTS = ("keys", "driven-keys", "smooth", "smooth-part", "keys-smooth", "subdivision")
+VARIANTS = ("keys", "driven-keys", "smooth", "smooth-part", "keys-smooth", "subdivision", "preserve-volume")
 KEYED_FRAMES = (1, 15, 30, 45)
 CONTROLS = 60  # of a generated rig, that are animated
 INFLUENCES = 3
@@ -210,6 +210,7 @@ def add_variant(ob, variant):
         if variant == "smooth-part":
             smooth.vertex_group = ob.vertex_groups.new(name="Smoothed").name
             ob.vertex_groups["Smoothed"].add(range(int(SMOOTHED_SHARE * len(ob.data.vertices))), 1, "REPLACE")
+    ob.modifiers["Armature"].use_deform_preserve_volume = variant == "preserve-volume"
     if variant == "subdivision":
         ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
 
