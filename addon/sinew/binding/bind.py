@@ -334,6 +334,7 @@ def switch_output(ob):
     else:
         deformed_copy.remove(ob)
     settings.installed_output = new
+    characters.see(ob)
     show(ob)
 
 

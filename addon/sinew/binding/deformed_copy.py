@@ -13,7 +13,7 @@ from ..blender import meshes, nodes, values
 from . import ways
 
 SUFFIX = ".deformed"
-_names = {}  # key of a bound object -> name of its copy, to be checked
+_copies = {}  # key of a bound object -> its copy, to be checked
 
 
 class OutputError(Exception):
@@ -35,13 +35,20 @@ def check(ob, taken, sharer_count, gets_armature=False):
 def find(ob):
     """The deformed copy of a bound object, or None: also if somebody has given its mesh more vertices or fewer, for
     then it is no copy any more."""
-    copy = bpy.data.objects.get((_names.get(values.key_of(ob), ""), None))
-    if copy is not None and copy.sinew.copy_of == ob and _is_whole(copy):
+    copy = _copies.get(values.key_of(ob))
+    if copy is not None and _is_whole_copy(copy, ob):
         return copy
     copy = next(filter(_is_whole, _claimants(ob)), None)
     if copy is not None:
-        _names[values.key_of(ob)] = copy.name
+        _copies[values.key_of(ob)] = copy
     return copy
+
+
+def _is_whole_copy(copy, ob):
+    try:
+        return copy.sinew.copy_of == ob and _is_whole(copy)
+    except ReferenceError:  # it was deleted
+        return False
 
 
 def _claimants(ob):
@@ -49,7 +56,7 @@ def _claimants(ob):
 
 
 def forget():
-    _names.clear()
+    _copies.clear()
 
 
 def _is_whole(copy):
@@ -100,7 +107,7 @@ def make(ob):
     copy.hide_viewport = copy.hide_render = True  # it would be seen twice, and cost as much
     _finish(copy, ob, 0)
     keep_in_collections(copy, ob)
-    _names[values.key_of(ob)] = copy.name
+    _copies[values.key_of(ob)] = copy
     return copy
 
 
@@ -159,7 +166,7 @@ def remove(ob):
     copy = find(ob)
     if copy is not None:
         _remove(copy)
-    _names.pop(values.key_of(ob), None)
+    _copies.pop(values.key_of(ob), None)
     _let_all_go(ob)
 
 

@@ -210,11 +210,13 @@ def write_weights(mesh, dense):
         bm.free()
 
 
-def count_sharers(ob):
-    """How many objects that Blender may evaluate have this one's mesh."""
+def count_sharers(ob, among=None):
+    """How many objects that Blender may evaluate have this one's mesh. among: objects to look at; None: those of the
+    file."""
     if ob.data.users - ob.data.use_fake_user < 2:
         return 1
-    return sum(other == ob or _may_be_evaluated(other, ob) for other in bpy.data.objects if other.data == ob.data)
+    among = bpy.data.objects if among is None else among
+    return sum(other == ob or _may_be_evaluated(other, ob) for other in among if other.data == ob.data)
 
 
 def _may_be_evaluated(other, ob):

@@ -115,8 +115,8 @@ def carrying_joints(armature):
     return np.array([find(i) for i in range(len(own))], np.int32)
 
 
-def _signature(armature):
-    bones = armature.data.bones
+def _signature(armature_data):
+    bones = armature_data.bones
     matrices = np.empty(16 * len(bones), np.float32)
     bones.foreach_get("matrix_local", matrices)
     return [bone.get(JOINT_PROPERTY, -1) for bone in bones], matrices.tobytes()
@@ -127,7 +127,7 @@ class ClipPlayer:
 
     def __init__(self, armature):
         data = armature.data
-        self._signature = _signature(armature)
+        self._data_key, self._signature = values.key_of(data), _signature(data)
         poses, matrices = load_poses(data)
         skeleton = load_skeleton(data)
         self._own = own_joints(armature)
@@ -148,9 +148,12 @@ class ClipPlayer:
         self._location = np.zeros((bones, 3))
         self._rotation = np.tile([1.0, 0, 0, 0], (bones, 1))
 
-    def edited(self, armature):
+    def is_of(self, armature_data):
+        return self._data_key == values.key_of(armature_data)
+
+    def is_edited(self, armature_data):
         """Whether the bones are no longer those that this player was made for."""
-        return self._signature != _signature(armature)
+        return self._signature != _signature(armature_data)
 
     def at(self, time, loop, rest=False):
         """Of each bone: channels (B, 4, 4) float32, location (B, 3), rotation (B, 4) w x y z.

@@ -17,11 +17,6 @@ def forget():
     _posed.clear()
 
 
-def forget_armature(armature):
-    _players.pop(values.key_of(armature), None)
-    _posed.pop(values.key_of(armature), None)
-
-
 def player(armature):
     """The armature's ClipPlayer, made when it is first needed."""
     key = values.key_of(armature)
@@ -30,11 +25,11 @@ def player(armature):
     return _players[key]
 
 
-def forget_if_edited(armature):
-    """Posing tags the armature's data as well as an edit does; only the latter can change this."""
-    known = _players.get(values.key_of(armature))
-    if known and known.edited(armature):
-        forget_armature(armature)
+def forget_if_edited(data):
+    """What was made of an armature's data, if that was edited. Posing tags it as an edit does."""
+    for key in [key for key, player in _players.items() if player.is_of(data) and player.is_edited(data)]:
+        del _players[key]
+        _posed.pop(key, None)
 
 
 def clip_time(settings, length, frame, render):

@@ -11,22 +11,15 @@ from ..blender import memory, meshes, nodes, values
 from . import character, characters
 
 log = logging.getLogger("sinew")
-_object_count = -1  # of the file when orphans were last looked for
 
 
 def forget():
-    global _object_count
-    _object_count = -1
     deformed_copy.forget()
 
 
-def those_of(objects):
-    """The bound objects that have this output and may be written."""
-    return [ob for ob in objects if ob.sinew.installed_output == "MESH" and ob.library is None]
-
-
 def follow(objects, depsgraph, changed):
-    """Those of the objects that were evaluated or edited. changed: keys of the updated data-blocks."""
+    """Those of the objects that were evaluated or edited. objects: as characters.with_copy has them; changed: keys of
+    the updated data-blocks."""
     if not _is_ours(depsgraph):
         return
     for ob in objects:
@@ -41,13 +34,12 @@ def follow(objects, depsgraph, changed):
 def follow_last_evaluation(ob):
     """Of which no handler was told: what a handler edits Blender evaluates without a word."""
     depsgraph = bpy.context.view_layer.depsgraph
-    if depsgraph is not None:
-        follow(those_of([ob]), depsgraph, {values.key_of(ob)})
+    if depsgraph is not None and ob.library is None and ob.sinew.installed_output == "MESH":
+        follow([ob], depsgraph, {values.key_of(ob)})
 
 
-def tidy(objects, depsgraph):
-    """After objects were moved between collections, or deleted. objects: as `those_of` gives them."""
-    global _object_count
+def tidy(objects, depsgraph, may_be_orphans):
+    """After objects were moved between collections, or deleted. objects: as `follow` takes them."""
     if not _is_ours(depsgraph):
         return
     if any(isinstance(update.id, bpy.types.Collection) for update in depsgraph.updates):
@@ -55,9 +47,8 @@ def tidy(objects, depsgraph):
             copy = deformed_copy.find(ob)
             if copy is not None:
                 deformed_copy.keep_in_collections(copy, ob)
-    if len(bpy.data.objects) != _object_count:
+    if may_be_orphans:
         deformed_copy.clear_orphans()
-        _object_count = len(bpy.data.objects)
 
 
 def _is_ours(depsgraph):
@@ -78,8 +69,9 @@ def why_it_stays(ob):
 def _follow_one(entry, ob, depsgraph):
     copy = deformed_copy.find(ob)
     if copy is None:
-        if not ob.users_collection:
-            return  # it was deleted
+        if not ob.users_collection:  # it was deleted
+            entry.is_copy_known = True  # as none: to find out is a walk through the file
+            return
         copy = deformed_copy.make(ob)
     deformed_copy.keep_in_place(copy, ob)
     evaluated = ob.evaluated_get(depsgraph)

@@ -2,6 +2,7 @@
 and pose the armatures of clips before a frame is evaluated."""
 
 import threading
+from dataclasses import dataclass, field
 
 import bpy
 from bpy.app.handlers import persistent
@@ -23,36 +24,43 @@ _is_file_unknown = True  # the add-on was switched on in an open file, of which 
 @persistent
 def before_frame(scene, *_):
     take_over_open_file()
-    posing.pose_armatures(_clip_armatures(characters.bound_objects()), scene)
+    objects = characters.by_clip()
+    if objects:
+        posing.pose_armatures(_clip_armatures(objects), scene)
 
 
 @persistent
 def after_frame(scene, depsgraph):
-    objects = characters.bound_objects()
-    posing.pose_anew(_clip_armatures(objects), scene, depsgraph)
-    copied = deformed_copies.those_of(objects)
+    objects = characters.by_clip()
+    if objects:
+        posing.pose_anew(_clip_armatures(objects), scene, depsgraph)
+    copied = characters.with_copy()
     if copied:
-        deformed_copies.follow(copied, depsgraph, _changed(depsgraph))
+        deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
     mail.deliver()
 
 
 @persistent
 def on_depsgraph_update(_scene, depsgraph):
     take_over_open_file()
-    receive_strangers(depsgraph)
-    objects = characters.bound_objects()
-    has_gathered = _has_gathered()
+    edits = Edits.of(depsgraph)
+    receive_strangers(edits)
+    if edits.of_collections:
+        characters.count_again()
+    affected = characters.made_of(edits.keys)
+    has_gathered, has_other_bones = _has_gathered(), _has_other_bones(edits.armatures)
     if has_gathered:
         shared_group.follow()
-    if objects:
-        changed = _changed(depsgraph)
-        has_other_bones = _has_other_bones(depsgraph)
-        _note_edits(objects, changed, has_gathered or has_other_bones)
-        copied = deformed_copies.those_of([ob for ob in objects if ob.sinew.is_bound])
-        deformed_copies.follow(copied, depsgraph, changed)
-    else:
-        copied = []
-    deformed_copies.tidy(copied, depsgraph)
+    may_lack = has_gathered or has_other_bones
+    objects = characters.known() if may_lack or edits.of_collections else affected.values()
+    _note_edits(objects, affected, edits, may_lack)
+    for armature in edits.armatures:
+        posing.forget_if_edited(armature)
+    copied = characters.with_copy()
+    if copied:
+        deformed_copies.follow(copied, depsgraph, edits.keys)
+    if has_gathered or edits.of_collections:
+        deformed_copies.tidy(copied, depsgraph, has_gathered)
     mail.deliver()
 
 
@@ -83,9 +91,26 @@ def forget(is_undo=False):
     posing.forget()
 
 
-def _changed(depsgraph):
-    """The keys of what somebody has edited, or animation moved, since the last evaluation."""
-    return {values.key_of(update.id) for update in depsgraph.updates}
+@dataclass
+class Edits:
+    """What somebody has edited, or animation moved, since the last evaluation."""
+
+    of_collections: bool  # objects may have come or gone, or are shown or hidden
+    keys: set = field(default_factory=set)  # of all data-blocks
+    meshes: list = field(default_factory=list)  # original mesh objects, and whether their geometry is another one
+    armatures: list = field(default_factory=list)  # original data
+
+    @classmethod
+    def of(cls, depsgraph):
+        edits = cls(depsgraph.id_type_updated("COLLECTION"))
+        for update in depsgraph.updates:
+            block = update.id
+            edits.keys.add(values.key_of(block))
+            if isinstance(block, bpy.types.Armature):  # a pose says so too
+                edits.armatures.append(block.original)
+            elif isinstance(block, bpy.types.Object) and block.type == "MESH":
+                edits.meshes.append((block.original, update.is_updated_geometry))
+        return edits
 
 
 def _clip_armatures(objects):
@@ -94,56 +119,53 @@ def _clip_armatures(objects):
     return [armature for armature in found if armature is not None and has_poses(armature.data)]
 
 
-def _what_it_depends_on(ob):
-    armatures = [modifier.object for modifier in ob.sinew.modifiers if modifier.object is not None]
-    return map(values.key_of, (ob, ob.data, *armatures, *(armature.data for armature in armatures)))
-
-
 def _has_gathered():
-    """Whether there are more objects than at the last update, or fewer, or others."""
+    """Whether bound meshes have come or gone since the last update."""
     global _seen_gathering
     last, _seen_gathering = _seen_gathering, characters.gathering()
     return last != _seen_gathering
 
 
-def _has_other_bones(depsgraph):
+def _has_other_bones(armatures):
     """Whether an armature has others than when it was last updated."""
     has_others = False
-    for update in depsgraph.updates:
-        if isinstance(update.id, bpy.types.Armature):  # a pose says so too
-            key, names = values.key_of(update.id), update.id.original.bones.keys()
-            has_others |= _bone_names.get(key) != names
-            _bone_names[key] = names
+    for data in armatures:
+        key, names = values.key_of(data), data.bones.keys()
+        has_others |= _bone_names.get(key) != names
+        _bone_names[key] = names
     return has_others
 
 
-def _note_edits(objects, changed, may_lack):
-    """A modifier may have been applied or removed; the bones of imported poses may have been moved. may_lack: what a
-    driver waits for may have gone, or not be all."""
+def _note_edits(objects, affected, edits, may_lack):
+    """A modifier may have been applied or removed. affected: {key: object} of those with a part that was edited;
+    may_lack: what a driver waits for may have gone, or not be all."""
     for ob in objects:
         key = values.key_of(ob)
-        if key in changed and bind.release_if_undone(ob):
-            continue
+        is_edited = key in edits.keys
+        if is_edited:
+            if bind.release_if_undone(ob):
+                continue
+            characters.see(ob)
         entry = characters.of(ob)
-        if entry.way.kind == ways.BLENDER and not changed.isdisjoint(_what_it_depends_on(ob)):
+        if entry.way.kind == ways.BLENDER and key in affected:
+            sharer_count = entry.sharer_count  # others see to that: counting is a walk through the file
             entry.look_again()
+            entry.sharer_count = sharer_count
             entry.look(ob)
-        elif entry.is_wired and (entry.is_given_up(ob) or may_lack and not entry.waits_for_targets(ob)):
+        elif entry.is_wired and (
+            entry.is_given_up(ob)
+            or (may_lack or is_edited and edits.of_collections)
+            and not entry.waits_for_targets(ob)
+        ):
             mail.post(bind.rewire, key)
-        armature = ob.sinew.last_armature
-        if armature is not None and values.key_of(armature.data) in changed:
-            posing.forget_if_edited(armature)
 
 
-def receive_strangers(depsgraph):
+def receive_strangers(edits):
     """A bound mesh that came while as many objects went is noticed here, and one that another object was given as well.
     A mesh that was given a copy of another one's modifier is not bound, and has that taken away."""
-    for update in depsgraph.updates:
-        if not isinstance(update.id, bpy.types.Object) or update.id.type != "MESH":
-            continue
-        ob = update.id.original
-        if update.is_updated_geometry and ob.data.users > 1:  # it may have been given the mesh of a bound one
-            characters.gather_again()
+    for ob, is_reshaped in edits.meshes:
+        if is_reshaped:  # it may have been given the mesh of a bound one
+            characters.see_mesh(ob.data, edits.of_collections)
         if ob.sinew.copy_of is not None:
             deformed_copy.let_go_of_duplicate(ob)
         if ob.sinew.is_bound:
@@ -188,7 +210,7 @@ def take_over_open_file():
             wiring.revive(ob)
             bind.adapt(ob)
     shared_group.see_to()
-    for ob in deformed_copies.those_of(characters.bound_objects()):
+    for ob in characters.with_copy():
         mail.post(bind.follow_when_evaluated, values.key_of(ob))  # no handler is told of a file's first evaluation
 
 
