@@ -154,6 +154,28 @@ def rows(options):
                 yield measure(rig, size, options.characters or 1, variant)
 
 
+def measure_beside(others=10_000, count=20):
+    """The same bound meshes in a file with so many other objects, which no scene has, and without them: a dictionary.
+    Frames must not notice."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    meshes = make_characters(CHAIN, 1_000, count, "")
+    select(*meshes)
+    bpy.ops.object.sinew_bind()
+    alone, beside = [], []
+    for _ in range(ROUNDS):
+        alone += frame_times()
+        idle = [bpy.data.objects.new("Idle", None) for _ in range(others)]
+        beside += frame_times()
+        bpy.data.batch_remove(idle)
+    return {
+        "beside_objects": others,
+        "characters": count,
+        "alone_ms": statistics.median(alone),
+        "beside_ms": statistics.median(beside),
+    }
+
+
 def number(value, unit=""):
     return "-" if value is None else f"{value:.2f}{unit}"
 
@@ -187,6 +209,7 @@ def parsed(arguments):
     parser.add_argument("--with", action="append", choices=VARIANTS, dest="variants", help="may be repeated")
     parser.add_argument("--vertices", action="append", type=int, help="of a mesh; may be repeated")
     parser.add_argument("--characters", type=int, help="so many in one scene")
+    parser.add_argument("--beside", type=int, help="measure beside so many objects that no scene has, and nothing else")
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
     if options.rig and "all" in options.rig:
@@ -198,6 +221,22 @@ def parsed(arguments):
 
 def main(arguments):
     options = parsed(arguments)
+    results = [] if options.beside else table(options)
+    if options.beside or not (options.rig or options.variants):
+        row = measure_beside(options.beside or 10_000)
+        results.append(row)
+        print(
+            "\n{characters} bound meshes: {alone_ms:.2f} ms a frame, beside {beside_objects:,} objects "
+            "{beside_ms:.2f} ms".format(**row)
+        )
+    if options.json:
+        Path(options.json).write_text(
+            json.dumps({"blender": bpy.app.version_string, "results": results}, indent=1) + "\n"
+        )
+
+
+def table(options):
+    """Prints a line for each row, and returns all rows."""
     print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
     print(
         "| rig (bones) | vertices | with | rig alone | modifier | Sinew | output Mesh "
@@ -208,10 +247,7 @@ def main(arguments):
     for row in rows(options):
         results.append(row)
         print(line(row), flush=True)
-    if options.json:
-        Path(options.json).write_text(
-            json.dumps({"blender": bpy.app.version_string, "results": results}, indent=1) + "\n"
-        )
+    return results
 
 
 main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
