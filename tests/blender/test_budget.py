@@ -12,7 +12,6 @@ from helpers import addon_module, assert_same_shape, import_rig, twin_of
 
 OTHERS = 300  # objects, meshes, materials and images in no scene
 MOST_CALLS_A_FRAME = 40  # of all handlers together
-HANDLERS = "frame_change_pre", "frame_change_post", "depsgraph_update_post"
 
 
 class Watched:
@@ -51,11 +50,11 @@ def counted(monkeypatch):
 
         return counted_handler
 
-    before = {name: list(getattr(bpy.app.handlers, name)) for name in HANDLERS}
-    for name, handlers in before.items():
-        getattr(bpy.app.handlers, name)[:] = [
-            counting(handler) if handler.__module__.startswith(package) else handler for handler in handlers
-        ]
+    handlers, callbacks = addon_module("session.handlers"), addon_module("session.callbacks")
+    ours = [each for each in handlers.HANDLERS if each[0].startswith(("frame_change", "depsgraph_update"))]
+    counting_ones = [(name, counting(handler)) for name, handler in ours]
+    callbacks.remove(ours)
+    callbacks.add(counting_ones)
     for name, module in list(sys.modules.items()):
         if name.startswith(package) and getattr(module, "bpy", None) is bpy:
             monkeypatch.setattr(module, "bpy", Watched(looks))
@@ -70,8 +69,8 @@ def counted(monkeypatch):
             is_counting.clear()
 
     yield count
-    for name, handlers in before.items():
-        getattr(bpy.app.handlers, name)[:] = handlers
+    callbacks.remove(counting_ones)
+    callbacks.add(ours)
 
 
 def fill_the_file():

@@ -342,5 +342,7 @@ def show_clip(armature):
     """A setting of the armature's clip was changed: its bones show it now, and the meshes with them."""
     if any(ob.sinew.source == "CLIP" and ob.sinew.armature == armature for ob in characters.bound_objects()):
         if has_poses(armature.data):
+            if posing.is_damaged(armature):
+                posing.forget_armature(armature)  # it may have been mended
             posing.pose_armatures([armature], bpy.context.scene)
             bpy.context.view_layer.update()

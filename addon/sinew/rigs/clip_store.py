@@ -2,6 +2,8 @@
 by the export. They are custom properties of the armature data, so the .blend holds everything.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..blender import values
@@ -32,72 +34,151 @@ def store(armature_data, rig, skeleton_suffix):
     armature_data[CLIP_PROPERTY] = clip
 
 
+class DamagedClip(ValueError):
+    """What an armature holds in place of its imported skeleton and poses cannot be read; the message says why."""
+
+
+@dataclass
+class _Clip:
+    """What `store` has kept, checked."""
+
+    parents: np.ndarray  # (J,)
+    heads: np.ndarray  # (J, 3)
+    tails: np.ndarray  # (J, 3)
+    weight_columns: np.ndarray  # (J,)
+    rotations: np.ndarray  # (P, J, 4)
+    matrices: np.ndarray  # (F, J, 3, 4)
+    convention: str
+
+    @classmethod
+    def of(cls, armature_data):
+        """Raises DamagedClip."""
+        try:
+            return cls._read(armature_data[CLIP_PROPERTY])
+        except Exception as error:  # custom properties may hold anything
+            raise _damaged(armature_data, error) from error
+
+    @classmethod
+    def _read(cls, clip):
+        joints = len(clip["parents"])
+        if not joints:
+            raise ValueError("it has no joints")
+        found = cls(
+            parents=_numbers(clip, "parents", np.int32, (joints,)),
+            heads=_numbers(clip, "heads", float, (joints, 3)),
+            tails=_numbers(clip, "tails", float, (joints, 3)),
+            weight_columns=_numbers(clip, "weight_columns", np.int32, (joints,)),
+            rotations=_numbers(clip, "rotations", float, (-1, joints, 4)),
+            matrices=_numbers(clip, "matrices", float, (-1, joints, 3, 4)),
+            convention=clip["convention"],
+        )
+        if (found.parents < -1).any() or (found.parents >= np.arange(joints)).any():
+            raise ValueError("a joint's parent does not come before it")
+        if not np.linalg.norm(found.rotations, axis=-1).all():
+            raise ValueError("a rotation is 0")
+        return found
+
+
+def _numbers(clip, name, dtype, shape):
+    numbers = clip[name]
+    if not hasattr(numbers, "__len__"):
+        raise ValueError(f"{name} is not a list")
+    try:
+        found = values.from_property(numbers, dtype, shape)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} has {len(numbers)} entries that do not fit") from error
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} has numbers that are not finite")
+    return found
+
+
+def _damaged(armature_data, error):
+    return DamagedClip(
+        f"The imported poses of {armature_data.name} are damaged ({error}): import the rig again, or set Pose to "
+        "Armature"
+    )
+
+
 def has_skeleton(armature_data):
     return CLIP_PROPERTY in armature_data
 
 
 def has_poses(armature_data):
+    """Damaged ones count: whoever reads them says so."""
     clip = armature_data.get(CLIP_PROPERTY)
-    return clip is not None and (len(clip["rotations"]) > 0 or len(clip["matrices"]) > 0)
+    return clip is not None and any(_length(clip, name) != 0 for name in ("rotations", "matrices"))
+
+
+def _length(clip, name):
+    """-1: it has none."""
+    numbers = clip.get(name) if hasattr(clip, "get") else None
+    return len(numbers) if hasattr(numbers, "__len__") else -1
 
 
 def pose_count(armature_data):
     """How many poses the clip has, without reading them."""
     clip = armature_data.get(CLIP_PROPERTY)
-    if clip is None:
+    joints = _length(clip, "parents")
+    if joints < 1:
         return 0
-    joints = len(clip["parents"])
-    return len(clip["rotations"]) // (4 * joints) or len(clip["matrices"]) // (12 * joints)
+    return max(_length(clip, "rotations") // (4 * joints) or _length(clip, "matrices") // (12 * joints), 0)
 
 
 def load_skeleton(armature_data):
-    """The RigSkeleton, with the names that its bones have now."""
-    clip = armature_data[CLIP_PROPERTY]
-    parents = values.from_property(clip["parents"], np.int32, -1)
-    names = [""] * len(parents)
-    for bone in armature_data.bones:
-        joint = bone.get(JOINT_PROPERTY, -1)
-        if 0 <= joint < len(names):
+    """The RigSkeleton, with the names that its bones have now. Raises DamagedClip."""
+    clip = _Clip.of(armature_data)
+    names = [""] * len(clip.parents)
+    for bone, joint in zip(armature_data.bones, _joints(armature_data.bones, len(names))):
+        if joint >= 0:
             names[joint] = bone.name
-    return sinew_native.RigSkeleton(
-        parents,
-        values.from_property(clip["heads"], float, (-1, 3)),
-        values.from_property(clip["tails"], float, (-1, 3)),
-        values.from_property(clip["weight_columns"], np.int32, -1),
-        names,
-        clip["convention"],
-    )
+    try:
+        return sinew_native.RigSkeleton(
+            clip.parents, clip.heads, clip.tails, clip.weight_columns, names, clip.convention
+        )
+    except Exception as error:
+        raise _damaged(armature_data, error) from error
 
 
 def load_poses(armature_data):
-    """PoseClip or None, and skinning matrices (F, J, 4, 4) or None."""
-    clip = armature_data[CLIP_PROPERTY]
-    joints = len(clip["parents"])
-    if len(clip["rotations"]):
-        rotations = values.from_property(clip["rotations"], float, (-1, joints, 4))
-        return sinew_native.PoseClip(rotations), None
-    if len(clip["matrices"]):
-        rows = values.from_property(clip["matrices"], float, (-1, joints, 3, 4))
-        matrices = np.tile(np.eye(4), rows.shape[:2] + (1, 1))
-        matrices[..., :3, :] = rows
+    """PoseClip or None, and skinning matrices (F, J, 4, 4) or None. Raises DamagedClip."""
+    clip = _Clip.of(armature_data)
+    if len(clip.rotations):
+        return sinew_native.PoseClip(clip.rotations), None
+    if len(clip.matrices):
+        matrices = np.tile(np.eye(4), clip.matrices.shape[:2] + (1, 1))
+        matrices[..., :3, :] = clip.matrices
         return None, matrices
     return None, None
 
 
 def own_joints(armature):
     """(B,) the joint that each pose bone stands for, -1 for bones that somebody added."""
-    return np.array([bone.bone.get(JOINT_PROPERTY, -1) for bone in armature.pose.bones], np.int32)
+    count = _length(armature.data.get(CLIP_PROPERTY), "parents")
+    return _joints([bone.bone for bone in armature.pose.bones], count)
+
+
+def _joints(bones, count):
+    """(B,) the joint of each bone, or -1. Of a rig that was joined to this one, bones say joints that others are."""
+    taken, found = set(), []
+    for bone in bones:
+        joint = bone.get(JOINT_PROPERTY, -1)
+        is_own = isinstance(joint, int) and 0 <= joint < count and joint not in taken
+        found.append(joint if is_own else -1)
+        taken.add(found[-1])
+    return np.array(found, np.int32)
 
 
 def bones_are_where_they_were(armature):
     """Whether each joint's bone still begins where the imported skeleton has the joint."""
-    clip = armature.data.get(CLIP_PROPERTY)
-    if clip is None:
+    if not has_skeleton(armature.data):
         return True
+    try:
+        heads = _Clip.of(armature.data).heads
+    except DamagedClip:
+        return True  # that is said elsewhere
     own = own_joints(armature)
-    heads = values.from_property(clip["heads"], float, (-1, 3))
     now = np.array([bone.bone.head_local for bone in armature.pose.bones], float).reshape(-1, 3)
-    size = np.ptp(heads, axis=0).max(initial=0) if len(heads) else 0
+    size = np.ptp(heads, axis=0).max(initial=0)
     moved = np.abs(now[own >= 0] - heads[own[own >= 0]]).max(initial=0)
     return bool(moved <= 1e-4 * max(size, 1e-30))
 
@@ -119,11 +200,11 @@ def _signature(armature_data):
     bones = armature_data.bones
     matrices = np.empty(16 * len(bones), np.float32)
     bones.foreach_get("matrix_local", matrices)
-    return [bone.get(JOINT_PROPERTY, -1) for bone in bones], matrices.tobytes()
+    return [str(bone.get(JOINT_PROPERTY)) for bone in bones], matrices.tobytes()
 
 
 class ClipPlayer:
-    """What a frame needs of an armature's clip: bone poses and bone matrices at a time."""
+    """What a frame needs of an armature's clip: bone poses and bone matrices at a time. Raises DamagedClip."""
 
     def __init__(self, armature):
         data = armature.data
@@ -141,8 +222,13 @@ class ClipPlayer:
         self.is_by_matrices = poses is None
         if poses is not None:
             self.clip = RotationClip(skeleton, poses, bone_matrices[:, :3, :3])
+        elif matrices is not None:
+            try:
+                self.clip = MatrixClip(np.array(skeleton.parents), matrices, bone_matrices)
+            except np.linalg.LinAlgError as error:
+                raise _damaged(data, "a matrix is flat") from error
         else:
-            self.clip = MatrixClip(np.array(skeleton.parents), matrices, bone_matrices)
+            raise _damaged(data, "there are none")
         bones = len(self._own)
         self._channels = np.tile(np.eye(4, dtype=np.float32), (bones, 1, 1))
         self._location = np.zeros((bones, 3))

@@ -1,5 +1,7 @@
 """Clips of imported rigs at work: the pose that each armature takes at a frame."""
 
+import contextlib
+import logging
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -7,9 +9,26 @@ from types import SimpleNamespace
 import numpy as np
 
 from ..blender import animation, armatures, values
-from .clip_store import ClipPlayer
+from ..feedback import notice
+from . import clip_store
 
-_players = {}  # key of the armature object -> ClipPlayer
+log = logging.getLogger("sinew")
+_players = {}  # key of the armature object -> ClipPlayer, or _Unreadable
+_said = set()  # sentences
+
+
+@dataclass
+class _Unreadable:
+    """In place of the ClipPlayer of an armature whose clip is damaged."""
+
+    data_key: int
+    error: clip_store.DamagedClip
+
+    def is_of(self, armature_data):
+        return self.data_key == values.key_of(armature_data)
+
+    def is_edited(self, _armature_data):
+        return True
 
 
 def forget():
@@ -17,12 +36,33 @@ def forget():
     _posed.clear()
 
 
+def forget_what_was_said():
+    """Another file is opened."""
+    _said.clear()
+
+
+def forget_armature(armature):
+    _players.pop(values.key_of(armature), None)
+    _posed.pop(values.key_of(armature), None)
+
+
 def player(armature):
-    """The armature's ClipPlayer, made when it is first needed."""
+    """The armature's ClipPlayer, made when it is first needed. Raises clip_store.DamagedClip."""
     key = values.key_of(armature)
     if key not in _players:
-        _players[key] = ClipPlayer(armature)
-    return _players[key]
+        try:
+            _players[key] = clip_store.ClipPlayer(armature)
+        except clip_store.DamagedClip as error:
+            _players[key] = _Unreadable(values.key_of(armature.data), error)
+    found = _players[key]
+    if isinstance(found, _Unreadable):
+        raise found.error
+    return found
+
+
+def is_damaged(armature):
+    """Whether its clip was found to be."""
+    return isinstance(_players.get(values.key_of(armature)), _Unreadable)
 
 
 def forget_if_edited(data):
@@ -47,17 +87,37 @@ def pose_armatures(armatures, scene):
     """Poses the armatures that have a clip for the scene's frame, before Blender evaluates it."""
     frame = scene.frame_current + scene.frame_subframe
     for armature in armatures:
-        _pose(armature, _settings_at(armature, frame), scene)
+        with _said_once(armature):
+            _pose(armature, _settings_at(armature, frame), scene)
 
 
 def pose_anew(armatures, scene, depsgraph):
-    """After the evaluation: settings that drivers or strips animate are known only now. Blender evaluates again what
-    this changes."""
+    """After the evaluation: settings that drivers or strips animate are known only now, and so are armatures that came
+    while it went on. Blender evaluates again what this changes."""
     for armature in armatures:
-        evaluated = armature.evaluated_get(depsgraph)
-        known = _posed.get(values.key_of(armature))
-        if evaluated.is_evaluated and known and known.moment != _moment(armature, evaluated.sinew_clip, scene):
-            _pose(armature, evaluated.sinew_clip, scene)
+        with _said_once(armature):
+            evaluated = armature.evaluated_get(depsgraph)
+            known = _posed.get(values.key_of(armature))
+            if evaluated.is_evaluated and not (
+                known and known.moment == _moment(armature, evaluated.sinew_clip, scene)
+            ):
+                _pose(armature, evaluated.sinew_clip, scene)
+
+
+@contextlib.contextmanager
+def _said_once(armature):
+    """What is wrong with one armature is said and stops no other."""
+    try:
+        yield
+    except Exception as error:
+        sentence = str(error)
+        if not is_damaged(armature):
+            sentence = f"{armature.name} cannot be posed: {error}"
+            forget_armature(armature)  # its bones may be others by now
+        if sentence not in _said:
+            _said.add(sentence)
+            log.error(sentence)
+            notice.show(sentence)
 
 
 def channels_of(ob, armature):

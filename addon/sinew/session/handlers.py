@@ -1,6 +1,7 @@
 """Blender's callbacks. Deforming needs none of them: they see to edits and to the deformed copies of the output Mesh,
 and pose the armatures of clips before a frame is evaluated."""
 
+import logging
 import threading
 from dataclasses import dataclass, field
 
@@ -12,11 +13,18 @@ from ..blender import memory, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from . import characters, deformed_copies, mail, precomputing, whole_frames, write_lock
+from . import callbacks, characters, deformed_copies, mail, precomputing, whole_frames, write_lock
 
+log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
-forgotten_with_file = [notice.forget, whole_frames.forget, precomputing.forget]  # called as another file is opened
+forgotten_with_file = [
+    notice.forget,
+    posing.forget_what_was_said,
+    whole_frames.forget,
+    precomputing.forget,
+]  # called as another file is opened
 _seen_gathering = None  # of bound meshes
+_said = set()  # errors of the timer
 _bone_names = {}  # key of an armature's data -> those of its bones
 _is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
 
@@ -43,6 +51,7 @@ def after_frame(scene, depsgraph):
 @persistent
 def on_depsgraph_update(_scene, depsgraph):
     take_over_open_file()
+    callbacks.put_back()
     edits = Edits.of(depsgraph)
     receive_strangers(edits)
     if edits.of_collections:
@@ -191,9 +200,14 @@ def _has_stray_attribute(mesh):
 
 
 def look_into_the_mail():
-    write_lock.look()
-    take_over_open_file()
-    mail.deliver()
+    """A timer, which Blender would drop if it raised."""
+    for look in (callbacks.put_back, write_lock.look, take_over_open_file, mail.deliver):
+        try:
+            look()
+        except Exception as error:
+            if str(error) not in _said:
+                _said.add(str(error))
+                log.exception("something could not be seen to")
     return SECONDS_BETWEEN_LOOKS
 
 
@@ -226,27 +240,23 @@ HANDLERS = (
 
 
 def register_frame_handlers():
-    for name, handler in FRAME_HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    callbacks.add(FRAME_HANDLERS)
 
 
 def unregister_frame_handlers():
-    for name, handler in FRAME_HANDLERS:
-        getattr(bpy.app.handlers, name).remove(handler)
+    callbacks.remove(FRAME_HANDLERS)
 
 
 def register():
     global _is_file_unknown
     _is_file_unknown = True
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
-    bpy.app.timers.register(look_into_the_mail, persistent=True)
+    callbacks.add(HANDLERS)
+    callbacks.start(look_into_the_mail)
 
 
 def unregister():
-    bpy.app.timers.unregister(look_into_the_mail)
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).remove(handler)
+    callbacks.stop(look_into_the_mail)
+    callbacks.remove(HANDLERS)
     for ob in characters.bound_objects():
         ob.update_tag()  # from now on Blender's own modifiers deform
     precomputing.forget()

@@ -14,6 +14,8 @@ import threading
 import bpy
 from bpy.app.handlers import persistent
 
+from . import callbacks
+
 SECONDS = 1.0  # to wait for the other thread at most
 LOOKS = 4  # after a render, whose last evaluations may end a little later
 _looks = 0  # to come
@@ -97,15 +99,16 @@ def after_render(*_):
     _looks = LOOKS
 
 
+HANDLERS = (("render_complete", after_render), ("render_cancel", after_render))
+
+
 def register():
     bpy.utils.register_class(MayWrite)
     bpy.types.WindowManager.sinew_waits = bpy.props.BoolProperty(get=_wait, options={"HIDDEN", "SKIP_SAVE"})
-    for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
-        handlers.append(after_render)
+    callbacks.add(HANDLERS)
 
 
 def unregister():
-    for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
-        handlers.remove(after_render)
+    callbacks.remove(HANDLERS)
     del bpy.types.WindowManager.sinew_waits
     bpy.utils.unregister_class(MayWrite)

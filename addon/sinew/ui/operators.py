@@ -5,7 +5,7 @@ from bpy.props import EnumProperty
 
 from ..binding import bind, bindable, properties
 from ..feedback import progress
-from ..rigs import clip_keyframes
+from ..rigs import clip_keyframes, clip_store
 from ..session import characters, whole_frames
 
 
@@ -94,8 +94,12 @@ class ClipToKeyframes(bpy.types.Operator):
     def execute(self, context):
         armature = clip_keyframes.clip_armature(context.active_object)
         scene = context.scene
-        with progress.shown(context) as shown:
-            count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end, shown)
+        try:
+            with progress.shown(context) as shown:
+                count = clip_keyframes.insert(scene, armature, scene.frame_start, scene.frame_end, shown)
+        except clip_store.DamagedClip as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         self.report({"INFO"}, f"{count} frames keyed on {armature.name}")
         return {"FINISHED"}
 

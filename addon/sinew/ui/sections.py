@@ -7,7 +7,7 @@ from ..blender import graph
 from ..crowd import crowd
 from ..feedback import notice
 from ..native import sinew_native
-from ..rigs import clip_store
+from ..rigs import clip_store, posing
 from ..session import whole_frames
 from . import cures, display, methods
 from .crowd import RenewCrowd
@@ -147,6 +147,8 @@ def draw_display(layout, ob):
 
 def draw_clip(layout, armature):
     count = clip_store.pose_count(armature.data)
+    if posing.is_damaged(armature):
+        layout.label(text=f"The imported poses of {armature.name} are damaged", icon="ERROR")
     if count == 0:
         layout.label(text=f"{armature.name} has no imported poses", icon="INFO")
         return

@@ -1,0 +1,44 @@
+"""Handlers and timers in Blender's lists. The lists belong to everybody: a script that clears one takes out Sinew's as
+well, and Blender drops a timer that has raised. What is missing is put back."""
+
+import bpy
+
+_handlers = []  # (name of the list in bpy.app.handlers, handler) that belong there
+_timers = []
+
+
+def add(handlers):
+    """handlers: (name of the list, handler) each."""
+    _handlers.extend(handlers)
+    put_back()
+
+
+def remove(handlers):
+    """Those that are there."""
+    for name, handler in handlers:
+        _handlers.remove((name, handler))
+        listed = getattr(bpy.app.handlers, name)
+        while handler in listed:
+            listed.remove(handler)
+
+
+def start(timer):
+    """Also goes on when another file is opened."""
+    _timers.append(timer)
+    put_back()
+
+
+def stop(timer):
+    _timers.remove(timer)
+    if bpy.app.timers.is_registered(timer):
+        bpy.app.timers.unregister(timer)
+
+
+def put_back():
+    for name, handler in _handlers:
+        listed = getattr(bpy.app.handlers, name)
+        if handler not in listed:
+            listed.append(handler)
+    for timer in _timers:
+        if not bpy.app.timers.is_registered(timer):
+            bpy.app.timers.register(timer, persistent=True)
