@@ -1,9 +1,12 @@
 """Handlers and the timer: others may clear Blender's lists, and what is damaged in one character stops no other."""
 
+import threading
+
 import bpy
 import numpy as np
 import pytest
 
+from characters import accelerate, make_mesh
 from helpers import addon_module, assert_same_shape, builtin_copy, evaluated, import_rig, select
 
 LISTS = sorted(
@@ -110,6 +113,100 @@ def test_the_timer_never_raises(monkeypatch, caplog):
         assert timer()() > 0
     assert done == ["delivered"]
     assert len([record for record in caplog.records if record.exc_info]) == 1
+
+
+# --- renders, in a thread of their own ----------------------------------------------------------------
+
+
+@pytest.fixture
+def writers(monkeypatch):
+    """The threads that have posed bones."""
+    found, armatures = [], addon_module("blender.armatures")
+    write_pose = armatures.write_pose
+
+    def note(*arguments):
+        found.append(threading.current_thread())
+        write_pose(*arguments)
+
+    monkeypatch.setattr(armatures, "write_pose", note)
+    monkeypatch.setattr(addon_module("session.handlers"), "HAS_EVENT_LOOP", True)
+    return found
+
+
+def in_a_thread(function, *arguments, main=lambda: None):
+    """Calls it as a render does, while the main thread goes on."""
+    thread = threading.Thread(target=function, args=arguments)
+    thread.start()
+    while thread.is_alive():
+        main()
+    return thread
+
+
+def test_the_main_thread_poses_for_a_render(fresh_scene, writers):
+    """Somebody may edit the armature meanwhile. The pose is there before the render evaluates."""
+    ob, armature = import_rig("capsule")
+    fresh_scene.frame_set(9)
+    at_nine = evaluated(ob)
+    fresh_scene.frame_set(4)
+    assert np.abs(evaluated(ob) - at_nine).max() > 1e-3
+    writers.clear()
+    fresh_scene.frame_current = 9
+    handlers = addon_module("session.handlers")
+    in_a_thread(handlers.before_frame, fresh_scene, main=timer())
+    bpy.context.view_layer.update()
+    assert set(writers) == {threading.main_thread()}
+    assert np.allclose(evaluated(ob), at_nine, atol=1e-6)
+    writers.clear()
+    armature.sinew_clip["speed"] = 3.0  # as a driver would, unseen
+    armature.update_tag()
+    graph = bpy.context.evaluated_depsgraph_get()
+    writers.clear()
+    in_a_thread(handlers.after_frame, fresh_scene, graph, main=timer())
+    assert set(writers) == {threading.main_thread()}
+
+
+def test_a_main_thread_that_waits_for_the_render_holds_nothing_up(fresh_scene, writers, monkeypatch):
+    """As when the file is closed. The pose is there all the same."""
+    import_rig("capsule")
+    handlers = addon_module("session.handlers")
+    monkeypatch.setattr(handlers, "SECONDS_TO_WAIT", 0.01)
+    fresh_scene.frame_current = 9
+    writers.clear()
+    thread = in_a_thread(handlers.before_frame, fresh_scene)
+    assert set(writers) == {thread}
+
+
+def test_a_render_of_a_file_without_clips_waits_for_nobody(fresh_scene, character, monkeypatch):
+    ob, twin, _ = character
+    bpy.context.view_layer.update()
+    handlers, mail = addon_module("session.handlers"), addon_module("session.mail")
+    monkeypatch.setattr(handlers, "HAS_EVENT_LOOP", True)
+    monkeypatch.setattr(mail, "ask", None)
+    graph = bpy.context.evaluated_depsgraph_get()
+    in_a_thread(lambda: (handlers.before_frame(fresh_scene), handlers.after_frame(fresh_scene, graph)))
+    assert_same_shape(ob, twin)
+
+
+def test_a_thread_that_comes_while_the_file_is_walked_through(character, monkeypatch):
+    """Blender evaluates meshes while the main thread looks which there are: it finds what is known of one, and what it
+    enters of another stays."""
+    ob, _, armature = character
+    other, late = make_mesh(armature, False), make_mesh(armature, False)
+    accelerate(other)
+    characters, found = addon_module("session.characters"), []
+    known, key_of = characters.of(other), characters.values.key_of
+
+    def meanwhile(block):
+        if block == ob and not found:  # while the walk is at this one
+            found.append(None)
+            in_a_thread(lambda: found.extend((characters.of(other), characters.of(late))))
+        return key_of(block)
+
+    monkeypatch.setattr(characters.values, "key_of", meanwhile)
+    characters.gather_again()
+    characters.bound_objects()
+    assert found[1] is known is characters.of(other)
+    assert found[2] is characters.of(late)
 
 
 # --- a damaged clip -------------------------------------------------------------------------------

@@ -40,3 +40,37 @@ def test_a_letter_may_have_the_others_delivered():
     mail.post(done.append, 2)
     mail.deliver()
     assert done == [1, 2] and mail.is_empty()
+
+
+def test_a_thread_asks_and_waits():
+    """The main thread does it, and none of it if it comes too late."""
+    mail, done, answers = addon_module("session.mail"), [], []
+
+    def do(what):
+        done.append((what, threading.current_thread()))
+
+    def worker(seconds, what):
+        answers.append(mail.ask(seconds, do, what))
+        done.append((what, "goes on"))
+
+    late = threading.Thread(target=worker, args=(0.01, "late"))
+    late.start()
+    late.join()
+    mail.deliver()
+    assert answers == [False] and done == [("late", "goes on")]
+    thread = threading.Thread(target=worker, args=(60, "in time"))
+    thread.start()
+    while thread.is_alive():
+        mail.deliver()
+    assert answers == [False, True] and mail.is_asked()
+    assert done[1:] == [("in time", threading.main_thread()), ("in time", "goes on")]
+
+
+@pytest.mark.says_errors
+def test_a_thread_that_asks_for_what_fails_goes_on():
+    mail, answers = addon_module("session.mail"), []
+    thread = threading.Thread(target=lambda: answers.append(mail.ask(60, lambda: 1 / 0)))
+    thread.start()
+    while thread.is_alive():
+        mail.deliver()
+    assert answers == [True]

@@ -118,6 +118,11 @@ def by_clip():
     return _present("by_clip")
 
 
+def may_follow_clips():
+    """Whether there may be such objects. From any thread."""
+    return _is_stale or bool(_file.by_clip)
+
+
 def with_copy():
     """The bound objects with the output Mesh that may be written."""
     return _present("with_copy")

@@ -17,6 +17,9 @@ from . import callbacks, characters, deformed_copies, mail, precomputing, whole_
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
+SECONDS_WHILE_ASKED = 0.005  # likewise, while a render asks for poses
+SECONDS_TO_WAIT = 5.0  # at most, for the main thread
+HAS_EVENT_LOOP = not bpy.app.background
 forgotten_with_file = [
     notice.forget,
     posing.forget_what_was_said,
@@ -32,20 +35,39 @@ _is_file_unknown = True  # the add-on was switched on in an open file, of which 
 @persistent
 def before_frame(scene, *_):
     take_over_open_file()
-    objects = characters.by_clip()
-    if objects:
-        posing.pose_armatures(_clip_armatures(objects), scene)
+    if characters.may_follow_clips():
+        _in_main_thread(_pose, scene)
 
 
 @persistent
 def after_frame(scene, depsgraph):
-    objects = characters.by_clip()
-    if objects:
-        posing.pose_anew(_clip_armatures(objects), scene, depsgraph)
+    if characters.may_follow_clips():
+        _in_main_thread(_pose_anew, scene, depsgraph)
+    if not _is_main_thread():
+        return
     copied = characters.with_copy()
     if copied:
         deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
     mail.deliver()
+
+
+def _pose(scene):
+    posing.pose_armatures(_clip_armatures(), scene)
+
+
+def _pose_anew(scene, depsgraph):
+    posing.pose_anew(_clip_armatures(), scene, depsgraph)
+
+
+def _is_main_thread():
+    return threading.current_thread() is threading.main_thread()
+
+
+def _in_main_thread(function, *arguments):
+    """A render evaluates in a thread of its own, while somebody may edit what poses are written to."""
+    if _is_main_thread() or not HAS_EVENT_LOOP or not mail.ask(SECONDS_TO_WAIT, function, *arguments):
+        # If the main thread does not come to it, it waits for this thread: as when the file is closed.
+        function(*arguments)
 
 
 @persistent
@@ -122,9 +144,9 @@ class Edits:
         return edits
 
 
-def _clip_armatures(objects):
+def _clip_armatures():
     """Those of bound objects whose bones imported poses move."""
-    found = dict.fromkeys(ob.sinew.armature for ob in objects if ob.sinew.source == "CLIP")
+    found = dict.fromkeys(ob.sinew.armature for ob in characters.by_clip() if ob.sinew.source == "CLIP")
     return [armature for armature in found if armature is not None and has_poses(armature.data)]
 
 
@@ -208,12 +230,12 @@ def look_into_the_mail():
             if str(error) not in _said:
                 _said.add(str(error))
                 log.exception("something could not be seen to")
-    return SECONDS_BETWEEN_LOOKS
+    return SECONDS_WHILE_ASKED if mail.is_asked() else SECONDS_BETWEEN_LOOKS
 
 
 def take_over_open_file():
     global _is_file_unknown
-    if not _is_file_unknown or threading.current_thread() is not threading.main_thread():
+    if not _is_file_unknown or not _is_main_thread():
         return
     _is_file_unknown = False
     memory.place_layout()

@@ -3,14 +3,44 @@
 import logging
 import threading
 from collections import deque
+from time import monotonic
 
 log = logging.getLogger("sinew")
+SECONDS_OF_INTEREST = 10.0
 _letters = deque()  # (function, arguments); appending is safe from any thread
+_asked_at = float("-inf")
 
 
 def post(function, *arguments):
     """The main thread calls it soon."""
     _letters.append((function, arguments))
+
+
+def ask(seconds, function, *arguments):
+    """From another thread: the main thread calls it, and this one waits. Returns False if that has not begun after so
+    many seconds, and then it never does."""
+    global _asked_at
+    _asked_at = monotonic()
+    is_taken, is_done = threading.Lock(), threading.Event()
+
+    def answer():
+        if is_taken.acquire(blocking=False):
+            try:
+                function(*arguments)
+            finally:
+                is_done.set()
+
+    post(answer)
+    if is_done.wait(seconds):
+        return True
+    if is_taken.acquire(blocking=False):
+        return False
+    return is_done.wait()
+
+
+def is_asked():
+    """Whether other threads have lately waited for the main thread: they may do so again."""
+    return monotonic() - _asked_at < SECONDS_OF_INTEREST
 
 
 def is_empty():
