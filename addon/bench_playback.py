@@ -250,4 +250,5 @@ def table(options):
     return results
 
 
-main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
+if __name__ == "__main__":
+    main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])

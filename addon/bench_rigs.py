@@ -116,23 +116,26 @@ def animate(armature, seed):
 # --- meshes ---------------------------------------------------------------------------------------
 
 
-def make_mesh(armature, vertices, one_tube):
-    """Tubes of quads, `vertices` in all or a few less, bound as Blender's own Parent > Armature Deform does."""
+def make_mesh(armature, vertices, one_tube, name="Body", covers=("",), thickness=0.25):
+    """Tubes of quads, `vertices` in all or a few less, bound as Blender's own Parent > Armature Deform does. covers:
+    beginnings of names, of the deforming bones that have a tube around them; thickness: of a tube, in lengths of its
+    bone."""
     bones = [bone for bone in armature.data.bones if bone.use_deform]
     heads, tails = (np.array([getattr(bone, end)[:] for bone in bones]) for end in ("head_local", "tail_local"))
     if one_tube:
         tubes = [tube(heads[0], tails[-1], 1.0, vertices)]
     else:
-        lengths = np.linalg.norm(tails - heads, axis=1)
+        covered = [bone.name.removeprefix("DEF-").startswith(covers) for bone in bones]
+        lengths = np.linalg.norm(tails - heads, axis=1)[covered]
         until = vertices * np.cumsum(lengths) / lengths.sum()
         tubes, made = [], 0
-        for head, tail, length, goal in zip(heads, tails, lengths, until):
-            tubes.append(tube(head, tail, 0.25 * length, max(12, int(goal - made))))
+        for head, tail, length, goal in zip(heads[covered], tails[covered], lengths, until):
+            tubes.append(tube(head, tail, thickness * length, max(12, int(goal - made))))
             made += len(tubes[-1][0])
     starts = np.cumsum([0] + [len(points) for points, _ in tubes])
     points = np.concatenate([points for points, _ in tubes]).astype(np.float32)
     corners = np.concatenate([corners + start for (_, corners), start in zip(tubes, starts)])
-    mesh = bpy.data.meshes.new("Body")
+    mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(points))
     mesh.vertices.foreach_set("co", points.reshape(-1))
     mesh.loops.add(len(corners))
@@ -142,7 +145,7 @@ def make_mesh(armature, vertices, one_tube):
     if bpy.app.version < (4, 1, 0):
         mesh.polygons.foreach_set("loop_total", np.full(len(corners) // 4, 4, np.int32))
     mesh.update(calc_edges=True)
-    ob = bpy.data.objects.new("Body", mesh)
+    ob = bpy.data.objects.new(name, mesh)
     ob.parent = armature
     bpy.context.collection.objects.link(ob)
     for bone in bones:
@@ -215,7 +218,7 @@ def add_variant(ob, variant):
         ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
 
 
-def add_keys(ob):
+def add_keys(ob, count=KEYS):
     """Each moves a stretch of the vertices; all are in effect."""
     random = np.random.default_rng(1)
     rest = np.empty(3 * len(ob.data.vertices), np.float32)
@@ -223,7 +226,7 @@ def add_keys(ob):
     moved = int(KEY_SHARE * len(rest) / 3) * 3
     far = 0.01 * max(ob.dimensions)
     ob.shape_key_add(name="Basis")
-    for number in range(KEYS):
+    for number in range(count):
         shape = rest.copy()
         start = 3 * random.integers(len(rest) // 3 - moved // 3)
         shape[start : start + moved] += random.uniform(-far, far, moved).astype(np.float32)
@@ -237,16 +240,18 @@ def animate_keys(ob, variant, seed):
     if not ob.data.shape_keys:
         return
     random = np.random.default_rng(seed)
-    armature = ob.parent
     for key in ob.data.shape_keys.key_blocks[1 : KEYS // 2 + 1]:
         if variant == "driven-keys":
-            key.driver_remove("value")
-            bones = ob.vertex_groups
-            drive(key, armature, bones[int(random.integers(len(bones)))].name)
+            drive_by_some_bone(key, ob, random)
         else:
             for frame in KEYED_FRAMES:
                 key.value = random.uniform(0, 1)
                 key.keyframe_insert("value", frame=frame)
+
+
+def drive_by_some_bone(key, ob, random):
+    key.driver_remove("value")
+    drive(key, ob.parent, ob.vertex_groups[int(random.integers(len(ob.vertex_groups)))].name)
 
 
 def drive(key, armature, bone):

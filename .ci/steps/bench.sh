@@ -1,6 +1,11 @@
 # shellcheck shell=bash
 # Measurements.
 
+# WHAT OPTION: of the benchmarks in Blender, besides --json and --blender.
+has_option() {
+  [[ "$1 $2" =~ ^(playback\ --(rig|with|vertices|characters)|(bake|crowd)\ --vertices|shot\ --(characters|parts|without))$ ]]
+}
+
 bench() {
   local what=${1:-kernel} json options=()
   shift || true
@@ -9,14 +14,19 @@ bench() {
     case $1 in
       --json) json=$(realpath "${2:?--json wants a file}") ;;
       --blender) use_blender "${2:?--blender wants a version}" ;;
-      --rig | --with | --vertices | --characters)
-        [[ "$what" = playback || "$what $1" =~ ^(bake|crowd)\ --vertices$ ]] || { echo "$1 is for playback" >&2; exit 2; }
+      --rig | --with | --vertices | --characters | --without)
+        has_option "$what" "$1" || { echo "$1 is not for $what" >&2; exit 2; }
         options+=("$1" "${2:?$1 wants a value}") ;;
+      --parts)
+        has_option "$what" "$1" || { echo "$1 is not for $what" >&2; exit 2; }
+        options+=("$1")
+        shift
+        continue ;;
       *) echo "there is no option $1" >&2; exit 2 ;;
     esac
     shift 2
   done
-  if [[ $what =~ ^(playback|bake|crowd)$ ]]; then
+  if [[ $what =~ ^(playback|shot|small|edits|bake|crowd)$ ]]; then
     install_zip
     mkdir -p "$BUILD/bench"
     BENCH_FOLDER=$BUILD/bench isolated_blender -b --python-exit-code 1 --python "addon/bench_$what.py" -- \
@@ -39,7 +49,7 @@ bench() {
         >"$BUILD/bench/report.csv"
       $PYTHON native/bench/tables.py report "$BUILD/bench/report.csv" "$BUILD/bench"
       return ;;
-    *) echo "there is no benchmark $what; expected kernel, joints, report, playback, bake or crowd" >&2; exit 2 ;;
+    *) echo "there is no benchmark $what; expected kernel, joints, report, playback, shot, small, edits, bake or crowd" >&2; exit 2 ;;
   esac
   $PYTHON native/bench/tables.py "$what" "$raw" "$json" | tee "$BUILD/bench/$what.md"
 }

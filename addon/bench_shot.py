@@ -1,0 +1,261 @@
+"""How long a frame of a whole shot takes, by Blender's modifiers and by Sinew in the same process.
+
+    blender -b --python-exit-code 1 --python addon/bench_shot.py -- [--characters N] [--parts] [--without WHAT]...
+
+Rigify humans, duplicated with their rigs as Shift D does it. Each has a body of 30,000 vertices with 20 shape keys that
+bones drive, four clothes of 4,000 to 8,000 vertices with weights of their own, a Corrective Smooth behind the
+Armature modifier of one of them, Preserve Volume on body and clothes, and two eyes that are parented to a bone and not
+bound. The set has 3,000 props that do not move; two thirds of them share 200 meshes.
+
+Medians of whole `scene.frame_set` calls over 40 different frames, alternating: the set alone, set and rigs (the
+characters' meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. What the meshes add to set
+and rigs is what the two are judged by. Shapes of all meshes are compared.
+"""
+
+import argparse
+import contextlib
+import json
+import statistics
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench_playback import FRAMES, ROUNDS, TOLERANCE, difference, frame_times, number, shapes, without_handlers
+from bench_rigs import ADDON, add_keys, animate, drive_by_some_bone, make_generated, make_mesh, select
+
+BODY, BODY_VERTICES, BODY_KEYS = "Body", 30_000, 20
+CLOTHES = {  # vertices, the bones that it covers
+    "Coat": (8_000, ("spine", "shoulder", "upper_arm", "forearm")),
+    "Trousers": (6_000, ("pelvis", "thigh", "shin")),
+    "Boots": (5_000, ("shin", "foot", "toe")),
+    "Gloves": (4_000, ("forearm", "hand", "f_", "thumb", "palm")),
+}
+SMOOTHED, THICKNESS = "Coat", 0.27  # a little more than the body's
+EYE_BONES = ("MCH-eye.L", "MCH-eye.R")
+PROPS, SHARING_PROPS, SHARED_MESHES, PROP_SIDE = 3_000, 2_000, 200, 10
+LEFT_OUT = ("keys", "smooth", "preserve-volume", "eyes", "props")  # by --without
+
+
+@dataclass
+class Person:
+    rig: object
+    meshes: list  # body and clothes
+    eyes: list
+
+    @property
+    def objects(self):
+        return [self.rig, *self.meshes, *self.eyes]
+
+
+def part_of(ob):
+    """"bodies", "clothes" or "smoothed clothes"."""
+    if ob.name.startswith(BODY):
+        return "bodies"
+    return "smoothed clothes" if any(m.type == "CORRECTIVE_SMOOTH" for m in ob.modifiers) else "clothes"
+
+
+# --- the shot -------------------------------------------------------------------------------------
+
+
+def make_shot(characters, without):
+    """Into the open file. Returns [Person]."""
+    people = [make_person(without)]
+    people += [duplicate(people[0]) for _ in range(characters - 1)]
+    for seed, person in enumerate(people, start=1):
+        animate(person.rig, seed)
+        if "keys" not in without:
+            drive_keys(person.meshes[0], seed)
+    if "props" not in without:
+        add_props()
+    return people
+
+
+def make_person(without):
+    rig = make_generated("human")
+    body = make_mesh(rig, BODY_VERTICES, False, BODY)
+    clothes = [
+        make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in CLOTHES.items()
+    ]
+    if "keys" not in without:
+        add_keys(body, BODY_KEYS)
+    for ob in (body, *clothes):
+        ob.modifiers["Armature"].use_deform_preserve_volume = "preserve-volume" not in without
+        if ob.name == SMOOTHED and "smooth" not in without:
+            ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
+    eyes = [] if "eyes" in without else [make_eye(rig, bone) for bone in EYE_BONES]
+    return Person(rig, [body, *clothes], eyes)
+
+
+def make_eye(rig, bone):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.012)
+    eye = bpy.context.active_object
+    eye.name = "Eye"
+    eye.parent, eye.parent_type, eye.parent_bone = rig, "BONE", rig.data.bones[bone].name
+    return eye
+
+
+def duplicate(person):
+    """As Shift D does it."""
+    select(*person.objects)
+    bpy.ops.object.duplicate()
+    copies = bpy.context.selected_objects
+    rig = next(ob for ob in copies if ob.type == "ARMATURE")
+    meshes = [next(ob for ob in copies if ob.name.startswith(original.name)) for original in person.meshes]
+    return Person(rig, meshes, [ob for ob in copies if ob.name.startswith("Eye")])
+
+
+def drive_keys(body, seed):
+    random = np.random.default_rng(seed)
+    for key in body.data.shape_keys.key_blocks[1:]:
+        drive_by_some_bone(key, body, random)
+
+
+def add_props():
+    shared = [prop_mesh(f"Shared {number}") for number in range(SHARED_MESHES)]
+    collection = bpy.data.collections.new("Set")
+    bpy.context.scene.collection.children.link(collection)
+    for number in range(PROPS):
+        mesh = shared[number % SHARED_MESHES] if number < SHARING_PROPS else prop_mesh(f"Prop {number}")
+        prop = bpy.data.objects.new(f"Prop {number}", mesh)
+        prop.location = (number % 60, number // 60 + 5, 0)
+        collection.objects.link(prop)
+
+
+def prop_mesh(name):
+    """A plate of 100 vertices."""
+    mesh = bpy.data.meshes.new(name)
+    row, column = np.meshgrid(range(PROP_SIDE), range(PROP_SIDE), indexing="ij")
+    points = np.stack([row, column, 0 * row], -1).reshape(-1, 3) / PROP_SIDE
+    first = (row * PROP_SIDE + column)[:-1, :-1].reshape(-1, 1)
+    mesh.from_pydata(points.tolist(), [], (first + [0, 1, PROP_SIDE + 1, PROP_SIDE]).tolist())
+    return mesh
+
+
+# --- measuring ------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def hidden(objects):
+    """What is hidden loses its selection."""
+    for ob in objects:
+        ob.hide_viewport = True
+    try:
+        yield
+    finally:
+        for ob in objects:
+            ob.hide_viewport = False
+
+
+def parts_of(meshes, each):
+    """{what is looked at: its meshes}: all of them, and, if `each`, the kinds one by one."""
+    parts = {"all": meshes}
+    for ob in meshes if each else ():
+        parts.setdefault(part_of(ob), []).append(ob)
+    return parts
+
+
+def measure(characters, without=(), each_part=False, rounds=ROUNDS):
+    """A row for each part, dictionaries."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    people = make_shot(characters, without)
+    meshes = [ob for person in people for ob in person.meshes]
+    parts = parts_of(meshes, each_part)
+    times, worst = {}, 0.0
+
+    def take(what, objects):
+        with hidden(objects):
+            times.setdefault(what, []).extend(frame_times())
+
+    def take_parts(who):
+        for part, shown in parts.items():
+            take((who, part), [ob for ob in meshes if ob not in shown])
+
+    for _ in range(rounds):  # alternating: the pace drifts
+        with without_handlers():
+            take("set", [ob for person in people for ob in person.objects])
+            take("rigs", meshes)
+            take_parts("modifiers")
+            wanted = shapes_at_the_end(meshes)
+        select(*meshes)
+        assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+        take_parts("sinew")
+        worst = max(worst, difference(shapes_at_the_end(meshes), wanted))
+        assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    assert worst < TOLERANCE, f"Sinew's shapes are up to {worst:.3g} of the diagonal off the modifiers'"
+    medians = {name: statistics.median(found) for name, found in times.items()}
+    return [row_of(medians, part, shown) for part, shown in parts.items()], worst
+
+
+def shapes_at_the_end(meshes):
+    bpy.context.scene.frame_set(FRAMES[-1])
+    return shapes(meshes)
+
+
+def row_of(medians, part, meshes):
+    rigs, modifiers, ours = medians["rigs"], medians["modifiers", part], medians["sinew", part]
+    added, ours_added = modifiers - rigs, ours - rigs
+    return {
+        "part": part,
+        "meshes": len(meshes),
+        "set_ms": medians["set"],
+        "rigs_ms": rigs,
+        "modifiers_ms": modifiers,
+        "sinew_ms": ours,
+        "times_faster": modifiers / ours,
+        "modifiers_add_ms": added,
+        "sinew_adds_ms": ours_added,
+        "adds_times_less": added / ours_added if ours_added > 0 else None,
+        "modifiers_a_mesh_ms": added / len(meshes),
+        "sinew_a_mesh_ms": ours_added / len(meshes),
+    }
+
+
+def line(row):
+    cells = (
+        f"{row['part']} ({row['meshes']})",
+        *(number(row[name]) for name in ("set_ms", "rigs_ms", "modifiers_ms", "sinew_ms")),
+        number(row["times_faster"], "x"),
+        *(number(row[name]) for name in ("modifiers_add_ms", "sinew_adds_ms")),
+        number(row["adds_times_less"], "x"),
+        *(f"{row[name]:.3f}" for name in ("modifiers_a_mesh_ms", "sinew_a_mesh_ms")),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def parsed(arguments):
+    parser = argparse.ArgumentParser(prog="bench_shot.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--characters", type=int, default=5)
+    parser.add_argument("--without", action="append", choices=LEFT_OUT, default=[], help="may be repeated")
+    parser.add_argument("--parts", action="store_true", help="also bodies, clothes and smoothed clothes one by one")
+    parser.add_argument("--json")
+    return parser.parse_args(arguments)
+
+
+def main(arguments):
+    options = parsed(arguments)
+    without = f", without {', '.join(options.without)}" if options.without else ""
+    print(
+        f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds a frame, medians of "
+        f"{ROUNDS} x {len(FRAMES)} frames\n"
+    )
+    print(
+        "| meshes | set alone | set and rigs | modifiers | Sinew | faster | modifiers add | Sinew adds | less "
+        "| modifiers, a mesh | Sinew, a mesh |"
+    )
+    print("|" + "---|" * 11)
+    rows, worst = measure(options.characters, options.without, options.parts)
+    for row in rows:
+        print(line(row), flush=True)
+    print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * 10)
+    if options.json:
+        found = {"blender": bpy.app.version_string, "without": options.without, "difference": worst, "rows": rows}
+        Path(options.json).write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
