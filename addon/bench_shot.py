@@ -8,8 +8,8 @@ Armature modifier of one of them, Preserve Volume on body and clothes, and two e
 bound. The set has 3,000 props that do not move; two thirds of them share 200 meshes.
 
 Medians of whole `scene.frame_set` calls over 40 different frames, alternating: the set alone, set and rigs (the
-characters' meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. What the meshes add to set
-and rigs is what the two are judged by. Shapes of all meshes are compared.
+characters' meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. What the meshes add to
+set and rigs is what the two are judged by. Shapes of all meshes are compared.
 """
 
 import argparse
@@ -52,7 +52,7 @@ class Person:
 
 
 def part_of(ob):
-    """"bodies", "clothes" or "smoothed clothes"."""
+    """ "bodies", "clothes" or "smoothed clothes"."""
     if ob.name.startswith(BODY):
         return "bodies"
     return "smoothed clothes" if any(m.type == "CORRECTIVE_SMOOTH" for m in ob.modifiers) else "clothes"
@@ -77,9 +77,7 @@ def make_shot(characters, without):
 def make_person(without):
     rig = make_generated("human")
     body = make_mesh(rig, BODY_VERTICES, False, BODY)
-    clothes = [
-        make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in CLOTHES.items()
-    ]
+    clothes = [make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in CLOTHES.items()]
     if "keys" not in without:
         add_keys(body, BODY_KEYS)
     for ob in (body, *clothes):
@@ -115,13 +113,13 @@ def drive_keys(body, seed):
 
 
 def add_props():
-    shared = [prop_mesh(f"Shared {number}") for number in range(SHARED_MESHES)]
+    shared = [prop_mesh(f"Shared {each}") for each in range(SHARED_MESHES)]
     collection = bpy.data.collections.new("Set")
     bpy.context.scene.collection.children.link(collection)
-    for number in range(PROPS):
-        mesh = shared[number % SHARED_MESHES] if number < SHARING_PROPS else prop_mesh(f"Prop {number}")
-        prop = bpy.data.objects.new(f"Prop {number}", mesh)
-        prop.location = (number % 60, number // 60 + 5, 0)
+    for place in range(PROPS):
+        mesh = shared[place % SHARED_MESHES] if place < SHARING_PROPS else prop_mesh(f"Prop {place}")
+        prop = bpy.data.objects.new(f"Prop {place}", mesh)
+        prop.location = (place % 60, place // 60 + 5, 0)
         collection.objects.link(prop)
 
 
@@ -240,8 +238,8 @@ def main(arguments):
     options = parsed(arguments)
     without = f", without {', '.join(options.without)}" if options.without else ""
     print(
-        f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds a frame, medians of "
-        f"{ROUNDS} x {len(FRAMES)} frames\n"
+        f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds a frame, medians "
+        f"of {ROUNDS} x {len(FRAMES)} frames\n"
     )
     print(
         "| meshes | set alone | set and rigs | modifiers | Sinew | faster | modifiers add | Sinew adds | less "

@@ -3,7 +3,7 @@
 
 # WHAT OPTION: of the benchmarks in Blender, besides --json and --blender.
 has_option() {
-  [[ "$1 $2" =~ ^(playback\ --(rig|with|vertices|characters)|(bake|crowd)\ --vertices|shot\ --(characters|parts|without))$ ]]
+  [[ "$1 $2" =~ ^(playback\ --(rig|with|vertices|characters)|(bake|crowd|edits)\ --vertices|shot\ --(characters|parts|without))$ ]]
 }
 
 bench() {

@@ -1,0 +1,85 @@
+"""What Blender's evaluation after a dab of Weight Paint costs, by Blender's modifier and by Sinew in the same process.
+
+    blender -b --python-exit-code 1 --python addon/bench_edits.py -- [--vertices N] [--json FILE]
+
+A tube of 40,000 vertices on a chain of 22 bones, in Weight Paint mode. A dab gives 50 neighboring vertices another
+weight in the active vertex group, through Blender's API; what is timed is the `view_layer.update()` that follows.
+Medians over 40 dabs in each of several rounds, alternating.
+"""
+
+import argparse
+import json
+import statistics
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench_playback import TOLERANCE, difference, number, shapes, without_handlers
+from bench_rigs import ADDON, CHAIN, make_characters, select
+
+ROUNDS, DABS, DABBED = 5, 40, 50
+FRAME = 20  # on which the tube is bent
+
+
+def dab_times(ob, seed):
+    """Milliseconds, one a dab. A dab before them warms up. The same seed gives the same weights in the end."""
+    random = np.random.default_rng(seed)
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+    group, times = ob.vertex_groups.active, []
+    for _ in range(DABS + 1):
+        first = int(random.integers(len(ob.data.vertices) - DABBED))
+        group.add(range(first, first + DABBED), random.uniform(0.1, 1), "REPLACE")
+        start = perf_counter()
+        bpy.context.view_layer.update()
+        times.append(1e3 * (perf_counter() - start))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return times[1:]
+
+
+def measure(vertices):
+    """One row, a dictionary."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    (ob,) = make_characters(CHAIN, vertices)
+    bpy.context.scene.frame_set(FRAME)
+    times, worst = {"modifier": [], "sinew": []}, 0.0
+    for seed in range(ROUNDS):  # alternating: the pace drifts
+        select(ob)
+        with without_handlers():
+            times["modifier"] += dab_times(ob, seed)
+            wanted = shapes([ob])
+        assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+        times["sinew"] += dab_times(ob, seed)
+        worst = max(worst, difference(shapes([ob]), wanted))
+        assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    assert worst < TOLERANCE, f"Sinew's shape is {worst:.3g} of the diagonal off the modifier's"
+    modifier, ours = (statistics.median(times[name]) for name in ("modifier", "sinew"))
+    return {
+        "vertices": len(ob.data.vertices),
+        "modifier_ms": modifier,
+        "sinew_ms": ours,
+        "more_ms": ours - modifier,
+        "difference": worst,
+    }
+
+
+def main(arguments):
+    parser = argparse.ArgumentParser(prog="bench_edits.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--vertices", type=int, default=40_000)
+    parser.add_argument("--json")
+    options = parser.parse_args(arguments)
+    print(f"\nBlender {bpy.app.version_string}, milliseconds an evaluation, medians of {ROUNDS} x {DABS} dabs\n")
+    print("| a dab of Weight Paint, vertices | modifier | Sinew | Sinew's more |\n|---|---|---|---|")
+    row = measure(options.vertices)
+    print(
+        f"| {row['vertices']:,} | {' | '.join(number(row[name]) for name in ('modifier_ms', 'sinew_ms', 'more_ms'))} |"
+    )
+    if options.json:
+        Path(options.json).write_text(json.dumps({"blender": bpy.app.version_string, **row}, indent=1) + "\n")
+
+
+main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])

@@ -1,0 +1,105 @@
+"""What small meshes cost on a frame, by Blender's modifier and by Sinew in the same process.
+
+    blender -b --python-exit-code 1 --python addon/bench_small.py -- [--json FILE]
+
+20 tubes on one chain of 22 bones, each with a mesh of its own, and one tube that 200 hairs grow on. Medians of whole
+`scene.frame_set` calls over 40 different frames, alternating: the rig alone (the meshes hidden), Blender's modifier
+without anything of Sinew's at work, and Sinew. What a frame costs beyond the rig alone, divided by the number of
+meshes, is what a mesh costs.
+"""
+
+import argparse
+import json
+import statistics
+import sys
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench_playback import (
+    FRAMES,
+    TOLERANCE,
+    difference,
+    frame_times,
+    frame_times_of_the_rig,
+    number,
+    shapes,
+    without_handlers,
+)
+from bench_rigs import ADDON, animate, make_chain, make_mesh, select
+
+TUBES, SIZES = 20, (8, 120, 1_000, 4_000)
+HAIRS, HAIRY_SIZE = 200, 1_000
+ROUNDS = 5
+
+
+def make_tubes(vertices, count, hairs):
+    """Into the open file. Returns [mesh object]."""
+    armature = make_chain()
+    animate(armature, 1)
+    meshes = [make_mesh(armature, vertices, one_tube=True) for _ in range(count)]
+    for ob in meshes if hairs else ():
+        settings = ob.modifiers.new("Hair", "PARTICLE_SYSTEM").particle_system.settings
+        settings.type, settings.count = "HAIR", hairs
+    return meshes
+
+
+def measure(vertices, count, hairs=0):
+    """One row, a dictionary."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    meshes = make_tubes(vertices, count, hairs)
+    times, worst = {}, 0.0
+    for _ in range(ROUNDS):  # alternating: the pace drifts
+        with without_handlers():
+            times.setdefault("rig", []).extend(frame_times_of_the_rig(meshes))
+            times.setdefault("modifier", []).extend(frame_times())
+            wanted = shapes(meshes)
+        select(*meshes)
+        assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+        times.setdefault("sinew", []).extend(frame_times())
+        worst = max(worst, difference(shapes(meshes), wanted))
+        assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    assert worst < TOLERANCE, f"Sinew's shape is {worst:.3g} of the diagonal off the modifier's"
+    rig, modifier, ours = (statistics.median(times[name]) for name in ("rig", "modifier", "sinew"))
+    return {
+        "meshes": count,
+        "vertices": len(meshes[0].data.vertices),
+        "hairs": hairs,
+        "rig_ms": rig,
+        "modifier_ms": modifier,
+        "sinew_ms": ours,
+        "modifier_us_a_mesh": 1e3 * (modifier - rig) / count,
+        "sinew_us_a_mesh": 1e3 * (ours - rig) / count,
+        "difference": worst,
+    }
+
+
+def line(row):
+    what = f"{row['meshes']} x {row['vertices']:,}" + (f", {row['hairs']} hairs" if row["hairs"] else "")
+    times = (number(row[name]) for name in ("rig_ms", "modifier_ms", "sinew_ms"))
+    each = (f"{row[name]:.1f}" for name in ("modifier_us_a_mesh", "sinew_us_a_mesh"))
+    return f"| {' | '.join((what, *times, *each))} |"
+
+
+def main(arguments):
+    parser = argparse.ArgumentParser(prog="bench_small.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--json")
+    options = parser.parse_args(arguments)
+    print(
+        f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {ROUNDS} x {len(FRAMES)} frames; "
+        "microseconds a mesh\n"
+    )
+    print("| meshes x vertices | rig alone | modifier | Sinew | modifier, us a mesh | Sinew, us a mesh |")
+    print("|" + "---|" * 6)
+    rows = []
+    for vertices, count, hairs in [*((size, TUBES, 0) for size in SIZES), (HAIRY_SIZE, 1, HAIRS)]:
+        rows.append(measure(vertices, count, hairs))
+        print(line(rows[-1]), flush=True)
+    if options.json:
+        found = {"blender": bpy.app.version_string, "rows": rows}
+        Path(options.json).write_text(json.dumps(found, indent=1) + "\n")
+
+
+main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
