@@ -8,8 +8,8 @@ lint() {
   "$ruff" format --check . && "$ruff" check . || return 1
   install_packages clang-format clang-tidy shellcheck
   say "shellcheck"
-  shellcheck --severity=warning --external-sources --check-sourced dev .ci/blender .ci/libraries .ci/pypi .ci/run \
-    tests/blender/hand.sh docs/farm/slurm.sh || return 1
+  shellcheck --severity=warning --external-sources --check-sourced dev .ci/bare_root .ci/blender .ci/libraries \
+    .ci/pypi .ci/run tests/blender/hand.sh docs/farm/slurm.sh || return 1
   say "clang-format"
   find native tests \( -name '*.h' -o -name '*.cpp' \) -exec clang-format --dry-run -Werror {} + || return 1
   say "clang-tidy"
