@@ -13,8 +13,9 @@ Blender's tools find the modifier that they look for.
 """
 
 import bpy
+import numpy as np
 
-from ..blender import animation, memory, values
+from ..blender import animation, memory, meshes, values
 
 HOOK = "sinew.deform_now"
 CARRIER = "use_apply_on_spline"  # of a modifier: for curves alone
@@ -119,9 +120,10 @@ def is_switched(ob, modifier):
     return not set(SHOWS).isdisjoint(animation.animated_properties(ob, modifier))
 
 
-def hook_variables(ob, armatures, targets, waits):
-    """What the hook is to have. targets: [(object, name of a bone or "")] besides the armatures'; waits: for all that
-    deforming needs, on each frame; else it only marks the modifier."""
+def hook_variables(ob, armatures, bones, targets, waits):
+    """What the hook is to have. bones: names of those whose motion matters, None for all; targets: [(object, name of a
+    bone or "")] besides the armatures'; waits: for all that deforming needs, on each frame; else it only marks the
+    modifier."""
     mesh = ob.data
     wanted = [("deform", "OBJECT", ob, HOOK)]
     if not waits:
@@ -132,41 +134,51 @@ def hook_variables(ob, armatures, targets, waits):
     wanted.append(("place", "OBJECT", ob, "location[0]"))  # its transform, as all of it is one to Blender
     for number, armature in enumerate(armatures):
         wanted.append((f"armature{number}", "BONE", armature, ""))
-        wanted += [(f"bone{number}_{i}", *variable) for i, variable in enumerate(_bones(armature))]
+        wanted += [(f"bone{number}_{i}", *variable) for i, variable in enumerate(_bones(armature, bones))]
     return wanted + [(f"target{i}", "BONE", *target) for i, target in enumerate(targets)]
 
 
-def _bones(armature):
-    """The deforming bones on which no other deforming bone hangs: all others are done before them. And B-bones, whose
-    segments come last."""
-    above = set()
-    for bone in armature.data.bones:
-        if bone.use_deform:
-            above.update(parent.name for parent in bone.parent_recursive)
-    for bone in armature.data.bones:
-        if not bone.use_deform:
-            continue
+def _bones(armature, names):
+    """The deforming bones of these names on which no other one hangs: all others are done before them. And B-bones,
+    whose segments come last. Each variable costs its time on each frame, so a glove does not wait for the feet."""
+    deforming = [bone for bone in armature.data.bones if bone.use_deform and (names is None or bone.name in names)]
+    above = {parent.name for bone in deforming for parent in bone.parent_recursive}
+    for bone in deforming:
         if bone.bbone_segments > 1:
-            name = bpy.utils.escape_identifier(bone.name)
-            yield "OBJECT", armature, f'pose.bones["{name}"].bbone_rollin'
+            yield "OBJECT", armature, _segments_path(bone.name)
         elif bone.name not in above:
             yield "BONE", armature, bone.name
 
 
-def bendy_bones(armature):
-    """{(key of an armature object, path)} of its deforming B-bones, as the hook's variables have them."""
-    key = values.key_of(armature)
-    return frozenset((key, variable[2]) for variable in _bones(armature) if variable[0] == "OBJECT")
+def _segments_path(name):
+    return f'pose.bones["{bpy.utils.escape_identifier(name)}"].bbone_rollin'
 
 
-def bendy_bones_of(hook):
-    """The same, of those that a hook waits for."""
-    targets = [variable.targets[0] for variable in hook.driver.variables if variable.type == "SINGLE_PROP"]
+def weighted_groups(ob):
+    """Names of the vertex groups of a mesh object in which some vertex has weight."""
+    _offsets, groups, weights = meshes.read_object_weights(ob)
+    return {ob.vertex_groups[number].name for number in np.unique(groups[weights != 0]).tolist() if number >= 0}
+
+
+def awaited_bones(hook):
+    """{(key of an armature object, name of a bone, or the path that waits for the segments of a B-bone)}"""
+    targets = [variable.targets[0] for variable in hook.driver.variables]
     return frozenset(
-        (values.key_of(target.id), target.data_path)
+        (values.key_of(target.id), target.bone_target or target.data_path)
         for target in targets
-        if target.id is not None and target.data_path.startswith("pose.")
+        if target.id is not None
     )
+
+
+def is_waiting_for(awaited, armature, names):
+    """Whether a hook waits for the motion of all these bones. awaited: as awaited_bones gives them; names: of deforming
+    bones."""
+    key, bones = values.key_of(armature), armature.data.bones
+    own = {name for owner, name in awaited if owner == key}
+    bent = {bone.name for bone in bones if _segments_path(bone.name) in own}
+    done = bent.union(name for name in own if name in bones)
+    done.update(parent.name for name in tuple(done) for parent in bones[name].parent_recursive)
+    return all(name in (bent if bones[name].bbone_segments > 1 else done) for name in names)
 
 
 def targets_of(hook):
@@ -194,7 +206,8 @@ def wire(ob, modifier, targets=(), waits=True):
             animation.remove_driver(ob, path_of(other))
     mixed = mixed_modifiers(ob, modifier) if modifier.type == "ARMATURE" else ()
     armatures = dict.fromkeys(each.object for each in mixed if each.object is not None)
-    wanted = hook_variables(ob, list(armatures), targets, waits)
+    bones = None if any(each.use_bone_envelopes for each in mixed) else weighted_groups(ob)
+    wanted = hook_variables(ob, list(armatures), bones, targets, waits)
     hook = hook_of(ob, modifier)
     if hook is not None and hook.driver.is_valid and _present(hook) == [variable[1:] for variable in wanted]:
         return

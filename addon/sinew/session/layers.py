@@ -128,6 +128,8 @@ class Layer:
     bones: Bones
     weights: Weights
     rest: np.ndarray  # (V, 3)
+    moving_bones: tuple  # names of those by which some vertex moves
+    first_joint: np.ndarray  # (B,) of these; -1 of the others
     made_of: tuple  # (settings, method, its number), edition of the bones: if they change, the layer is made anew
     space: bytes | None  # from armature to mesh, when it was made
     wanted: str = ""  # methods.made_of, of a method that is precomputed
@@ -151,7 +153,7 @@ class Layer:
         """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
         numbers = self._blank.copy()
         if is_posed(armature):
-            memory.read_pose(armature, self.bones.first_joint, self.bones.joint_counts, numbers)
+            memory.read_pose(armature, self.first_joint, self.bones.joint_counts, numbers)
         return numbers.transpose(0, 2, 1)
 
     def with_channels(self, channels):
@@ -200,6 +202,7 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
                 # and those of bones without segments not.
                 frames[:, :3, :3] /= np.linalg.norm(frames[:, :3, :3], axis=1, keepdims=True)
                 rest_frames[first : first + count] = frames
+    moves = _moving(own, bones)
     skin = sinew_native.Skin(rest, own.offsets, own.joints, own.weights, bones.joint_count + 1)
     how = {"method": "linear"}
     if settings.preserve_volume:
@@ -223,6 +226,8 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
         bones,
         weights,
         rest,
+        tuple(bones.names[bone] for bone in np.flatnonzero(moves)),
+        np.where(moves, bones.first_joint, -1).astype(np.int32),
         made_of,
         _bytes(mesh_from_armature),
         wanted,
@@ -235,6 +240,17 @@ def space_between(ob, armature):
     """(4, 4): from the armature's space to the mesh object's; None where they are one. Raises values.Flat."""
     values.refuse_flat(ob, armature)
     return sinew_native.host.space_between(*(np.array(each.matrix_world, np.float32) for each in (ob, armature)))
+
+
+def _moving(own, bones):
+    """(B,) bool: by which bones some vertex moves. own: its Influences."""
+    has_weight = np.zeros(bones.joint_count + 1, bool)
+    has_weight[own.joints[own.weights != 0]] = True
+    moves = np.zeros(len(bones.names), bool)
+    for bone in np.flatnonzero(bones.first_joint >= 0):
+        first = bones.first_joint[bone]
+        moves[bone] = has_weight[first : first + bones.joint_counts[bone]].any()
+    return moves
 
 
 def _share(mask, vertex_count):

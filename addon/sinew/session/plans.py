@@ -20,7 +20,7 @@ class Plan:
     hook_path: str = ""  # what the hook drives
     run: runs.Run = runs.Run()  # what Sinew stands in for behind them, or without them
     own: str | None = None  # name of Sinew's modifier
-    waits_for: frozenset = frozenset()  # the B-bones that the hook waits for, as wiring.bendy_bones_of has them
+    waits_for: frozenset = frozenset()  # bones, as wiring.awaited_bones has them
 
     def hook_of(self, ob):
         """The hook of the object, or None."""
@@ -77,7 +77,7 @@ def _wired(plan, ob):
             and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None
         )
     )
-    return replace(plan, is_wired=is_wired, waits_for=wiring.bendy_bones_of(hook))
+    return replace(plan, is_wired=is_wired, waits_for=wiring.awaited_bones(hook))
 
 
 def has_too_much(plan, original):

@@ -54,7 +54,7 @@ class Shortcut:
             shown = wiring.OFF if keys else plan.run.shown
             switches.append(memory.mode_switch(ob.modifiers[plan.own], *shown))
         poses = [
-            (memory.region(armature, "Object", "*pose")[0], layer.bones.first_joint, layer.bones.joint_counts)
+            (memory.region(armature, "Object", "*pose")[0], layer.first_joint, layer.bones.joint_counts)
             for layer, armature in zip(copy.layers, armatures)
         ]
         self._has_keys = keys is not None
