@@ -87,6 +87,21 @@ def test_an_update_puts_back_what_somebody_cleared(fresh_scene, character):
     assert_same_shape(ob.sinew.deformed, twin)
 
 
+def test_a_file_that_is_opened_meanwhile(character, cleared, tmp_path):
+    """It is looked through as if it had just been opened."""
+    ob, twin, armature = character
+    ob.sinew.output = "MESH"
+    names, path = (ob.name, twin.name), str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    timer()()
+    ob, twin = (bpy.data.objects[name] for name in names)
+    for frame in (5, 8):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+        assert_same_shape(ob.sinew.deformed, twin)
+
+
 def test_what_was_switched_off_is_not_put_back():
     handlers = addon_module("session.handlers")
     handlers.unregister_frame_handlers()

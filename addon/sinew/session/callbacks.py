@@ -35,10 +35,11 @@ def stop(timer):
 
 
 def put_back():
-    for name, handler in _handlers:
-        listed = getattr(bpy.app.handlers, name)
-        if handler not in listed:
-            listed.append(handler)
+    """Returns whether a handler was missing."""
+    missing = [(name, handler) for name, handler in _handlers if handler not in getattr(bpy.app.handlers, name)]
+    for name, handler in missing:
+        getattr(bpy.app.handlers, name).append(handler)
     for timer in _timers:
         if not bpy.app.timers.is_registered(timer):
             bpy.app.timers.register(timer, persistent=True)
+    return bool(missing)

@@ -72,8 +72,8 @@ def _in_main_thread(function, *arguments):
 
 @persistent
 def on_depsgraph_update(_scene, depsgraph):
+    _put_handlers_back()
     take_over_open_file()
-    callbacks.put_back()
     edits = Edits.of(depsgraph)
     receive_strangers(edits)
     if edits.of_collections:
@@ -223,7 +223,7 @@ def _has_stray_attribute(mesh):
 
 def look_into_the_mail():
     """A timer, which Blender would drop if it raised."""
-    for look in (callbacks.put_back, write_lock.look, take_over_open_file, mail.deliver):
+    for look in (_put_handlers_back, write_lock.look, take_over_open_file, mail.deliver):
         try:
             look()
         except Exception as error:
@@ -231,6 +231,14 @@ def look_into_the_mail():
                 _said.add(str(error))
                 log.exception("something could not be seen to")
     return SECONDS_WHILE_ASKED if mail.is_asked() else SECONDS_BETWEEN_LOOKS
+
+
+def _put_handlers_back():
+    """While one was missing, another file may have been opened, or steps undone."""
+    global _is_file_unknown
+    if callbacks.put_back():
+        forget(is_undo=True)
+        _is_file_unknown = True
 
 
 def take_over_open_file():
