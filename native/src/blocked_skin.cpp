@@ -138,12 +138,6 @@ void for_blocks(const BlockedSkin& skin, double microseconds, const Use& use) {
   parallel_for(count, parallel ? kBlocksPerTask : count, use);
 }
 
-hwy::AlignedFreeUniquePtr<float[]> allocated(std::size_t numbers) {
-  auto memory = hwy::AllocateAligned<float>(std::max<std::size_t>(1, numbers));
-  if (!memory) throw std::bad_alloc();
-  return memory;
-}
-
 std::vector<JointPair> neighbours_in(const BlockedSkin& skin) {
   std::set<JointPair> pairs;
   for (std::uint32_t set = 0; set < skin.sets.size(); ++set) {
@@ -203,8 +197,8 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions, std::span<const 
     blocks.push_back({numbers, table.index_of(own, rigid)});
     numbers += weights_of(*this, blocks.back());
   }
-  points = allocated(blocks.size() * kBlockFloats);
-  packed_weights = allocated(numbers);
+  points = aligned<float>(blocks.size() * kBlockFloats);
+  packed_weights = aligned<float>(numbers);
   take_rest_positions();
   for_blocks(*this, kFill, [this](std::size_t begin, std::size_t end) {
     std::vector<std::uint32_t> place(identity_joint + 1);

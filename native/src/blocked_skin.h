@@ -1,14 +1,13 @@
 /// A skin as the SIMD kernels read it.
 #pragma once
 
-#include <hwy/aligned_allocator.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "aligned.h"
 #include "tile.h"
 
 namespace sinew {
@@ -84,8 +83,8 @@ struct BlockedSkin {
   /// that came before.
   std::vector<JointPair> spanning;
   bool has_negative_weights = false;
-  hwy::AlignedFreeUniquePtr<float[]> points;  ///< kBlockFloats a block
-  hwy::AlignedFreeUniquePtr<float[]> packed_weights;
+  Aligned<float> points;  ///< kBlockFloats a block
+  Aligned<float> packed_weights;
   // The skin's own influences, for blocks that are blended vertex by vertex.
   std::span<const float> rest;
   std::span<const std::int64_t> offsets;

@@ -31,7 +31,7 @@ struct Losses {
   float factor = 0;
   int iterations = 0;
   SmoothType type{};
-  hwy::AlignedFreeUniquePtr<float[]> numbers;
+  Aligned<float> numbers;
   int readers = 0;
 
   bool are_of(const CorrectiveSmooth::Settings& settings) const {
@@ -149,7 +149,7 @@ class CorrectiveSmooth::Body {
 
   const Neighbourhood around_;
   const CornerAngle angle_;
-  hwy::AlignedFreeUniquePtr<float[]> rest_;  // the neighbourhood's points, or null
+  Aligned<float> rest_;  // the neighbourhood's points, or null
   Kept<SmoothingSpace> spaces_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<Losses>> remembered_;  // guarded by mutex_

@@ -1,13 +1,11 @@
 /// Vertices and what is around them, as the smoothing kernels read it.
 #pragma once
 
-#include <hwy/aligned_allocator.h>
-
-#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "aligned.h"
 #include "sinew/topology.h"
 #include "tile.h"
 
@@ -15,12 +13,6 @@ namespace sinew {
 
 /// So many blocks are one thread's piece of work.
 constexpr std::size_t kBlocksPerPiece = 64;
-
-/// Memory for so many T, which may be none.
-template <class T>
-hwy::AlignedFreeUniquePtr<T[]> aligned(std::size_t count) {
-  return hwy::AllocateAligned<T>(std::max<std::size_t>(count, 1));
-}
 
 /// The vertices that are worked on, kBlock to a block, one a lane: entry k of a block has neighbour
 /// (or corner) k of each of its vertices, so that the lanes take their sums in the order of each
@@ -56,15 +48,15 @@ struct Neighbourhood {
   std::vector<float> counts;                   ///< neighbours, one a lane
   std::vector<std::uint32_t> neighbour_begin;  ///< blocks + 1, entries
   std::vector<std::uint32_t> corner_begin;
-  hwy::AlignedFreeUniquePtr<Entry[]> neighbours;
-  hwy::AlignedFreeUniquePtr<CornerEntry[]> corners;
+  Aligned<Entry> neighbours;
+  Aligned<CornerEntry> corners;
 };
 
 /// Memory for one frame's smoothing.
 struct SmoothingSpace {
   explicit SmoothingSpace(std::size_t points) : from(aligned<float>(4 * points)), to(aligned<float>(4 * points)) {}
-  hwy::AlignedFreeUniquePtr<float[]> from;
-  hwy::AlignedFreeUniquePtr<float[]> to;
+  Aligned<float> from;
+  Aligned<float> to;
 };
 
 }  // namespace sinew

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <new>
 
 namespace sinew {
 
@@ -31,13 +30,8 @@ DirectDeltaMush::Packed::Packed(const MushArrays& given, std::ptrdiff_t joint_co
     for (const auto& one : in_order) joints.push_back(one.first);
     omega_size_ += in_order.size() * width;
   }
-  const auto memory = [](std::size_t numbers) {
-    auto own = hwy::AllocateAligned<float>(std::max<std::size_t>(numbers, 1));
-    if (!own) throw std::bad_alloc();
-    return own;
-  };
-  omega = memory(omega_size_);
-  vertices = memory(count * vertex_width() * kBlock);
+  omega = aligned<float>(omega_size_);
+  vertices = aligned<float>(count * vertex_width() * kBlock);
   std::fill_n(omega.get(), omega_size_, 0.0f);
   std::fill_n(vertices.get(), count * vertex_width() * kBlock, 0.0f);
   for (std::size_t b = 0; b < count; ++b) take_block(given, b);

@@ -1,11 +1,10 @@
 /// Direct delta mush as its kernels read it.
 #pragma once
 
-#include <hwy/aligned_allocator.h>
-
 #include <cstdint>
 #include <vector>
 
+#include "aligned.h"
 #include "sinew/direct_delta_mush.h"
 #include "tile.h"
 
@@ -35,8 +34,8 @@ struct DirectDeltaMush::Packed {
   std::vector<Block> blocks;
   /// The block's, first the one that moves its vertices most: the sums are taken relative to it.
   std::vector<std::uint32_t> joints;
-  hwy::AlignedFreeUniquePtr<float[]> omega;     ///< a block and joint: width_of(variant) x 16
-  hwy::AlignedFreeUniquePtr<float[]> vertices;  ///< a block: vertex_width() x 16
+  Aligned<float> omega;     ///< a block and joint: width_of(variant) x 16
+  Aligned<float> vertices;  ///< a block: vertex_width() x 16
 
  private:
   void take_block(const MushArrays& arrays, std::size_t b);

@@ -1,8 +1,6 @@
 /// What the triangles of a mesh are to vertices of similar weights.
 #pragma once
 
-#include <hwy/aligned_allocator.h>
-
 #include <array>
 #include <cstdint>
 #include <span>

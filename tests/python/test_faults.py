@@ -118,7 +118,21 @@ shape = np.empty((60, 20000, 3), np.float32)
 def skin(method=sinew_native.skin_linear):
     method(sinew_native.Skin.from_dense(positions, weights), matrices, out=shape)
 
+edges = np.stack((np.arange(19999), np.arange(1, 20000)), 1)
+
+def smooth():
+    topology = sinew_native.Topology(20000, edges)
+    stage = sinew_native.CorrectiveSmooth(topology, positions).stage()
+    stage.apply(shape[0])
+    sinew_native.Smooth(topology).stage().apply(shape[0])
+
+few, faces = 400, np.array([(i, i + 1, i + 20) for i in range(380)])
+def mush():
+    sinew_native.DirectDeltaMush(positions[:few], np.arange(0, 1141, 3), faces.reshape(-1), weights[:few])
+
 calls = {
+    "smooth": smooth,
+    "mush": mush,
     "read": lambda: sinew_native.read_dmat(sys.argv[1]),
     "write": lambda: sinew_native.write_dmat(sys.argv[1], np.ones((20000, 4)), binary=True),
     "skeleton": lambda: sinew_native.Skeleton(parents, np.tile(np.eye(4), (4000, 1, 1))),
@@ -147,7 +161,7 @@ print("refused" if refused else "never refused", said if refused else "")
 @pytest.mark.skipif(
     SANITIZED or not os.path.exists("/proc/self/statm"), reason="the address sanitizer wants all memory"
 )
-@pytest.mark.parametrize("call", ("read", "write", "skeleton", "skin_linear", "skin_dual_quaternion"))
+@pytest.mark.parametrize("call", ("read", "write", "skeleton", "skin_linear", "skin_dual_quaternion", "smooth", "mush"))
 def test_memory_that_cannot_be_had(tmp_path, call):
     """Whichever request is the first that fails: an error, and the next call with memory succeeds."""
     said = python(MEMORY, tmp_path / "table.dmat", call)
