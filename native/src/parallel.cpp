@@ -1,5 +1,9 @@
 #include "parallel.h"
 
+#ifndef _WIN32
+#include <pthread.h>
+#endif
+#include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/info.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
@@ -11,7 +15,6 @@
 #include <memory>
 #include <mutex>
 #include <thread>
-#include <vector>
 
 #include "check.h"
 #include "sinew/threads.h"
@@ -20,20 +23,6 @@ namespace sinew {
 namespace {
 
 int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
-
-/// Whether the system gives that many threads more, as it does not without memory for their stacks.
-bool can_start(int count) {
-  std::vector<std::thread> threads;
-  bool started = true;
-  try {
-    threads.reserve(count);
-    while (static_cast<int>(threads.size()) < count) threads.emplace_back([] {});
-  } catch (const std::exception&) {
-    started = false;
-  }
-  for (std::thread& thread : threads) thread.join();
-  return started;
-}
 
 // An arena of our own: neither its size nor its work mixes with other users of TBB in the process,
 // Blender among them. Never more threads than the machine has: TBB has no more workers, warns on
@@ -46,7 +35,7 @@ class Pool {
   /// To be asked before run: when a worker cannot be started TBB throws, with tasks left behind that refer to what is
   /// gone by then.
   bool has_workers() {
-    if (!has_workers_) has_workers_ = can_start(threads_ - 1);
+    if (!has_workers_) has_workers_ = detail::can_start(threads_ - 1);
     return has_workers_;
   }
 
@@ -105,6 +94,28 @@ bool threads_pay(double microseconds) {
   if (microseconds < kPaysAwake || thread_count() == 1) return false;
   if (microseconds >= kPaysAsleep) return true;
   return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) < kAwakeFor;
+}
+
+bool detail::can_start(int count) {
+#ifdef _WIN32  // where a thread's stack is not asked for like this
+  try {
+    std::thread([] {}).join();
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
+#else
+  const std::size_t stack = oneapi::tbb::global_control::active_value(oneapi::tbb::global_control::thread_stack_size);
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_t thread;
+  const bool started = pthread_attr_setstacksize(&attributes, count * stack) == 0 &&
+                       pthread_create(
+                           &thread, &attributes, [](void*) -> void* { return nullptr; }, nullptr) == 0;
+  pthread_attr_destroy(&attributes);
+  if (started) pthread_join(thread, nullptr);
+  return started;
+#endif
 }
 
 void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody body, const void* closure) {

@@ -8,6 +8,10 @@ namespace sinew {
 namespace detail {
 using RangeBody = void (*)(const void* closure, std::size_t begin, std::size_t end);
 void parallel_ranges(std::size_t count, std::size_t grain, RangeBody body, const void* closure);
+
+/// Whether the system gives that many threads of TBB's more, as it does not without memory for their stacks: starts
+/// one, with a stack as large as all of theirs.
+bool can_start(int count);
 }  // namespace detail
 
 /// Whether threads are likely to finish work sooner that takes one thread so long. A thread that

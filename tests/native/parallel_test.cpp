@@ -3,11 +3,30 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <limits>
 #include <new>
 #include <thread>
 #include <vector>
 
 #include "failures.h"
+
+#if defined(__linux__) && defined(__GLIBC__)
+#define SINEW_COUNTS_THREADS
+#include <dlfcn.h>
+#include <pthread.h>
+
+namespace {
+std::atomic<int> threads_started = 0;
+}  // namespace
+
+// In place of the C library's, or of a sanitizer's, which it calls.
+extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*run)(void*),
+                              void* argument) noexcept {
+  static const auto next = reinterpret_cast<decltype(&pthread_create)>(dlsym(RTLD_NEXT, "pthread_create"));
+  ++threads_started;
+  return next(thread, attributes, run, argument);
+}
+#endif
 
 namespace sinew {
 namespace {
@@ -79,6 +98,18 @@ TEST(Parallel, WhatABodyThrowsComesToTheCaller) {
     EXPECT_EQ(visits, std::vector<int>(64, 1));
   }
 }
+
+#ifdef SINEW_COUNTS_THREADS
+TEST(Parallel, OneThreadIsStartedToAskForMany) {
+  const int before = threads_started;
+  EXPECT_TRUE(detail::can_start(16));
+  EXPECT_EQ(threads_started - before, 1);
+}
+
+TEST(Parallel, NoThreadsWithoutMemoryForTheirStacks) {
+  EXPECT_FALSE(detail::can_start(std::numeric_limits<int>::max()));
+}
+#endif
 
 TEST(Parallel, MayBeCalledInsideItself) {
   const ThreadsOfATest threads_of_a_test;
