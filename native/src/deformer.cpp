@@ -11,6 +11,7 @@
 #include "parallel.h"
 #include "per_thread.h"
 #include "posed_layer.h"
+#include "steady_instruction_set.h"
 #include "vertex_numbers.h"
 
 namespace sinew {
@@ -198,6 +199,7 @@ void Deformer::deform(std::span<const LayerPose> poses, std::span<float> positio
 
 void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values,
                     std::span<const float> rest_positions) const {
+  const SteadyInstructionSet steady;
   const auto vertices = static_cast<std::size_t>(vertex_count_);
 
   // Kept from call to call, and never fewer than were used before: a frame allocates nothing. What

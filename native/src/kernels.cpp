@@ -8,11 +8,9 @@
 #include <algorithm>
 #include <cstring>
 
-#include "check.h"
 #include "dual_quaternion-inl.h"
 #include "kernels-inl.h"
 #include "kernels.h"
-#include "sinew/instruction_set.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace sinew {
@@ -119,15 +117,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace sinew {
-namespace {
-/// Those of the machine, whichever one is forced: nobody can force one before this has been called.
-const std::vector<std::int64_t>& all_targets() {
-  static const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
-  return targets;
-}
-
-}  // namespace
-
 HWY_EXPORT(kernel_lanes);
 HWY_EXPORT(kernel_target);
 HWY_EXPORT(pack_points);
@@ -135,29 +124,9 @@ HWY_EXPORT(linear_blocks);
 HWY_EXPORT(linear_vertex);
 HWY_EXPORT(dual_quaternion_blocks);
 
-std::vector<std::string> instruction_sets() {
-  std::vector<std::string> names;
-  for (const std::int64_t target : all_targets()) names.emplace_back(hwy::TargetName(target));
-  return names;
-}
-
-std::string instruction_set() { return HWY_DYNAMIC_DISPATCH(kernel_target)(); }
-
-void set_instruction_set(const std::string& name) {
-  std::int64_t wanted = 0;
-  std::string known;
-  for (const std::int64_t target : all_targets()) {
-    if (name == hwy::TargetName(target)) wanted = target;
-    known += std::string(known.empty() ? "" : ", ") + hwy::TargetName(target);
-  }
-  if (wanted == 0 && name != "auto") {
-    fail("this machine has no instruction set \"", name, "\"; expected auto or one of ", known);
-  }
-  hwy::SetSupportedTargetsForTest(wanted);  // 0: the best
-  hwy::GetChosenTarget().DeInit();          // the next call looks again
-}
-
 int kernel_lanes() { return HWY_DYNAMIC_DISPATCH(kernel_lanes)(); }
+
+const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(kernel_target)(); }
 
 void pack_points(const float* positions, std::size_t vertices, float* points) {
   HWY_DYNAMIC_DISPATCH(pack_points)(positions, vertices, points);

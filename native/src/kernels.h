@@ -44,6 +44,9 @@ struct QuaternionJoints {
 /// Lanes of a register in the instruction set that is in use: which BlockedSkin the kernels take.
 int kernel_lanes();
 
+/// Highway's name of that instruction set.
+const char* kernel_target();
+
 /// Puts positions into the order of BlockedSkin::points.
 /// positions  vertices x 3.
 /// points     out, kBlockFloats a block, of which the last may hold fewer vertices than 16.

@@ -1,6 +1,7 @@
 #include "sinew/skin.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -8,12 +9,22 @@
 #include "blocked_skin.h"
 #include "check.h"
 #include "kernels.h"
+#include "steady_instruction_set.h"
 
 namespace sinew {
 
 namespace {
 
+/// Without a branch in the loop, which becomes vector code.
+bool all_finite(std::span<const float> numbers) {
+  constexpr std::uint32_t kExponent = 0x7f800000;
+  std::uint32_t any = 0;
+  for (const float number : numbers) any |= (std::bit_cast<std::uint32_t>(number) & kExponent) == kExponent;
+  return any == 0;
+}
+
 void check_positions(std::span<const float> positions) {
+  if (all_finite(positions)) return;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (!std::isfinite(positions[i])) fail("the rest position of vertex ", i / 3, " is not finite");
   }
@@ -37,6 +48,7 @@ Skin::Skin(std::span<const float> rest_positions, std::span<const std::int64_t> 
   drop_dead_influences();
   measure();
   packed_ = std::make_unique<Packed>();
+  const SteadyInstructionSet steady;
   blocked();
 }
 
@@ -61,6 +73,7 @@ void Skin::set_rest_positions(std::span<const float> positions) {
   }
   check_positions(positions);
   std::ranges::copy(positions, rest_positions_.begin());
+  const SteadyInstructionSet steady;
   const std::lock_guard lock(packed_->mutex);
   const int lanes = kernel_lanes();
   std::erase_if(packed_->by_lanes, [&](const auto& other) { return other.first != lanes; });
@@ -104,6 +117,9 @@ void Skin::check() const {
     if (offsets_[v] > offsets_[v + 1]) fail("offsets falls at vertex ", v);
   }
   check_positions(rest_positions_);
+  std::uint32_t largest_joint = 0;
+  for (const std::int32_t joint : joints_) largest_joint = std::max(largest_joint, static_cast<std::uint32_t>(joint));
+  if (all_finite(weights_) && (total == 0 || largest_joint < joint_count_)) return;
   for (std::int64_t i = 0; i < total; ++i) {
     if (joints_[i] < 0 || joints_[i] >= joint_count_) {
       fail("influence ", i, " names joint ", joints_[i], "; there are ", plural(joint_count_, "joint"));

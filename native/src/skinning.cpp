@@ -9,6 +9,7 @@
 #include "method.h"
 #include "parallel.h"
 #include "per_thread.h"
+#include "steady_instruction_set.h"
 
 namespace sinew {
 namespace {
@@ -133,6 +134,7 @@ struct Batch {
 
 void skin_all(std::span<const SkinningJob> jobs) {
   check(jobs);
+  const SteadyInstructionSet steady;
   // Kept from call to call, so that a frame allocates nothing. What runs in parallel does not come
   // back here, so a thread needs one.
   auto& batch = per_thread<Batch>();

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <numbers>
+#include <optional>
 #include <thread>
 
 #include "each_instruction_set.h"
@@ -109,6 +110,33 @@ TEST(InstructionSet, ListingThemDisturbsNobody) {
   reader.join();
   set_instruction_set("auto");
   EXPECT_EQ(others, 0);
+}
+
+/// A skin packed for other registers than the kernels have would come out as garbage. (And what the thread sanitizer
+/// looks at.)
+TEST(InstructionSet, MayChangeWhileOthersSkin) {
+  rigs::Random random(5);
+  const Skin skin = rigs::coherent_skin(random, 3001, 20, 4);
+  const rigs::Matrices pose = rigs::through_float(rigs::random_pose(random, 20));
+  const auto expected = reference::skin_linear(skin, pose);
+  std::atomic<int> running = 2, wrong = 0, made = 0;
+  const auto skin_again_and_again = [&](bool anew) {
+    for (int turn = 0; turn < 100; ++turn) {
+      std::optional<Skin> own;
+      if (anew) own.emplace(skin.rest_positions(), skin.offsets(), skin.joints(), skin.weights(), 20);
+      wrong += !(rigs::distance(skinned(skin_linear, own ? *own : skin, pose), expected) < 2e-7 * kDiagonal);
+      ++made;
+    }
+    --running;
+  };
+  std::thread one(skin_again_and_again, false), two(skin_again_and_again, true);
+  const std::vector<std::string> names = instruction_sets();
+  for (std::size_t turn = 0; running > 0; ++turn) set_instruction_set(names[turn % names.size()]);
+  one.join();
+  two.join();
+  set_instruction_set("auto");
+  EXPECT_EQ(made, 200);
+  EXPECT_EQ(wrong, 0);
 }
 
 TEST(InstructionSet, RefusesANameThatIsNone) {

@@ -14,8 +14,8 @@ std::vector<std::string> instruction_sets();
 /// The one in use.
 std::string instruction_set();
 
-/// Uses this one from now on, or the best again for "auto". No skinning may be under way. Throws
-/// InputError, naming the sets there are, for a name that is none of them.
+/// Uses this one from now on, or the best again for "auto". Safe at any time and from any thread: waits until calls
+/// that skin have ended. Throws InputError, naming the sets there are, for a name that is none of them.
 void set_instruction_set(const std::string& name);
 
 }  // namespace sinew

@@ -65,8 +65,8 @@ class Skin {
   /// for another number of vertices or a number that is not finite.
   void set_rest_positions(std::span<const float> positions);
 
-  /// The packed form for the kernels of the instruction set in use: made with the object, and once
-  /// more if a set with other registers is chosen later.
+  /// The packed form for the kernels of the instruction set in use, which must not change meanwhile: made with the
+  /// object, and once more if a set with other registers is chosen later.
   const BlockedSkin& blocked() const;
 
  private:
