@@ -223,6 +223,14 @@ py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ss
   return array;
 }
 
+/// A list of numbers, which Python then owns.
+template <class T>
+py::array given_away(std::vector<T> numbers, std::vector<py::ssize_t> shape) {
+  auto* const kept = new std::vector<T>(std::move(numbers));
+  const py::capsule owner(kept, [](void* own) { delete static_cast<std::vector<T>*>(own); });
+  return py::array(py::dtype::of<T>(), std::move(shape), kept->data(), owner);
+}
+
 template <class Numbers>
 py::array view_list(const Numbers& numbers, const py::object& owner) {
   return view(std::data(numbers), {static_cast<py::ssize_t>(std::size(numbers))}, {1}, owner);

@@ -16,11 +16,14 @@ std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& of
                                   const py::array& weights, const py::array& first_joints, const py::array& segments,
                                   const py::array& axes) {
   if (axes.ndim() != 2 || axes.shape(1) != 4) wrong_shape("axes", axes, "(B, 4)");
+  const auto bent = list_of<std::int64_t>("vertices", vertices), begin = list_of<std::int64_t>("offsets", offsets);
+  const auto own = list_of<std::int32_t>("bones", bones);
+  const auto shares = list_of<float>("weights", weights);
+  const std::vector<std::int32_t> first = list_of<std::int32_t>("first_joints", first_joints),
+                                  counts = list_of<std::int32_t>("segments", segments);
   const Numbers<double> rows("axes", axes);
-  return std::make_shared<Bends>(list_of<std::int64_t>("vertices", vertices), list_of<std::int64_t>("offsets", offsets),
-                                 list_of<std::int32_t>("bones", bones), list_of<float>("weights", weights),
-                                 list_of<std::int32_t>("first_joints", first_joints),
-                                 list_of<std::int32_t>("segments", segments), rows);
+  const py::gil_scoped_release release;
+  return std::make_shared<Bends>(bent, begin, own, shares, first, counts, rows);
 }
 
 std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method, const std::string& stretch,
@@ -37,9 +40,12 @@ std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string&
     const std::vector<double> numbers = copied<double>("split_space", *split_space);
     space = Matrix4<double>::Map(numbers.data()).transpose();
   }
-  return std::make_shared<Layer>(std::move(skin), method_named(method), StretchRule{stretch_named(stretch), frames},
-                                 OptionalNumbers("mask", mask), OptionalNumbers("share", share), std::move(bends),
-                                 space, std::move(data));
+  const StretchRule rule{stretch_named(stretch), frames};
+  const SkinningMethod how = method_named(method);
+  const OptionalNumbers own_mask("mask", mask), own_share("share", share);
+  const py::gil_scoped_release release;
+  return std::make_shared<Layer>(std::move(skin), how, rule, own_mask, own_share, std::move(bends), space,
+                                 std::move(data));
 }
 
 std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, const py::object& relative_to,
@@ -101,8 +107,10 @@ LayerPose pose_of(const py::handle& given, std::size_t i) {
 void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
             const std::optional<py::array>& key_values, const std::optional<py::array>& rest_positions,
             const py::sequence& stages, const std::optional<py::array>& milliseconds) {
+  // Lists may change while the GIL is released; what they held has to stay.
+  const py::tuple kept_poses(poses), kept_stages(stages);
   std::vector<LayerPose> layer_poses;
-  for (const py::handle pose : poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
+  for (const py::handle pose : kept_poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
   const std::span<float> positions = written_span<float>("out", given_array("out", out), {deformer.vertex_count(), 3});
   std::span<const float> values, rest;
   if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
@@ -110,7 +118,7 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
   if (key_values && rest_positions) {
     throw InputError("there are key_values and rest_positions; expected one");
   }
-  const std::vector<Stage> in_order = stages_of(stages);
+  const std::vector<Stage> in_order = stages_of(kept_stages);
   std::span<double> times;
   if (milliseconds) {
     times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});

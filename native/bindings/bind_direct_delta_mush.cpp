@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "arrays.h"
+#include "interruptible.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
 
@@ -19,29 +20,20 @@ std::shared_ptr<DirectDeltaMush> compute(const std::shared_ptr<Skin>& skin, cons
                                          const py::array& face_vertices, double smoothing, double weight_smoothing,
                                          double blend, int iterations, const std::string& laplacian, int variant,
                                          double prune, const std::shared_ptr<Progress>& progress) {
-  const auto offsets = list_of<std::int32_t>("face_offsets", face_offsets);
-  const auto corners = list_of<std::int32_t>("face_vertices", face_vertices);
+  const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
+  const std::vector<std::int32_t> corners = list_of<std::int32_t>("face_vertices", face_vertices);
   const MushSettings settings{smoothing, weight_smoothing, blend, iterations, laplacian_named(laplacian), variant,
                               prune};
-  const py::gil_scoped_release release;
-  return DirectDeltaMush::compute(skin, offsets, corners, settings, progress.get());
+  return interruptible(progress,
+                       [&](Progress* own) { return DirectDeltaMush::compute(skin, offsets, corners, settings, own); });
 }
 
 std::shared_ptr<DirectDeltaMush> from_dense(const py::array& rest_positions, const py::array& face_offsets,
                                             const py::array& face_vertices, const py::array& weights, double smoothing,
                                             double weight_smoothing, double blend, int iterations,
                                             const std::string& laplacian, int variant, double prune) {
-  auto skin = std::make_shared<Skin>(skin_from_dense(rest_positions, weights));
-  return compute(skin, face_offsets, face_vertices, smoothing, weight_smoothing, blend, iterations, laplacian, variant,
-                 prune, nullptr);
-}
-
-/// A list of numbers, which Python then owns.
-template <class T>
-py::array given_away(std::vector<T> numbers, std::vector<py::ssize_t> shape) {
-  auto* const kept = new std::vector<T>(std::move(numbers));
-  const py::capsule owner(kept, [](void* own) { delete static_cast<std::vector<T>*>(own); });
-  return py::array(py::dtype::of<T>(), std::move(shape), kept->data(), owner);
+  return compute(skin_from_dense(rest_positions, weights), face_offsets, face_vertices, smoothing, weight_smoothing,
+                 blend, iterations, laplacian, variant, prune, nullptr);
 }
 
 py::dict arrays_of(const DirectDeltaMush& mush) {
@@ -124,7 +116,8 @@ void bind_direct_delta_mush(py::module_& module) {
                   (std::string("The same from a Skin, to be run in a thread of its own.\n\n"
                                "skin: a Skin, which must not change meanwhile.\n") +
                    kFaces + kSettings +
-                   "progress: a Progress that another thread watches, or None. If it is cancelled, None is returned.\n"
+                   "progress: a Progress that another thread watches, or None. If it is cancelled, None is returned. "
+                   "Ctrl C cancels it, too.\n"
                    "Raises ValueError as the constructor does.")
                       .c_str())
       .def("arrays", &arrays_of,

@@ -1,5 +1,6 @@
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
 
 #include "arrays.h"
@@ -21,13 +22,15 @@ py::array_t<T> array_of(const std::vector<T>& values) {
 /// A vertex: {Entry* entries; int count; int flag}, an entry: {unsigned group; float weight}.
 py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
   constexpr std::ptrdiff_t kVertex = 16, kEntry = 8;
+  if (count < 0) throw InputError("count is " + std::to_string(count) + "; expected 0 or more");
   std::vector<std::int64_t> offsets(count + 1, 0);
   std::vector<std::int32_t> groups;
   std::vector<float> weights;
   {
     const py::gil_scoped_release release;
     for (std::ptrdiff_t v = 0; v < count; ++v) {
-      offsets[v + 1] = offsets[v] + read<std::int32_t>(vertices + v * kVertex + 8);
+      const auto own = read<std::int32_t>(vertices + v * kVertex + 8);
+      offsets[v + 1] = offsets[v] + std::max(own, 0);
     }
     groups.resize(offsets[count]);
     weights.resize(offsets[count]);
@@ -40,23 +43,27 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
       }
     }
   }
-  return py::make_tuple(array_of(offsets), array_of(groups), array_of(weights));
+  const py::ssize_t entries = offsets[count];
+  return py::make_tuple(given_away(std::move(offsets), {count + 1}), given_away(std::move(groups), {entries}),
+                        given_away(std::move(weights), {entries}));
 }
 
 /// layout: offsets in a pose bone of the next one's address, its motion, its count of segments, and
 /// the address of the segments' motions.
 void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
                const py::array_t<std::int32_t>& joint_counts, const std::array<std::ptrdiff_t, 4>& layout,
-               py::array_t<float, py::array::c_style> out) {
+               const py::array& out) {
   const PoseBoneLayout members{layout[0], layout[1], layout[2], layout[3]};
   const auto first = first_joints.unchecked<1>();
   const auto counts = joint_counts.unchecked<1>();
-  auto* const matrices = reinterpret_cast<char*>(out.mutable_data());
-  const py::ssize_t joints = out.size() / 16;
+  if (counts.shape(0) != first.shape(0))
+    throw InputError("first_joints and joint_counts need one number per bone each");
+  const py::ssize_t joints = out.ndim() == 3 ? out.shape(0) : 0;
+  auto* const matrices = reinterpret_cast<char*>(written_span<float>("out", out, {joints, 4, 4}).data());
   for (py::ssize_t b = 0; b < first.shape(0); ++b, bone = read<Address>(bone + members.next)) {
     if (bone == 0) throw InputError("the pose has fewer bones than the skin was made for");
     if (first(b) < 0) continue;
-    if (first(b) + counts(b) > joints) throw InputError("out has too few matrices for the joints");
+    if (counts(b) < 1 || counts(b) > joints - first(b)) throw InputError("out has too few matrices for the joints");
     if (!copy_motions(bone, members, counts(b), matrices + first(b) * kMatrix)) {
       throw InputError("a bone has other segments than the skin was made for; make the skin again");
     }

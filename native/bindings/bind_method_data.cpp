@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "arrays.h"
+#include "interruptible.h"
 #include "methods.h"
 #include "sinew/progress.h"
 #include "sinew/skinning.h"
@@ -27,14 +28,16 @@ py::array rotation_centers(const Skin& skin, const RotationCenters& centers, con
                  [&](auto stack, auto positions) { skin_rotation_centers(skin, centers, stack, positions); });
 }
 
-RotationCenters make_centers(const py::array& centers, const py::array& has_center) {
+std::shared_ptr<RotationCenters> make_centers(const py::array& centers, const py::array& has_center) {
   if (has_center.ndim() != 1) wrong_shape("has_center", has_center, "(V,)");
   if (has_center.dtype().kind() != 'b') {
     throw InputError("has_center is " + dtype_text(has_center) + "; expected bool");
   }
   const auto flags = py::array_t<bool, py::array::c_style>(has_center);
   const std::vector<std::uint8_t> numbers(flags.data(), flags.data() + flags.size());
-  return RotationCenters(points_of<float>("centers", centers), numbers);
+  const auto points = points_of<float>("centers", centers);
+  const py::gil_scoped_release release;
+  return std::make_shared<RotationCenters>(points, numbers);
 }
 
 std::shared_ptr<RotationCenters> compute_centers(const Skin& skin, const py::array& face_offsets,
@@ -42,9 +45,9 @@ std::shared_ptr<RotationCenters> compute_centers(const Skin& skin, const py::arr
                                                  std::shared_ptr<Progress> progress) {
   const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
   const std::vector<std::int32_t> vertices = list_of<std::int32_t>("face_vertices", face_vertices);
-  const py::gil_scoped_release release;
-  return std::const_pointer_cast<RotationCenters>(
-      RotationCenters::compute(skin, offsets, vertices, sigma, progress.get()));
+  return interruptible(std::move(progress), [&](Progress* own) {
+    return std::const_pointer_cast<RotationCenters>(RotationCenters::compute(skin, offsets, vertices, sigma, own));
+  });
 }
 
 py::array centers_of(const RotationCenters& self) {
@@ -76,7 +79,11 @@ void bind_method_data(py::module_& module) {
 
   py::class_<BlendShares, MethodData, std::shared_ptr<BlendShares>>(
       module, "BlendShares", "The share of dual quaternion skinning of each vertex, for the method \"blended\".")
-      .def(py::init([](const py::array& shares) { return BlendShares(list_of<float>("shares", shares)); }),
+      .def(py::init([](const py::array& shares) {
+             const auto numbers = list_of<float>("shares", shares);
+             const py::gil_scoped_release release;
+             return std::make_shared<BlendShares>(numbers);
+           }),
            py::arg("shares"),
            "shares: (V,), each from 0, linear skinning, to 1, dual quaternion skinning; the ends give exactly the bits "
            "of these two. Copied.\n"
@@ -113,7 +120,7 @@ void bind_method_data(py::module_& module) {
           "progress: a Progress that another thread watches, or None.\n"
           "A vertex has no center if fewer than two joints move it, or if no triangle has similar weights. Triangles "
           "whose weights differ by less than a sixteenth of sigma are taken together. Returns None if progress was "
-          "cancelled. Raises ValueError for what does not fit.")
+          "cancelled, which Ctrl C does, too. Raises ValueError for what does not fit.")
       .def_property_readonly("centers", &centers_of, "(V, 3) float32, zeros where there is none. A copy.")
       .def_property_readonly("has_center", &has_center_of, "(V,) bool. A copy.")
       .def_property_readonly("count", &RotationCenters::count, "How many vertices have a center.");

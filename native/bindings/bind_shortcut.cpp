@@ -81,7 +81,7 @@ struct PoseSource {
     }
     for (std::size_t b = 0; b < first_joints.size(); ++b) {
       if (first_joints[b] < 0) continue;
-      if (joint_counts[b] < 1 || first_joints[b] + joint_counts[b] > joints) {
+      if (joint_counts[b] < 1 || joint_counts[b] > joints - first_joints[b]) {
         throw InputError("the layer has too few joints for the bones");
       }
       bones.push_back({static_cast<std::int32_t>(b), first_joints[b], joint_counts[b]});
@@ -143,7 +143,7 @@ class Shortcut {
         layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}},
         places_(std::move(places)),
         stage_owners_(stages),
-        stages_(stages_of(stages)),
+        stages_(stages_of(stage_owners_)),
         rest_owner_(rest_positions),
         milliseconds_(stages_.size() + 2, 0.0) {
     const std::size_t layers = deformer_.layers().size();
@@ -237,7 +237,7 @@ class Shortcut {
   Watched watched_;
   PoseLayout layout_;
   std::vector<Places> places_;
-  py::object stage_owners_;
+  py::tuple stage_owners_;  // a list may change
   std::vector<Stage> stages_;
   std::optional<py::array> rest_owner_;
   std::span<const float> rest_;

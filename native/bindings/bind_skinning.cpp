@@ -5,6 +5,7 @@
 
 #include "arrays.h"
 #include "methods.h"
+#include "sinew/group_influences.h"
 #include "sinew/skinning.h"
 #include "skinned.h"
 
@@ -56,6 +57,23 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
   skin_all(jobs);
 }
 
+py::tuple influences_of_groups(const py::array& offsets, const py::array& groups, const py::array& weights,
+                               const py::array& joint_of_group) {
+  const auto first = list_of<std::int64_t>("offsets", offsets);
+  const auto numbers = list_of<std::int32_t>("groups", groups);
+  const auto shares = list_of<float>("weights", weights);
+  const std::vector<std::int32_t> joints = list_of<std::int32_t>("joint_of_group", joint_of_group);
+  GroupInfluences own;
+  {
+    const py::gil_scoped_release release;
+    own = group_influences(first, numbers, shares, joints);
+  }
+  const auto count = std::ssize(own.joints);
+  return py::make_tuple(given_away(std::move(own.offsets), {offsets.shape(0)}),
+                        given_away(std::move(own.joints), {count}), given_away(std::move(own.weights), {count}),
+                        own.unweighted_count, own.unnormalized_count);
+}
+
 }  // namespace
 
 void bind_skinning(py::module_& module) {
@@ -64,8 +82,12 @@ void bind_skinning(py::module_& module) {
       .def(py::init([](const py::array& rest_positions, const py::array& offsets, const py::array& joints,
                        const py::array& weights, std::ptrdiff_t joint_count) {
              check_counts(rest_positions.size() / 3, joints.size(), joint_count);
-             return Skin(points_of<float>("rest_positions", rest_positions), list_of<std::int64_t>("offsets", offsets),
-                         list_of<std::int32_t>("joints", joints), list_of<float>("weights", weights), joint_count);
+             const auto points = points_of<float>("rest_positions", rest_positions);
+             const auto first = list_of<std::int64_t>("offsets", offsets);
+             const auto numbers = list_of<std::int32_t>("joints", joints);
+             const auto shares = list_of<float>("weights", weights);
+             const py::gil_scoped_release release;
+             return std::make_shared<Skin>(points, first, numbers, shares, joint_count);
            }),
            py::arg("rest_positions"), py::arg("offsets"), py::arg("joints"), py::arg("weights"), py::arg("joint_count"),
            "rest_positions: (V, 3), space of the mesh.\n"
@@ -108,7 +130,9 @@ void bind_skinning(py::module_& module) {
       .def(
           "set_rest_positions",
           [](Skin& self, const py::array& positions) {
-            self.set_rest_positions(points_of<float>("positions", positions));
+            const auto points = points_of<float>("positions", positions);
+            const py::gil_scoped_release release;
+            self.set_rest_positions(points);
           },
           py::arg("positions"),
           "Sets another rest shape, for example after a change of shape keys; influences stay. Do not call it while "
@@ -121,6 +145,18 @@ void bind_skinning(py::module_& module) {
                " joints, " + std::to_string(self.influence_count()) + " influences>";
       });
 
+  module.def("group_influences", &influences_of_groups, py::arg("offsets"), py::arg("groups"), py::arg("weights"),
+             py::arg("joint_of_group"),
+             "Weights of vertex groups as influences, as Blender's Armature modifier counts them.\n\n"
+             "offsets: (V + 1,) integers; vertex v has the entries offsets[v] up to offsets[v + 1].\n"
+             "groups: (M,) integers, the group of each entry; one that does not exist moves nothing.\n"
+             "weights: (M,).\n"
+             "joint_of_group: (G,) integers, the joint of each group, negative if it moves nothing.\n"
+             "Weights of groups that move something are divided by their sum. Zeros are left out, and a vertex whose "
+             "weights sum to 1e-4 or less stays at rest.\n"
+             "Returns offsets (V + 1,) int64, joints (N,) int32 and weights (N,) float32, as Skin takes them; how many "
+             "vertices no joint moves; and of how many the weights, as given, are more than 0.05 from a sum of 1.\n"
+             "Raises ValueError for sizes that do not fit.");
   module.def(
       "skin_linear", &linear, py::arg("skin"), py::arg("matrices"), py::arg("out") = py::none(),
       (std::string("Linear blend skinning: v' = sum_j w_j M(j) v.\n\n") + kSkinArguments + kSkinReturns).c_str());

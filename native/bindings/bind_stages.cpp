@@ -14,16 +14,12 @@ std::shared_ptr<Topology> make_topology(std::ptrdiff_t vertex_count, const py::a
                                         const std::optional<py::array>& face_offsets,
                                         const std::optional<py::array>& corner_vertices) {
   if (edges.ndim() != 2 || edges.shape(1) != 2) wrong_shape("edges", edges, "(E, 2)");
-  const Numbers<std::int32_t> ends("edges", edges);
-  std::optional<Numbers<std::int32_t>> offsets, corners;
-  if (face_offsets) offsets.emplace(list_of<std::int32_t>("face_offsets", *face_offsets));
-  if (corner_vertices) {
-    corners.emplace(list_of<std::int32_t>("corner_vertices", *corner_vertices));
-  }
-  using Span = std::span<const std::int32_t>;
-  const Span first = offsets ? Span(*offsets) : Span(), all = corners ? Span(*corners) : Span();
+  const std::vector<std::int32_t> ends = Numbers<std::int32_t>("edges", edges);
+  std::vector<std::int32_t> offsets, corners;
+  if (face_offsets) offsets = list_of<std::int32_t>("face_offsets", *face_offsets);
+  if (corner_vertices) corners = list_of<std::int32_t>("corner_vertices", *corner_vertices);
   const py::gil_scoped_release release;
-  return std::make_shared<Topology>(vertex_count, ends, first, all);
+  return std::make_shared<Topology>(vertex_count, ends, offsets, corners);
 }
 
 std::shared_ptr<Smooth> make_smooth(std::shared_ptr<Topology> topology, const std::optional<py::array>& weights,
@@ -55,6 +51,7 @@ std::shared_ptr<Hook> make_hook(std::ptrdiff_t vertex_count, const std::optional
   const OptionalNumbers group("weights", weights);
   std::optional<std::vector<std::int32_t>> named;
   if (vertices) named = list_of<std::int32_t>("vertices", *vertices);
+  const py::gil_scoped_release release;
   return std::make_shared<Hook>(vertex_count, named, VertexGroup{group, invert});
 }
 

@@ -29,6 +29,19 @@ void translate_no_memory(std::exception_ptr thrown) {
   }
 }
 
+/// cls.__new__(cls) returns an object without its C++ half, for which pybind11 would hand out memory that no
+/// constructor has seen.
+void* refuse_to_allocate(std::size_t) { throw pybind11::type_error("__init__ was not called; call the class itself"); }
+
+/// Has the classes of a module or submodule refuse such objects.
+void refuse_unmade_objects(const pybind11::object& module) {
+  for (const auto& [name, member] : pybind11::dict(module.attr("__dict__"))) {
+    if (!PyType_Check(member.ptr())) continue;
+    auto* const info = pybind11::detail::get_type_info(reinterpret_cast<PyTypeObject*>(member.ptr()));
+    if (info) info->operator_new = &refuse_to_allocate;
+  }
+}
+
 }  // namespace
 
 PYBIND11_MODULE(sinew_native, module) {
@@ -55,8 +68,11 @@ PYBIND11_MODULE(sinew_native, module) {
              "The names of the instruction sets that this machine can run, best first.");
   module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
   module.def("set_instruction_set", &sinew::set_instruction_set, pybind11::arg("name"),
+             pybind11::call_guard<pybind11::gil_scoped_release>(),
              "Use this instruction set from now on, or the best for \"auto\". Results of two sets "
-             "agree to rounding, not to the bit. Do not call it while skinning is running. Raises ValueError for an "
-             "unknown name.");
+             "agree to rounding, not to the bit. Waits until calls that skin in other threads have ended. Raises "
+             "ValueError for an unknown name.");
   module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use, at least 1.");
+  refuse_unmade_objects(module);
+  refuse_unmade_objects(module.attr("host"));
 }

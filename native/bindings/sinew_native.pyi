@@ -515,6 +515,13 @@ def skinning_matrices(skeleton: Skeleton, world: _Float32 | _Float64, out: _Floa
 def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
     """T(j) of joints that only turn. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
 
+def group_influences(
+    offsets: _Integers, groups: _Integers, weights: _Reals, joint_of_group: _Integers
+) -> tuple[_Int64, _Int32, _Float32, int, int]:
+    """Weights of vertex groups, (V + 1,), (M,) and (M,), as influences: divided by the sum of those whose group has a
+    joint. joint_of_group (G,), -1: none. Returns offsets (V + 1,), joints (N,), weights (N,), as Skin takes them; how
+    many vertices no joint moves; and of how many the weights do not sum to 1."""
+
 def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
     """v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out (V, 3) or
     (F, V, 3), C-contiguous. Returns out."""
@@ -597,4 +604,4 @@ def instruction_set() -> str:
     """The instruction set in use."""
 
 def set_instruction_set(name: str) -> None:
-    """Use this instruction set from now on, or the best for "auto". No skinning may be under way."""
+    """Use this instruction set from now on, or the best for "auto". Waits until calls that skin have ended."""

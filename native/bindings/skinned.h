@@ -1,6 +1,7 @@
 /// What the functions that skin have in common.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "arrays.h"
@@ -29,13 +30,15 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
   return result;
 }
 
-inline Skin skin_from_dense(const py::array& rest_positions, const py::array& weights) {
+inline std::shared_ptr<Skin> skin_from_dense(const py::array& rest_positions, const py::array& weights) {
   if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
   check_counts(weights.shape(0), 0, weights.shape(1));
   const Numbers<double> numbers("weights", weights);
+  const auto points = points_of<float>("rest_positions", rest_positions);
   const auto rows = weights.shape(0), columns = weights.shape(1);
-  return Skin::from_dense(points_of<float>("rest_positions", rest_positions), std::span<const double>(numbers).data(),
-                          rows, columns, columns, 1);
+  const py::gil_scoped_release release;
+  return std::make_shared<Skin>(
+      Skin::from_dense(points, std::span<const double>(numbers).data(), rows, columns, columns, 1));
 }
 
 constexpr const char* kSkinArguments =

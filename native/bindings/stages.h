@@ -22,10 +22,10 @@ struct StageOfPython {
   std::shared_ptr<const void> owner;
 };
 
-/// A list of Stage objects, which have to outlive what is returned.
-inline std::vector<Stage> stages_of(const pybind11::sequence& list) {
+/// Of Stage objects, which have to outlive what is returned.
+inline std::vector<Stage> stages_of(const pybind11::tuple& objects) {
   std::vector<Stage> stages;
-  for (const pybind11::handle stage : list) {
+  for (const pybind11::handle stage : objects) {
     if (!pybind11::isinstance<StageOfPython>(stage)) {
       throw InputError("stage " + std::to_string(stages.size()) +
                        " is not a Stage; expected what stage(...) of a CorrectiveSmooth, Smooth or Hook returns");

@@ -75,14 +75,14 @@ Bends::Bends(std::span<const std::int64_t> vertices, std::span<const std::int64_
       bones_(bones.begin(), bones.end()),
       weights_(weights.begin(), weights.end()) {
   check_bones(first_joints, segments, axes);
-  check_influences(bones, weights, std::ssize(segments));
-  check_vertices(vertices, offsets, std::ssize(bones));
   for (std::size_t b = 0; b < segments.size(); ++b) {
     const Eigen::RowVector4d axis = Eigen::Map<const Eigen::RowVector4d>(axes.data() + 4 * b);
     by_number_.push_back({axis, first_joints[b], segments[b]});
     const std::ptrdiff_t own = segments[b] > 1 ? segments[b] + 1 : 1;
     joint_count_ = std::max(joint_count_, first_joints[b] + own);
   }
+  check_influences(bones_, weights_, std::ssize(by_number_));
+  check_vertices(vertices_, offsets_, std::ssize(bones_));
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
     most_influences_ = std::max(most_influences_, static_cast<std::size_t>(offsets_[i + 1] - offsets_[i]));
   }

@@ -71,6 +71,7 @@ std::shared_ptr<DirectDeltaMush> DirectDeltaMush::compute(std::shared_ptr<const 
   check_vertices("face_vertices", face_vertices, skin->vertex_count());
   try {
     const Laplacian own = laplacian(skin->rest_positions(), face_offsets, face_vertices, settings.laplacian);
+    stop_if_cancelled(progress);
     const MushArrays arrays = precompute_mush(*skin, own, settings, progress);
     return std::make_shared<DirectDeltaMush>(std::move(skin), arrays);
   } catch (const Cancelled&) {

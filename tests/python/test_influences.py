@@ -1,19 +1,23 @@
 """addon/sinew/deform/influences.py, which needs no Blender: the rules by hand. The judge of the whole is
 Blender's modifier, in tests/blender/test_any_character.py."""
 
-import importlib.util
+import importlib
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sinew_native as sinew
 
 import rigs
 
-PATH = Path(__file__).resolve().parents[2] / "addon" / "sinew" / "deform" / "influences.py"
-spec = importlib.util.spec_from_file_location("influences", PATH)
-rules = sys.modules["influences"] = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(rules)
+ADDON = Path(__file__).resolve().parents[2] / "addon" / "sinew"
+# The add-on's package, with the compiled module and without what needs Blender.
+package, native = types.ModuleType("addon"), types.ModuleType("addon.native")
+package.__path__, native.sinew_native = [str(ADDON)], sinew
+sys.modules |= {"addon": package, "addon.native": native}
+rules = importlib.import_module("addon.deform.influences")
 
 
 def bones(count=2, segments=None, deform=None, multiply=None, curved=False):
@@ -47,16 +51,66 @@ def of(entries, own_bones, points=None, segment_at=None, **settings):
     """entries: for each vertex [(bone, weight)]."""
     offsets = np.cumsum([0] + [len(e) for e in entries])
     flat = [pair for e in entries for pair in e]
-    bone = np.array([b for b, _ in flat], np.int32)
+    groups = np.array([b for b, _ in flat], np.int32)  # the group of bone b has its number
     weight = np.array([w for _, w in flat], np.float32)
     points = np.zeros((len(entries), 3)) if points is None else np.array(points, float)
-    return rules.influences(offsets, bone, weight, own_bones, rules.Rules(**settings), points, segment_at)
+    own_rules, numbers = rules.Rules(**settings), np.arange(len(own_bones.names))
+    return rules.influences(offsets, groups, weight, numbers, own_bones, own_rules, lambda: points, segment_at)
 
 
 def test_weights_are_normalised_over_bones_that_deform():
     result = of([[(0, 0.3), (1, 0.3)], [(0, 0.2), (-1, 0.7)], [(1, 1.0)], [(0, 5e-5)], []], bones(deform=[True, False]))
     assert dense(result).tolist() == [[1, 0], [1, 0], [0, 0], [0, 0], [0, 0]]  # one joint, and the one that stays
     assert not result.depend_on_shape
+
+
+def test_a_weight_that_is_nothing_and_a_group_that_is_gone_move_nothing():
+    result = of([[(0, 0.0), (1, 0.5)], [(7, 1.0), (1, 0.25), (0, 0.75)], [(0, 0.0)]], bones())
+    assert result.offsets.tolist() == [0, 1, 3, 3] and result.joints.tolist() == [1, 1, 0]
+    assert result.weights.tolist() == [1, 0.25, 0.75]
+    assert (result.unweighted_count, result.unnormalized_count) == (1, 1)
+
+
+def test_an_armature_without_bones_moves_nothing():
+    result = rules.influences(
+        np.array([0, 1]), np.zeros(1, np.int32), np.ones(1, np.float32), np.array([-1]), bones(0), rules.Rules(), None
+    )
+    assert result.offsets.tolist() == [0, 0] and result.unweighted_count == 1
+
+
+def test_the_library_and_numpy_agree():
+    random = np.random.default_rng(6)
+    count = random.integers(0, 6, 3000)
+    offsets, total = np.concatenate(([0], np.cumsum(count))), count.sum()
+    groups = random.integers(-1, 5, total).astype(np.int32)
+    weights = random.choice([0, 1e-5, 0.3, 1], total).astype(np.float32) * random.random(total, np.float32)
+    joint_of_group = np.array([3, -1, 0, 2], np.int32)  # group 4 is gone
+    found = sinew.group_influences(offsets, groups, weights, joint_of_group)
+    joint = np.append(joint_of_group, [-1, -1])[groups]
+    vertex = np.repeat(np.arange(3000), count)[(joint >= 0) & (weights != 0)]
+    kept = np.float64(weights[(joint >= 0) & (weights != 0)])
+    sums = np.bincount(vertex, kept, 3000)
+    moved = sums[vertex] > rules.SMALLEST_WEIGHT_SUM
+    assert found[0].tolist() == [0, *np.cumsum(np.bincount(vertex[moved], minlength=3000))]
+    assert found[1].tolist() == joint[(joint >= 0) & (weights != 0)][moved].tolist()
+    assert found[2].tolist() == np.float32((kept / sums[vertex])[moved]).tolist()
+    has_sum = sums > rules.SMALLEST_WEIGHT_SUM
+    assert found[3] == np.count_nonzero(~has_sum)
+    assert found[4] == np.count_nonzero(has_sum & (np.abs(sums - 1) > rules.NORMALIZED_WITHIN))
+
+
+def test_sizes_of_groups_that_do_not_fit():
+    def said(offsets, groups, weights):
+        with pytest.raises(ValueError) as error:
+            sinew.group_influences(
+                np.array(offsets, int), np.array(groups, int), np.array(weights, float), np.array([0])
+            )
+        return str(error.value)
+
+    assert said([0, 1], [0], [1, 1]) == "groups has 1 entries and weights has 2; expected as many of each"
+    for offsets in ([], [0], [1, 1], [0, 2]):
+        assert said(offsets, [0], [1]) == "offsets does not run from 0 to 1, the number of entries"
+    assert said([0, 2, 1, 2], [0, 0], [1, 1]) == "offsets falls at vertex 1"
 
 
 def test_entries_keep_their_order():

@@ -23,6 +23,32 @@ CALLS = {
     "skin_dual_quaternion": lambda: sinew.skin_dual_quaternion(SKIN, POSE),
     "skin_direct_delta_mush": lambda: sinew.skin_direct_delta_mush(MUSH, POSE),
 }
+V = 20000
+OFFSETS, JOINTS, WEIGHTS = SKIN.offsets, SKIN.joints, SKIN.weights
+SHAPE, GROUP = np.ones((V, 3), np.float32), np.ones(V, np.float32)
+EDGES = np.stack((np.arange(V - 1), np.arange(1, V)), 1).astype(np.int32)
+TOPOLOGY = sinew.Topology(V, EDGES)
+# What reads arrays of the mesh's size: within an evaluation other threads have to go on.
+MAKERS = {
+    "Skin": lambda: sinew.Skin(SHAPE, OFFSETS, JOINTS, WEIGHTS, 60),
+    "Skin.from_dense": lambda: sinew.Skin.from_dense(SHAPE, DENSE),
+    "Skin.set_rest_positions": lambda: OTHER_SKIN.set_rest_positions(SHAPE),
+    "group_influences": lambda: sinew.group_influences(OFFSETS, JOINTS, WEIGHTS, ONES),
+    "Layer": lambda: sinew.Layer(SKIN, "linear", mask=GROUP),
+    "ShapeKeys": lambda: sinew.ShapeKeys([SHAPE, SHAPE], [0, 0]),
+    "Topology": lambda: sinew.Topology(V, EDGES),
+    "Smooth": lambda: sinew.Smooth(TOPOLOGY, GROUP),
+    "CorrectiveSmooth": lambda: sinew.CorrectiveSmooth(TOPOLOGY, SHAPE),
+    "Hook": lambda: sinew.Hook(V, weights=GROUP),
+    "Bends": lambda: sinew.Bends(NUMBERS, OFFSETS, JOINTS, WEIGHTS, ONES, ONES, AXES),
+    "BlendShares": lambda: sinew.BlendShares(GROUP),
+    "RotationCenters": lambda: sinew.RotationCenters(SHAPE, HAS_CENTER),
+    "DirectDeltaMush": lambda: sinew.DirectDeltaMush.from_arrays(SKIN, **MUSH_ARRAYS),
+}
+DENSE, ONES = np.full((V, 4), 0.25), np.ones(60, np.int32)
+NUMBERS, HAS_CENTER, AXES = np.arange(V), np.ones(V, bool), np.zeros((60, 4))
+OTHER_SKIN = sinew.Skin(SHAPE, OFFSETS, JOINTS, WEIGHTS, 60)
+MUSH_ARRAYS = MUSH.arrays()
 every_call = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
 
 
@@ -91,6 +117,11 @@ def test_the_gil_is_released(call):
     assert_runs_beside(call)
 
 
+@pytest.mark.parametrize("name", MAKERS)
+def test_objects_are_made_without_the_gil(name):
+    assert_runs_beside(MAKERS[name])
+
+
 def assert_runs_beside(call):
     """Another Python thread runs while the library computes. With a switch interval this long it gets
     its turn only when somebody lets go of the GIL, which nothing but the call does here."""
@@ -108,7 +139,7 @@ def assert_runs_beside(call):
         other.start()
         gate.release()
         assert not ran
-        for _ in range(200):  # the system may be slow to wake the other thread
+        for _ in range(5000):  # the system may be slow to wake the other thread
             call()
             if ran:
                 break

@@ -36,8 +36,8 @@ class LinearCharacter:
         bones = Bones(**armatures.read_bones(self._armature))
         offsets, groups, weights = meshes.read_object_weights(ob)
         index = {name: i for i, name in enumerate(bones.names)}
-        bone_of_group = np.array([index.get(group.name, -1) for group in ob.vertex_groups] + [-1], np.int32)
-        own = influences(offsets, bone_of_group[groups], weights, bones, Rules(), self.rest)
+        bone_of_group = np.array([index.get(group.name, -1) for group in ob.vertex_groups], np.int32)
+        own = influences(offsets, groups, weights, bone_of_group, bones, Rules(), lambda: self.rest)
         bone_of_joint = np.repeat(np.arange(len(bones.names)), bones.joint_counts)
         self._used = np.unique(bone_of_joint[own.joints])
         if (bones.segments[self._used] > 1).any() or bones.multiply[self._used].any():

@@ -1,5 +1,6 @@
 """Which joints move a vertex and how much, worked out once as Blender's Armature modifier does for
-every frame: normalisation over deforming bones, envelopes, the segments of B-bones. Pure.
+every frame: normalisation over deforming bones, envelopes, the segments of B-bones. Pure: numpy and the native
+library, nothing of Blender.
 
 Letters: V vertices, B bones, N influences. A *joint* of the deformer is a bone, one end of a segment
 of a B-bone, or, last of all, one that never moves.
@@ -8,6 +9,8 @@ of a B-bone, or, last of all, one that never moves.
 from dataclasses import dataclass
 
 import numpy as np
+
+from ..native import sinew_native
 
 # Blender's modifier leaves a vertex alone whose weights sum to no more than this.
 SMALLEST_WEIGHT_SUM = 1e-4
@@ -75,17 +78,54 @@ class Influences:
     unnormalized_count: int = 0  # vertices whose weights, as they stand in the mesh, do not sum to 1
 
 
-def influences(offsets, bones_of_entries, weights, bones, rules, points, segment_at=None):
-    """offsets (V + 1,), bones_of_entries (N,): bone of each entry or -1, weights (N,), in the order
-    in which Blender stores them; points (V, 3): rest positions in the armature's space;
-    segment_at(bone, point): of a curved B-bone, the segment at a point and how near its end.
+def influences(offsets, groups, weights, bone_of_group, bones, rules, points, segment_at=None):
+    """offsets (V + 1,), groups (N,), weights (N,): the entries of each vertex, in the order in which Blender stores
+    them; group -1: none. bone_of_group (G,): -1 for a group without a bone. points(): (V, 3), the rest positions in the
+    armature's space, which most meshes are not asked for. segment_at(bone, point): of a curved B-bone, the segment at a
+    point and how near its end.
     """
+    counts = (bone_of_group >= 0) & rules.use_vertex_groups
+    counts[counts] = bones.deform[bone_of_group[counts]]
+    own, used = bone_of_group[counts], np.where(counts, bone_of_group, -1)
+    has_envelopes = rules.use_envelopes or bones.multiply[own].any()
+    if not has_envelopes and not (bones.segments[own] > 1).any():
+        joint_of_group = used.copy()
+        joint_of_group[counts] = bones.first_joint[own]
+        offsets, joint, weight, *missed = sinew_native.group_influences(offsets, groups, weights, joint_of_group)
+        return Influences(offsets, joint, weight, bones.joint_count, False, None, *missed)
+
+    points, multiplied = points(), False
+    if has_envelopes:
+        vertex, bone, weight, missed, multiplied = _with_envelopes(offsets, groups, weights, used, bones, rules, points)
+    else:
+        offsets, bone, weight, *missed = sinew_native.group_influences(offsets, groups, weights, used)
+        vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    joint = bones.first_joint[bone]
+    bent = bones.segments[bone] > 1
+    curved = bool((bent & bones.curved[bone]).any())
+    bends = None
+    if bent.any():
+        if not curved:
+            bends = _bends(vertex, bone, weight, bent, bones, len(points))
+        vertex, joint, weight = _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at)
+    return Influences(
+        np.concatenate(([0], np.cumsum(np.bincount(vertex, minlength=len(points))))),
+        joint.astype(np.int32),
+        weight.astype(np.float32),
+        bones.joint_count,
+        bool(multiplied or rules.use_envelopes or curved),
+        bends,
+        *missed,
+    )
+
+
+def _with_envelopes(offsets, groups, weights, bone_of_group, bones, rules, points):
+    """Normalised influences: vertices, bones, weights; how many vertices no bone moves, and of how many the weights do
+    not sum to 1; whether envelopes multiply any."""
     vertex_count = len(offsets) - 1
     vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
-    bone, weight = np.asarray(bones_of_entries), np.asarray(weights, np.float64)
-    keep = bone >= 0 if rules.use_vertex_groups else np.zeros(len(bone), bool)
-    keep[keep] = bones.deform[bone[keep]]
-    vertex, bone, weight = _only(keep, vertex, bone, weight)
+    bone, weight = np.append(bone_of_group, -1)[groups], np.asarray(weights, np.float64)
+    vertex, bone, weight = _only(bone >= 0, vertex, bone, weight)
     given = np.bincount(vertex, weight, minlength=vertex_count)
 
     multiplied = bones.multiply[bone]
@@ -100,34 +140,12 @@ def influences(offsets, bones_of_entries, weights, bones, rules, points, segment
         order = np.argsort(vertex, kind="stable")
         vertex, bone, weight = vertex[order], bone[order], weight[order]
 
-    counted = weight != 0
-    vertex, bone, weight = _only(counted, vertex, bone, weight)
+    vertex, bone, weight = _only(weight != 0, vertex, bone, weight)
     sums = np.bincount(vertex, weight, minlength=vertex_count)
-    moved = sums[vertex] > SMALLEST_WEIGHT_SUM
-    vertex, bone, weight = _only(moved, vertex, bone, weight)
-    weight = weight / sums[vertex]
-
-    joint = bones.first_joint[bone]
-    bent = bones.segments[bone] > 1
-    curved = bool((bent & bones.curved[bone]).any())
-    bends = None
-    if bent.any():
-        if not curved:
-            bends = _bends(vertex, bone, weight, bent, bones)
-        vertex, joint, weight = _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at)
-    counts = np.bincount(vertex, minlength=vertex_count)
-    return Influences(
-        np.concatenate(([0], np.cumsum(counts))),
-        joint.astype(np.int32),
-        weight.astype(np.float32),
-        bones.joint_count,
-        bool(multiplied.any() or rules.use_envelopes or curved),
-        bends,
-        unweighted_count=int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM)),
-        unnormalized_count=int(
-            np.count_nonzero((given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN))
-        ),
-    )
+    vertex, bone, weight = _only(sums[vertex] > SMALLEST_WEIGHT_SUM, vertex, bone, weight)
+    unweighted = int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM))
+    unnormalized = int(np.count_nonzero((given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN)))
+    return vertex, bone, weight / sums[vertex], (unweighted, unnormalized), multiplied.any()
 
 
 def _only(chosen, *arrays):
@@ -174,10 +192,13 @@ def _axes(bones):
     return np.linalg.inv(bones.rest)[:, 1] / np.maximum(bones.length, 1e-30)[:, None]
 
 
-def _bends(vertex, bone, weight, bent, bones):
-    vertices = np.unique(vertex[bent])
-    own = np.isin(vertex, vertices)
-    used, numbers = np.unique(bone[own], return_inverse=True)
+def _bends(vertex, bone, weight, bent, bones, vertex_count):
+    is_bent = np.zeros(vertex_count, bool)
+    is_bent[vertex[bent]] = True
+    vertices, own = np.flatnonzero(is_bent), is_bent[vertex]
+    is_used = np.zeros(len(bones.names), bool)
+    is_used[bone[own]] = True
+    used, numbers = np.flatnonzero(is_used), (np.cumsum(is_used) - 1)[bone[own]]
     offsets = np.concatenate(([0], np.cumsum(np.bincount(vertex)[vertices])))
     return Bends(
         vertices,
@@ -192,16 +213,18 @@ def _bends(vertex, bone, weight, bent, bones):
 
 def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at):
     """Each influence of a B-bone becomes two, of the ends of the segment that the vertex is at."""
-    axes = _axes(bones)[bone]
-    share = np.einsum("na,na->n", axes[:, :3], points[vertex]) + axes[:, 3]
-    count = bones.segments[bone]
-    place = np.clip(share, 0, 1) * count
+    entries = np.flatnonzero(bent)
+    own, at = bone[entries], points[vertex[entries]]
+    axes, count = _axes(bones)[own], bones.segments[own]
+    place = np.clip(np.einsum("na,na->n", axes[:, :3], at) + axes[:, 3], 0, 1) * count
     index = np.clip(np.floor(place).astype(int), 0, count - 1)
-    blend = np.where(bent, place - index, 0)
-    for entry in np.flatnonzero(bent & bones.curved[bone]):
-        index[entry], blend[entry] = segment_at(bone[entry], points[vertex[entry]])
-    joint = np.where(bent, joint + index, joint)
-    vertex, joint = np.repeat(vertex, 2), np.stack((joint, joint + 1), 1).reshape(-1)
-    weight = np.stack((weight * (1 - blend), weight * blend), 1).reshape(-1)
-    used = weight != 0
-    return vertex[used], joint[used], weight[used]
+    blend = place - index
+    for i in np.flatnonzero(bones.curved[own]):
+        index[i], blend[i] = segment_at(own[i], at[i])
+    first = entries + np.arange(len(entries))  # of the two, behind those that were split before
+    vertex, joint, weight = (np.repeat(array, 1 + bent) for array in (vertex, joint, weight))
+    joint[first] += index
+    joint[first + 1] += index + 1
+    weight[first] *= 1 - blend
+    weight[first + 1] *= blend
+    return _only(weight != 0, vertex, joint, weight)

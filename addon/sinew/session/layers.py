@@ -173,7 +173,7 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
     settings, method, number = made_of[0]
     bones = Bones(**armatures.read_bones(armature))
     index = {name: i for i, name in enumerate(bones.names)}
-    bone_of_group = np.array([index.get(name, -1) for name in weights.names] + [-1], np.int32)
+    bone_of_group = np.array([index.get(name, -1) for name in weights.names], np.int32)
     mask = weights.of_group(settings.mask_group)
     if mask is not None and settings.mask_invert:
         mask = 1 - mask
@@ -183,11 +183,12 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
     inverse = None if mesh_from_armature is None else np.linalg.pinv(mesh_from_armature)
     own = influences(
         weights.offsets,
-        bone_of_group[weights.groups],
+        weights.groups,
         weights.weights,
+        bone_of_group,
         bones,
         Rules(settings.use_vertex_groups, settings.use_envelopes),
-        transformed(inverse, rest.astype(np.float64)),
+        lambda: transformed(inverse, rest.astype(np.float64)),
         lambda bone, point: armatures.segment_at(armature, bone, point),
     )
     rest_frames = None
