@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "faces.h"
+#include "per_thread.h"
 #include "similarity_kernel.h"
 
 namespace sinew {
@@ -169,7 +170,7 @@ std::array<float, 3> SimilarTriangles::center_of(std::span<const Influence> own)
     float x, y;
     double most;  ///< that it can add to the denominator
   };
-  thread_local std::vector<Term> terms;
+  auto& terms = per_thread<std::vector<Term>>();  // keeps its memory
   terms.clear();
   double left = 0;
   for (std::size_t a = 0; a < own.size(); ++a) {

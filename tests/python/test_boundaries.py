@@ -170,6 +170,16 @@ def test_only_parallel_cpp_knows_tbb():
     assert users == {Path("src/parallel.cpp"), Path("bench/baselines.cpp")}
 
 
+def test_what_a_thread_keeps_is_kept_by_per_thread_h():
+    """A thread_local of its own would not be destroyed in time on Windows, as that header says."""
+    users = {
+        path.name
+        for path in headers_and_sources()
+        if re.search(r"^\s*(static )?thread_local\b", path.read_text(), re.M)
+    }
+    assert users == {"per_thread.h"}
+
+
 def test_only_the_bindings_know_python():
     users = {path.parent.name for path in headers_and_sources() if knows(path, "Python", "pybind11")}
     assert users == {"bindings"}
