@@ -29,23 +29,21 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
         except OutputError as error:
             raise BindingError(str(error)) from error
     was_bound_to = settings.last_armature
+    is_moved = settings.is_bound and armature is not None and not taken and settings.modifier is not None
+    added = [_add_armature_modifier(ob, armature)] if armature is not None and not taken and not is_moved else []
+    # From here on nothing fails.
+    if is_moved:
+        settings.armature = armature  # in place of the one that it was bound to
     if settings.is_bound:
-        if armature is not None and not taken and settings.modifier is not None:
-            settings.armature = armature  # in place of the one that it was bound to
+        has_added = settings.has_added_modifier and (is_moved or settings.modifier in taken)
+        settings.has_added_modifier = settings.has_added_modifier and not has_added
         unbind(ob)
-        taken = modifiers_to_take(ob, armature)
+        settings.has_added_modifier = has_added
     else:
         nodes.remove_modifiers(ob)  # what came with a copy of another mesh's modifiers
-    if armature is not None and not taken:
-        modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
-        modifier.object = armature
-        try:
-            nodes.move_modifier(ob, modifier, 0)
-        except ValueError as error:
-            ob.modifiers.remove(modifier)
-            raise BindingError(str(error)) from error
+    if added:
         settings.has_added_modifier = True
-        taken = [modifier]
+    taken = added or modifiers_to_take(ob, armature)
     if armature is None:
         source = "ARMATURE"
     elif source is None and was_bound_to != armature:
@@ -67,6 +65,20 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
         prepare_method(ob)
     else:
         ob.update_tag()
+
+
+def _add_armature_modifier(ob, armature):
+    """The first of all. Raises BindingError where Blender does not let it go there, and then has changed nothing."""
+    active = ob.modifiers.active
+    modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
+    try:
+        nodes.move_modifier(ob, modifier, 0)
+    except ValueError as error:
+        ob.modifiers.remove(modifier)
+        ob.modifiers.active = active
+        raise BindingError(str(error)) from error
+    modifier.object = armature
+    return modifier
 
 
 def bind_anew(ob):
