@@ -11,7 +11,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from characters import accelerate, make_armature, make_mesh, pose
 from helpers import addon_module, depsgraph, diagonal, evaluated
-from windowed import FOLDER, camera, pixels, run, when_allowed, window
+from windowed import FOLDER, camera, pixels, run, window
 
 METHODS = ("LINEAR", "DUAL_QUATERNION", "BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH")
 FRAMES = (3, 17, 8)
@@ -117,13 +117,9 @@ def rendered(scene):
     scene.render.resolution_x = 3 * scene.render.resolution_y
     pictures = []
     for number, (shown, hidden) in enumerate(((characters(), still), (still, characters()))):
-
-        def show(shown=shown, hidden=hidden):
-            for ob in (*shown, *hidden):
-                ob.hide_render = ob in hidden
-            scene.frame_set(RENDERED)
-
-        yield from when_allowed(show)
+        for ob in (*shown, *hidden):
+            ob.hide_render = ob in hidden
+        scene.frame_set(RENDERED)
         done = []
         bpy.app.handlers.render_complete.append(lambda *_, done=done: done.append(True))
         with window():
@@ -133,18 +129,15 @@ def rendered(scene):
             if done:
                 break
         assert done, "F12 renders nothing"
+        yield 0.5
         path = FOLDER / f"each_method_{number}.png"
-        yield from when_allowed(lambda path=path: bpy.data.images["Render Result"].save_render(str(path)))
+        bpy.data.images["Render Result"].save_render(str(path))
         pictures.append(pixels(path))
     ours, theirs = pictures
     assert np.abs(ours - theirs).mean() < 0.5 / 255, "F12 renders other shapes than it shows"
     assert np.ptp(ours) > 0.2
-
-    def remove():
-        for ob in still:
-            bpy.data.objects.remove(ob)
-
-    yield from when_allowed(remove)
+    for ob in still:
+        bpy.data.objects.remove(ob)
 
 
 run(steps())

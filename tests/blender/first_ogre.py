@@ -28,7 +28,6 @@ from windowed import (
     region,
     run,
     screen,
-    when_allowed,
     window,
     windows,
 )
@@ -232,7 +231,7 @@ def render():
     assert pixels.std() > 0.02, "the picture is empty"
     yield from picture("rendered")
     print("window: rendered with F12")
-    yield from when_allowed(close_other_windows)
+    close_other_windows()
     yield 0.5
 
 
@@ -272,7 +271,7 @@ def pictures_of_properties_and_preferences():
 def an_error():
     """A sentence pops up, once, and Blender's own modifier goes on deforming."""
     ob, notice = bpy.data.objects["ogre"], addon_module("feedback.notice")
-    yield from when_allowed(close_other_windows)
+    close_other_windows()
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)

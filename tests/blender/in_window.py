@@ -55,12 +55,8 @@ def steps():
     camera(scene)
     pictures = []
     for number, (shown, hidden) in enumerate(((ob, twin), (twin, ob))):
-
-        def show_one(shown=shown, hidden=hidden, path=str(FOLDER / f"{number}-")):
-            shown.hide_render, hidden.hide_render = False, True
-            scene.render.filepath = path
-
-        yield from when_allowed(show_one)
+        shown.hide_render, hidden.hide_render = False, True
+        scene.render.filepath = str(FOLDER / f"{number}-")
         done = []
         for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
             handlers.append(lambda *_, done=done: done.append(True))

@@ -1,19 +1,17 @@
-"""Blender's flag that forbids Python to write, which a render may leave behind."""
+"""Blender's flag that forbids Python to write, which a render may leave up."""
 
 import threading
 
 import bpy
 import pytest
 
-from helpers import addon_module
+from helpers import addon_module, depsgraph
 
 
 @pytest.fixture
 def stuck():
     """Whether the flag is up, though nothing is drawn: a property's `get` began in another thread while Blender had put
     the flag up, here to call a poll function, and ended after that."""
-    if bpy.app.version[:2] == (5, 0):
-        pytest.skip("in 5.0 the flag would stay up")
     has_begun, may_end = threading.Event(), threading.Event()
 
     def get(_manager):
@@ -42,7 +40,7 @@ def stuck():
     thread.join()
     is_stuck = not addon_module("session.write_lock").may_write()
     yield is_stuck
-    addon_module("session.write_lock").release()
+    addon_module("session.write_lock").look()
     bpy.utils.unregister_class(Polled)
     del bpy.types.WindowManager.slow_for_a_test
 
@@ -51,31 +49,50 @@ def write():
     bpy.context.scene.frame_step = 2
 
 
-def test_a_flag_that_stays_is_taken_down(stuck):
-    lock = addon_module("session.write_lock")
+@pytest.fixture
+def lock(stuck):
     if not stuck:
         pytest.skip("this Blender takes its flag down by itself")
+    lock = addon_module("session.write_lock")
     with pytest.raises(AttributeError, match="not allowed"):
         write()
-    lock.after_render()
-    addon_module("session.handlers").look_into_the_mail()
+    assert not lock.may_write()
+    return lock
+
+
+def test_a_flag_that_stays_is_taken_down(lock):
+    lock.look_again_and_again()
     assert lock.may_write()
     write()
+
+
+@pytest.mark.parametrize("handler", ("on_depsgraph_update", "before_frame"))
+def test_before_the_handlers_of_others(lock, handler):
+    """Those that come after Sinew's."""
+    getattr(addon_module("session.handlers"), handler)(bpy.context.scene, depsgraph())
+    assert lock.may_write()
+    write()
+
+
+def test_another_thread_leaves_it(lock):
+    handlers = addon_module("session.handlers")
+    scene, graph = bpy.context.scene, depsgraph()
+    thread = threading.Thread(target=lambda: handlers.on_depsgraph_update(scene, graph))
+    thread.start()
+    thread.join()
+    assert not lock.may_write()
 
 
 def test_a_flag_that_is_down_stays_down():
     lock = addon_module("session.write_lock")
-    lock.release()
+    lock.look()
     assert lock.may_write()
     write()
 
 
-def test_nothing_is_done_but_after_a_render(stuck, monkeypatch):
+def test_while_a_render_runs_it_is_looked_after_all_the_time(monkeypatch):
     lock = addon_module("session.write_lock")
-    if not stuck:
-        pytest.skip("this Blender takes its flag down by itself")
-    monkeypatch.setattr(lock, "_looks", 0)
-    lock.look()
-    assert not lock.may_write()
-    lock.release()
-    assert lock.may_write()
+    assert bpy.app.timers.is_registered(lock.look_again_and_again) == lock.MAY_STAY
+    assert not lock.is_rendering() and lock.look_again_and_again() > 0
+    monkeypatch.setattr(lock, "is_rendering", lambda: True)
+    assert lock.look_again_and_again() == 0

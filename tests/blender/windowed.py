@@ -15,7 +15,7 @@ from helpers import addon_module
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 SECONDS = 400  # at most, for a whole file of steps
-SECONDS_TO_WAIT = 30  # for Blender to let Python write
+TRIES = 10  # to write while something renders
 
 
 def run(steps):
@@ -37,20 +37,16 @@ def run(steps):
 
 
 def when_allowed(write):
-    """Calls write() as soon as Blender lets Python write. It forbids that while it draws, by one flag for all threads;
-    and where a render's thread calls a property's `get` just then, the flag stays until Sinew takes it down."""
-    for attempt in range(SECONDS_TO_WAIT * 20):
+    """Calls write(), while something renders: where a render's thread ends a property's `get` just after Sinew has
+    looked, Blender refuses it once in a while."""
+    for _ in range(TRIES):
         try:
             return write()
         except (AttributeError, RuntimeError) as error:
             if "not allowed" not in str(error) and "drawing/rendering" not in str(error):
                 raise
-            for each in areas():
-                each.tag_redraw()
             yield 0.05
-            if attempt % 20 == 19:  # what is under the mouse is drawn in any case
-                yield from outside("xdotool mousemove_relative 3 0 mousemove_relative -- -3 0")
-    raise TimeoutError(f"Blender did not let Python write for {SECONDS_TO_WAIT} seconds")
+    raise TimeoutError(f"Blender refused to write {TRIES} times one after the other")
 
 
 def leave(code):

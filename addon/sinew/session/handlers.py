@@ -34,6 +34,7 @@ _is_file_unknown = True  # the add-on was switched on in an open file, of which 
 
 @persistent
 def before_frame(scene, *_):
+    write_lock.look()
     take_over_open_file()
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
@@ -72,6 +73,7 @@ def _in_main_thread(function, *arguments):
 
 @persistent
 def on_depsgraph_update(_scene, depsgraph):
+    write_lock.look()
     _put_handlers_back()
     take_over_open_file()
     edits = Edits.of(depsgraph)
@@ -223,7 +225,7 @@ def _has_stray_attribute(mesh):
 
 def look_into_the_mail():
     """A timer, which Blender would drop if it raised."""
-    for look in (_put_handlers_back, write_lock.look, take_over_open_file, mail.deliver):
+    for look in (_put_handlers_back, take_over_open_file, mail.deliver):
         try:
             look()
         except Exception as error:

@@ -1,24 +1,26 @@
 """Blender forbids Python to write while it draws the interface, by one flag for all threads. When a render evaluates in
-a thread of its own, the `get` of a property takes the flag down for itself and puts it up again afterwards; if drawing
-has ended meanwhile, the flag stays up. From then on no timer, handler or script of any add-on may write, or call an
-operator. Sinew's hook is such a `get`, so Sinew takes the flag down after a render.
+a thread of its own, the `get` of a property puts the flag back after itself as it had found it; if drawing has ended
+meanwhile, the flag stays up. From then on no timer or handler of any add-on may write, or call an operator. Sinew's
+hook is such a `get`, so Sinew looks after the flag: before the handlers of frames and edits, and by a timer, while a
+render runs each time that Blender comes to its timers. Nothing is drawn then, so a flag that is up is one that was left.
 
-How: another thread reads a property whose `get` waits, for which Blender takes the flag down. An operator that is
-called then finds it down, lets the other thread put it up, and ends: Blender puts the flag back as it was before.
+How it is taken down: another thread begins what Blender takes the flag down for, and waits. A `poll` function that is
+called now finds it down, lets the other thread put it up, and ends: Blender puts the flag back as `poll` found it.
 
-The flag stays up in 3.4, 4.3 and 5.0.1, and not in 4.2.23, 4.5.15, 5.1.2 and 5.2. In 5.0 this does not take it down.
+The flag stays up in 3.4, 4.3 and 5.0.1, and not in 4.2.23, 4.5.15, 5.1.2 and 5.2.
 """
 
 import threading
 
 import bpy
-from bpy.app.handlers import persistent
 
+from ..blender import values
 from . import callbacks
 
+MAY_STAY = values.VERSION < (5, 1, 0)
 SECONDS = 1.0  # to wait for the other thread at most
-LOOKS = 4  # after a render, whose last evaluations may end a little later
-_looks = 0  # to come
+SECONDS_BETWEEN_LOOKS = 0.1  # while nothing renders
+JOBS = ("RENDER", "OBJECT_BAKE")  # that evaluate in a thread of their own
 _reading = None
 
 
@@ -27,8 +29,8 @@ class _Reading:
 
     def __init__(self):
         self.has_begun, self.may_end = threading.Event(), threading.Event()
-        # What the property is read from is found here: bpy.context belongs to this thread.
-        self._thread = threading.Thread(target=getattr, args=(bpy.context.window_manager, "sinew_waits"), daemon=True)
+        # What it is read from is found here: bpy.context belongs to this thread.
+        self._thread = threading.Thread(target=_have_it_wait, args=(bpy.context.window_manager,), daemon=True)
 
     def begin(self):
         self._thread.start()
@@ -39,76 +41,89 @@ class _Reading:
         self._thread.join(SECONDS)
 
 
-def _wait(_manager):
-    if _reading is not None:
-        _reading.has_begun.set()
-        _reading.may_end.wait(SECONDS)
+def _have_it_wait(manager):
+    """5.0 does not take the flag down for a `get`, but for an `update`."""
+    if values.VERSION >= (5, 0, 0):
+        manager.sinew_waits = True
+    else:
+        _ = manager.sinew_waits
+
+
+def _get(_manager):
+    _wait()
     return False
 
 
-class MayWrite(bpy.types.Operator):
-    """Do nothing, if Blender lets Python call an operator"""
+def _wait():
+    if _reading is not None:
+        _reading.has_begun.set()
+        _reading.may_end.wait(SECONDS)
 
-    bl_idname = "wm.sinew_may_write"
-    bl_label = "May Write"
+
+class TakeFlagDown(bpy.types.Operator):
+    """Has a `poll` function, and does nothing"""
+
+    bl_idname = "wm.sinew_take_flag_down"
+    bl_label = "Take Flag Down"
     bl_options = {"INTERNAL"}
 
-    def execute(self, _context):
+    @classmethod
+    def poll(cls, _context):
         if _reading is not None:
             _reading.end()
-        return {"FINISHED"}
+        return False
 
 
 def may_write():
-    """Whether the flag is down."""
+    """Whether the flag is down. Blender looks at it before all else that may be wrong with a property that is set."""
     try:
-        bpy.ops.wm.sinew_may_write()
-    except RuntimeError as error:
-        if "drawing/rendering" not in str(error):
-            raise
-        return False
-    return True
+        bpy.data.scenes[0].name_full = ""
+    except AttributeError as error:
+        return "not allowed" not in str(error)
 
 
-def release():
-    """Takes the flag down if it is up. In the main thread, while nothing is drawn: from a timer."""
+def look():
+    """Takes the flag down if it is up. In the main thread, while nothing is drawn; elsewhere nothing happens."""
     global _reading
-    if may_write():
+    is_elsewhere = threading.current_thread() is not threading.main_thread()
+    if not MAY_STAY or is_elsewhere or _reading is not None or may_write():
         return
     _reading = _Reading()
     try:
         _reading.begin()
-        may_write()
+        bpy.ops.wm.sinew_take_flag_down.poll()
     finally:
         _reading.end()
         _reading = None
 
 
-def look():
-    """From a timer."""
-    global _looks
-    if _looks:
-        _looks -= 1
-        release()
+def is_rendering():
+    return any(map(bpy.app.is_job_running, JOBS))
 
 
-@persistent
-def after_render(*_):
-    """In whichever thread."""
-    global _looks
-    _looks = LOOKS
+def look_again_and_again():
+    """As a timer."""
+    look()
+    return 0.0 if is_rendering() else SECONDS_BETWEEN_LOOKS
 
 
 HANDLERS = (("render_complete", after_render), ("render_cancel", after_render))
 
 
 def register():
-    bpy.utils.register_class(MayWrite)
-    bpy.types.WindowManager.sinew_waits = bpy.props.BoolProperty(get=_wait, options={"HIDDEN", "SKIP_SAVE"})
-    callbacks.add(HANDLERS)
+    bpy.utils.register_class(TakeFlagDown)
+    bpy.types.WindowManager.sinew_waits = bpy.props.BoolProperty(
+        get=_get,
+        set=lambda _manager, _value: None,
+        update=lambda _manager, _context: _wait(),
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+    if MAY_STAY:
+        callbacks.start(look_again_and_again)
 
 
 def unregister():
-    callbacks.remove(HANDLERS)
+    if MAY_STAY:
+        callbacks.stop(look_again_and_again)
     del bpy.types.WindowManager.sinew_waits
-    bpy.utils.unregister_class(MayWrite)
+    bpy.utils.unregister_class(TakeFlagDown)
