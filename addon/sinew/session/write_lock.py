@@ -2,7 +2,7 @@
 a thread of its own, the `get` of a property puts the flag back after itself as it had found it; if drawing has ended
 meanwhile, the flag stays up. From then on no timer or handler of any add-on may write, or call an operator. Sinew's
 hook is such a `get`, so Sinew looks after the flag: before the handlers of frames and edits, and by a timer, while a
-render runs each time that Blender comes to its timers. Nothing is drawn then, so a flag that is up is one that was left.
+render runs each time that Blender comes to its timers. Nothing is drawn then, so a flag that is up was left.
 
 How it is taken down: another thread begins what Blender takes the flag down for, and waits. A `poll` function that is
 called now finds it down, lets the other thread put it up, and ends: Blender puts the flag back as `poll` found it.

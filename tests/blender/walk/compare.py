@@ -46,8 +46,17 @@ def way(ob):
 def assert_same_shape(ob, twin, where):
     assert ob.visible_get() == twin.visible_get(), where + "visible or not"
     if ob.visible_get():  # else Blender does not evaluate it
-        assert np.allclose(ob.matrix_world, twin.matrix_world, atol=1e-6), where + "place"
+        assert np.allclose(ob.matrix_world, twin.matrix_world, atol=1e-6, equal_nan=True), where + "place"
         assert_close(evaluated(ob), evaluated(twin), where + "shape")
+
+
+def assert_same_shapes_in(graph):
+    """Of a scene that need not be that of the window."""
+    objects = graph.objects
+    for ob in objects:
+        twin = objects.get(scene.twin_name(ob.name))
+        if scene.is_ours(ob) and twin is not None:
+            assert_close(evaluated(ob.original, graph), evaluated(twin.original, graph), f"{ob.name} in {graph.mode}")
 
 
 def assert_close(ours, theirs, where):

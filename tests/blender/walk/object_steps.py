@@ -4,8 +4,9 @@ import bpy
 
 from helpers import select
 
-from . import scene
+from . import compare, scene
 from .kinds import kind, on_both, on_pair
+from .mesh_steps import MOST_VERTICES
 
 MOST_PAIRS = 5
 
@@ -51,6 +52,26 @@ def hide(random, ob):
         ob.hide_viewport = random.random() < 0.4
     else:
         ob.hide_set(random.random() < 0.4)
+
+
+@kind(1)
+def compare_hidden(random):
+    """They are shown, and hidden again."""
+    scene.leave_modes()
+    hidden = [(ob, ob.hide_viewport, ob.hide_get()) for pair in scene.pairs() for ob in pair]
+    collections = [(each, each.hide_viewport) for each in bpy.data.collections]
+    for collection, _ in collections:
+        collection.hide_viewport = False
+    for ob, *_ in hidden:
+        ob.hide_viewport = False
+        ob.hide_set(False)
+    bpy.context.view_layer.update()
+    compare.assert_alike()
+    for ob, in_viewports, in_this in hidden:
+        ob.hide_set(in_this)
+        ob.hide_viewport = in_viewports
+    for collection, was_hidden in collections:
+        collection.hide_viewport = was_hidden
 
 
 @kind(1)
@@ -167,6 +188,56 @@ def hide_collection(random):
     scene.leave_modes()
     for collection in bpy.data.collections:
         collection.hide_viewport = random.random() < 0.3
+
+
+@on_both(0.7)
+def take_evaluated_mesh(random, ob):
+    """In place of its own."""
+    if ob.visible_get() and not ob.modifiers or random.random() < 0.5:
+        mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        if 0 < len(mesh.vertices) < MOST_VERTICES:
+            ob.data = mesh.copy()
+
+
+@kind(0.5)
+def link_characters(random):
+    """All of them from another file, or overrides of these, which play and go again."""
+    scene.leave_modes()
+    path, layer = bpy.app.tempdir + f"library {random.randrange(10**6)}.blend", bpy.context.view_layer
+    collection = bpy.data.collections.new("Library")
+    for ob in {each for pair in scene.pairs() for each in pair}.union(scene.armatures()):
+        collection.objects.link(ob)
+    bpy.data.libraries.write(path, {collection})
+    bpy.data.collections.remove(collection)
+    before = set(bpy.data.objects)
+    with bpy.data.libraries.load(path, link=True) as (_, to):
+        to.collections = ["Library"]
+    linked = to.collections[0]
+    if random.random() < 0.5:
+        linked.override_hierarchy_create(bpy.context.scene, layer)
+    else:
+        bpy.context.scene.collection.children.link(linked)
+    try:
+        for _ in range(2):
+            bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
+            compare_strangers([ob for ob in bpy.data.objects if ob not in before])
+    finally:
+        for ob in [ob for ob in bpy.data.objects if ob not in before and ob.library is None]:
+            bpy.data.objects.remove(ob)
+        bpy.data.libraries.remove(next(each for each in bpy.data.libraries if each.filepath == path))
+        bpy.ops.outliner.orphans_purge()
+
+
+def compare_strangers(objects):
+    """Objects of a library, or overrides of them."""
+    for ob in objects:
+        if not scene.is_ours(ob) or not ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).is_evaluated:
+            continue
+        source = ob.override_library.reference.name if ob.override_library else ob.name
+        for twin in objects:
+            name = twin.override_library.reference.name if twin.override_library else twin.name
+            if name == scene.twin_name(source) and bool(twin.library) == bool(ob.library):
+                compare.assert_same_shape(ob, twin, f"{ob.name_full}: ")
 
 
 @on_both(0.5, in_any_mode=True)

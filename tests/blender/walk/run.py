@@ -1,6 +1,6 @@
 """Inside of Blender: walks, and says what it does.
 
-blender -b --python-exit-code 1 --python tests/blender/walk/run.py -- --seed S (--steps N | --only 3,17,44)
+blender -b --python-exit-code 1 --python tests/blender/walk/run.py -- --seed S (--steps N | --only 3,17,44) [--without bind,undo]
 
 Step n belongs to walk n // LENGTH, which begins in a scene of its own. Both depend on nothing but the seed and these
 numbers. The exit code is 1 after a step behind which something does not hold, and 2 if the walk itself is at fault.
@@ -54,13 +54,15 @@ class Listener(logging.Handler):
         return "".join(self.logged) + (self.printed if "sinew" in self.printed else "")
 
 
-def walk(seed, number, steps, listener):
-    """steps: numbers, in their order."""
+def walk(seed, number, steps, without, listener):
+    """steps: numbers, in their order; without: names of kinds that are left out."""
     scene.new_scene(Random(f"{seed} scene {number}"))
     bpy.ops.ed.undo_push(message="start")
     for step in steps:
         random = Random(f"{seed} step {step}")
         chosen = kinds.choose(random)
+        if chosen.__name__ in without:
+            continue
         print(f"walk: step {step}: {chosen.__name__}", flush=True)
         what = chosen(random)
         print(f"walk:   {what or ''}", flush=True)
@@ -94,7 +96,7 @@ def main():
     steps = options.only or range(options.steps)
     listener, start = Listener(), time.time()
     for number, part in groupby(steps, lambda step: step // LENGTH):
-        walk(options.seed, number, part, listener)
+        walk(options.seed, number, part, options.without, listener)
     print(f"walk: {len(steps)} steps, seed {options.seed}, {time.time() - start:.0f} s, nothing found", flush=True)
 
 

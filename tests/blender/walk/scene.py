@@ -19,6 +19,8 @@ LAST_FRAME = 20
 def new_scene(random):
     """An empty file with some characters in it."""
     bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.context.scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.collection.objects.link(bpy.context.scene.camera)
     for _ in range(random.choice((1, 2))):
         new_armature(random)
     for name in ("Target 1", "Target 2"):

@@ -1,9 +1,15 @@
-"""Armatures, time, modes, scenes and files."""
+"""Armatures, time, modes, scenes, renders and files."""
+
+import math
+import threading
+import time
+from random import Random
 
 import bpy
 
-from . import scene
+from . import compare, scene
 from .kinds import kind, on_pair
+from .mesh_steps import move
 
 
 def one_armature(random):
@@ -126,6 +132,36 @@ def add_armature(random):
         scene.new_armature(random)
 
 
+@kind(0.7)
+def change_armature_data(random):
+    """For another armature's, or a copy of what is evaluated."""
+    scene.leave_modes()
+    rigs = scene.armatures()
+    if not rigs:
+        return
+    ob, other, graph = random.choice(rigs), random.choice(rigs), bpy.context.evaluated_depsgraph_get()
+    what = random.randrange(3)
+    if what == 0:
+        ob.data, other.data = other.data, ob.data
+    elif what == 1:
+        ob.data = other.data.copy()
+    elif ob.evaluated_get(graph).is_evaluated:
+        ob.data = ob.evaluated_get(graph).data.copy()
+
+
+@kind(0.7)
+def spoil_bone(random):
+    """A place that is not a number, for a moment."""
+    armature = one_armature(random)
+    if armature and len(armature.pose.bones):
+        bone = random.choice(list(armature.pose.bones))
+        before = bone.location.copy()
+        bone.location.x = math.nan
+        bpy.context.view_layer.update()
+        compare.assert_alike()
+        bone.location = before
+
+
 # --- time, modes and scenes -----------------------------------------------------------------------
 
 
@@ -178,6 +214,59 @@ def take_keyframes():
     """What a scene shows at first has not come to the objects themselves. Before 5.0 an edit of an armature then brings
     back the pose that they have, and Blender shows it in what is evaluated anew after that."""
     bpy.context.scene.frame_set(bpy.context.scene.frame_current)
+
+
+@kind(0.7)
+def evaluate_another_scene(random):
+    """In a thread, while vertices are moved."""
+    scene.leave_modes()
+    others = [each for each in bpy.data.scenes if each != bpy.context.scene]
+    pairs = scene.pairs()
+    if not others or not pairs:
+        return
+    other, frames = random.choice(others), [random.randint(1, scene.LAST_FRAME) for _ in range(4)]
+    thread = threading.Thread(target=lambda: [other.frame_set(frame) for frame in frames])
+    pair, seed, pauses = random.choice(pairs), random.random(), [random.uniform(0, 0.003) for _ in range(4)]
+    thread.start()
+    try:
+        for number, pause in enumerate(pauses):
+            time.sleep(pause)
+            for ob in pair if len(pair[0].data.vertices) else ():
+                move(Random(f"{seed} {number}"), ob.data.vertices)
+                ob.data.update()
+            bpy.context.view_layer.update()
+    finally:
+        thread.join()
+
+
+class Comparing(bpy.types.RenderEngine):
+    """Renders nothing, but compares what it is given."""
+
+    bl_idname = "WALK_COMPARING"
+    bl_label = "Comparing"
+    said = None  # what was different
+
+    def render(self, graph):
+        try:
+            compare.assert_same_shapes_in(graph)
+        except AssertionError as error:
+            Comparing.said = error
+
+
+bpy.utils.register_class(Comparing)
+
+
+@kind(1.5)
+def render(random):
+    scene.leave_modes()
+    settings = bpy.context.scene.render
+    settings.engine, settings.resolution_x, settings.resolution_y = Comparing.bl_idname, 4, 4
+    bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
+    if bpy.context.scene.camera is not None:
+        bpy.ops.render.render()
+    said, Comparing.said = Comparing.said, None
+    if said:
+        raise said
 
 
 @kind(0.5)

@@ -19,6 +19,9 @@ def options_of(arguments):
     parser.add_argument(
         "--only", type=lambda text: [int(word) for word in text.split(",")], help="these alone: 3,17,44"
     )
+    parser.add_argument(
+        "--without", type=lambda text: text.split(","), default=[], help="kinds of steps that are left out: bind,undo"
+    )
     return parser.parse_args(arguments)
 
 
@@ -42,9 +45,10 @@ def shrink(items, fails):
 class Walker:
     """Has Blender walk, each time in a new process."""
 
-    def __init__(self, command, seed):
+    def __init__(self, command, seed, without):
         script = str(Path(__file__).with_name("run.py"))
         self.command = [*command, "-b", "--python-exit-code", "2", "--python", script, "--", "--seed", seed]
+        self.command += ["--without", ",".join(without)] if without else []
 
     def walk(self, *which):
         """which: options for run.py. Returns (exit code, number of the last step, what was said about it)."""
@@ -70,7 +74,7 @@ def as_text(steps):
 def main():
     split = sys.argv.index("--")
     options, command = options_of(sys.argv[1:split]), sys.argv[split + 1 :]
-    walker = Walker(command, options.seed)
+    walker = Walker(command, options.seed, options.without)
     code, last, said = walker.walk(
         *(("--only", as_text(options.only)) if options.only else ("--steps", str(options.steps)))
     )

@@ -2,10 +2,11 @@
 
 import bpy
 
-from helpers import addon_module
+from helpers import RIGS, addon_module, evaluated
 
-from . import scene
+from . import compare, scene
 from .kinds import kind, on_pair
+from .object_steps import MOST_PAIRS
 
 OUTPUTS = ("MODIFIER", "MODIFIER", "MESH")
 
@@ -79,3 +80,110 @@ def make_single_user(random, ob, twin):
         if bpy.ops.object.sinew_make_single_user.poll():
             bpy.ops.object.sinew_make_single_user()
             twin.data = twin.data.copy()
+
+
+# --- methods of its own ---------------------------------------------------------------------------
+
+
+@on_pair(1)
+def own_method(random, ob, twin):
+    """For a moment: compared with the modifier's, or with a copy that is bound anew."""
+    if not ob.sinew.is_bound or not ob.sinew.modifier or not ob.visible_get() or not ob.data.vertices:
+        return
+    addon_module("session.precomputing").drop(ob)  # what was computed before an edit stays until it is asked for anew
+    skinning, was = ob.sinew.skinning, ob.sinew.method
+    ob.sinew.method = random.choice(("BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"))
+    skinning.share = random.choice((0, 1))
+    skinning.iterations, skinning.variant = random.choice((1, 5)), random.choice("015")
+    addon_module("binding.bind").prepare_method(ob)
+    compare.assert_close(evaluated(ob), of_another(ob, twin), f"{ob.name}, {ob.sinew.method}")
+    ob.sinew.method = was
+
+
+def of_another(ob, twin):
+    """The shape of a mesh that is deformed by the method of this one."""
+    if ob.sinew.method == "BLENDED":
+        modifier = twin.modifiers[ob.sinew.modifier.name]
+        was, modifier.use_deform_preserve_volume = modifier.use_deform_preserve_volume, ob.sinew.skinning.share == 1
+        shape = evaluated(twin)
+        modifier.use_deform_preserve_volume = was
+        return shape
+    copy = ob.copy()
+    copy.name, copy.data = "Another", ob.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    bind = addon_module("binding.bind")
+    bind.unbind(copy)
+    bind.bind(copy, ob.sinew.armature, method=ob.sinew.method)
+    shape = evaluated(copy)
+    bind.unbind(copy)
+    mesh = copy.data
+    bpy.data.objects.remove(copy)
+    bpy.data.meshes.remove(mesh)
+    return shape
+
+
+# --- rigs with poses of their own -----------------------------------------------------------------
+
+
+@kind(1)
+def import_rig(random):
+    """A bound character, whose armature imported poses move."""
+    scene.leave_modes()
+    if len(scene.pairs()) >= MOST_PAIRS:
+        return
+    name = scene.next_name(scene.OURS)
+    bpy.ops.import_scene.sinew_rig(filepath=str(RIGS["capsule"]), pose="walk.dmat", output=random.choice(OUTPUTS))
+    ob = bpy.context.active_object
+    ob.sinew.armature.name = scene.next_name("Rig ")
+    twin = ob.copy()
+    twin.data = ob.data.copy()
+    bpy.context.collection.objects.link(twin)
+    addon_module("binding.bind").unbind(twin)
+    ob.name, twin.name = name, scene.twin_name(name)
+
+
+@kind(1)
+def play_poses(random):
+    found = [ob for ob in scene.armatures() if addon_module("rigs.clip_store").has_poses(ob.data)]
+    if found:
+        clip = random.choice(found).sinew_clip
+        clip.mode = random.choice(("REST", "POSED", "FACTOR", "SWING", "PLAYBACK", "PLAYBACK"))
+        clip.factor, clip.frame_start, clip.speed = random.random(), random.uniform(-5, 5), random.uniform(-2, 2)
+
+
+@on_pair(1)
+def choose_poses(random, ob, twin):
+    ob.sinew.source = random.choice(("CLIP", "ARMATURE"))
+
+
+# --- the add-on -----------------------------------------------------------------------------------
+
+
+@kind(0.7)
+def off_and_on(random):
+    """Meanwhile Blender deforms; whatever others have cleared before, it can be switched off and on."""
+    scene.leave_modes()
+    switch_off_and_on(random)
+
+
+HANDLERS = "frame_change_pre", "frame_change_post", "depsgraph_update_post", "load_post", "undo_post", "render_complete"
+
+
+@kind(0.5)
+def clear_handlers(random):
+    scene.leave_modes()
+    for name in random.sample(HANDLERS, 2):
+        getattr(bpy.app.handlers, name).clear()
+    switch_off_and_on(random)
+
+
+def switch_off_and_on(random):
+    pairs = [(ob.name, twin.name) for ob, twin in scene.pairs()]
+    module = addon_module("session.characters").__name__.removesuffix(".session.characters")
+    bpy.ops.preferences.addon_disable(module=module)
+    try:
+        bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
+        for ob, twin in pairs:
+            compare.assert_same_shape(bpy.data.objects[ob], bpy.data.objects[twin], f"{ob}, without the add-on: ")
+    finally:
+        bpy.ops.preferences.addon_enable(module=module)
