@@ -208,10 +208,11 @@ def link_characters(random):
     for ob in {each for pair in scene.pairs() for each in pair}.union(scene.armatures()):
         collection.objects.link(ob)
     bpy.data.libraries.write(path, {collection})
+    name = collection.name
     bpy.data.collections.remove(collection)
     before = set(bpy.data.objects)
     with bpy.data.libraries.load(path, link=True) as (_, to):
-        to.collections = ["Library"]
+        to.collections = [name]
     linked = to.collections[0]
     if random.random() < 0.5:
         linked.override_hierarchy_create(bpy.context.scene, layer)
