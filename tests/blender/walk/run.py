@@ -1,6 +1,6 @@
 """Inside of Blender: walks, and says what it does.
 
-blender -b --python-exit-code 1 --python tests/blender/walk/run.py -- --seed S (--steps N | --only 3,17) [--without bind]
+blender -b --python-exit-code 1 --python tests/blender/walk/run.py -- --seed S (--steps N | --only 3,17) [--without ...]
 
 Step n belongs to walk n // LENGTH, which begins in a scene of its own. Both depend on nothing but the seed and these
 numbers. The exit code is 1 after a step behind which something does not hold, and 2 if the walk itself is at fault.
