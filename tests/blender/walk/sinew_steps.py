@@ -166,14 +166,16 @@ def off_and_on(random):
     switch_off_and_on(random)
 
 
-HANDLERS = "frame_change_pre", "frame_change_post", "depsgraph_update_post", "load_post", "undo_post", "render_complete"
+HANDLERS = "frame_change_pre", "frame_change_post", "depsgraph_update_post", "load_post", "save_pre", "undo_post"
 
 
 @kind(0.5)
 def clear_handlers(random):
+    """Sinew's: Blender's own add-ons could not be switched off without theirs."""
     scene.leave_modes()
     for name in random.sample(HANDLERS, 2):
-        getattr(bpy.app.handlers, name).clear()
+        handlers = getattr(bpy.app.handlers, name)
+        handlers[:] = [each for each in handlers if ".sinew." not in f".{each.__module__}"]
     switch_off_and_on(random)
 
 
