@@ -107,9 +107,6 @@ def look_again_and_again():
     return 0.0 if is_rendering() else SECONDS_BETWEEN_LOOKS
 
 
-HANDLERS = (("render_complete", after_render), ("render_cancel", after_render))
-
-
 def register():
     bpy.utils.register_class(TakeFlagDown)
     bpy.types.WindowManager.sinew_waits = bpy.props.BoolProperty(
