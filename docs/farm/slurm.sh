@@ -14,8 +14,9 @@ usage() {
 }
 
 [ $# -ge 4 ] && [[ $4 =~ ^[1-9][0-9]*$ ]] || usage
-[[ $3 =~ ^(-?[0-9]+)-(-?[0-9]+)(:([1-9][0-9]*))?$ ]] || usage
-first=${BASH_REMATCH[1]} last=${BASH_REMATCH[2]} step=${BASH_REMATCH[4]:-1}
+# The shell would take a number that begins with 0 for an octal one.
+[[ $3 =~ ^(-?)0*([0-9]+)-(-?)0*([0-9]+)(:0*([1-9][0-9]*))?$ ]] || usage
+first=${BASH_REMATCH[1]}${BASH_REMATCH[2]} last=${BASH_REMATCH[3]}${BASH_REMATCH[4]} step=${BASH_REMATCH[6]:-1}
 length=$(($4 * step)) # of a chunk, in the scene's frames
 [ "$first" -le "$last" ] || { echo "the last frame ($last) comes before the first ($first)" >&2; exit 2; }
 

@@ -84,7 +84,7 @@ def test_the_place_in_the_world_is_written(figure, tmp_path):
     for frame in (2, 5, 8):
         bpy.context.scene.frame_set(frame)
         expected.append(np.array(figure.matrix_world))
-    found = np.load(tmp_path / "Tube.world.npy")
+    found = np.load(tmp_path / "Tube.pc2.world.npy")
     assert np.array_equal(found, expected) and not np.array_equal(found[0], found[2])
 
 
@@ -208,6 +208,41 @@ def test_a_full_disk(figure, tmp_path, monkeypatch):
         "No space left on device; the frames before 4 are kept: bake again to continue there"
     )
     assert bake(tmp_path)[0].found == 3
+
+
+def test_a_full_disk_in_the_end(figure, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "there")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        with pytest.raises(OSError) as caught:
+            bake(tmp_path, "1-2")
+    assert caught.value.strerror == (
+        "No space left on device; the frames that were baked are kept: bake again to continue there"
+    )
+    assert bake(tmp_path, "1-2")[0].found == 2
+
+
+def test_a_full_disk_has_no_room_for_the_folder(figure, tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "there")
+
+    monkeypatch.setattr(os, "makedirs", refuse)
+    with pytest.raises(OSError) as caught:
+        bake(tmp_path / "out")
+    assert caught.value.strerror == "No space left on device: make room, or choose another folder"
+
+
+def test_what_a_dead_process_has_left_goes(figure, tmp_path):
+    leftovers = addon_module("bake.leftovers")
+    dead = leftovers.own_name(f"{tmp_path / 'Tube.pc2'}.part").replace(str(os.getpid()), "4194399")  # beyond any
+    os.mkdir(dead)
+    with pytest.raises(ValueError, match="the chunk 1-20 reaches beyond"):
+        bake(tmp_path, chunk=(frame_range("1-20"),))
+    assert os.path.isdir(dead)
+    bake(tmp_path, chunk=(frame_range("1-2"),))
+    assert os.listdir(tmp_path) == ["Tube.pc2.part"]
 
 
 def test_a_bake_of_another_mesh_is_not_filled(figure, tmp_path):
@@ -345,7 +380,7 @@ def test_the_operator_bakes_the_selected(figure, tmp_path):
     folder = str(tmp_path / "out")
     result = bpy.ops.object.sinew_bake(directory=folder, frame_start=2, frame_end=6, frame_step=2, file_format="mdd")
     assert result == {"FINISHED"}
-    assert sorted(os.listdir(folder)) == ["Tube.mdd", "Tube.mdd.json", "Tube.world.npy"]
+    assert sorted(os.listdir(folder)) == ["Tube.mdd", "Tube.mdd.json", "Tube.mdd.world.npy"]
     assert np.array_equal(read(tmp_path / "out" / "Tube.mdd"), shown(figure, (2, 4, 6)))
     with pytest.raises(RuntimeError, match="Tube.mdd already exists"):
         bpy.ops.object.sinew_bake(directory=folder, frame_end=6, file_format="mdd")

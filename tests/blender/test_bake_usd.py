@@ -250,6 +250,18 @@ def test_a_file_that_is_there_stays(figure, tmp_path):
     assert (tmp_path / "Tube.usdc").read_text() == "mine" and os.listdir(tmp_path) == ["Tube.usdc"]
 
 
+def test_what_a_dead_process_has_left_goes(figure, tmp_path):
+    leftovers = addon_module("bake.leftovers")
+    own = leftovers.own_name(f"{tmp_path / 'Tube.usdc'}.part", ".usdc")
+    dead = own.replace(str(os.getpid()), "4194399")  # beyond any
+    living = own.replace(str(os.getpid()), "1")
+    for path in (dead, living):
+        with open(path, "w"):
+            pass
+    bake(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == ["Tube.usdc", os.path.basename(living)]
+
+
 def test_a_full_disk(figure, tmp_path):
     """The kernel refuses to make a file longer, as it does where there is no room left."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

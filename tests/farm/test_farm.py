@@ -64,7 +64,7 @@ def single(shot):
     done = sinew("bake", "-o", folder, "--frames", FRAMES, file=shot)
     assert done.returncode == 0, done.stderr
     found = contents(folder)
-    assert sorted(found) == ["capsule.pc2", "capsule.pc2.json", "capsule.world.npy"]
+    assert sorted(found) == ["capsule.pc2", "capsule.pc2.json", "capsule.pc2.world.npy"]
     return found
 
 
@@ -160,13 +160,13 @@ echo "$number;cluster"
 """
 
 
-def slurm(tmp_path, *words):
+def slurm(tmp_path, *words, blender=BLENDER):
     (tmp_path / "bin").mkdir(exist_ok=True)
     sbatch = tmp_path / "bin" / "sbatch"
     sbatch.write_text(SBATCH.format(log=tmp_path / "log"))
     sbatch.chmod(0o755)
     path = f"{sbatch.parent}:{os.environ['PATH']}"
-    return run(FARM / "slurm.sh", *words, env={**os.environ, "PATH": path, "BLENDER": BLENDER})
+    return run(FARM / "slurm.sh", *words, env={**os.environ, "PATH": path, "BLENDER": str(blender)})
 
 
 def test_slurm_submits_an_array_and_what_verifies_it(shot, single, tmp_path):
@@ -184,6 +184,27 @@ def test_slurm_takes_steps_and_options(shot, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "--array=0-1" in (tmp_path / "log").read_text()
     assert "capsule.mdd is complete: 6 frames" in (tmp_path / "log.out").read_text()
+
+
+@pytest.mark.parametrize(
+    "frames, per_task, chunks",
+    [
+        ("1-0240", 120, ["1-120", "121-240"]),
+        ("0001-0010", 6, ["1-6", "7-10"]),
+        ("-010-08:09", 1, ["-10--2", "-1-7", "8-8"]),
+        ("00-0", 1, ["0-0"]),
+    ],
+)
+def test_slurm_takes_frames_that_begin_with_zero(tmp_path, frames, per_task, chunks):
+    """Which are decimal to Blender, and to the shell octal."""
+    said = tmp_path / "blender"
+    said.write_text('#!/usr/bin/env bash\n[ "$1" = -b ] || { echo Blender 5.2; exit; }\necho "$@"\n')
+    said.chmod(0o755)
+    done = slurm(tmp_path, "a.blend", "out", frames, per_task, blender=said)
+    assert done.returncode == 0, done.stderr
+    *bakes, verify = (tmp_path / "log.out").read_text().splitlines()
+    assert [line.rpartition("--chunk=")[2] for line in bakes] == chunks
+    assert verify.endswith(f"--frames={frames} --verify")
 
 
 @pytest.mark.parametrize("words", [[], ["a.blend", "out", "1", "10"], ["a.blend", "out", "1-9", "0"]])

@@ -141,8 +141,8 @@ def test_mdd_byte_by_byte(tmp_path):
 def test_what_stands_beside(tmp_path):
     path = tmp_path / "Tube.pc2"
     bake(path, range(4))
-    assert sorted(os.listdir(tmp_path)) == ["Tube.pc2", "Tube.pc2.json", "Tube.world.npy"]
-    assert np.array_equal(np.load(tmp_path / "Tube.world.npy"), [world(i) for i in range(4)])
+    assert sorted(os.listdir(tmp_path)) == ["Tube.pc2", "Tube.pc2.json", "Tube.pc2.world.npy"]
+    assert np.array_equal(np.load(tmp_path / "Tube.pc2.world.npy"), [world(i) for i in range(4)])
     assert subjects.of_cache(str(path)) == subject()
     assert verify.problems(str(path), FRAMES) == []
 
@@ -169,6 +169,16 @@ def test_chunks_in_any_order_give_the_bytes_of_one_bake(tmp_path, format):
             missing = bake(tmp_path / folder / f"Tube.{format}", chunk, format=format)
         assert missing == []
     assert whole(tmp_path / "many" / "x") == whole(tmp_path / "one" / "x")
+
+
+def test_two_formats_of_one_object_in_a_folder(tmp_path):
+    """Of different frames, so that neither has the other's places."""
+    frames = {"pc2": FRAMES, "mdd": frame_range.FrameRange(1, 2)}
+    for format, those in frames.items():
+        bake(tmp_path / f"Tube.{format}", range(len(those)), format=format, frames=those)
+    for format, those in frames.items():
+        assert verify.problems(str(tmp_path / f"Tube.{format}"), those) == []
+        assert len(np.load(tmp_path / f"Tube.{format}.world.npy")) == len(those)
 
 
 def test_until_the_last_frame_is_there_no_whole_file_is(tmp_path):
@@ -281,6 +291,20 @@ def test_a_bake_that_would_not_fit_does_not_begin(tmp_path, monkeypatch):
         bake(tmp_path / "Tube.pc2", [0])
 
 
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+@pytest.mark.parametrize("function", ["makedirs", "rename"])
+def test_a_disk_that_is_full_at_the_start(tmp_path, monkeypatch, number, function):
+    def refuse(*_, **__):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, function, refuse)
+    with pytest.raises(OSError) as caught:
+        bake(tmp_path / "Tube.pc2", [0])
+    assert caught.value.errno == number and caught.value.filename == str(tmp_path / "Tube.pc2")
+    assert caught.value.strerror == f"{os.strerror(number)}: make room, or choose another folder"
+    assert os.listdir(tmp_path) == []
+
+
 def test_frames_are_marked_once_they_are_on_the_disk(tmp_path, monkeypatch):
     path = tmp_path / "Tube.pc2"
     monkeypatch.setattr(part_files, "sync_data", full)
@@ -316,7 +340,16 @@ def spoil_description(path):
 
 
 def spoil_world(path):
-    np.save(path.parent / "Tube.world.npy", np.eye(4))
+    np.save(path.parent / "Tube.pc2.world.npy", np.eye(4))
+
+
+def write_world(data):
+    return lambda path: (path.parent / "Tube.pc2.world.npy").write_bytes(data)
+
+
+def npy_header(words):
+    """Of a .npy file, with these words in the place of the description."""
+    return b"\x93NUMPY\1\0" + struct.pack("<H", 118) + words.encode().ljust(117) + b"\n"
 
 
 @pytest.mark.parametrize(
@@ -326,10 +359,19 @@ def spoil_world(path):
         (spoil_numbers, "Tube.pc2 has numbers that are not finite on frames 5"),
         (spoil_header, "the header of Tube.pc2 is not that of a PC2 file with these frames and vertices"),
         (spoil_description, "is not a description that this version of Sinew has written"),
-        (spoil_world, "Tube.world.npy does not hold 4 matrices of float64"),
+        (spoil_world, "Tube.pc2.world.npy does not hold 4 matrices of float64"),
+        (write_world(b""), "Tube.pc2.world.npy is not a complete .npy file"),
+        (write_world(b"PK\3\4"), "Tube.pc2.world.npy is not a complete .npy file"),
+        (write_world(npy_header("{{[")), "Tube.pc2.world.npy is not a complete .npy file"),
+        (
+            write_world(
+                npy_header("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999999999, 4)}")
+            ),
+            "Tube.pc2.world.npy is not a complete .npy file",
+        ),
         (os.remove, "Tube.pc2 is missing"),
         (lambda path: os.remove(f"{path}.json"), "Tube.pc2.json is missing, which says what Tube.pc2 should hold"),
-        (lambda path: os.remove(path.parent / "Tube.world.npy"), "Tube.world.npy is missing"),
+        (lambda path: os.remove(path.parent / "Tube.pc2.world.npy"), "Tube.pc2.world.npy is missing"),
     ],
 )
 def test_what_is_wrong_with_a_cache_is_said(tmp_path, spoil, said):
@@ -338,6 +380,56 @@ def test_what_is_wrong_with_a_cache_is_said(tmp_path, spoil, said):
     spoil(path)
     (problem,) = verify.problems(str(path), FRAMES)
     assert said in problem
+
+
+@pytest.mark.parametrize(
+    "name, values",
+    [
+        ("object", (5, None)),
+        ("format", ("abc", None, ["pc2"])),
+        ("vertex_count", ("5", 5.0, True, None, -1, 2**31, [5])),
+        ("frames", (7, None, "a-b", "1-9999999")),
+        ("rate", ("24", None, 0, -24.0, float("nan"), float("inf"), 10**400)),
+        ("until_subdivision", ("NO", 0, None)),
+        ("blend", (5, None)),
+        ("version", (2, None, "1")),
+        ("other", (1,)),
+    ],
+)
+@pytest.mark.parametrize("format", point_cache.FORMATS)
+def test_a_spoilt_description_is_called_so(tmp_path, format, name, values):
+    path = tmp_path / f"Tube.{format}"
+    bake(path, range(4), format=format)
+    good = json.loads(Path(f"{path}.json").read_text())
+    for value in values:
+        Path(f"{path}.json").write_text(json.dumps({**good, name: value}))
+        assert verify.problems(str(path), FRAMES) == [f"{path}.json: {NO_DESCRIPTION}"], value
+        assert not subjects.is_whole(str(path), subject(format=format))
+
+
+NO_DESCRIPTION = "it is not a description that this version of Sinew has written"
+
+
+def test_a_description_that_is_something_else(tmp_path):
+    path = tmp_path / "Tube.pc2"
+    bake(path, range(4))
+    for data in (b"", b"\xff", b"null", b"[]", b"5", b'"a"', b"{}", b"{", b"[" * 100_000):
+        Path(f"{path}.json").write_bytes(data)
+        assert verify.problems(str(path), FRAMES) == [f"{path}.json: {NO_DESCRIPTION}"], data[:9]
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"{}\n", subject(vertex_count="5").line(), subject().line() + b"\1\1"], ids=range(4)
+)
+def test_an_unfinished_bake_that_is_spoilt(tmp_path, data):
+    path = tmp_path / "Tube.pc2"
+    bake(path, [0])
+    (tmp_path / "Tube.pc2.part" / "frames").write_bytes(data)
+    said = f"{path}.part is not an unfinished bake of this version of Sinew"
+    assert verify.problems(str(path), FRAMES) == [said]
+    with pytest.raises(ValueError) as caught:
+        bake(path, [1])
+    assert str(caught.value) == f"{said}; overwrite it, or choose another folder"
 
 
 def test_a_cache_of_other_frames(tmp_path):

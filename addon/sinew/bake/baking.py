@@ -1,7 +1,7 @@
 """Bakes objects of the open scene, frame by frame."""
 
 import os
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 
 from . import evaluation, part_files, usd_baking
 from . import job as jobs
@@ -26,7 +26,8 @@ def steps(context, job):
     indices = job.indices()
     objects = evaluation.objects_to_bake(context, job.names)
     job.check_names([ob.name for ob in objects])
-    os.makedirs(job.folder, exist_ok=True)
+    with part_files.advising_room(job.folder):
+        os.makedirs(job.folder, exist_ok=True)
     with ExitStack() as stack:
         stack.enter_context(evaluation.undisturbed(context))
         if job.until_subdivision:
@@ -65,9 +66,11 @@ def _point_caches(context, job, objects, indices):
 
 
 def _check_paths(job, objects):
-    """Before anything is evaluated. Raises ValueError if a finished cache would be lost."""
+    """Before anything is evaluated, once what dead processes have left is out of the way. Raises ValueError if a
+    finished cache would be lost."""
     for ob in objects:
         path = job.path_of(ob.name)
+        part_files.tidy(path)
         if job.overwrite:
             part_files.discard(path)
         elif os.path.exists(path) and job.chunk is None:
@@ -98,13 +101,21 @@ class _Cache:
     def write(self, index, frame, depsgraph):
         positions, world = evaluation.read(self._ob, depsgraph)
         evaluation.check_count(self._ob, frame, len(positions), self._subject.vertex_count)
-        try:
+        with _advising(f"the frames before {frame}"):
             self._part.write(index, positions, world)
-        except OSError as error:
-            kept = f"{error.strerror}; the frames before {frame} are kept: bake again to continue there"
-            raise OSError(error.errno, kept, error.filename) from error
         self.baked.baked += 1
 
     def finish(self):
         if self._part is not None:
-            self.baked.missing = len(self._part.finish())
+            with _advising("the frames that were baked"):
+                self.baked.missing = len(self._part.finish())
+
+
+@contextmanager
+def _advising(kept):
+    """What to do about a disk that refuses to go on."""
+    try:
+        yield
+    except OSError as error:
+        said = f"{error.strerror}; {kept} are kept: bake again to continue there"
+        raise OSError(error.errno, said, error.filename) from error

@@ -7,6 +7,9 @@ another, and whoever sees the last mark moves the files where they belong. NAME.
 
 The folder is made elsewhere and appears all at once, and nothing is ever added to it. So whoever has its three files
 open has files that belong together, even if they have been moved meanwhile.
+
+A process may die at any moment. What it was making then has its name (leftovers.py), and is removed by the next one on
+that machine, or by whoever finishes the cache. If it died while it moved the files, the next one moves the others.
 """
 
 import errno
@@ -19,6 +22,7 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
+from . import leftovers
 from . import subject as subjects
 
 SECONDS_BETWEEN_SYNCS = 1.0  # then what was written is marked: a process that is killed loses no more than that
@@ -26,6 +30,7 @@ MATRIX_SIZE = 128  # bytes of (4, 4) float64
 NAMES = ("frames", "positions", "world")
 sync_data = getattr(os, "fdatasync", os.fsync)  # macOS has but the latter
 ATTEMPTS = 5  # each fails only if another process has moved the files just then
+MAKE_ROOM = "make room, or choose another folder"
 ADVICE = "overwrite it, or choose another folder"
 NOT_A_BAKE = "{} is not an unfinished bake of this version of Sinew; " + ADVICE
 
@@ -54,12 +59,56 @@ def read_marks(path):
     """(Subject, (F,) bool: which frames are there) of the unfinished cache. Raises ValueError or OSError."""
     with open(os.path.join(folder_of(path), "frames"), "rb") as file:
         subject = subjects.parse(file.readline())
-        return subject, np.frombuffer(file.read(), np.uint8) == 1
+        marks = np.frombuffer(file.read(), np.uint8) == 1
+    if len(marks) != len(subject.frames):
+        raise ValueError(f"it has {len(marks)} marks, and its description {len(subject.frames)} frames")
+    return subject, marks
+
+
+@contextmanager
+def advising_room(path):
+    """What to do about a full disk, where nothing was baked yet."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise OSError(error.errno, f"{error.strerror}: {MAKE_ROOM}", path) from error
 
 
 def discard(path):
     """Forgets what was baked of an unfinished cache."""
     shutil.rmtree(folder_of(path), ignore_errors=True)
+
+
+def tidy(path):
+    """Sees to what processes have left that died as they began or finished a cache, in a folder that is there. Those
+    that are alive are not disturbed. Raises OSError."""
+    for each in _made_under_other_names(path):
+        leftovers.remove_dead(each)
+    with suppress(ValueError, FileNotFoundError, NotADirectoryError):
+        if read_marks(path)[1].all() and not set(NAMES).issubset(os.listdir(folder_of(path))):
+            folder = os.open(folder_of(path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            try:
+                _move_files(path, folder)
+            finally:
+                os.close(folder)
+
+
+def _made_under_other_names(path):
+    """What is renamed when it is whole."""
+    return folder_of(path), subjects.path_beside(path)
+
+
+def _move_files(path, folder):
+    """Those of a finished cache, from its open folder to their places. Another process may do the same."""
+    for name, target in (("world", subjects.world_beside(path)), ("positions", path)):
+        with suppress(FileNotFoundError):  # another process has moved it
+            os.rename(name, target, src_dir_fd=folder)
+    with suppress(FileNotFoundError):
+        os.unlink("frames", dir_fd=folder)
+    with suppress(OSError):
+        os.rmdir(folder_of(path))
 
 
 class PartFiles:
@@ -119,23 +168,24 @@ class PartFiles:
         return True
 
     def _make(self):
-        """Nothing, if another process has made it meanwhile."""
-        folder = f"{folder_of(self.path)}.{os.uname().nodename}-{os.getpid()}"
-        os.makedirs(folder, exist_ok=True)
+        """Nothing, if another process has made it meanwhile, or has just finished the cache."""
+        folder = leftovers.own_name(folder_of(self.path))
         try:
-            count = len(self.subject.frames)
-            for name, start, size in (
-                ("frames", self._line, self._marks_size),
-                ("positions", self._layout.header(), self._layout.size),
-                ("world", self._world_header, self._world_offset(count)),
-            ):
-                with open(os.path.join(folder, name), "wb") as file:
-                    file.write(start)
-                    file.truncate(size)
-            os.rename(folder, folder_of(self.path))
+            with advising_room(self.path):
+                os.makedirs(folder, exist_ok=True)
+                count = len(self.subject.frames)
+                for name, start, size in (
+                    ("frames", self._line, self._marks_size),
+                    ("positions", self._layout.header(), self._layout.size),
+                    ("world", self._world_header, self._world_offset(count)),
+                ):
+                    with open(os.path.join(folder, name), "wb") as file:
+                        file.write(start)
+                        file.truncate(size)
+                os.rename(folder, folder_of(self.path))
         except OSError as error:
             shutil.rmtree(folder, ignore_errors=True)
-            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT):
                 raise
 
     def _check(self):
@@ -152,7 +202,7 @@ class PartFiles:
         needed = len(self.missing()) * (self._layout.frame_size + MATRIX_SIZE)
         free = shutil.disk_usage(folder_of(self.path)).free
         if needed > free:
-            said = f"the bake needs {needed:,} bytes, but only {free:,} are free: make room, or choose another folder"
+            said = f"the bake needs {needed:,} bytes, but only {free:,} are free: {MAKE_ROOM}"
             raise OSError(errno.ENOSPC, said, self.path)
 
     def _close(self):
@@ -214,18 +264,24 @@ class PartFiles:
                 discard(self.path)
                 return []
             return missing
-        temporary = f"{subjects.path_beside(self.path)}.{os.uname().nodename}-{os.getpid()}"
-        with open(temporary, "wb") as file:
-            file.write(self._line)
-        os.replace(temporary, subjects.path_beside(self.path))
-        for name, target in (("world", subjects.world_beside(self.path)), ("positions", self.path)):
-            with suppress(FileNotFoundError):  # another process has moved it
-                os.rename(name, target, src_dir_fd=self._folder)
-        with suppress(FileNotFoundError):
-            os.unlink("frames", dir_fd=self._folder)
-        with suppress(OSError):
-            os.rmdir(folder_of(self.path))
+        self._describe()
+        _move_files(self.path, self._folder)
+        for each in _made_under_other_names(self.path):
+            leftovers.remove_all(each)
         return []
+
+    def _describe(self):
+        """The cache, in the file beside it."""
+        temporary = leftovers.own_name(subjects.path_beside(self.path))
+        try:
+            with open(temporary, "wb") as file:
+                file.write(self._line)
+            with suppress(FileNotFoundError):  # another process has finished the same cache and removed it
+                os.replace(temporary, subjects.path_beside(self.path))
+        except OSError:
+            with suppress(FileNotFoundError):
+                os.remove(temporary)
+            raise
 
 
 @contextmanager

@@ -17,6 +17,7 @@ PC2_MAGIC = b"POINTCACHE2\0"
 PC2_HEADER, MDD_HEADER = struct.Struct("<12siiffi"), struct.Struct(">ii")
 NUMBERS = {"pc2": np.dtype("<f4"), "mdd": np.dtype(">f4")}
 FORMATS = tuple(NUMBERS)
+MOST_VERTICES = 2**31 - 1  # that a header holds
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """What is baked into a cache, as it stands beside it. Pure."""
 
 import json
+import math
 import os
 from dataclasses import dataclass
 
@@ -37,9 +38,28 @@ def parse(line):
         fields = json.loads(line)
         if fields.pop("version") != VERSION:
             raise ValueError
-        return Subject(**{**fields, "frames": frame_range.parse(fields["frames"])})
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        subject = Subject(**{**fields, "frames": frame_range.parse(fields["frames"])})
+        _check(subject)
+        return subject
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise ValueError("it is not a description that this version of Sinew has written") from error
+
+
+def _check(subject):
+    """Somebody may have edited the file. Raises ValueError."""
+    is_sound = (
+        isinstance(subject.object, str)
+        and subject.format in point_cache.FORMATS
+        and type(subject.vertex_count) is int
+        and 0 <= subject.vertex_count <= point_cache.MOST_VERTICES
+        and type(subject.rate) in (int, float)
+        and math.isfinite(subject.rate)
+        and subject.rate > 0
+        and isinstance(subject.until_subdivision, bool)
+        and isinstance(subject.blend, str)
+    )
+    if not is_sound:
+        raise ValueError
 
 
 WORDS = {
@@ -71,8 +91,8 @@ def path_beside(path):
 
 
 def world_beside(path):
-    """NAME.world.npy"""
-    return f"{path.rpartition('.')[0]}.world.npy"
+    """NAME.pc2.world.npy"""
+    return f"{path}.world.npy"
 
 
 def of_cache(path):

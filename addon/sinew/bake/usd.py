@@ -9,6 +9,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from . import leftovers
 from .frame_range import FrameRange
 
 
@@ -46,7 +47,8 @@ class UsdFile:
         from pxr import Tf, Usd, UsdGeom
 
         self.path = path
-        self._temporary = f"{path.rpartition('.')[0]}.part-{os.getpid()}.usdc"
+        leftovers.remove_dead(f"{path}.part", ".usdc")
+        self._temporary = leftovers.own_name(f"{path}.part", ".usdc")
         with self._naming():
             self.stage = Usd.Stage.CreateNew(self._temporary)
         self.root = f"/{Tf.MakeValidIdentifier(name)}"

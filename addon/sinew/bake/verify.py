@@ -1,6 +1,7 @@
 """Whether a cache is whole. Pure."""
 
 import os
+import tokenize
 
 import numpy as np
 
@@ -70,10 +71,10 @@ def _about_world(path, subject):
     world, count = subjects.world_beside(path), len(subject.frames)
     name = os.path.basename(world)
     try:
-        matrices = np.load(world)
+        matrices = np.lib.format.open_memmap(world, mode="r")
     except FileNotFoundError:
         return [f"{name} is missing"]
-    except (ValueError, EOFError):
+    except (ValueError, OverflowError, SyntaxError, tokenize.TokenError):  # numpy parses the header as Python
         return [f"{name} is not a complete .npy file"]
     if matrices.shape != (count, 4, 4) or matrices.dtype != np.float64:
         return [f"{name} does not hold {count} matrices of float64"]
