@@ -13,7 +13,7 @@ from ..blender import memory, meshes, nodes, values
 from ..feedback import notice
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
-from . import callbacks, characters, deformed_copies, mail, precomputing, whole_frames, write_lock
+from . import callbacks, characters, deformed_copies, exporters, mail, precomputing, whole_frames, write_lock
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
@@ -44,6 +44,7 @@ def before_frame(scene, *_):
 def after_frame(scene, depsgraph):
     if characters.may_follow_clips():
         _in_main_thread(_pose_anew, scene, depsgraph)
+    exporters.tidy(characters.known(), depsgraph)
     if not _is_main_thread():
         return
     copied = characters.with_copy()
@@ -94,6 +95,7 @@ def on_depsgraph_update(_scene, depsgraph):
         deformed_copies.follow(copied, depsgraph, edits.keys)
     if has_gathered or edits.of_collections:
         deformed_copies.tidy(copied, depsgraph, has_gathered)
+    exporters.tidy(characters.known(), depsgraph)
     mail.deliver()
 
 
