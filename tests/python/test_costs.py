@@ -177,10 +177,29 @@ def test_the_report_has_a_row_for_each_object_and_each_part():
         ("  part 1", "1.00 ms", ""),
         ("cheap", "0.50 ms", "no"),
         ("  part 0", "0.50 ms", ""),
+        ("Everything else", "0.50 ms", ""),
     ]
     assert costs.remarks(profile) == ["dear: It is dear."]
     assert costs.heading(profile) == "3 frames from 1 to 9: 4.00 ms per frame, give or take 0.10 ms"
     assert costs.heading(costs.Profile([4], 4.0, 0.1, [])).startswith("frame 4: ")
+
+
+def test_the_rows_add_up_to_the_frame():
+    shared = [costs.Part("Keyframes", "KEYFRAMES", 0.25, costs.DIFFERENCE)]
+    profile = costs.Profile([1], 4.0, 0.1, [cost("a", 2.0, None), cost("b", 0.5)], shared)
+    assert costs.last_rows(profile) == [("Keyframes", "0.25 ms"), ("Everything else", "1.25 ms")]
+    assert costs.about_rest(profile) == "" and profile.document()["everything_else_ms"] == 1.25
+    assert sum(float(time.split()[0]) for what, time, _ in costs.rows(profile) if what[0] != " ") == 4.0
+
+
+def test_rows_that_add_up_to_more_than_the_frame_say_so():
+    profile = costs.Profile([1], 4.0, 0.1, [cost("a", 3.0), cost("b", 1.5)])
+    assert costs.last_rows(profile) == [("Done at the same time", "-0.50 ms")]
+    assert costs.remarks(profile) == [
+        "What was measured adds up to 0.50 ms more than the frame: Blender evaluates several things at the same time"
+    ]
+    document = profile.document()
+    assert (document["everything_else_ms"], document["at_the_same_time_ms"]) == (0.0, 0.5)
 
 
 def test_the_document_is_json():

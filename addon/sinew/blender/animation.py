@@ -11,13 +11,21 @@ def animated_properties(ob, modifier):
 
 def animated_paths(block):
     """The paths of all properties of a data-block that drivers or keyframes set."""
+    return {curve.data_path for curve in (*drivers_of(block), *keyed_curves(block))}
+
+
+def drivers_of(block):
+    data = block.animation_data
+    return list(data.drivers) if data is not None else []
+
+
+def keyed_curves(block):
+    """The keyframes of a data-block, also those of NLA strips."""
     data = block.animation_data
     if data is None:
-        return set()
+        return []
     actions = {data.action, *(strip.action for track in data.nla_tracks for strip in track.strips)} - {None}
-    return {curve.data_path for curve in data.drivers} | {
-        curve.data_path for action in actions for curve in action_curves(action)
-    }
+    return [curve for action in actions for curve in action_curves(action)]
 
 
 def is_muting_animated(keys):

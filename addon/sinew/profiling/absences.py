@@ -2,20 +2,41 @@
 
 from contextlib import contextmanager
 
+import bpy
+
 from ..binding import bind, bindable
 from ..blender import animation
 from ..session import characters
 
 
 @contextmanager
-def at_rest(armature):
-    """armature: the data-block."""
-    before = armature.pose_position
-    armature.pose_position = "REST"
+def scene_of(objects):
+    """Yields a scene that has nothing but these objects, and what they depend on. In the scenes of the file nothing is
+    hidden meanwhile: that would deselect it, and simulations would lose their frames."""
+    scene = bpy.data.scenes.new("Sinew Profile")
+    hidden = [ob for ob in objects if ob.hide_viewport]
     try:
+        for ob in hidden:
+            ob.hide_viewport = False
+        for ob in objects:
+            scene.collection.objects.link(ob)
+        yield scene
+    finally:
+        for ob in hidden:
+            ob.hide_viewport = True
+        bpy.data.scenes.remove(scene)
+
+
+@contextmanager
+def still(curves):
+    """curves: of keyframes, or drivers, that are not muted."""
+    try:
+        for curve in curves:
+            curve.mute = True
         yield
     finally:
-        armature.pose_position = before
+        for curve in curves:
+            curve.mute = False
 
 
 @contextmanager
@@ -64,10 +85,6 @@ def bound_for_now(ob):
                 setattr(settings, name, value)
         if active:
             ob.modifiers.active = ob.modifiers[active]
-
-
-def is_animated(block, path):
-    return path in animation.animated_paths(block)
 
 
 def why_not_muted(ob, keys):

@@ -26,6 +26,9 @@ SIMULATIONS = {
     "SOFT_BODY",
 }
 
+EVERYTHING_ELSE = "Everything else"
+AT_THE_SAME_TIME = "Done at the same time"
+
 last = []  # the Profile that the panel shows, of the open file: names, never references
 
 
@@ -61,13 +64,33 @@ class Profile:
     frame_ms: float  # the whole call that sets the frame
     noise_ms: float  # what two measurements of the same differ by
     objects: list  # dearest first
+    shared: list = field(default_factory=list)  # of Part: what is measured of all objects together
+
+    @property
+    def rest_ms(self):
+        """What the frame takes beside all that was measured. Negative: that adds up to more than the frame, since
+        Blender does several things at the same time."""
+        return self.frame_ms - sum(cost.ms for cost in self.objects) - sum(part.ms for part in self.shared)
+
+    @property
+    def rest(self):
+        """(name, milliseconds) of the last row, with which all rows add up to the frame."""
+        return (EVERYTHING_ELSE if self.rest_ms >= 0 else AT_THE_SAME_TIME), self.rest_ms
 
     def document(self):
         """As JSON has it."""
         objects = [
             {**asdict(cost), "name": cost.name[0], "library": cost.name[1], "ms": cost.ms} for cost in self.objects
         ]
-        return {"frames": self.frames, "frame_ms": self.frame_ms, "noise_ms": self.noise_ms, "objects": objects}
+        return {
+            "frames": self.frames,
+            "frame_ms": self.frame_ms,
+            "noise_ms": self.noise_ms,
+            "objects": objects,
+            "shared": [asdict(part) for part in self.shared],
+            "everything_else_ms": max(self.rest_ms, 0.0),
+            "at_the_same_time_ms": max(-self.rest_ms, 0.0),
+        }
 
 
 def parse_frames(words):
@@ -173,13 +196,31 @@ def heading(profile):
 
 
 def rows(profile):
-    """(what, its time, what Accelerate has to do with it) for each object, each followed by its parts."""
+    """(what, its time, what Accelerate has to do with it) for each object, each followed by its parts; then what
+    belongs to none. The objects and these add up to the frame."""
     found = []
     for cost in profile.objects:
         found.append((cost.name[0], f"{cost.ms:.2f} ms", verdict(cost)))
         found += [(f"  {part.name}", part_text(part), "") for part in cost.parts]
-    return found
+    return found + [(name, text, "") for name, text in last_rows(profile)]
+
+
+def last_rows(profile):
+    """(what, its time) of what belongs to no object."""
+    name, ms = profile.rest
+    return [*((part.name, part_text(part)) for part in profile.shared), (name, f"{ms:.2f} ms")]
+
+
+def about_rest(profile):
+    """A sentence about the last row, or ""."""
+    if profile.rest_ms >= 0:
+        return ""
+    return (
+        f"What was measured adds up to {-profile.rest_ms:.2f} ms more than the frame: Blender evaluates several things "
+        "at the same time"
+    )
 
 
 def remarks(profile):
-    return [f"{cost.name[0]}: {remark}" for cost in profile.objects for remark in cost.remarks]
+    found = [f"{cost.name[0]}: {remark}" for cost in profile.objects for remark in cost.remarks]
+    return found + [sentence for sentence in [about_rest(profile)] if sentence]

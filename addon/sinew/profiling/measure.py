@@ -2,21 +2,20 @@
 
 Where Blender has a clock for each modifier (4.x and later), that is read. Whatever else is known by its absence: a few
 frames are played with it, without it, and with it again; all of it without the modifiers that do not matter there,
-next to which it would be lost in the noise. Each absence ends with the block of frames for which it was made,
-so between two steps of `steps` the file is as it was.
+next to which it would be lost in the noise; armatures without anything else (rigs.py). Each absence ends with the block
+of frames for which it was made, so between two steps of `steps` the file is as it was.
 """
 
 from functools import partial
 from statistics import median
-from time import perf_counter
 
 import bpy
 
-from ..binding import bindable, ways
+from ..binding import bindable, ways, wiring
 from ..blender import animation, nodes, values
-from ..session import characters
+from ..session import characters, whole_frames
 from ..session.stages import KINDS
-from . import absences, costs
+from . import absences, costs, rigs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
 # What is played: everything, what Sinew may take over without what follows that, or keys and Armature modifiers.
@@ -49,48 +48,51 @@ def steps(context, first, last):
 
 def _measure(context, scene, frames):
     scene.frame_set(frames[0])
-    subjects = _subjects(context)
+    subjects, alone = _subjects(context)
     if not subjects:
         raise ValueError("nothing visible has bones, shape keys or modifiers: show what you want to measure")
-    rounds = [_Round(stage, subjects) for stage in (WHOLE, DEFORMED, BARE)]
+    animated = _animated(context)
+    everything = [absence for subject in subjects for absence in subject.absences] + animated
+    rounds = [_Round(stage, subjects, everything) for stage in (WHOLE, DEFORMED, BARE)]
     rounds = [each for each in rounds if each is rounds[0] or each.absences]
     blocks = costs.blocks(frames, BLOCK)
-    count = len(blocks) * sum(len(each.absences) + 2 for each in rounds)
+    count = len(blocks) * (sum(len(each.absences) + 2 for each in rounds) + alone.step_count)
     done = 0
     for block in blocks:
-        for each in rounds:
-            for text, step in each.steps(context, scene, block, subjects if each is rounds[0] else ()):
-                yield done / count, text
-                step()
-                done += 1
+        work = [step for each in rounds for step in each.steps(context, block, subjects if each is rounds[0] else ())]
+        for text, step in (*work, *alone.steps(block)):
+            yield done / count, text
+            step()
+            done += 1
     for each in rounds:
         for absence in each.absences:
             absence.conclude(each.before, each.after)
-    for subject in subjects:
-        subject.conclude()
+    for each in (*subjects, alone):
+        each.conclude()
     whole = rounds[0]
     return costs.Profile(
         frames,
         median(whole.before + whole.after),
         costs.noise(whole.before, whole.after),
         costs.order([subject.cost for subject in subjects]),
+        [absence.part for absence in animated],
     )
 
 
 class _Round:
     """Absences that are compared with the same."""
 
-    def __init__(self, stage, subjects):
-        self.absences = [absence for subject in subjects for absence in subject.absences if absence.stage == stage]
+    def __init__(self, stage, subjects, absences_of_all):
+        self.absences = [absence for absence in absences_of_all if absence.stage == stage]
         self.before, self.after = [], []
         self._off = [modifier for subject in subjects for modifier in subject.off[stage]]
 
-    def steps(self, context, scene, frames, subjects):
+    def steps(self, context, frames, subjects):
         """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
 
         def play(times, subjects=()):
             with absences.switched_off(self._off):
-                times += _play(context, scene, frames, subjects)
+                times += _play(context, frames, subjects)
 
         def play_without(absence):
             with absence.made():
@@ -102,22 +104,18 @@ class _Round:
         yield "playing", partial(play, self.after, subjects)
 
 
-def _play(context, scene, frames, subjects=()):
-    """Milliseconds of each frame; the subjects read their clocks on each. A frame before them warms up."""
+def _play(context, frames, subjects=()):
+    """Milliseconds of each frame; the subjects read their clocks on each."""
     changed = set()
 
     def look(_scene, depsgraph):
         changed.update(values.key_of(update.id) for update in depsgraph.updates if update.is_updated_geometry)
 
-    scene.frame_set(frames[-1])
     bpy.app.handlers.frame_change_post.append(look)
     try:
         times = []
-        for frame in frames:
-            changed.clear()
-            start = perf_counter()
-            scene.frame_set(frame)
-            times.append(1e3 * (perf_counter() - start))
+        for milliseconds in whole_frames.frame_times(context.scene, frames, changed.clear):
+            times.append(milliseconds)
             for subject in subjects:
                 subject.read_clocks(context.view_layer.depsgraph, values.key_of(subject.ob) in changed)
         return times
@@ -126,18 +124,31 @@ def _play(context, scene, frames, subjects=()):
 
 
 def _subjects(context):
-    """The objects on show, also in instances, and their armatures."""
+    """The objects on show, also in instances, and the armatures that are evaluated; these also as rigs.Rigs."""
     depsgraph = context.evaluated_depsgraph_get()
     shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
-    armatures = dict.fromkeys(
-        block.original for block in depsgraph.ids if isinstance(block, bpy.types.Object) and block.type == "ARMATURE"
-    )
-    found = [_Subject(ob, depsgraph) for ob in {**shown, **armatures}]
+    armatures = rigs.evaluated_armatures(shown)
+    depsgraph = context.evaluated_depsgraph_get()
+    found = [_Subject(ob, depsgraph) for ob in {**shown, **dict.fromkeys(armatures)}]
     _share_keys(found)
     for subject in found:
         if subject.ob.type == "MESH" and not subject.ob.sinew.is_bound:
             subject.try_accelerate()
-    return [subject for subject in found if subject.cost.parts or subject.absences]
+    alone = rigs.Rigs([(subject.ob, subject.cost.parts[0]) for subject in found if subject.ob.type == "ARMATURE"])
+    return [subject for subject in found if subject.cost.parts or subject.absences], alone
+
+
+def _animated(context):
+    """The absences of all keyframes and of all drivers, except those that call Sinew."""
+    carriers = [(ob, wiring.carrier_of(ob)) for ob in characters.bound_objects()]
+    hooks = [wiring.hook_of(ob, carrier) for ob, carrier in carriers if carrier is not None]
+    blocks = [block.original for block in context.evaluated_depsgraph_get().ids if hasattr(block, "animation_data")]
+    found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), rigs.unmuted_curves(blocks, hooks))
+    return [
+        _Absence("the scene", [Part(name, kind, None, DIFFERENCE)], absences.still, curves, BARE)
+        for name, kind, curves in found
+        if curves
+    ]
 
 
 def _share_keys(subjects):
@@ -153,7 +164,7 @@ def _share_keys(subjects):
         for subject, part in zip(together, parts):
             subject.cost.parts.insert(0, part)
         if not reason:
-            together[0].absences.insert(0, _Absence(together[0].ob, parts, absences.muted, keys, BARE))
+            together[0].absences.insert(0, _Absence(together[0].ob.name, parts, absences.muted, keys, BARE))
 
 
 class _Subject:
@@ -169,13 +180,7 @@ class _Subject:
         self.is_deformed_by_sinew = False
         evaluated = ob.evaluated_get(depsgraph)
         if ob.type == "ARMATURE":
-            self._add_absence(
-                Part("Pose", "POSE", None, DIFFERENCE),
-                absences.at_rest,
-                ob.data,
-                absences.is_animated(ob.data, "pose_position"),
-                BARE,
-            )
+            self.cost.parts.append(Part("Pose", "POSE", None, DIFFERENCE))
         if ob.type == "MESH" and ob.sinew.is_bound:
             self._add_own()
         self._add_modifiers(evaluated)
@@ -225,7 +230,7 @@ class _Subject:
         if is_animated:
             part.how = "its switch is animated"
         else:
-            self.absences.append(_Absence(self.ob, [part], absent, what, stage))
+            self.absences.append(_Absence(self.ob.name, [part], absent, what, stage))
 
     def try_accelerate(self):
         """Binding alone says whether Sinew can follow the mesh."""
@@ -241,7 +246,7 @@ class _Subject:
             self.cost.reason = str(error)
         if not self.cost.reason:
             self.cost.saves = Part("Blender's deformation", "SAVES", None, DIFFERENCE)
-            self.absences.append(_Absence(self.ob, [self.cost.saves], absences.bound_for_now, self.ob, DEFORMED))
+            self.absences.append(_Absence(self.ob.name, [self.cost.saves], absences.bound_for_now, self.ob, DEFORMED))
 
     def read_clocks(self, depsgraph, was_evaluated):
         """Of one frame. A clock goes on showing an old time on frames on which nothing was evaluated."""
@@ -261,9 +266,10 @@ class _Subject:
 class _Absence:
     """Something of an object that is not there while frames are played."""
 
-    def __init__(self, ob, parts, absent, what, stage):
-        """parts: they share the outcome evenly; absent(what): a context manager; stage: what is played."""
-        self.name, self.part, self.stage, self.times = ob.name, parts[0], stage, []
+    def __init__(self, name, parts, absent, what, stage):
+        """name: of what has it; parts: they share the outcome evenly; absent(what): a context manager; stage: what is
+        played."""
+        self.name, self.part, self.stage, self.times = name, parts[0], stage, []
         self._parts, self._absent, self._what = parts, absent, what
 
     def made(self):

@@ -60,10 +60,11 @@ def measure(scene, progress):
     return _last
 
 
-def frame_times(scene, frames):
+def frame_times(scene, frames, before_each=lambda: None):
     """A generator of milliseconds: of each frame the whole call that sets it. A frame before them warms up."""
     scene.frame_set(frames[-1])
     for frame in frames:
+        before_each()
         start = perf_counter()
         scene.frame_set(frame)
         yield 1e3 * (perf_counter() - start)

@@ -97,8 +97,14 @@ def draw_profile(layout, context, profile):
         ob = bpy.data.objects.get(cost.name)
         if ob is not None:  # else it was deleted or renamed
             draw_object(layout.box().column(align=True), context, ob, cost)
-    if len(profile.objects) > MOST_OBJECTS:
-        layout.label(text=f"and {len(profile.objects) - MOST_OBJECTS} more that cost less")
+    column = layout.box().column(align=True)
+    others = profile.objects[MOST_OBJECTS:]
+    if others:
+        draw_row(column, f"{len(others)} more objects", f"{sum(cost.ms for cost in others):.2f} ms", "BLANK1")
+    for name, text in costs.last_rows(profile):
+        draw_row(column, name, text, "BLANK1")
+    if costs.about_rest(profile):
+        notice.draw_sentence(column, context, costs.about_rest(profile), False)
 
 
 def draw_object(column, context, ob, cost):

@@ -1,0 +1,74 @@
+"""What armatures cost: they are played in a scene of their own, from which one after the other is left out."""
+
+from contextlib import ExitStack
+from functools import partial
+
+import bpy
+
+from ..blender import animation
+from ..session import whole_frames
+from . import absences, costs
+
+
+class Rigs:
+    """Level n of what is played lacks the first n of them. Their keyframes and drivers are muted all the while, since
+    these are measured by themselves."""
+
+    def __init__(self, rigs):
+        """rigs: (armature object, its costs.Part) each."""
+        self._rigs = _users_first(rigs)
+        self._down = [[] for _ in range(len(rigs) + 1)]  # milliseconds of each level's frames
+        self._up = [[] for _ in range(len(rigs) + 1)]  # the same, played in the opposite order
+        self.step_count = 2 * len(self._down)  # of a block of frames
+
+    def steps(self, frames):
+        """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
+        levels = [*enumerate(self._down), *reversed([*enumerate(self._up)])]
+        for level, times in levels:
+            left_out = f"playing without {self._rigs[level - 1][0].name}" if level else "playing the armatures alone"
+            yield left_out, partial(self._play, frames, level, times)
+
+    def _play(self, frames, level, times):
+        objects = [ob for ob, _ in self._rigs[level:]]
+        with ExitStack() as stack:
+            stack.enter_context(absences.still(sum(unmuted_curves([*objects, *(ob.data for ob in objects)]), [])))
+            scene = stack.enter_context(absences.scene_of(objects))
+            times += whole_frames.frame_times(scene, frames)
+
+    def conclude(self):
+        for level, (_, part) in enumerate(self._rigs):
+            without = [(a + b) / 2 for a, b in zip(self._down[level + 1], self._up[level + 1])]
+            costs.set_difference([part], self._down[level], without, self._up[level])
+
+
+def _users_first(rigs):
+    """One that follows another comes before it: the other is evaluated as long as it is there."""
+    if len(rigs) < 2:
+        return list(rigs)
+    return sorted(rigs, key=lambda rig: -len(_armatures_for([rig[0]])))
+
+
+def evaluated_armatures(shown):
+    """The armatures that a frame evaluates: those on show, and those that something on show needs. shown: objects."""
+    found = [ob for ob in shown if ob.type == "ARMATURE"]
+    if len(found) < sum(ob.type == "ARMATURE" for ob in bpy.data.objects):
+        found += _armatures_for([ob for ob in shown if ob.type != "ARMATURE"])
+    return list(dict.fromkeys(found))
+
+
+def _armatures_for(objects):
+    """Those among the objects, and those that are evaluated for them. (`depsgraph.ids` lacks what is hidden.)"""
+    with absences.scene_of(objects) as scene:
+        scene.view_layers[0].update()
+        depsgraph = scene.view_layers[0].depsgraph
+        armatures = [ob for ob in bpy.data.objects if ob.type == "ARMATURE"]
+        return [ob for ob in armatures if ob.evaluated_get(depsgraph).is_evaluated]
+
+
+def unmuted_curves(blocks, hooks=()):
+    """(keyframes, drivers) of data-blocks, each once. hooks: drivers that are left out."""
+    keyed, drivers = {}, []
+    for block in blocks:
+        keyed.update((curve.as_pointer(), curve) for curve in animation.keyed_curves(block) if not curve.mute)
+        drivers += [curve for curve in animation.drivers_of(block) if not curve.mute and curve not in hooks]
+    return list(keyed.values()), drivers
