@@ -163,7 +163,7 @@ def test_chain_on_twenty_frames(fresh_scene, make, before, behind, volume):
     assert_same_on_all_frames(fresh_scene, ob, twin)
     assert way(ob) == ("KEYS" if before == add_shape_keys else "ATTRIBUTE")
     assert stages(ob) == [m.name for m in ob.modifiers if m.type not in {"ARMATURE", "NODES"}] and end(ob) == ("", "")
-    timings = addon_module("session.characters").character(ob).timings
+    timings = addon_module("session.characters").character(ob).timings.last
     assert len(timings.stages) == len(stages(ob)) and timings.total >= sum(timings.stages)
     # It is the chain that was compared: the smoothing and the hooks do something.
     with_all = evaluated(ob)
@@ -353,7 +353,7 @@ def switched_by_keyframes(ob):
 @pytest.mark.parametrize(
     "behind, name, reason",
     [
-        (subdivided, "Finer", "Sinew cannot evaluate it"),
+        (subdivided, "Finer", "Sinew cannot evaluate modifiers of the type Subdivision Surface"),
         (driven, "Driven", "its factor is driven"),
         (by_curve, "Hook", "falloff curve"),
         (in_renders_alone, "Render", "differ from those of Armature"),

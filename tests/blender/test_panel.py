@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, make_tube, pose, smoothed
-from helpers import addon_module, depsgraph, evaluated, import_rig, make_fail, select
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, make_tube, pose, smoothed
+from helpers import addon_module, depsgraph, evaluated, import_rig, into_a_shot, make_fail, select, way
 
 LAYOUT = bpy.types.UILayout.bl_rna
 
@@ -97,11 +97,15 @@ def test_the_notes_refuse_what_blender_refuses(wrong):
         wrong(Notes())
 
 
-def draw(place="Sidebar"):
-    """What all panels of the Sidebar, or of the Modifiers or the Armature's data, say."""
+def draw(place="Sidebar", but="SidebarBakeAndCrowd"):
+    """What all panels of the Sidebar, or of the Modifiers or the Armature's data, say; except one."""
     said = []
     for cls in addon_module("ui.panels").CLASSES:
-        if cls.__name__.startswith(place) and (not hasattr(cls, "poll") or cls.poll(bpy.context)):
+        if (
+            cls.__name__.startswith(place)
+            and cls.__name__ != but
+            and (not hasattr(cls, "poll") or cls.poll(bpy.context))
+        ):
             notes = Notes()
             cls.draw(SimpleNamespace(layout=notes), bpy.context)
             said += notes.said
@@ -156,7 +160,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     ):
         assert text in said
     select(armature)
-    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", display[1]]
+    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", "Measure Frames", display[1]]
 
 
 def test_mesh_without_an_armature(fresh_scene):
@@ -315,6 +319,7 @@ def test_the_chain_stage_by_stage(fresh_scene):
     pose(armature, 1, False)
     accelerate(ob)
     fresh_scene.frame_set(2)
+    fresh_scene.frame_set(3)
     said = draw()
     chain = said[said.index("Pose", said.index("Method")) : said.index("Vertices")]
     assert [text for text in chain if not text.endswith(" ms")][:6] == [
@@ -326,7 +331,8 @@ def test_the_chain_stage_by_stage(fresh_scene):
         "in Blender",
     ]
     assert sum(text.endswith(" ms") for text in chain) == 4 and "Late" not in chain
-    assert "Blender takes over at Finer: Sinew cannot evaluate it" in " ".join(chain[8:])
+    sentence = "Blender takes over at Finer: Sinew cannot evaluate modifiers of the type Subdivision Surface"
+    assert sentence in " ".join(chain[8:])
     assert "object.sinew_bind_smoothing" not in chain
     ob.modifiers["Soft"].rest_source = "BIND"
     ob.shape_key_add(name="Basis")
@@ -334,3 +340,182 @@ def test_the_chain_stage_by_stage(fresh_scene):
     fresh_scene.frame_set(4)
     said = draw()
     assert "Shape Keys + Armature" in said and "object.sinew_bind_smoothing" in said
+
+
+# --- what is at work ------------------------------------------------------------------------------
+
+PARTS = "Sinew's Part", "Pose", "Shape Keys + Armature"
+
+
+def figure():
+    """A bound mesh with shape keys and its armature, animated."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    add_shape_keys(ob)
+    for frame in (1, 10):
+        pose(armature, frame, False)
+    accelerate(ob)
+    return ob, armature
+
+
+def said_of(name):
+    """What stands beside a name, in the first section that has it after the settings."""
+    said = draw()
+    return said[said.index(name, said.index("Method")) + 1]
+
+
+def test_times_are_those_of_ordinary_frames(fresh_scene):
+    ob, _ = figure()
+    fresh_scene.frame_set(2)
+    entry = addon_module("session.characters").character(ob)
+    for edit in (lambda: None, ob.data.update, lambda: setattr(ob.data.shape_keys.key_blocks["Wide"], "mute", True)):
+        fresh_scene.frame_set(3)
+        edit()
+        ob.data.update_tag()
+        bpy.context.view_layer.update()  # Sinew reads the mesh anew: such a frame is dearer than others
+        assert entry.timings.recent() is None
+        assert {said_of(name) for name in PARTS} == {"not played yet"}
+        fresh_scene.frame_set(4)
+        assert all(said_of(name).endswith(" ms") for name in PARTS)
+
+
+def test_times_shown_are_medians_of_the_last_frames():
+    timings = addon_module("session.character").Timings()
+    assert timings.recent() is None and timings.last.total == 0
+    for each in (1.0, 3.0, 2.0):
+        timings.take(np.array([each, each, 0.5]))
+    recent = timings.recent()
+    assert (recent.pose, recent.skin, recent.stages, recent.total) == (2.0, 2.0, (0.5,), 4.5)
+    numbers = np.array([5.0, 1.0, 1.0])
+    for _ in range(20):
+        timings.take(numbers)
+    numbers[:] = 0.0  # the next frame's
+    assert timings.recent().pose == timings.last.pose == 5.0
+    timings.take(np.array([7.0, 1.0]))  # a modifier less
+    assert timings.recent() == timings.last == (7.0, 1.0, ())
+    timings.forget()
+    assert timings.recent() is None
+
+
+@pytest.mark.parametrize("way_out", ("absolute", "edit mode"))
+def test_no_times_while_blender_deforms(fresh_scene, way_out):
+    ob, _ = figure()
+    for frame in (2, 3, 4):
+        fresh_scene.frame_set(frame)
+    assert said_of("Sinew's Part").endswith(" ms") and said_of("Goes Through") == "its shape keys"
+    if way_out == "absolute":
+        ob.data.shape_keys.use_relative = False
+    else:
+        bpy.ops.object.mode_set(mode="EDIT")
+    fresh_scene.frame_set(5)
+    said = draw()
+    assert not any(text.endswith(" ms") for text in said) and not {"Sinew's Part", "Pose + Armature"} & set(said)
+    assert said_of("Goes Through") == "Blender's modifier"
+
+
+def test_a_gain_at_a_glance(fresh_scene):
+    ob, armature = figure()
+    whole_frames = addon_module("session.whole_frames")
+
+    def beside_unbind():
+        said = draw()
+        return said[said.index("object.sinew_unbind") + 1]
+
+    assert beside_unbind() == "Measure Frames"
+    assert bpy.ops.object.sinew_measure() == {"FINISHED"}
+    whole_frames._last = whole_frames.Measured(fresh_scene.name, 26.3, 76.3, whole_frames._last.bound)
+    assert beside_unbind() == "2.9x, 38 fps"
+    select(armature)
+    assert beside_unbind() == "2.9x, 38 fps"
+    accelerate(make_mesh(armature, False))
+    assert beside_unbind() == "Measure Frames", "another mesh is bound now"
+
+
+def test_bake_and_crowd_are_in_the_tab(fresh_scene):
+    ob, armature = figure()
+    panel = addon_module("ui.panels").SidebarBakeAndCrowd
+
+    def offered(*selected):
+        select(*selected)
+        notes = Notes()
+        if panel.poll(bpy.context):
+            panel.draw(SimpleNamespace(layout=notes), bpy.context)
+        return notes.said
+
+    everything = ["object.sinew_bake", "object.sinew_play_cache", "Add Crowd"]
+    assert offered(ob) == offered(armature) == everything and offered() == []
+    ob.sinew.cache_kept = "anything"
+    assert offered(ob) == ["object.sinew_bake", "object.sinew_take_off_cache", "Add Crowd"]
+
+
+@pytest.mark.parametrize("is_bound", (True, False))
+def test_while_a_cache_plays(fresh_scene, tmp_path, is_bound):
+    ob, _ = figure()
+    if not is_bound:
+        bpy.ops.object.sinew_unbind()
+    assert bpy.ops.object.sinew_bake_frames(directory=str(tmp_path), frame_start=1, frame_end=3, play=True) == {
+        "FINISHED"
+    }
+    fresh_scene.frame_set(2)
+    for place in ("Sidebar", "Modifiers"):
+        said = draw(place)
+        assert said[0] == (
+            "Sinew Cache plays a cache in place of the modifiers that were baked, which are switched off"
+        )
+        assert said[1] == "object.sinew_take_off_cache" and not any("switch it on" in text for text in said)
+    if is_bound:
+        reason = addon_module("session.characters").character(ob).way.reason
+        assert reason == "Sinew Cache plays a cache in place of Armature, which is switched off"
+    ob.modifiers.remove(ob.modifiers["Sinew Cache"])
+    assert draw()[0] == "The cache is gone, and what it replaced is switched off"
+    assert bpy.ops.object.sinew_take_off_cache() == {"FINISHED"}
+    fresh_scene.frame_set(3)
+    assert "object.sinew_take_off_cache" not in draw() and (not is_bound or way(ob) == "KEYS")
+
+
+def test_a_modifier_that_is_off_without_a_cache(fresh_scene):
+    ob, _ = figure()
+    ob.modifiers["Armature"].show_viewport = ob.modifiers["Armature"].show_render = False
+    fresh_scene.frame_set(2)
+    assert "Blender's own modifier deforms it: Armature is switched off: switch it on" in draw()
+
+
+def test_what_comes_before_is_called_what_people_see(fresh_scene):
+    ob, _ = figure()
+    ob.modifiers.new("Subsurf", "SUBSURF")
+    addon_module("blender.nodes").move_modifier(ob, ob.modifiers["Subsurf"], 0)
+    fresh_scene.frame_set(2)
+    assert (
+        "Blender's own modifier deforms it: Subsurf (Subdivision Surface) comes before Armature, with which Sinew has "
+        "to begin: move Subsurf behind Armature if the shape may be made in that order"
+    ) in " ".join(draw())
+    ob.modifiers["Subsurf"].name = "Subdivision Surface.001"
+    bpy.context.view_layer.update()
+    assert ": Subdivision Surface.001 comes before Armature" in " ".join(draw())
+
+
+def test_single_user_is_advised_where_it_can_be_done(fresh_scene, tmp_path):
+    ob, armature = figure()
+    twin = ob.copy()
+    collection = bpy.data.collections.new("Character")
+    for each in (ob, twin, armature):
+        for other in each.users_collection:
+            other.objects.unlink(each)
+        collection.objects.link(each)
+    fresh_scene.collection.children.link(collection)
+    fresh_scene.frame_set(2)
+    advice = "2 objects share this mesh, and Blender evaluates them at the same time"
+    assert f"{advice}: make it single-user" in " ".join(draw()) and "Make Single User" in draw()
+    scene = into_a_shot(tmp_path, overridden=True)
+    scene.frame_set(3)
+    select(next(each for each in scene.objects if each.type == "MESH"))
+    said = " ".join(draw())
+    assert advice[2:] in said and "ingle" not in said
+
+
+def test_other_users_of_a_mesh_than_objects_do_not_share_it(fresh_scene):
+    ob, _ = figure()
+    fresh_scene["a note"] = ob.data
+    assert ob.data.users > 1
+    fresh_scene.frame_set(2)
+    assert way(ob) == "KEYS" and not any("share this mesh" in text for text in draw())

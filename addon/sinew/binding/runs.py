@@ -6,7 +6,7 @@ What Sinew does not know goes on in Blender, with Sinew's shape as its input.
 
 from dataclasses import dataclass
 
-from ..blender import memory, nodes
+from ..blender import memory, modifier_types, nodes
 from ..session.stages import KINDS
 from . import wiring
 
@@ -60,7 +60,7 @@ def _does_nothing(modifier):
 def _why_not(ob, modifier, like, shown):
     """Why Sinew cannot stand in for a modifier, or "". shown: as wiring.shown_of has it, of what is named `like`."""
     if modifier.type not in KINDS:
-        return "Sinew cannot evaluate it"
+        return f"Sinew cannot evaluate modifiers of the type {modifier_types.title(modifier)}"
     if wiring.is_switched(ob, modifier):
         return "it is switched by drivers or keyframes"
     if wiring.shown_of(ob, modifier) != shown:

@@ -7,7 +7,7 @@ before.
 
 from dataclasses import dataclass
 
-from ..blender import animation, armatures, nodes
+from ..blender import animation, armatures, modifier_types, nodes
 from . import runs, wiring
 
 ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
@@ -45,11 +45,7 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
         if modifier in taken[:1] or not taken:
             break
         if not nodes.is_sinew(modifier) and wiring.is_shown(modifier):
-            return Way(
-                BLENDER,
-                f"{modifier.name} comes before {taken[0].name}, and Sinew cannot evaluate {modifier.name}: move it "
-                "behind if you can",
-            )
+            return Way(BLENDER, _why_not_first(ob.original, modifier, taken[0]))
     idle = _why_by_parent(ob.original) or ("" if taken or gets_armature else why_idle(ob.original))
     if idle:
         return Way(BLENDER, f"It {idle}")
@@ -70,9 +66,9 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
             "alike",
         )
     if sharer_count > 1:
+        advice = ": make it single-user" if may_be_single_user(ob.original) else ""
         return Way(
-            BLENDER,
-            f"{sharer_count} objects share this mesh, and Blender evaluates them at the same time: make it single-user",
+            BLENDER, f"{sharer_count} objects share this mesh, and Blender evaluates them at the same time{advice}"
         )
     if (moves_against_armature or mesh.shape_keys is not None) and depends_on_shape(ob, taken):
         what = "Its shape keys move vertices" if mesh.shape_keys else "Mesh and armature move against each other"
@@ -96,6 +92,21 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
                 wants_keys=True,
             )
     return Way(ATTRIBUTE)
+
+
+def _why_not_first(ob, modifier, first):
+    """Why nothing may come before the modifier with which Sinew begins, and what to do. ob: original."""
+    is_of_library = ob.library is not None or ob.override_library is not None and modifier.is_override_data
+    where = ", in the library" if is_of_library else ""
+    return (
+        f"{modifier_types.name_and_title(modifier)} comes before {first.name}, with which Sinew has to begin: move "
+        f"{modifier.name} behind {first.name} if the shape may be made in that order{where}"
+    )
+
+
+def may_be_single_user(ob):
+    """Whether its mesh can be given to it alone. ob: original."""
+    return ob.library is None and ob.data.library is None
 
 
 def _picks_by_number(modifier):
@@ -157,5 +168,12 @@ def _through_keys(ob, keys, taken):
             "a mesh with shape keys: show it in both",
         )
     if taken and not wiring.is_shown(taken[0]):
-        return Way(BLENDER, "Its Armature modifier is switched off: switch it on")
+        return Way(BLENDER, _why_off(ob, taken[0]))
     return Way(KEYS)
+
+
+def _why_off(ob, modifier):
+    cache = next((each for each in ob.modifiers if each.type in modifier_types.CACHES and wiring.is_shown(each)), None)
+    if cache is not None:
+        return f"{cache.name} plays a cache in place of {modifier.name}, which is switched off"
+    return f"{modifier.name} is switched off: switch it on"

@@ -131,7 +131,7 @@ def play(scene, frames, entries=()):
     for milliseconds in frame_times(scene, frames):
         row = [milliseconds]
         if entries:
-            row += [sum(getattr(entry.timings, stage) for entry in entries) for stage in STAGES]
+            row += [sum(getattr(entry.timings.last, stage) for entry in entries) for stage in STAGES]
         rows.append(row)
     return rows
 

@@ -256,7 +256,7 @@ class _Subject:
             times.append(1e3 * modifier.execution_time if was_evaluated and modifier is not None else 0.0)
         if self._own:
             entry = characters.character(self.ob)
-            self._own[1].append(entry.timings.total if was_evaluated and entry else 0.0)
+            self._own[1].append(entry.timings.last.total if was_evaluated and entry else 0.0)
 
     def conclude(self):
         for part, times in (*self._clocked.values(), *([self._own] if self._own else ())):

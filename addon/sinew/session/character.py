@@ -5,7 +5,9 @@ or bones. What was read belongs to the dependency graph from whose copies it was
 """
 
 import threading
+from collections import deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,35 +21,50 @@ EDITING = {"EDIT", "SCULPT"}
 MOST_REVIVALS = 100
 # Evaluated objects of one mesh of which something is kept: each render has objects of its own.
 MOST_COPIES = 16
+RECENT_FRAMES = 10  # whose times are shown
 
 
-class Timings:
-    """Milliseconds of the last frame, by stage, without what has to be made once after an edit."""
+class Times(NamedTuple):
+    """Milliseconds of a frame."""
 
-    def __init__(self):
-        self._numbers = np.zeros(2)
-
-    def take(self, numbers):
-        """numbers (S + 2,): of the pose, of keys and skinning, of each stage behind. Kept, not copied."""
-        self._numbers = numbers
-
-    @property
-    def pose(self):
-        return float(self._numbers[0])
-
-    @property
-    def skin(self):
-        """With shape keys."""
-        return float(self._numbers[1])
-
-    @property
-    def stages(self):
-        """Of each modifier of the run behind."""
-        return tuple(self._numbers[2:].tolist())
+    pose: float
+    skin: float  # with shape keys
+    stages: tuple  # of each modifier of the run behind
 
     @property
     def total(self):
-        return float(self._numbers.sum())
+        return self.pose + self.skin + sum(self.stages)
+
+
+class Timings:
+    """Milliseconds of the last frames since an edit, without those on which something was built."""
+
+    def __init__(self):
+        self._frames = deque(maxlen=RECENT_FRAMES)  # of (S + 2,) each
+
+    def take(self, numbers):
+        """numbers (S + 2,): of the pose, of keys and skinning, of each stage behind. Copied."""
+        if self._frames and len(self._frames[-1]) != len(numbers):
+            self.forget()
+        self._frames.append(numbers.copy())
+
+    def forget(self):
+        self._frames.clear()
+
+    @property
+    def last(self):
+        """Times of the last of them, zeros if there was none."""
+        return self._times(self._frames[-1]) if self._frames else Times(0.0, 0.0, ())
+
+    def recent(self):
+        """Times: their medians; or None."""
+        frames = list(self._frames)
+        return self._times(np.median(frames, axis=0)) if frames and len({len(f) for f in frames}) == 1 else None
+
+    @staticmethod
+    def _times(numbers):
+        pose, skin, *behind = numbers.tolist()
+        return Times(pose, skin, tuple(behind))
 
 
 @dataclass

@@ -131,6 +131,7 @@ class GraphCopy:
     def read_mesh(self, mesh, is_edited):
         """mesh: evaluated, as it is before all modifiers. What has not changed is kept."""
         self.mesh_address = mesh.as_pointer()
+        self._frame_before = (None, None)
         if is_edited or not self.edition:
             self.edition = self.character.edition = new_edition()
         self.stages.look_again()

@@ -43,8 +43,10 @@ def _deform(entry, copy, ob):
         # Other threads of Python go on meanwhile.
         deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
         entry.error = ""
-        if shortcuts.learn(copy, ob):  # nothing was made
+        if shortcuts.learn(copy, ob):
             entry.timings.take(milliseconds)
+        else:
+            entry.timings.forget()
     copy.is_deforming = work is not None
     copy.plan.switch(ob, copy.is_deforming)
     if work is None:

@@ -6,6 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ..blender import values
 from . import character, characters
 
 BLOCK = 10  # frames in a row that one of the two has
@@ -20,14 +21,24 @@ class Measured:
     scene: str  # its name
     sinew: float
     blender: float
+    bound: frozenset = frozenset()  # keys of the meshes that were bound
+
+    @property
+    def glance(self):
+        """How many times as fast, and frames a second."""
+        return f"{self.blender / self.sinew:.1f}x, {1e3 / self.sinew:,.0f} fps"
 
 
 _last = None
 
 
 def last(scene):
-    """What was measured last in that scene, or None."""
-    return _last if _last is not None and _last.scene == scene.name else None
+    """What was measured last in that scene, with the meshes that are bound now, or None."""
+    return _last if _last is not None and (_last.scene, _last.bound) == (scene.name, _bound()) else None
+
+
+def _bound():
+    return frozenset(values.key_of(ob) for ob in characters.bound_objects())
 
 
 def forget():
@@ -56,7 +67,7 @@ def measure(scene, progress):
         for ob in characters.bound_objects():
             ob.update_tag()
         scene.frame_set(place[0], subframe=place[1])
-    _last = Measured(scene.name, float(np.median(sinew)), float(np.median(blender)))
+    _last = Measured(scene.name, float(np.median(sinew)), float(np.median(blender)), _bound())
     return _last
 
 

@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..binding import bind, runs
+from ..bake import mesh_cache
+from ..binding import bind, runs, ways
 from ..blender import materials, meshes
 from ..rigs import clip_store
 from ..session import characters, deformed_copies
@@ -28,7 +29,7 @@ def warnings(ob):
     found = []
     if entry is not None and entry.error:
         found.append(Warning(entry.error, (), True))
-    elif entry is not None and entry.way.reason:
+    elif entry is not None and entry.way.reason and not mesh_cache.is_on(ob):
         if armature is None and ob.sinew.modifiers:
             found.append(Warning(entry.way.reason, (), True))
         else:
@@ -80,8 +81,8 @@ def warnings(ob):
         )
     elif armature is not None and not armature.visible_get():
         found.append(Warning(f"{armature.name} is hidden", ((display.ToggleSkeleton.bl_idname, "Show"),)))
-    sharers = ob.data.users - ob.data.use_fake_user
-    if sharers > 1:
+    sharers = meshes.count_sharers(ob)
+    if sharers > 1 and ways.may_be_single_user(ob):
         found.append(Warning(f"{sharers} objects share this mesh", ((MakeSingleUser.bl_idname, "Make Single User"),)))
     return found
 

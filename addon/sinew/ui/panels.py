@@ -87,7 +87,7 @@ class Chain:
     @classmethod
     def poll(cls, context):
         entry = deformed_character(context)
-        return entry is not None and entry.way.in_pass
+        return entry is not None and entry.way.in_pass and entry.is_deforming
 
     def draw(self, context):
         sections.draw_chain(layout_of(self), context.object, deformed_character(context))
@@ -126,6 +126,19 @@ class SidebarChain(Chain, InSidebar, bpy.types.Panel):
 
 class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_statistics", "VIEW3D_PT_sinew"
+
+
+class SidebarBakeAndCrowd(InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_bake_and_crowd", "VIEW3D_PT_sinew"
+    bl_label = "Bake and Crowd"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type in {"MESH", "ARMATURE"}
+
+    def draw(self, context):
+        sections.draw_bake_and_crowd(self.layout, context)
 
 
 class ModifiersMain(Main, InModifiers, bpy.types.Panel):
@@ -176,6 +189,7 @@ CLASSES = (
     SidebarSmooth,
     SidebarChain,
     SidebarStatistics,
+    SidebarBakeAndCrowd,
     ModifiersMain,
     ModifiersPoses,
     ModifiersInfluence,

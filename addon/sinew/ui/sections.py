@@ -2,25 +2,30 @@
 
 import bpy
 
+from ..bake import mesh_cache
 from ..binding import bindable, runs, ways
-from ..blender import graph
+from ..blender import graph, modifier_types
 from ..crowd import crowd
 from ..feedback import notice
 from ..native import sinew_native
 from ..rigs import clip_store, posing
 from ..session import whole_frames
 from . import cures, display, methods
-from .crowd import RenewCrowd
+from .bake import Bake, PlayCache, TakeOffCache
+from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .rig_files import ImportRig
 
 WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}
 CROWD_SETTINGS = ("Agents", "Lanes", "Lane Distance", "Jitter", "Seed", "Speed", "Speed Variation", "Size Variation")
+NOT_PLAYED = "not played yet"  # in place of a time
 MOST_MESHES = 10  # of an armature, that are listed
 
 
 def draw_main(layout, context):
     ob = context.object
+    if ob is not None and ob.type == "MESH" and mesh_cache.is_on(ob):
+        draw_cache(layout, context, ob)
     if ob is not None and ob.type == "ARMATURE":
         draw_armature(layout, context, ob)
     elif ob is None or ob.type != "MESH":
@@ -35,6 +40,27 @@ def draw_main(layout, context):
         draw_bound(layout, context, ob)
     else:
         draw_free(layout, context, ob)
+
+
+def draw_cache(layout, context, ob):
+    """Of a mesh that plays what was baked."""
+    box = layout.box().column(align=True)
+    cache = next((each for each in ob.modifiers if each.type in modifier_types.CACHES), None)
+    sentence = "The cache is gone, and what it replaced is switched off"
+    if cache is not None:
+        sentence = f"{cache.name} plays a cache in place of the modifiers that were baked, which are switched off"
+    notice.draw_sentence(box, context, sentence, cache is None)
+    box.operator(TakeOffCache.bl_idname, icon="X")
+
+
+def draw_bake_and_crowd(layout, context):
+    layout.operator(Bake.bl_idname, icon="FILE_CACHE")
+    ob = context.object
+    if ob is not None and ob.type == "MESH" and mesh_cache.is_on(ob):
+        layout.operator(TakeOffCache.bl_idname, icon="X")
+    else:
+        layout.operator(PlayCache.bl_idname, icon="PLAY")
+    layout.operator(AddCrowd.bl_idname, text="Add Crowd", icon="COMMUNITY")
 
 
 def draw_crowd(layout, ob):
@@ -77,7 +103,7 @@ def draw_armature(layout, context, armature):
         column = layout.column()
         for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:
             column.prop(ob.sinew, "method", text=ob.name)
-        layout.operator(Unbind.bl_idname, icon="UNLINKED")
+        draw_unbind(layout, context)
     draw_display(layout, armature)
 
 
@@ -95,10 +121,18 @@ def draw_bound(layout, context, ob):
     column.prop(settings, "output")
     draw_switches(column, ob)
     draw_display(layout, ob)
-    layout.operator(Unbind.bl_idname, icon="UNLINKED")
+    draw_unbind(layout, context)
     for warning in warnings:
         if not warning.is_error:
             draw_warning(layout, context, warning)
+
+
+def draw_unbind(layout, context):
+    """With what binding gains, of a whole frame, once that was measured."""
+    row = layout.row(align=True)
+    row.operator(Unbind.bl_idname, icon="UNLINKED")
+    measured = whole_frames.last(context.scene)
+    row.operator(MeasureFrames.bl_idname, text=measured.glance if measured else "Measure Frames", icon="TIME")
 
 
 def draw_warning(layout, context, warning):
@@ -182,13 +216,13 @@ def draw_influence(layout, ob):
 
 def draw_chain(layout, ob, entry):
     """What Sinew stands in for, stage by stage, and where Blender goes on."""
-    timings, column = entry.timings, layout.column(align=True)
-    before = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken
-    draw_value(column, "Pose" if entry.taken else "Settings", f"{timings.pose:.2f} ms")
+    timings, column = entry.timings.recent(), layout.column(align=True)
+    before, behind = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken, entry.stage_names(ob)
+    draw_value(column, "Pose" if entry.taken else "Settings", time_text(timings and timings.pose))
     if before:
-        draw_value(column, " + ".join(before), f"{timings.skin:.2f} ms")
-    for name, milliseconds in zip(entry.stage_names(ob), timings.stages):
-        draw_value(column, name or "Smooth", f"{milliseconds:.2f} ms")
+        draw_value(column, " + ".join(before), time_text(timings and timings.skin))
+    for name, milliseconds in zip(behind, timings.stages if timings else (None for _ in behind)):
+        draw_value(column, name or "Smooth", time_text(milliseconds))
     if entry.run.end:
         draw_value(column, entry.run.end, "in Blender")
         notice.draw_sentence(column, bpy.context, f"Blender takes over at {entry.run.end}: {entry.run.reason}", False)
@@ -197,8 +231,13 @@ def draw_chain(layout, ob, entry):
             layout.operator(cures.BindSmoothing.bl_idname)
 
 
+def time_text(milliseconds):
+    """milliseconds: None until a frame was played after an edit."""
+    return NOT_PLAYED if milliseconds is None else f"{milliseconds:.2f} ms"
+
+
 def draw_statistics(layout, scene, entry):
-    timings = entry.timings
+    timings = entry.timings.recent()
     column = layout.column(align=True)
     draw_value(column, "Vertices", f"{entry.deformer.vertex_count:,}")
     for layer in entry.layers[:1]:
@@ -206,7 +245,7 @@ def draw_statistics(layout, scene, entry):
         mean = layer.skin.influence_count / max(layer.skin.vertex_count, 1)
         draw_value(column, "Influences", f"{mean:.2f}, at most {layer.skin.most_influences}")
         draw_value(column, "Unweighted", f"{layer.influences.unweighted_count:,}")
-    draw_value(column, "Goes Through", WAYS[entry.way.kind])
+    draw_value(column, "Goes Through", WAYS[entry.way.kind if entry.is_deforming else "BLENDER"])
     column.separator()
     measured = whole_frames.last(scene)
     if measured is not None:
@@ -214,8 +253,9 @@ def draw_statistics(layout, scene, entry):
         draw_value(column, "Without Sinew", f"{measured.blender:.2f} ms")
     column.operator(MeasureFrames.bl_idname, icon="TIME")
     column.separator()
-    draw_value(column, "Sinew's Part", f"{timings.total:.2f} ms")
-    column.separator()
+    if entry.is_deforming:
+        draw_value(column, "Sinew's Part", time_text(timings and timings.total))
+        column.separator()
     draw_value(column, "Instructions", sinew_native.instruction_set())
     draw_value(column, "Threads", str(sinew_native.thread_count()))
 
