@@ -160,7 +160,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     ):
         assert text in said
     select(armature)
-    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", "Measure Frames", display[1]]
+    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", "Measure", display[1]]
 
 
 def test_mesh_without_an_armature(fresh_scene):
@@ -421,14 +421,14 @@ def test_a_gain_at_a_glance(fresh_scene):
         said = draw()
         return said[said.index("object.sinew_unbind") + 1]
 
-    assert beside_unbind() == "Measure Frames"
+    assert beside_unbind() == "Measure"
     assert bpy.ops.object.sinew_measure() == {"FINISHED"}
     whole_frames._last = whole_frames.Measured(fresh_scene.name, 26.3, 76.3, whole_frames._last.bound)
     assert beside_unbind() == "2.9x, 38 fps"
     select(armature)
     assert beside_unbind() == "2.9x, 38 fps"
     accelerate(make_mesh(armature, False))
-    assert beside_unbind() == "Measure Frames", "another mesh is bound now"
+    assert beside_unbind() == "Measure", "another mesh is bound now"
 
 
 def test_bake_and_crowd_are_in_the_tab(fresh_scene):

@@ -1,8 +1,7 @@
 """Which way a bound mesh goes: through an attribute, through its shape keys, or by Blender's own modifier.
 
 Sinew deforms in the pass in which Blender evaluates the mesh, so it has to know by itself what goes into the
-Armature modifier. Where it does not, Blender's own modifier goes on deforming: right at once, and no slower than
-before.
+Armature modifier. Where it does not, Blender's own modifier goes on deforming: right at once.
 """
 
 from dataclasses import dataclass

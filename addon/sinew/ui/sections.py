@@ -129,10 +129,10 @@ def draw_bound(layout, context, ob):
 
 def draw_unbind(layout, context):
     """With what binding gains, of a whole frame, once that was measured."""
-    row = layout.row(align=True)
+    row = layout.split(factor=0.62, align=True)
     row.operator(Unbind.bl_idname, icon="UNLINKED")
     measured = whole_frames.last(context.scene)
-    row.operator(MeasureFrames.bl_idname, text=measured.glance if measured else "Measure Frames", icon="TIME")
+    row.operator(MeasureFrames.bl_idname, text=measured.glance if measured else "Measure")
 
 
 def draw_warning(layout, context, warning):
