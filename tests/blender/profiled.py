@@ -52,6 +52,9 @@ def steps():
     (profile,) = costs.last
     assert profile.frames == list(FRAMES) and profile.objects[0].name == ("ogre", None)
     assert (scene.frame_current, scene.frame_subframe) == (9, 0.5) and not ob.sinew.is_bound
+    assert profile.rest[0] in {costs.EVERYTHING_ELSE, costs.AT_THE_SAME_TIME}
+    assert [part.name for part in profile.shared] == ["Keyframes"] and len(bpy.data.scenes) == 1
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(view, 'UI')))} click --repeat 6 5")  # to the end
     yield from picture("profile")
     with in_area("VIEW_3D"):
         bpy.ops.object.sinew_accelerate_one(name=ob.name)

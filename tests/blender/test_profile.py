@@ -74,7 +74,8 @@ def everything():
         for kind in kinds
         for block in getattr(bpy.data, kind)
     }
-    return found | {"frame": (bpy.context.scene.frame_current, bpy.context.scene.frame_subframe)}
+    scene = bpy.context.scene
+    return found | {"frame": (scene.frame_current, scene.frame_subframe, bpy.data.scenes.keys())}
 
 
 def own_properties(block):
@@ -173,6 +174,7 @@ def clock(monkeypatch):
 
     def tick(_scene, depsgraph):
         blocks = [block.original for block in depsgraph.ids if hasattr(block, "animation_data")]
+        blocks += [ob for ob in prices["armatures"] if ob.evaluated_get(depsgraph).is_evaluated]
         now[0] += 1e-3 * (
             prices["frame"]
             + sum(ms for ob, ms in prices["armatures"].items() if ob.evaluated_get(depsgraph).is_evaluated)
@@ -247,8 +249,11 @@ def test_a_hidden_armature_is_listed_if_a_mesh_needs_it(figure, clock, hide):
         each.hide_set(True) if hide == "hide_set" else setattr(each, hide, True)
     bpy.context.view_layer.update()
     clock.update(armatures={armature: 8.0, idle: 4.0}, frame=1.0)
-    found = costs_of(measure())
+    clock["keyframes"] = 2.0
+    profile = measure()
+    found = costs_of(profile)
     assert found[armature.name].ms == pytest.approx(8.0) and idle.name not in found
+    assert shared(profile) == {"Keyframes": pytest.approx(2.0)}, "also those of a hidden armature"
     accelerate(ob)
     assert costs_of(measure())[armature.name].ms == pytest.approx(8.0)
 
@@ -561,7 +566,7 @@ def test_the_panel_lists_them_with_a_button_or_the_reason(figure):
 def test_the_panel_lists_the_dearest(figure, monkeypatch):
     monkeypatch.setattr(addon_module("ui.profile"), "MOST_OBJECTS", 1)
     report(frame_start=1, frame_end=2)
-    assert "1 more objects" in drawn()
+    assert "1 more object" in drawn()
 
 
 def test_another_file_has_no_profile(figure):

@@ -51,7 +51,7 @@ def _measure(context, scene, frames):
     subjects, alone = _subjects(context)
     if not subjects:
         raise ValueError("nothing visible has bones, shape keys or modifiers: show what you want to measure")
-    animated = _animated(context)
+    animated = _animated(context, [subject.ob for subject in subjects if subject.ob.type == "ARMATURE"])
     everything = [absence for subject in subjects for absence in subject.absences] + animated
     rounds = [_Round(stage, subjects, everything) for stage in (WHOLE, DEFORMED, BARE)]
     rounds = [each for each in rounds if each is rounds[0] or each.absences]
@@ -138,11 +138,13 @@ def _subjects(context):
     return [subject for subject in found if subject.cost.parts or subject.absences], alone
 
 
-def _animated(context):
-    """The absences of all keyframes and of all drivers, except those that call Sinew."""
+def _animated(context, armatures):
+    """The absences of all keyframes and of all drivers, except those that call Sinew. armatures: those that are
+    evaluated; `depsgraph.ids` lacks hidden ones."""
     carriers = [(ob, wiring.carrier_of(ob)) for ob in characters.bound_objects()]
     hooks = [wiring.hook_of(ob, carrier) for ob, carrier in carriers if carrier is not None]
     blocks = [block.original for block in context.evaluated_depsgraph_get().ids if hasattr(block, "animation_data")]
+    blocks += rigs.blocks_of(armatures)
     found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), rigs.unmuted_curves(blocks, hooks))
     return [
         _Absence("the scene", [Part(name, kind, None, DIFFERENCE)], absences.still, curves, BARE)

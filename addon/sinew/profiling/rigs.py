@@ -31,7 +31,7 @@ class Rigs:
     def _play(self, frames, level, times):
         objects = [ob for ob, _ in self._rigs[level:]]
         with ExitStack() as stack:
-            stack.enter_context(absences.still(sum(unmuted_curves([*objects, *(ob.data for ob in objects)]), [])))
+            stack.enter_context(absences.still(sum(unmuted_curves(blocks_of(objects)), [])))
             scene = stack.enter_context(absences.scene_of(objects))
             times += whole_frames.frame_times(scene, frames)
 
@@ -65,10 +65,15 @@ def _armatures_for(objects):
         return [ob for ob in armatures if ob.evaluated_get(depsgraph).is_evaluated]
 
 
+def blocks_of(armatures):
+    """What their keyframes and drivers belong to."""
+    return [*armatures, *(ob.data for ob in armatures)]
+
+
 def unmuted_curves(blocks, hooks=()):
     """(keyframes, drivers) of data-blocks, each once. hooks: drivers that are left out."""
-    keyed, drivers = {}, []
+    keyed, drivers = {}, {}
     for block in blocks:
-        keyed.update((curve.as_pointer(), curve) for curve in animation.keyed_curves(block) if not curve.mute)
-        drivers += [curve for curve in animation.drivers_of(block) if not curve.mute and curve not in hooks]
-    return list(keyed.values()), drivers
+        keyed.update((curve.as_pointer(), curve) for curve in animation.keyed_curves(block))
+        drivers.update((curve.as_pointer(), curve) for curve in animation.drivers_of(block) if curve not in hooks)
+    return tuple([curve for curve in found.values() if not curve.mute] for found in (keyed, drivers))

@@ -100,7 +100,12 @@ def draw_profile(layout, context, profile):
     column = layout.box().column(align=True)
     others = profile.objects[MOST_OBJECTS:]
     if others:
-        draw_row(column, f"{len(others)} more objects", f"{sum(cost.ms for cost in others):.2f} ms", "BLANK1")
+        draw_row(
+            column,
+            "1 more object" if len(others) == 1 else f"{len(others)} more objects",
+            f"{sum(cost.ms for cost in others):.2f} ms",
+            "BLANK1",
+        )
     for name, text in costs.last_rows(profile):
         draw_row(column, name, text, "BLANK1")
     if costs.about_rest(profile):
