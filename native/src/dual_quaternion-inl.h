@@ -110,16 +110,30 @@ HWY_INLINE void apply_dual_quaternions(const Floats* sum, Floats px, Floats py, 
   z = applied(pz, cross(rx, tx, ry, ty), dz, rz);
 }
 
-/// A group's points moved by the blended motions of the joints, which do not go one by one.
-template <bool fetch>
+/// Which joints stretch, and when.
+enum class Stretching { none, first, each };
+
+/// Calls run<stretching>() for the way of a set that does not go one by one. Loops of their own, so that those of rigid
+/// joints keep their registers.
+template <class Run>
+HWY_INLINE void with_stretching(SetWay way, const QuaternionJoints& palette, const Run& run) {
+  if (way == SetWay::rigid) return run.template operator()<Stretching::none>();
+  if (palette.dual_parts) return run.template operator()<Stretching::each>();
+  run.template operator()<Stretching::first>();
+}
+
+/// A group's points moved by the blended motions of its joints.
+template <Stretching stretching, bool fetch>
 HWY_INLINE void move_by_dual_quaternions(Points<1> points, const Group& group, const std::uint32_t* joints,
-                                         JointSet set, SetWay way, const QuaternionJoints& palette, Floats& x,
-                                         Floats& y, Floats& z) {
+                                         JointSet set, const QuaternionJoints& palette, Floats& x, Floats& y,
+                                         Floats& z) {
   Floats sum[8];
-  if (way == SetWay::stretched && palette.dual_parts) {
+  if constexpr (stretching == Stretching::each) {
     sum_stretching_quaternions<fetch>(points, group, joints, set, palette, sum);
   } else {
-    if (way == SetWay::stretched) stretch<true, false>(group, joints, set, palette.displacements, points);
+    if constexpr (stretching == Stretching::first) {
+      stretch<true, false>(group, joints, set, palette.displacements, points);
+    }
     sum_quaternions<fetch>(group, joints, set, palette.joints, sum);
   }
   apply_dual_quaternions(sum, points.x[0], points.y[0], points.z[0], x, y, z);

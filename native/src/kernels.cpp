@@ -75,11 +75,13 @@ void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const Qua
     const SetWay way = joints.ways[joint_set];
     if (way == SetWay::one_by_one) continue;
     const JointSet set = skin.sets[joint_set];
-    run_block<1>(skin, tile, b, 1, [&]<int>(const Group* group) HWY_ATTR {
-      Moved<1> moved;
-      move_by_dual_quaternions<true>(Points<1>(group), *group, skin.joints.data() + set.begin, set, way, joints,
-                                     moved.x[0], moved.y[0], moved.z[0]);
-      moved.store(group, interleaver);
+    with_stretching(way, joints, [&]<Stretching stretching>() HWY_ATTR {
+      run_block<1>(skin, tile, b, 1, [&]<int>(const Group* group) HWY_ATTR {
+        Moved<1> moved;
+        move_by_dual_quaternions<stretching, true>(Points<1>(group), *group, skin.joints.data() + set.begin, set,
+                                                   joints, moved.x[0], moved.y[0], moved.z[0]);
+        moved.store(group, interleaver);
+      });
     });
   }
 }

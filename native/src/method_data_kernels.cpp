@@ -44,16 +44,20 @@ HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
 // Groups of a block that are moved together: they share the loads of a joint's matrix.
 constexpr int kAtOnce = kLanes == kBlock ? 1 : 2;
 
-/// Calls move(groups, joint_set, vertex) for all groups, kAtOnce of them each time; vertex: the first
+/// Calls move<stretching>(groups, joints, set, vertex) for all groups, kAtOnce of them each time; vertex: the first
 /// one's first, counted from the tile's.
 template <class Move>
-HWY_INLINE void for_groups(const BlockedSkin& skin, const Tile& tile, const Move& move) {
+HWY_INLINE void for_groups(const BlockedSkin& skin, const Tile& tile, const QuaternionJoints& quaternions,
+                           const Move& move) {
   for (std::size_t b = tile.begin; b < tile.end; ++b) {
     const std::uint32_t joint_set = skin.blocks[b].joint_set;
+    const JointSet set = skin.sets[joint_set];
     std::size_t vertex = (b - tile.begin) * kBlock;
-    run_block<kAtOnce>(skin, tile, b, 1, [&]<int>(const Group* groups) HWY_ATTR {
-      move(groups, joint_set, vertex);
-      vertex += kAtOnce * kLanes;
+    with_stretching(quaternions.ways[joint_set], quaternions, [&]<Stretching stretching>() HWY_ATTR {
+      run_block<kAtOnce>(skin, tile, b, 1, [&]<int>(const Group* groups) HWY_ATTR {
+        move.template operator()<stretching>(groups, skin.joints.data() + set.begin, set, vertex);
+        vertex += kAtOnce * kLanes;
+      });
     });
   }
 }
@@ -89,16 +93,14 @@ void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows*
                     const QuaternionJoints& quaternions, const float* shares) {
   const Interleaver interleaver;
   const Lanes lanes;
-  const auto move = [&](const Group* groups, std::uint32_t joint_set, std::size_t vertex) HWY_ATTR {
-    const JointSet set = skin.sets[joint_set];
-    const std::uint32_t* const joints = skin.joints.data() + set.begin;
+  const auto move = [&]<Stretching stretching>(const Group* groups, const std::uint32_t* joints, JointSet set,
+                                               std::size_t vertex) HWY_ATTR {
     const Points<kAtOnce> points(groups);
     Moved<kAtOnce> moved;
     move_linearly<kAtOnce>(points, groups, joints, set, matrices, moved);
     for (int n = 0; n < kAtOnce; ++n) {
       Floats x, y, z;
-      move_by_dual_quaternions<false>(points.of(n), groups[n], joints, set, quaternions.ways[joint_set], quaternions, x,
-                                      y, z);
+      move_by_dual_quaternions<stretching, false>(points.of(n), groups[n], joints, set, quaternions, x, y, z);
       const Floats share = lanes.load(shares + vertex + n * kLanes);
       if (are_between_0_and_1(share)) {
         moved.x[n] = between<false>(moved.x[n], x, share);
@@ -112,15 +114,14 @@ void blended_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows*
     }
     moved.store(groups, interleaver);
   };
-  for_groups(skin, tile, move);
+  for_groups(skin, tile, quaternions, move);
 }
 
 void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* matrices,
                             const QuaternionJoints& quaternions, const float* centers) {
   const Interleaver interleaver;
-  const auto move = [&](const Group* groups, std::uint32_t joint_set, std::size_t vertex) HWY_ATTR {
-    const JointSet set = skin.sets[joint_set];
-    const std::uint32_t* const joints = skin.joints.data() + set.begin;
+  const auto move = [&]<Stretching stretching>(const Group* groups, const std::uint32_t* joints, JointSet set,
+                                               std::size_t vertex) HWY_ATTR {
     const Points<kAtOnce> points(groups);
     Points<kAtOnce> from;
     for (int at = 0; at < 3 * kAtOnce * kLanes; at += kBlock) fetch_ahead(centers + 3 * vertex + at, 0);
@@ -141,7 +142,7 @@ void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const Mat
       arm.x[0] = hn::Sub(points.x[n], from.x[n]);
       arm.y[0] = hn::Sub(points.y[n], from.y[n]);
       arm.z[0] = hn::Sub(points.z[n], from.z[n]);
-      if (quaternions.ways[joint_set] == SetWay::stretched) {
+      if constexpr (stretching != Stretching::none) {
         stretch<false, false>(groups[n], joints, set, quaternions.displacements, arm);
       }
       const Floats dx = arm.x[0], dy = arm.y[0], dz = arm.z[0];
@@ -155,7 +156,7 @@ void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const Mat
     }
     moved.store(groups, interleaver);
   };
-  for_groups(skin, tile, move);
+  for_groups(skin, tile, quaternions, move);
 }
 
 }  // namespace

@@ -56,6 +56,19 @@ def test_dual_quaternion_blocks_are_vector_code(functions, target, register):
     assert count(lines, r"vdivps") >= 1
 
 
+# Applying a dual quaternion is 20 multiply-adds. A joint that stretches is another 20, or, where stretches come first,
+# 12 and the 8 of a rigid joint; 12 about a center. AVX2 moves two groups at once, but stretches one.
+@pytest.mark.parametrize("target, register, groups", [("N_AVX2", "ymm", 2), ("N_AVX3", "zmm", 1)])
+def test_joints_that_stretch_are_vector_code(functions, target, register, groups):
+    least = {
+        "dual_quaternion_blocks": 20 + 20 + 12 + 8,
+        "blended_blocks": groups * (12 + 9) + 20 + 20 + 12 + 8,
+        "rotation_center_blocks": groups * (12 + 4 + 12) + 12,
+    }
+    for kernel, number in least.items():
+        assert count(code(functions, target, kernel), rf"vfn?m(add|sub)\w*ps.*%{register}") >= number, kernel
+
+
 @pytest.mark.parametrize("target", ["N_SSE4", "N_SSSE3"])
 def test_older_machines_get_vectors_too(functions, target):
     lines = code(functions, target, "linear_blocks")
