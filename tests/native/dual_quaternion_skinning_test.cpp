@@ -4,6 +4,7 @@
 
 #include "each_instruction_set.h"
 #include "sinew/skinning.h"
+#include "sinew/threads.h"
 #include "skinned.h"
 
 namespace sinew {
@@ -243,6 +244,22 @@ TEST_P(StretchedJoints, EqualTheReference) {
         }
       }
     }
+  }
+}
+
+TEST_P(StretchedJoints, AnyNumberOfThreadsGivesTheSameBits) {
+  rigs::Random random(9);
+  const Skin skin = rigs::coherent_skin(random, 1'000'000, 20, 3);
+  const Matrices frames = rigs::through_float(rigs::random_pose(random, 20));
+  Stack<float> stack(stretching_pose(random, frames, 2), 1);
+  for (const Stretch stretch : {Stretch::frame, Stretch::frame_each}) {
+    Floats alone(3 * skin.vertex_count()), together(alone.size());
+    set_thread_count(1);
+    skin_dual_quaternion(skin, stack.read(), alone, {stretch, frames});
+    set_thread_count(4);
+    skin_dual_quaternion(skin, stack.read(), together, {stretch, frames});
+    set_thread_count(0);
+    EXPECT_EQ(alone, together);
   }
 }
 
