@@ -9,7 +9,7 @@ namespace sinew {
 void prepare_direct_delta_mush(const BlockedSkin& skin, const DirectDeltaMush& mush, MatrixStack<const float> matrices,
                                std::ptrdiff_t frame, Palette& palette) {
   prepare_linear(matrices, frame, palette);
-  if (mush.packed().blends_quaternions()) prepare_dual_quaternion(skin, {}, matrices, frame, palette);
+  if (mush.packed().blends_quaternions()) prepare_dual_quaternion(skin, {}, matrices, frame, nullptr, palette);
 }
 
 void run_direct_delta_mush(const Palette& palette, const Tile& tile) {

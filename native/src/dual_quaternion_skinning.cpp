@@ -67,6 +67,7 @@ void choose_ways(const BlockedSkin& skin, Palette& palette) {
   const auto way_of = [&](std::uint32_t set) {
     const auto own = skin.joints_of(set);
     if (own.empty() || skin.has_negative_weights) return SetWay::one_by_one;
+    if (!palette.is_spoilt.empty() && palette.is_spoilt[set]) return SetWay::one_by_one;
     for (std::size_t a = 0; a < own.size() && !all_agree; ++a) {
       for (std::size_t b = 0; b < a; ++b) {
         if (!agree({own[a], own[b]})) return SetWay::one_by_one;
@@ -105,14 +106,15 @@ void add_joint(const RigidAndStretch& motion, Palette& palette) {
 }  // namespace
 
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
-                             std::ptrdiff_t frame, Palette& palette) {
+                             std::ptrdiff_t frame, const Space* space, Palette& palette) {
   palette.stretch_each = rule.stretch == Stretch::frame_each;
   palette.dual_quaternions.clear();
   palette.displacements.clear();
   palette.dual_parts.clear();
   palette.is_stretched.clear();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
-    add_joint(taken_apart(matrices.at(frame, j), rule, j), palette);
+    const RigidAndStretch own = taken_apart(matrices.at(frame, j), rule, j);
+    add_joint(space ? carried(own, *space) : own, palette);
   }
   add_joint({}, palette);
   choose_signs(skin, palette.dual_quaternions);

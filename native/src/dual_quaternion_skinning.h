@@ -7,9 +7,9 @@
 
 namespace sinew {
 
-/// matrices: F x J, of which this is frame `frame`.
+/// matrices: F x J, of which this is frame `frame`. space: a similarity into which the motions are carried, or null.
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
-                             std::ptrdiff_t frame, Palette& palette);
+                             std::ptrdiff_t frame, const Space* space, Palette& palette);
 
 void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
 

@@ -12,7 +12,16 @@ void prepare_linear(MatrixStack<const float> matrices, std::ptrdiff_t frame, Pal
 }
 
 void run_linear(const BlockedSkin& skin, const Palette& palette, const Tile& tile) {
-  linear_blocks(skin, tile, palette.matrices.data());
+  if (palette.is_spoilt.empty()) return linear_blocks(skin, tile, palette.matrices.data());
+  const auto is_spoilt = [&](std::size_t b) { return palette.is_spoilt[skin.blocks[b].joint_set] != 0; };
+  for_runs(tile, is_spoilt, [&](bool spoilt, const Tile& part) {
+    if (!spoilt) return linear_blocks(skin, part, palette.matrices.data());
+    const std::size_t first = part.begin * kBlock;
+    for (std::size_t v = first; v < skin.vertex_after(part.end); ++v) {
+      const std::size_t at = 3 * (v - first);
+      linear_vertex(skin.influences_of(v), part.rest + at, palette.matrices.data(), part.positions + at);
+    }
+  });
 }
 
 }  // namespace sinew

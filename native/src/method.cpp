@@ -1,5 +1,7 @@
 #include "method.h"
 
+#include <algorithm>
+
 #include "blended_skinning.h"
 #include "check.h"
 #include "direct_delta_mush_skinning.h"
@@ -58,13 +60,33 @@ void check_data(const Skin& skin, SkinningMethod method, const MethodData* data,
   }
 }
 
-void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
-             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette) {
-  if (method == SkinningMethod::direct_delta_mush) {
-    return prepare_direct_delta_mush(skin, static_cast<const DirectDeltaMush&>(*data), matrices, frame, palette);
+namespace {
+
+void find_spoilt(const BlockedSkin& skin, MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette) {
+  palette.is_spoilt.clear();
+  const auto is_finite = [&](std::ptrdiff_t j) {
+    return j >= matrices.joints || matrices.at(frame, j).topRows<3>().allFinite();
+  };
+  std::ptrdiff_t first = 0;
+  while (first < matrices.joints && is_finite(first)) ++first;
+  if (first == matrices.joints) return;
+  for (std::uint32_t set = 0; set < skin.sets.size(); ++set) {
+    palette.is_spoilt.push_back(!std::ranges::all_of(skin.joints_of(set), is_finite));
   }
-  if (method != SkinningMethod::dual_quaternion) prepare_linear(matrices, frame, palette);
-  if (method != SkinningMethod::linear) prepare_dual_quaternion(skin, rule, matrices, frame, palette);
+}
+
+}  // namespace
+
+void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
+             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette, const Carried* carried) {
+  const MatrixStack<const float> own = carried ? carried->matrices : matrices;
+  find_spoilt(skin, own, frame, palette);
+  if (method == SkinningMethod::direct_delta_mush) {
+    return prepare_direct_delta_mush(skin, static_cast<const DirectDeltaMush&>(*data), own, frame, palette);
+  }
+  if (method != SkinningMethod::dual_quaternion) prepare_linear(own, frame, palette);
+  if (method == SkinningMethod::linear) return;
+  prepare_dual_quaternion(skin, rule, matrices, frame, carried ? &carried->space : nullptr, palette);
 }
 
 void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile) {

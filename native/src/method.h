@@ -19,8 +19,16 @@ void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std
 /// Likewise, for data of another method or other vertices, or none where the method has some.
 void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where);
 
+/// Into another space than the one in which matrices and rest frames are given.
+struct Carried {
+  const Space& space;
+  MatrixStack<const float> matrices;  ///< the same, in that space
+};
+
+/// carried: or null.
 void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
-             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette);
+             MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette,
+             const Carried* carried = nullptr);
 
 void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile);
 

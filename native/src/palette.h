@@ -12,6 +12,10 @@ namespace sinew {
 
 /// The frame loop keeps it from call to call, so that its memory is not asked for on each frame.
 struct Palette {
+  /// One for each joint set: some joint's matrix is not finite. Empty: all are. A kernel multiplies a
+  /// block by each joint of its set, and 0 times NaN is NaN, so such blocks are blended one vertex at a
+  /// time: only those spoil that the joint moves.
+  std::vector<std::uint8_t> is_spoilt;
   // Linear:
   std::vector<MatrixRows> matrices;  ///< J + 1, the last the identity
   // Dual quaternions, J + 1 of each, the last the identity:

@@ -26,7 +26,9 @@ void transform(const Matrix4<double>& matrix, const float* in, std::size_t verti
 
 void mix(const float* from, const float* to, const float* part, std::size_t vertices, float* out) {
   for (std::size_t v = 0; v < vertices; ++v) {
-    for (std::size_t i = 3 * v; i < 3 * v + 3; ++i) out[i] = from[i] + part[v] * (to[i] - from[i]);
+    // What is not a number does not get in by a part of 0.
+    for (std::size_t i = 3 * v; i < 3 * v + 3; ++i)
+      out[i] = part[v] == 0 ? from[i] : from[i] + part[v] * (to[i] - from[i]);
   }
 }
 
@@ -40,22 +42,19 @@ void PosedLayer::take(const Layer& own, const LayerPose& pose) {
     armature_from_mesh = space->back;
   }
   split_elsewhere = pose.mesh_from_armature != own.split_space();
-  MatrixStack<const float> stack = pose.matrices;
-  StretchRule rule = own.rule();
+  const MatrixStack<const float> stack = pose.matrices;
   if (space && space->is_carried_by(own.method())) {
     matrices.clear();
     for (std::ptrdiff_t j = 0; j < stack.joints; ++j) {
       const Matrix4<double> matrix = stack.at(0, j).cast<double>();
       matrices.emplace_back((space->forth * matrix * space->back).cast<float>());
     }
-    stack = MatrixStack<const float>::of(matrices.data(), 1, stack.joints);
-    rest_frames.clear();
-    for (const auto& rest : rule.rest_frames) rest_frames.push_back(space->moved_frame(rest));
-    rule.rest_frames = rest_frames;
-    rule.armature_axes = space->axes();
+    const Carried carried{*space, MatrixStack<const float>::of(matrices.data(), 1, stack.joints)};
+    prepare(*skin, own.method(), own.rule(), own.data(), stack, 0, palette, &carried);
     space.reset();
+  } else {
+    prepare(*skin, own.method(), own.rule(), own.data(), stack, 0, palette);
   }
-  prepare(*skin, own.method(), rule, own.data(), stack, 0, palette);
   palette.from_mesh.reset();
   if (space) palette.from_mesh = space->back;
 }

@@ -40,9 +40,8 @@ struct PosedLayer {
   std::optional<Matrix4<double>> armature_from_mesh;
   bool split_elsewhere;  ///< the skin was split in another space
   Palette palette;
-  // In the space of the mesh, where matrices are skinned there but given in the armature's:
+  /// In the space of the mesh, where matrices are skinned there but given in the armature's.
   std::vector<Matrix4<float>> matrices;
-  std::vector<Matrix4<double>> rest_frames;
 
   void take(const Layer& own, const LayerPose& pose);
 

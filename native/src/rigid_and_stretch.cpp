@@ -133,8 +133,8 @@ Eigen::Vector3f lengths_of_columns(const Eigen::Matrix3f& linear) {
 
 /// Orthogonal axes as long as the given ones, of which Y has the direction of the given one. The
 /// two comparisons look at numbers that are not normalised; they are Blender's, and so is the
-/// choice that follows; in the armature's axes, where it comes to the last one.
-Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear, const Eigen::Matrix3f& armature_axes) {
+/// choice that follows.
+Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
   const Eigen::Vector3f given_x = linear.col(0), given_z = linear.col(2);
   const Eigen::Vector3f y = direction(linear.col(1));
   Eigen::Vector3f x, z;
@@ -143,8 +143,7 @@ Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear, const Eigen::Matrix3
     x = y.cross(z);
   } else {
     const bool z_serves = dot(given_x, given_z) < 1;
-    const Eigen::Vector3f own = armature_axes.transpose() * y;
-    x = direction(y.cross(z_serves ? given_z : armature_axes * Eigen::Vector3f(own.y(), own.z(), own.x())));
+    x = direction(y.cross(z_serves ? given_z : Eigen::Vector3f(y.y(), y.z(), y.x())));
     z = x.cross(y);
   }
   Eigen::Matrix3f axes;
@@ -160,17 +159,14 @@ RigidAndStretch motion_of(const Matrix4<float>& matrix) {
 
 /// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
 /// (matrix * rest) when its axes are made orthonormal.
-RigidAndStretch split_in_frame(const Matrix4<float>& matrix, const Matrix4<double>& rest,
-                               const Eigen::Matrix3f& armature_axes) {
+RigidAndStretch split_in_frame(const Matrix4<float>& matrix, const Matrix4<double>& rest) {
   const Matrix4<float> base = rest.cast<float>();
   const Matrix4<float> posed = product(matrix, base);
   const Eigen::Vector3f excess = lengths_of_columns(posed.topLeftCorner<3, 3>()) - Eigen::Vector3f::Ones();
   if (is_rotation(matrix.topLeftCorner<3, 3>()) && dot(excess, excess) <= 1e-8f) return motion_of(matrix);
   Matrix4<float> rigid = Matrix4<float>::Identity();
-  rigid.topLeftCorner<3, 3>() = quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>(), armature_axes))
-                                    .cast<double>()
-                                    .toRotationMatrix()
-                                    .cast<float>();
+  rigid.topLeftCorner<3, 3>() =
+      quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>())).cast<double>().toRotationMatrix().cast<float>();
   rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
   const Matrix4<double> left = rigid.cast<double>().inverse() * posed.cast<double>();
   const Matrix4<double> stretch = rest * left * rest.inverse();
@@ -181,7 +177,21 @@ RigidAndStretch split_in_frame(const Matrix4<float>& matrix, const Matrix4<doubl
 
 RigidAndStretch taken_apart(const Matrix4<float>& matrix, const StretchRule& rule, std::ptrdiff_t j) {
   if (rule.stretch == Stretch::polar) return split_polar(matrix);
-  return split_in_frame(matrix, rule.rest_frames[j], rule.armature_axes.cast<float>());
+  return split_in_frame(matrix, rule.rest_frames[j]);
+}
+
+RigidAndStretch carried(const RigidAndStretch& own, const Space& space) {
+  const Eigen::Quaterniond turn = Eigen::Quaterniond(space.axes()).normalized();
+  const Eigen::Quaterniond real = own.real.cast<double>();
+  Matrix4<double> rigid = Matrix4<double>::Identity();
+  rigid.topLeftCorner<3, 3>() = real.toRotationMatrix();
+  rigid.topRightCorner<3, 1>() = 2 * (own.dual.cast<double>() * real.conjugate()).vec();
+  const Matrix4<double> moved = space.forth * rigid * space.back;
+  const RigidAndStretch result = motion((turn * real * turn.conjugate()).normalized(), moved.topRightCorner<3, 1>());
+  if (own.is_rigid) return result;
+  Matrix4<double> stretch = Matrix4<double>::Identity();
+  stretch.topRows<3>() += own.displacement.cast<double>();
+  return stretched(result, (space.forth * stretch * space.back).topRows<3>());
 }
 
 }  // namespace sinew

@@ -6,6 +6,7 @@
 
 #include "sinew/skinning_method.h"
 #include "sinew/types.h"
+#include "space.h"
 
 namespace sinew {
 
@@ -20,5 +21,8 @@ struct RigidAndStretch {
 
 /// matrix: that of joint j.
 RigidAndStretch taken_apart(const Matrix4<float>& matrix, const StretchRule& rule, std::ptrdiff_t j);
+
+/// C M C^-1 of what M was taken apart into: what is rigid is decided where the rest frames are. space: a similarity.
+RigidAndStretch carried(const RigidAndStretch& own, const Space& space);
 
 }  // namespace sinew

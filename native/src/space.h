@@ -37,13 +37,6 @@ struct Space {
     return linear / std::cbrt(linear.determinant());
   }
 
-  /// C A, without the scale of C. Of a C that is a similarity.
-  Matrix4<double> moved_frame(const Matrix4<double>& rest) const {
-    Matrix4<double> frame = forth * rest;
-    frame.topLeftCorner<3, 3>() = axes() * rest.topLeftCorner<3, 3>();
-    return frame;
-  }
-
   Matrix4<double> forth;
   Matrix4<double> back;
   bool has_inverse;

@@ -5,12 +5,13 @@ import bpy
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, twin_of
+from helpers import addon_module, assert_same_shape, deform_small_meshes, twin_of
 
 
 @pytest.fixture(autouse=True)
 def fresh_scene():
-    """Every test starts in an empty file, with the add-on enabled."""
+    """Every test starts in an empty file, with the add-on enabled. Small meshes are not left to Blender."""
+    deform_small_meshes()
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
     scene.frame_set(1)

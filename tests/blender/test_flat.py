@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, make_tube, pose
 from helpers import addon_module, diagonal, evaluated, own_positions, twin_of, way
 
 SCALES = (
@@ -80,3 +80,32 @@ def test_flattened_objects(preserve_volume, keys, who, scale):
     for each in ob, twin, armature:
         each.scale = (1, 2, 1)
     assert_followed(ob, twin, keys)
+
+
+@KEYS
+@pytest.mark.parametrize("preserve_volume", (False, True), ids=("linear", "dual quaternion"))
+def test_a_bone_that_is_nowhere(preserve_volume, keys):
+    """What it does not move stays where it was."""
+    ob, twin, armature = make_pair(preserve_volume, keys)
+    armature.pose.bones["side"].location.x = np.nan
+    bpy.context.view_layer.update()
+    ours, theirs = evaluated(ob), evaluated(twin)
+    finite = np.isfinite(theirs).all(axis=1)
+    assert finite.any() and not finite.all()
+    assert np.array_equal(np.isfinite(ours).all(axis=1), finite)
+    assert np.abs(ours - theirs)[finite].max() < 1e-5 * diagonal(own_positions(ob))
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_flat_mesh_with_a_hook_alone(axis):
+    ob = make_tube()
+    ob.modifiers.new("Hook", "HOOK").object = target = bpy.data.objects.new("Target", None)
+    bpy.context.collection.objects.link(target)
+    target.location = 1, 2, 3
+    twin = twin_of(ob)
+    accelerate(ob)
+    for each in (ob, twin):
+        each.scale[axis] = 0
+    bpy.context.view_layer.update()
+    assert np.abs(evaluated(ob) - evaluated(twin)).max() < 1e-5 * diagonal(own_positions(ob))
+    assert addon_module("session.characters").character(ob).error == ""

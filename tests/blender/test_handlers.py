@@ -18,8 +18,6 @@ LISTS = sorted(
         "save_pre",
         "undo_post",
         "redo_post",
-        "render_complete",
-        "render_cancel",
     )
 )
 
@@ -122,7 +120,7 @@ def test_the_timer_never_raises(monkeypatch, caplog):
     def fail():
         raise RuntimeError("It was told to fail")
 
-    monkeypatch.setattr(addon_module("session.write_lock"), "look", fail)
+    monkeypatch.setattr(addon_module("session.callbacks"), "put_back", fail)
     mail.post(done.append, "delivered")
     for _ in range(3):
         assert timer()() > 0

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from helpers import addon_module
+from helpers import addon_module, deform_small_meshes
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 SECONDS = 400  # at most, for a whole file of steps
@@ -21,6 +21,8 @@ TRIES = 10  # to write while something renders
 def run(steps):
     """Runs the generator: each `yield` lets Blender draw and go on until the next step is due, after so
     many seconds. The process ends with 0, or with 1 if something was wrong."""
+
+    deform_small_meshes()
 
     def go_on():
         try:

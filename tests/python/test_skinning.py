@@ -410,8 +410,10 @@ def test_rigid_joints_are_the_same_under_every_rule(random):
     matrices = rigs.random_matrices(random, 5, dtype=np.float32)
     frames = rigs.random_matrices(random, 5)
     polar = sinew.skin_dual_quaternion(skin, matrices)
-    for stretch in ("frame", "frame_each"):
-        assert np.array_equal(sinew.skin_dual_quaternion(skin, matrices, None, stretch, frames), polar)
+    as_blender = [sinew.skin_dual_quaternion(skin, matrices, None, rule, frames) for rule in ("frame", "frame_each")]
+    assert np.array_equal(*as_blender)
+    # Blender has steps of its own from a matrix to a quaternion.
+    assert np.abs(as_blender[0] - polar).max() < 2e-6
 
 
 def test_stretch_is_checked(random):
@@ -426,3 +428,44 @@ def test_stretch_is_checked(random):
     assert said_of("frame") == "there are 0 rest frames; expected 3"
     assert said_of("frame_each", frames[:2]) == "there are 2 rest frames; expected 3"
     assert said_of("polar", frames) == "there are 3 rest frames; expected 0"
+
+
+def spoilt_character():
+    """A skin of 56 vertices that three joints move in turns of two, matrices, and which vertices the second moves."""
+    vertex = np.arange(56)
+    joints = np.stack([vertex % 3, (vertex + 1) % 3], 1)
+    weights = np.tile(np.float32([0.75, 0.25]), (56, 1))
+    points = np.random.default_rng(8).normal(size=(56, 3))
+    skin = sinew.Skin(points, np.arange(57) * 2, joints.reshape(-1), weights.reshape(-1), 3)
+    matrices = np.tile(IDENTITY, (3, 1, 1))
+    for matrix, turn in zip(matrices, (0.2, 0.5, -0.4)):
+        matrix[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+        matrix[:3, 3] = turn
+    return skin, matrices, (joints == 1).any(axis=1)
+
+
+@pytest.mark.parametrize("entries", [(slice(0, 3), slice(0, 4)), (1, 3), (0, 0)], ids=["whole", "translation", "one"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["linear", "dual_quaternion", "blended", "rotation_centers"])
+def test_a_joint_that_is_not_finite_spoils_the_vertices_that_it_moves(name, value, entries):
+    skin, matrices, moved = spoilt_character()
+    data = {
+        "blended": sinew.BlendShares(np.linspace(0, 1, 56)),
+        "rotation_centers": sinew.RotationCenters(skin.rest_positions * 0.5, np.arange(56) % 5 > 0),
+    }.get(name)
+    layer = sinew.Layer(skin, name, data=data)
+    whole, out = np.empty((2, 56, 3), np.float32)
+    sinew.Deformer([layer]).deform([(matrices, None)], whole)
+    matrices[(1, *entries)] = value
+    sinew.Deformer([layer]).deform([(matrices, None)], out)
+    assert np.allclose(out[~moved], whole[~moved], rtol=0, atol=1e-5)
+    assert not np.isfinite(out[moved]).all(axis=1).any()
+
+
+def test_what_is_not_finite_does_not_get_through_a_mask():
+    skin, matrices, moved = spoilt_character()
+    matrices[1] = np.nan
+    mask = np.where(moved, 0, 0.5).astype(np.float32)
+    out = np.empty((56, 3), np.float32)
+    sinew.Deformer([sinew.Layer(skin, "linear", mask=mask)]).deform([(matrices, None)], out)
+    assert np.isfinite(out).all() and np.array_equal(out[moved], skin.rest_positions[moved])

@@ -36,6 +36,6 @@ def test_a_crash_is_a_failure(tmp_path):
     blender.write_text(
         "import os\nprint('walk: step 3: undo', flush=True)\nprint('about to', flush=True)\nos.abort()\n"
     )
-    walker = Walker([sys.executable, str(blender)], "1")
+    walker = Walker([sys.executable, str(blender)], "1", [])
     code, last, said = walker.walk("--steps", "5")
     assert code != 0 and last == 3 and "about to" in said and walker.fails([3])

@@ -13,6 +13,8 @@ ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
 # Blender lets nothing but deforming modifiers stand before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
 # Parent types that place the mesh; the others deform it.
+# A node group costs Blender some time, however small the mesh is. (`./dev bench small`)
+FEWEST_VERTICES = {ATTRIBUTE: 2_000, KEYS: 500}
 PLACING_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 
 
@@ -34,7 +36,23 @@ def choose(ob, mesh, sharer_count, moves_against_armature=False):
     if carrier is None or carrier.type == "ARMATURE" and ob.original.modifiers[carrier.name].object is None:
         return Way(BLENDER, "Its armature is gone: choose another one, or unbind")
     taken = [ob.original.modifiers[modifier.name] for modifier in wiring.taken_modifiers(ob)]
-    return foresee(ob, mesh, taken, sharer_count, moves_against_armature)
+    way = foresee(ob, mesh, taken, sharer_count, moves_against_armature)
+    fewest = FEWEST_VERTICES.get(way.kind, 0)
+    if len(mesh.vertices) < fewest and not _asks_for_sinew(ob.original, taken):
+        return Way(BLENDER, f"It has fewer than {fewest:,} vertices, which Blender's own modifier deforms sooner")
+    return way
+
+
+def _asks_for_sinew(ob, taken):
+    """Whether there is something that the Armature modifier and shape keys do not do, or do slowly. ob: original."""
+    settings = ob.sinew
+    return (
+        bool(settings.own_method)
+        or settings.skinning.smooth_iterations > 0
+        or settings.installed_output == "MESH"
+        or settings.source == "CLIP"
+        or bool(runs.of(ob, tuple(modifier.name for modifier in taken)).stages)
+    )
 
 
 def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_armature=False):

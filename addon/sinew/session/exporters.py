@@ -11,12 +11,11 @@ from ..blender import memory
 from . import characters
 
 
-def tidy(objects, depsgraph):
-    """After an evaluation. objects: the bound ones, originals. The graph that a window shows stays as it is, where
-    nobody looks for them."""
+def tidy(depsgraph):
+    """After an evaluation. The graph that a window shows stays as it is, where nobody looks for them."""
     if depsgraph == depsgraph.view_layer.depsgraph:
         return
-    for ob in objects:
+    for ob in characters.known():
         evaluated = ob.evaluated_get(depsgraph)
         if evaluated.is_evaluated and ob.sinew.is_bound:
             entry = characters.of(ob)

@@ -44,7 +44,7 @@ def before_frame(scene, *_):
 def after_frame(scene, depsgraph):
     if characters.may_follow_clips():
         _in_main_thread(_pose_anew, scene, depsgraph)
-    exporters.tidy(characters.known(), depsgraph)
+    exporters.tidy(depsgraph)
     if not _is_main_thread():
         return
     copied = characters.with_copy()
@@ -95,7 +95,7 @@ def on_depsgraph_update(_scene, depsgraph):
         deformed_copies.follow(copied, depsgraph, edits.keys)
     if has_gathered or edits.of_collections:
         deformed_copies.tidy(copied, depsgraph, has_gathered)
-    exporters.tidy(characters.known(), depsgraph)
+    exporters.tidy(depsgraph)
     mail.deliver()
 
 

@@ -96,6 +96,7 @@ class Hook:
 
     @staticmethod
     def stage(native, ob, modifier):
+        values.refuse_flat(ob)
         target = modifier.object
         place = target.matrix_world
         if target.type == "ARMATURE" and modifier.subtarget in target.pose.bones:

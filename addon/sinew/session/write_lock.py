@@ -77,7 +77,7 @@ class TakeFlagDown(bpy.types.Operator):
 def may_write():
     """Whether the flag is down. Blender looks at it before all else that may be wrong with a property that is set."""
     try:
-        bpy.data.scenes[0].name_full = ""
+        bpy.context.scene.name_full = ""
     except AttributeError as error:
         return "not allowed" not in str(error)
 

@@ -51,9 +51,6 @@ enum class Stretch {
 struct StretchRule {
   Stretch stretch = Stretch::polar;
   std::span<const Matrix4<double>> rest_frames{};
-  /// The armature's axes in that space, a rotation. What becomes of a frame that is sheared beyond any choice of axes
-  /// depends on them, as it does in Blender.
-  Eigen::Matrix3d armature_axes = Eigen::Matrix3d::Identity();
 };
 
 }  // namespace sinew

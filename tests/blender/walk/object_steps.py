@@ -192,8 +192,8 @@ def hide_collection(random):
 
 @on_both(0.7)
 def take_evaluated_mesh(random, ob):
-    """In place of its own."""
-    if ob.visible_get() and not ob.modifiers or random.random() < 0.5:
+    """In place of its own. (With shape keys it crashes Blender 5.2 as the next file is opened, bound or not.)"""
+    if not ob.data.shape_keys and (ob.visible_get() and not ob.modifiers or random.random() < 0.5):
         mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         if 0 < len(mesh.vertices) < MOST_VERTICES:
             ob.data = mesh.copy()
