@@ -112,8 +112,15 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
   palette.displacements.clear();
   palette.dual_parts.clear();
   palette.is_stretched.clear();
+  const Matrix4<float> at_rest = Matrix4<float>::Identity();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
-    const RigidAndStretch own = taken_apart(matrices.at(frame, j), rule, j);
+    const Matrix4<float> matrix = matrices.at(frame, j);
+    // Most joints of a large rig may be at rest, or move no vertex of this mesh: no need to take them apart.
+    if (matrix == at_rest) {
+      add_joint({}, palette);
+      continue;
+    }
+    const RigidAndStretch own = taken_apart(matrix, rule, j);
     add_joint(space ? carried(own, *space) : own, palette);
   }
   add_joint({}, palette);
