@@ -593,3 +593,15 @@ def test_frames_that_are_alike_go_the_shorter_way(fresh_scene, make):
     assert_same_on_all_frames(fresh_scene, ob, twin, (16, 17, 18, 19))  # behind the last keyframe
     assert addon_module("session.shortcuts").of(ob.evaluated_get(depsgraph())).holds()
     assert_same_on_all_frames(fresh_scene, ob, twin)
+
+
+@pytest.mark.parametrize("number", (0, 1), ids=("first", "second"))
+def test_an_armature_of_a_mix_in_edit_mode(fresh_scene, make, number):
+    """Its modifier does nothing meanwhile."""
+    ob, twin = make(by_two_armatures)
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 6))
+    select(ob.sinew.modifiers[number].object)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(6, 9))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(9, 12))

@@ -175,6 +175,8 @@ class GraphCopy:
         (B, 4, 4) that are to be used instead of the armature's, or None."""
         found = []
         for number, modifier in enumerate(modifiers):
+            if number > 0 and modifier.object.mode == "EDIT":
+                raise NotYet  # such a modifier does nothing, where one at rest would mix the rest shape in
             space = layers.space_between(ob, modifier.object)
             layer = self._layer(number, ob, modifier, space)
             channels = channels_of(modifier)
