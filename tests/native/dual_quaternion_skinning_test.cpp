@@ -271,7 +271,7 @@ TEST_P(StretchedJoints, AreTheKernelsAndOnlyWhereOneIsStretched) {
   Stack<float> stack(pose, 1);
   Palette palette;
   for (const Stretch stretch : {Stretch::polar, Stretch::frame, Stretch::frame_each}) {
-    prepare_dual_quaternion(skin.blocked(), {stretch, frames}, stack.read(), 0, palette);
+    prepare_dual_quaternion(skin.blocked(), {stretch, frames}, stack.read(), 0, nullptr, palette);
     for (std::uint32_t set = 0; set < skin.blocked().sets.size(); ++set) {
       const bool has_first = std::ranges::count(skin.blocked().joints_of(set), 0) > 0;
       EXPECT_EQ(palette.ways[set], has_first ? SetWay::stretched : SetWay::rigid) << set;

@@ -10,7 +10,7 @@ import bpy
 from mathutils import Euler
 
 from characters import BONES, make_armature, make_mesh, make_tube
-from helpers import select
+from helpers import deform_small_meshes, select
 
 OURS, TWINS = "Tube ", "Twin "
 LAST_FRAME = 20
@@ -18,6 +18,7 @@ LAST_FRAME = 20
 
 def new_scene(random):
     """An empty file with some characters in it."""
+    deform_small_meshes()
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.context.scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     bpy.context.collection.objects.link(bpy.context.scene.camera)

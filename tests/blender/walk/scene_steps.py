@@ -146,6 +146,8 @@ def change_armature_data(random):
         ob.data = other.data.copy()
     elif ob.evaluated_get(graph).is_evaluated:
         ob.data = ob.evaluated_get(graph).data.copy()
+    for each in bpy.data.objects:  # Blender itself leaves meshes as they were, if no bone is animated
+        each.update_tag()
 
 
 @kind(0.7)
