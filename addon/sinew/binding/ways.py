@@ -13,8 +13,9 @@ ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
 # Blender lets nothing but deforming modifiers stand before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
 # Parent types that place the mesh; the others deform it.
-# A node group costs Blender some time, however small the mesh is. (`./dev bench small`)
-FEWEST_VERTICES = {ATTRIBUTE: 2_000, KEYS: 500}
+# A node group costs Blender some time, however small the mesh is: with fewer vertices Blender's own modifier is quicker.
+# Measured: docs/speed.md, Small meshes.
+FEWEST_VERTICES = {ATTRIBUTE: 3_000, KEYS: 500}
 PLACING_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 
 
