@@ -1,0 +1,74 @@
+"""A mesh so small that the node group would cost more than Sinew saves is left to Blender's own modifier."""
+
+import bpy
+import pytest
+
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
+from helpers import addon_module, assert_same_on_all_frames, twin_of, way
+
+VERTICES = 1_200  # of the tests' tube
+
+
+@pytest.fixture
+def limit(monkeypatch):
+    """Function that sets below how many vertices meshes are left to Blender."""
+    ways = addon_module("binding.ways")
+    return lambda number: monkeypatch.setattr(ways, "FEWEST_VERTICES", {"ATTRIBUTE": number, "KEYS": number})
+
+
+def character(*parts):
+    armature = make_armature()
+    for frame in (1, 8, 15):
+        pose(armature, frame, False)
+    ob = make_mesh(armature, False)
+    for part in parts:
+        part(ob)
+    twin = twin_of(ob)
+    accelerate(ob)
+    return ob, twin
+
+
+@pytest.mark.parametrize("parts", ((), (add_shape_keys,)), ids=("plain", "keys"))
+def test_fewer_vertices_than_pay(fresh_scene, limit, parts):
+    limit(VERTICES + 1)
+    ob, twin = character(*parts)
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 6))
+    reason = addon_module("session.characters").character(ob).way.reason
+    assert way(ob) == "BLENDER" and "fewer than 1,201 vertices" in reason
+    limit(VERTICES)
+    ob.data.update_tag()
+    ob.update_tag()
+    bpy.context.view_layer.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(6, 11))
+    assert way(ob) == ("KEYS" if parts else "ATTRIBUTE")
+
+
+def another_method(ob):
+    ob.sinew.method = "BLENDED"
+
+
+def output_mesh(ob):
+    ob.sinew.output = "MESH"
+
+
+def own_smoothing(ob):
+    ob.sinew.skinning.smooth_iterations = 2
+
+
+@pytest.mark.parametrize("ask", (another_method, output_mesh, own_smoothing), ids=lambda ask: ask.__name__)
+def test_a_small_mesh_with_what_blender_does_not_have(limit, ask):
+    limit(VERTICES + 1)
+    ob, _ = character()
+    assert way(ob) == "BLENDER"
+    ask(ob)
+    bpy.context.view_layer.update()
+    addon_module("session.mail").deliver()
+    bpy.context.view_layer.update()
+    assert way(ob) == "ATTRIBUTE" and addon_module("session.characters").character(ob).is_deforming
+
+
+def test_a_small_mesh_that_is_smoothed(fresh_scene, limit):
+    limit(VERTICES + 1)
+    ob, twin = character(smoothed)
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 6))
+    assert way(ob) == "ATTRIBUTE"
