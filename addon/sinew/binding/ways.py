@@ -12,10 +12,10 @@ from . import runs, wiring
 ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
 # Blender lets nothing but deforming modifiers stand before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
-# Parent types that place the mesh; the others deform it.
-# A node group costs Blender some time, however small the mesh is: with fewer vertices Blender's own modifier is quicker.
+# A node group costs Blender some time, however small the mesh is: with fewer vertices its own modifier is quicker.
 # Measured: docs/speed.md, Small meshes.
 FEWEST_VERTICES = {ATTRIBUTE: 3_000, KEYS: 500}
+# Parent types that place the mesh; the others deform it.
 PLACING_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 
 

@@ -157,7 +157,8 @@ def _segments_path(name):
 def weighted_groups(ob):
     """Names of the vertex groups of a mesh object in which some vertex has weight."""
     _offsets, groups, weights = meshes.read_object_weights(ob)
-    return {ob.vertex_groups[number].name for number in np.unique(groups[weights != 0]).tolist() if number >= 0}
+    counts = np.bincount(groups[(weights != 0) & (groups >= 0)], minlength=len(ob.vertex_groups))
+    return {group.name for group, count in zip(ob.vertex_groups, counts.tolist()) if count}
 
 
 def awaited_bones(hook):
@@ -171,14 +172,18 @@ def awaited_bones(hook):
 
 
 def is_waiting_for(awaited, armature, names):
-    """Whether a hook waits for the motion of all these bones. awaited: as awaited_bones gives them; names: of deforming
-    bones."""
+    """Whether a hook waits for the motion of all deforming bones of these names. awaited: as awaited_bones gives them;
+    names: None for all."""
     key, bones = values.key_of(armature), armature.data.bones
     own = {name for owner, name in awaited if owner == key}
     bent = {bone.name for bone in bones if _segments_path(bone.name) in own}
     done = bent.union(name for name in own if name in bones)
     done.update(parent.name for name in tuple(done) for parent in bones[name].parent_recursive)
-    return all(name in (bent if bones[name].bbone_segments > 1 else done) for name in names)
+    return all(
+        bone.name in (bent if bone.bbone_segments > 1 else done)
+        for bone in bones
+        if bone.use_deform and (names is None or bone.name in names)
+    )
 
 
 def targets_of(hook):

@@ -189,10 +189,17 @@ def _columns(matrix):
 
 def place_address(ob):
     """The address of 16 float32, column by column: the matrix of an evaluated object to the world's space, for as long
-    as Blender has not copied the object anew; None if it cannot be found."""
+    as `place_regions` are as they are; None if it cannot be found."""
     place = place_layout()
     address = place and _place_address(ob, place)
     return address if address and _matrix_at(address) == _columns(ob.matrix_world) else None
+
+
+def place_regions(ob):
+    """[(address, size)] of what says that `place_address` is still right: Blender gives an object that it copies anew
+    other memory for its place."""
+    place = place_layout()
+    return [] if place is None or place[0] is None else [(ob.as_pointer() + place[0], layout.POINTER)]
 
 
 # --- shape keys -----------------------------------------------------------------------------------

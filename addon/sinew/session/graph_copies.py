@@ -208,20 +208,22 @@ class GraphCopy:
         if old is not None and holds(old):
             return old
         self._rebuilds += old is not None
+        # First: of a bone for which nobody has waited Blender may have nothing to read yet.
+        self._check_wires(armature, settings, old is not None and old.made_of != made_of)
         shared = self.character.shared
         layer = shared.equal_to(layers.Layer, holds) or shared.add(
             layers.make_layer(
                 self.weights, self.rest, armature, space, made_of, ob.original.sinew.skinning.data, self.character.kept
             )
         )
-        self._check_wires(armature, layer, old is not None and old.made_of != made_of)
         self.layers[number : number + 1] = [layer]
         self.deformer = None
         return layer
 
-    def _check_wires(self, armature, layer, were_edited):
+    def _check_wires(self, armature, settings, were_edited):
         """Bones may have come, become B-bones, or got their first weight."""
-        is_missed = not wiring.is_waiting_for(self.plan.waits_for, armature, layer.moving_bones)
+        names = None if settings.use_envelopes else self.weights.used_names
+        is_missed = not wiring.is_waiting_for(self.plan.waits_for, armature, names)
         if were_edited or is_missed:
             self.character.ask_to_rewire()
         if is_missed:

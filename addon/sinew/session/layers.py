@@ -3,6 +3,7 @@
 Ordinarily a mesh has one layer. It has more where Multi Modifier mixes the results of several modifiers.
 """
 
+import functools
 import itertools
 import threading
 from dataclasses import dataclass, field
@@ -61,6 +62,12 @@ class Weights:
             and np.array_equal(self.offsets, other.offsets)
             and np.array_equal(self.weights, other.weights)
         )
+
+    @functools.cached_property
+    def used_names(self):
+        """Of the groups in which some vertex has weight."""
+        counts = np.bincount(self.groups[(self.weights != 0) & (self.groups >= 0)], minlength=len(self.names))
+        return {name for name, count in zip(self.names, counts.tolist()) if count}
 
     def of_group(self, name):
         """(V,) or None if there is no such group."""
@@ -128,8 +135,7 @@ class Layer:
     bones: Bones
     weights: Weights
     rest: np.ndarray  # (V, 3)
-    moving_bones: tuple  # names of those by which some vertex moves
-    first_joint: np.ndarray  # (B,) of these; -1 of the others
+    first_joint: np.ndarray  # (B,) of the bones by which some vertex moves; -1 of the others
     made_of: tuple  # (settings, method, its number), edition of the bones: if they change, the layer is made anew
     space: bytes | None  # from armature to mesh, when it was made
     wanted: str = ""  # methods.made_of, of a method that is precomputed
@@ -227,7 +233,6 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
         bones,
         weights,
         rest,
-        tuple(bones.names[bone] for bone in np.flatnonzero(moves)),
         np.where(moves, bones.first_joint, -1).astype(np.int32),
         made_of,
         _bytes(mesh_from_armature),

@@ -28,6 +28,7 @@ class Shortcut:
             memory.mark_region(ob, "OBJECT"),
             memory.origin_region(ob),
             memory.region(ob, "Object", "mode"),
+            *memory.place_regions(ob),
             memory.region(target, "DriverTarget", "*id"),
             memory.mark_region(self._mesh, "MESH"),
         ]
@@ -42,6 +43,7 @@ class Shortcut:
                 for name in ("deformflag", "multi", "defgrp_name", "*object")
             ]
             watched += [
+                *memory.place_regions(armature),
                 memory.region(armature, "Object", "mode"),
                 memory.region(armature, "Object", "*data"),
                 memory.mark_region(armature.data, "ARMATURE"),
