@@ -128,7 +128,6 @@ double microseconds_a_vertex(SkinningMethod method) {
     case SkinningMethod::dual_quaternion:
       return 3.5e-3;
     case SkinningMethod::blended:
-      return 5e-3;
     case SkinningMethod::rotation_centers:
       return 5e-3;
     case SkinningMethod::direct_delta_mush:
