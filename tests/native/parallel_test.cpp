@@ -10,7 +10,8 @@
 
 #include "failures.h"
 
-#if defined(__linux__) && defined(__GLIBC__)
+// Sanitizers stand in for the same function.
+#if defined(__linux__) && defined(__GLIBC__) && !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
 #define SINEW_COUNTS_THREADS
 #include <dlfcn.h>
 #include <pthread.h>
