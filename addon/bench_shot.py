@@ -183,6 +183,7 @@ def measure(characters, without=(), each_part=False, rounds=ROUNDS):
         assert bpy.ops.object.sinew_bind() == {"FINISHED"}
         take_parts("sinew")
         worst = max(worst, difference(shapes_at_the_end(meshes), wanted))
+        select(*meshes)  # what was hidden is no longer selected
         assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
     assert worst < TOLERANCE, f"Sinew's shapes are up to {worst:.3g} of the diagonal off the modifiers'"
     medians = {name: statistics.median(found) for name, found in times.items()}

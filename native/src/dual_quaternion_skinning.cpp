@@ -9,37 +9,62 @@ namespace {
 
 using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
 using DualRows = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
-using Parts = Eigen::Map<const Eigen::Vector4f>;  // w x y z
+using Parts = Eigen::Map<const Eigen::Vector4f>;
 
-/// A vertex at `rest`: each sign against the sum so far, in stored order.
-Eigen::Vector3f blend_vertex(const Influences& influences, const Palette& palette, const Eigen::Vector3f& rest) {
-  const Eigen::Vector4f homogeneous = rest.homogeneous();
-  Eigen::Vector4f real = Eigen::Vector4f::Zero();
-  Eigen::Vector4f dual = Eigen::Vector4f::Zero();
-  Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
-  float weight_sum = 0;
-  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
-    const std::int32_t j = influences.joints[i];
-    const DualQuaternion& joint = palette.dual_quaternions[j];
-    const float weight = influences.weights[i];
-    const float sign = Parts(joint.real).dot(real) < 0 ? -weight : weight;
-    real += sign * Parts(joint.real);
-    weight_sum += weight;
-    if (palette.is_stretched[j] && palette.stretch_each) {
-      dual += sign * (Eigen::Map<const DualRows>(palette.dual_parts[j].row[0]) * homogeneous);
-    } else {
-      dual += sign * Parts(joint.dual);
-      if (palette.is_stretched[j]) stretched += weight * palette.displacement(j, homogeneous);
-    }
-  }
-  const Eigen::Vector3f point = weight_sum != 0 ? Eigen::Vector3f(rest + stretched / weight_sum) : rest;
+/// Summed dual quaternions applied to a point as Kavan 2008, algorithm 1, does it, on parts that are not yet normalised.
+Eigen::Vector3f applied(const Eigen::Vector4f& real, const Eigen::Vector4f& dual, const Eigen::Vector3f& point) {
   const float norm2 = real.squaredNorm();
   // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
   if (norm2 < std::numeric_limits<float>::min()) return point;
-  // Kavan 2008, algorithm 1, on parts that are not yet normalised.
   const Eigen::Vector3f r = real.tail<3>(), d = dual.tail<3>();
   const Eigen::Vector3f rotated = point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real[0] * point));
   return rotated + 2 / norm2 * (real[0] * d - dual[0] * r + r.cross(d));
+}
+
+/// Calls add(joint, weight, weight with the sign of its rotation) for each influence; returns the sum of the rotations.
+/// Each sign is chosen against the sum so far, in stored order.
+template <class Add>
+Eigen::Vector4f sum_rotations(const Influences& influences, const Palette& palette, const Add& add) {
+  Eigen::Vector4f real = Eigen::Vector4f::Zero();
+  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
+    const std::int32_t j = influences.joints[i];
+    const Parts joint(palette.dual_quaternions[j].real);
+    const float weight = influences.weights[i];
+    const float sign = joint.dot(real) < 0 ? -weight : weight;
+    real += sign * joint;
+    add(j, weight, sign);
+  }
+  return real;
+}
+
+/// A vertex whose joints each stretch it by themselves. What they make of the dual part is summed first and applied to
+/// the point once.
+Eigen::Vector3f blend_each_stretched(const Influences& influences, const Palette& palette,
+                                     const Eigen::Vector3f& rest) {
+  Eigen::Vector4f rows[4];
+  for (auto& row : rows) row.setZero();
+  const Eigen::Vector4f real = sum_rotations(influences, palette, [&](std::int32_t j, float, float sign) {
+    for (int part = 0; part < 4; ++part) rows[part] += sign * Parts(palette.dual_parts[j].row[part]);
+  });
+  const Eigen::Vector4f homogeneous = rest.homogeneous();
+  Eigen::Vector4f dual;
+  for (int part = 0; part < 4; ++part) dual[part] = rows[part].dot(homogeneous);
+  return applied(real, dual, rest);
+}
+
+/// A vertex that is stretched first, by the mean of its joints' stretches.
+Eigen::Vector3f blend_stretched(const Influences& influences, const Palette& palette, const Eigen::Vector3f& rest) {
+  const Eigen::Vector4f homogeneous = rest.homogeneous();
+  Eigen::Vector4f dual = Eigen::Vector4f::Zero();
+  Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
+  float weight_sum = 0;
+  const Eigen::Vector4f real = sum_rotations(influences, palette, [&](std::int32_t j, float weight, float sign) {
+    weight_sum += weight;
+    dual += sign * Parts(palette.dual_quaternions[j].dual);
+    if (palette.is_stretched[j]) stretched += weight * palette.displacement(j, homogeneous);
+  });
+  const Eigen::Vector3f point = weight_sum != 0 ? Eigen::Vector3f(rest + stretched / weight_sum) : rest;
+  return applied(real, dual, point);
 }
 
 float dot(const DualQuaternion& a, const DualQuaternion& b) {
@@ -80,17 +105,19 @@ void choose_ways(const BlockedSkin& skin, Palette& palette) {
   for (std::uint32_t set = 0; set < skin.sets.size(); ++set) palette.ways.push_back(way_of(set));
 }
 
-/// What each joint adds to the dual part: half of real * (0, v) for a point that has moved by v before.
-DualPartRows dual_part_of(const DualQuaternion& joint, const MatrixRows& displacement) {
+/// What a joint adds to the dual part: half of real * (0, v) for a point that its stretch has moved by v before.
+DualPartRows dual_part_of(const DualQuaternion& joint, const MatrixRows& displacement, bool is_stretched) {
   const float *const q = joint.real, *const d = joint.dual;
-  Eigen::Matrix<float, 4, 3> times;  // q (0, v) = times * v
-  times << -q[1], -q[2], -q[3],      //
-      q[0], -q[3], q[2],             //
-      q[3], q[0], -q[1],             //
-      -q[2], q[1], q[0];
-  DualPartRows result;
+  DualPartRows result{};
   Eigen::Map<DualRows> rows(result.row[0]);
-  rows.noalias() = 0.5f * times * Eigen::Map<const Rows>(displacement.row[0]);
+  if (is_stretched) {
+    Eigen::Matrix<float, 4, 3> times;  // q (0, v) = times * v
+    times << -q[1], -q[2], -q[3],      //
+        q[0], -q[3], q[2],             //
+        q[3], q[0], -q[1],             //
+        -q[2], q[1], q[0];
+    rows.noalias() = 0.5f * times * Eigen::Map<const Rows>(displacement.row[0]);
+  }
   rows.col(3) += Parts(d);
   return result;
 }
@@ -128,7 +155,8 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
   choose_ways(skin, palette);
   if (!palette.stretch_each) return;
   for (std::size_t j = 0; j < palette.dual_quaternions.size(); ++j) {
-    palette.dual_parts.push_back(dual_part_of(palette.dual_quaternions[j], palette.displacements[j]));
+    palette.dual_parts.push_back(
+        dual_part_of(palette.dual_quaternions[j], palette.displacements[j], palette.is_stretched[j]));
   }
 }
 
@@ -144,7 +172,9 @@ void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const 
 }
 
 void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest, float* out) {
-  const Eigen::Vector3f moved = blend_vertex(influences, palette, Eigen::Map<const Eigen::Vector3f>(rest));
+  const Eigen::Vector3f point = Eigen::Map<const Eigen::Vector3f>(rest);
+  const Eigen::Vector3f moved = palette.stretch_each ? blend_each_stretched(influences, palette, point)
+                                                     : blend_stretched(influences, palette, point);
   std::copy_n(moved.data(), 3, out);
 }
 

@@ -157,6 +157,11 @@ RigidAndStretch motion_of(const Matrix4<float>& matrix) {
                 matrix.topRightCorner<3, 1>().cast<double>());
 }
 
+/// Of a matrix whose last row is 0 0 0 1.
+Matrix4<double> inverse_of_affine(const Matrix4<double>& matrix) {
+  return Eigen::Affine3d(matrix).inverse(Eigen::Affine).matrix();
+}
+
 /// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
 /// (matrix * rest) when its axes are made orthonormal.
 RigidAndStretch split_in_frame(const Matrix4<float>& matrix, const Matrix4<double>& rest) {
@@ -168,8 +173,8 @@ RigidAndStretch split_in_frame(const Matrix4<float>& matrix, const Matrix4<doubl
   rigid.topLeftCorner<3, 3>() =
       quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>())).cast<double>().toRotationMatrix().cast<float>();
   rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
-  const Matrix4<double> left = rigid.cast<double>().inverse() * posed.cast<double>();
-  const Matrix4<double> stretch = rest * left * rest.inverse();
+  const Matrix4<double> left = inverse_of_affine(rigid.cast<double>()) * posed.cast<double>();
+  const Matrix4<double> stretch = rest * left * inverse_of_affine(rest);
   return stretched(motion_of(product(rigid, base.inverse())), stretch.topRows<3>());
 }
 
