@@ -12,6 +12,7 @@ import os, signal, sys, threading, time
 sys.path.insert(0, sys.argv[1])
 import numpy as np, sinew_native as sinew
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in a shell's background ignores it
 sinew.set_thread_count(1)
 SIDE, JOINTS = 500, 40
 x, y = (axis.reshape(-1) for axis in np.mgrid[:SIDE, :SIDE])
