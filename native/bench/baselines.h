@@ -3,8 +3,8 @@
 
 #include <span>
 
-#include "blocked_skin.h"
 #include "characters.h"
+#include "skinning/blocked_skin.h"
 
 namespace sinew::bench {
 

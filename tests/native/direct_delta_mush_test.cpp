@@ -5,11 +5,11 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
-#include "direct_delta_mush_kernels.h"
 #include "each_instruction_set.h"
 #include "failures.h"
-#include "implicit_smoothing.h"
-#include "laplacian.h"
+#include "mush/direct_delta_mush_kernels.h"
+#include "mush/implicit_smoothing.h"
+#include "mush/laplacian.h"
 #include "skinned.h"
 
 namespace sinew {

@@ -1,4 +1,4 @@
-#include "dual_quaternion_skinning.h"
+#include "skinning/dual_quaternion_skinning.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "parallel.h"
+#include "base/parallel.h"
 #include "sinew/threads.h"
 #include "sinew/types.h"
 

@@ -3,9 +3,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/text.h"
 #include "failures.h"
 #include "files.h"
-#include "text.h"
 
 namespace sinew {
 namespace {

@@ -4,10 +4,10 @@
 
 #include <limits>
 
+#include "base/utf8.h"
 #include "failures.h"
 #include "files.h"
 #include "rigs.h"
-#include "utf8.h"
 
 namespace sinew {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "failures.h"
 #include "rigs.h"
-#include "tile.h"
+#include "skinning/tile.h"
 
 namespace sinew {
 namespace {

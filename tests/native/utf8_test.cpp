@@ -1,8 +1,8 @@
-#include "utf8.h"
+#include "base/utf8.h"
 
 #include <gtest/gtest.h>
 
-#include "check.h"
+#include "base/check.h"
 #include "failures.h"
 
 namespace sinew {

@@ -1,4 +1,4 @@
-#include "write_files.h"
+#include "files/write_files.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

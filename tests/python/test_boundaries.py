@@ -24,6 +24,14 @@ LAYERS = (
     {"__init__"},
 )
 KNOT = {"binding", "rigs", "session"}
+# Likewise the folders of native/src.
+NATIVE_LAYERS = (
+    {"base"},
+    {"files", "mesh", "skeleton"},
+    {"skinning"},
+    {"mush", "smoothing"},
+    {"deformer"},
+)
 PURE = {
     "bake.baked",
     "bake.frame_range",
@@ -137,6 +145,20 @@ def test_layers_know_those_below_them_alone():
         for other in {room_of(name) for name in imported(path)} - {room, "__init__"}:
             is_below = number[other] < number[room]
             assert is_below or {room, other} <= KNOT, f"{name_of(path)} imports {other}"
+
+
+def test_native_rooms_know_those_below_them_alone():
+    number = {room: i for i, layer in enumerate(NATIVE_LAYERS) for room in layer}
+    sources = ROOT / "native" / "src"
+    assert {path.name for path in sources.iterdir()} == set(number)
+    known = {room: set() for room in number}
+    for path in [*sources.rglob("*.h"), *sources.rglob("*.cpp")]:
+        for other in re.findall(r'#include "(.*?)/', path.read_text()):
+            known[path.parent.name].add(other)
+    for room, others in known.items():
+        for other in others - {room, "sinew"}:
+            assert number[other] < number[room], f"native/src/{room} includes {other}"
+    assert known["deformer"] >= {"base", "mush", "skinning"}
 
 
 def test_no_two_modules_know_each_other():

@@ -20,8 +20,8 @@ namespace sinew {
 class Bends {
  public:
   /// vertices      N, ascending: those with an influence of a bone with segments.
-  /// offsets       N + 1: the influences of vertices[i] are those from offsets[i] to offsets[i +
-  /// 1]. bones         M, each in 0..B-1: all influences of these vertices, whole, in stored order.
+  /// offsets       N + 1: the influences of vertices[i] are those from offsets[i] to offsets[i + 1].
+  /// bones         M, each in 0..B-1: all influences of these vertices, whole, in stored order.
   /// weights       M, finite.
   /// first_joints  B, 0 or more.
   /// segments      B, 1 or more; 1: an ordinary bone.

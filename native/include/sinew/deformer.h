@@ -22,11 +22,9 @@ class Layer {
   /// rule    of dual quaternions; its rest frames (J) are relative to the space in which the
   ///         matrices move points, the armature's. Copied.
   /// mask    V: how much of the motion each vertex takes part in, p + mask (skinned(p) - p);
-  /// nothing:
-  ///         all of it.
+  ///         nothing: all of it.
   /// share   V: of a layer that is mixed in, shape + share (own - shape), shape being the outcome
-  /// of
-  ///         the layers before it. The first layer has none, every other one has one.
+  ///         of the layers before it. The first layer has none, every other one has one.
   /// bends   or null: those of the skin's influences that are to follow a vertex. The skin has them
   ///         split as they are at its rest positions (or the base of the keys) and in split_space.
   ///         A vertex that is elsewhere in a frame is split anew: one that shape keys move, and all

@@ -15,8 +15,7 @@ namespace sinew {
 ///
 /// The shape is what Blender makes of relative shape keys, to the bit: beginning with key 0, for
 /// each later key k with a value other than 0, in order and in float32,
-///   x_v -= g_v (r_v - k_v),   r the key that k is relative to, g_v = w_v value (or the value
-///   alone).
+///   x_v -= g_v (r_v - k_v),   r the key that k is relative to, g_v = w_v value (or the value alone).
 class ShapeKeys {
  public:
   /// positions    K x V x 3, one at least; the first is the base. Nothing of them is kept.

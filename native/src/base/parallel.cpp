@@ -1,0 +1,131 @@
+#include "base/parallel.h"
+
+#ifndef _WIN32
+#include <pthread.h>
+#endif
+#include <oneapi/tbb/global_control.h>
+#include <oneapi/tbb/info.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "base/check.h"
+#include "sinew/threads.h"
+
+namespace sinew {
+namespace {
+
+int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
+
+// An arena of our own: neither its size nor its work mixes with other users of TBB in the process,
+// Blender among them. Never more threads than the machine has: TBB has no more workers, warns on
+// stderr and takes memory for each.
+class Pool {
+ public:
+  explicit Pool(int threads) : threads_(threads), arena_(threads) {}
+  int threads() const { return threads_; }
+
+  /// To be asked before run: when a worker cannot be started TBB throws, with tasks left behind that refer to what is
+  /// gone by then.
+  bool has_workers() {
+    if (!has_workers_) has_workers_ = detail::can_start(threads_ - 1);
+    return has_workers_;
+  }
+
+  template <class Chunk>
+  void run(std::size_t chunks, const Chunk& chunk) {
+    arena_.execute(
+        [&] { oneapi::tbb::parallel_for(std::size_t{0}, chunks, chunk, oneapi::tbb::simple_partitioner()); });
+  }
+
+ private:
+  int threads_;
+  std::atomic<bool> has_workers_ = false;
+  oneapi::tbb::task_arena arena_;
+};
+
+std::mutex pool_mutex;
+std::shared_ptr<Pool> pool;  // guarded by pool_mutex; a call in flight keeps its own reference
+
+// Workers go to sleep some time after they find nothing more to do.
+constexpr std::chrono::microseconds kAwakeFor(100);
+
+// What one thread does in this time is done no later by two, measured on two cores of a virtual
+// machine: linear skinning on one thread, on two awake; after a sleep of 3 ms, on one and on two:
+//   34,522 vertices     56   38    112   116 us
+//   138,530            220  130    361   370 us
+//   553,826            960  530   1220  1120 us
+//   2,215,010         4000 2700   4600  3300 us
+constexpr double kPaysAwake = 30, kPaysAsleep = 500;  // microseconds
+
+std::atomic<std::chrono::steady_clock::time_point> last_region_end{};
+
+std::atomic<bool> always_pay = false;
+
+std::shared_ptr<Pool> current_pool() {
+  const std::lock_guard lock(pool_mutex);
+  if (!pool) pool = std::make_shared<Pool>(machine_threads());
+  return pool;
+}
+
+}  // namespace
+
+void set_thread_count(int count) {
+  if (count < 0) fail("the thread count is ", count, "; expected 0 (all) or a positive number");
+  const int most = machine_threads();
+  auto fresh = std::make_shared<Pool>(count == 0 ? most : std::min(count, most));
+  const std::lock_guard lock(pool_mutex);
+  pool.swap(fresh);
+}
+
+int thread_count() { return current_pool()->threads(); }
+
+void set_threads_always_pay(bool always) { always_pay = always; }
+
+bool threads_pay(double microseconds) {
+  if (always_pay) return true;
+  if (microseconds < kPaysAwake || thread_count() == 1) return false;
+  if (microseconds >= kPaysAsleep) return true;
+  return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) < kAwakeFor;
+}
+
+bool detail::can_start(int count) {
+#ifdef _WIN32  // where a thread's stack is not asked for like this
+  try {
+    std::thread([] {}).join();
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
+#else
+  const std::size_t stack = oneapi::tbb::global_control::active_value(oneapi::tbb::global_control::thread_stack_size);
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_t thread;
+  const bool started = pthread_attr_setstacksize(&attributes, count * stack) == 0 &&
+                       pthread_create(
+                           &thread, &attributes, [](void*) -> void* { return nullptr; }, nullptr) == 0;
+  pthread_attr_destroy(&attributes);
+  if (started) pthread_join(thread, nullptr);
+  return started;
+#endif
+}
+
+void detail::parallel_ranges(std::size_t count, std::size_t grain, RangeBody body, const void* closure) {
+  if (count == 0) return;
+  const std::size_t chunks = (count + grain - 1) / grain;
+  if (chunks == 1) return body(closure, 0, count);
+  const std::shared_ptr<Pool> threads = current_pool();
+  if (threads->threads() == 1 || !threads->has_workers()) return body(closure, 0, count);
+  threads->run(chunks, [=](std::size_t chunk) { body(closure, chunk * grain, std::min(count, (chunk + 1) * grain)); });
+  last_region_end.store(std::chrono::steady_clock::now(), std::memory_order_relaxed);
+}
+
+}  // namespace sinew

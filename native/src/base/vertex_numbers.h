@@ -1,0 +1,47 @@
+/// Numbers that callers give for each vertex, checked.
+#pragma once
+
+#include <cmath>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/check.h"
+#include "sinew/vertex_group.h"
+
+namespace sinew {
+
+/// One number a vertex, all of them finite. owner  who has the vertices: "the skin".
+inline void check_vertex_numbers(const char* name, std::span<const float> numbers, std::ptrdiff_t vertices,
+                                 const char* owner) {
+  if (std::ssize(numbers) != vertices) {
+    fail(name, " has ", plural(std::ssize(numbers), "number"), "; ", owner, " has ", plural(vertices, "vertex"));
+  }
+  for (std::size_t v = 0; v < numbers.size(); ++v) {
+    if (!std::isfinite(numbers[v])) fail(name, " is not finite at vertex ", v);
+  }
+}
+
+/// V x 3 numbers, whatever they are.
+inline void check_position_count(const char* name, std::span<const float> positions, std::ptrdiff_t vertices) {
+  if (std::ssize(positions) == 3 * vertices) return;
+  fail(name, " has ", plural(std::ssize(positions), "number"), "; expected ", grouped(3 * vertices), " (", vertices,
+       " x 3)");
+}
+
+inline void check_setting(const char* name, double value) {
+  if (!std::isfinite(value)) fail(name, " is ", value, "; expected a finite number");
+}
+
+/// V, as Blender reckons them.
+inline std::vector<float> weights_of(const VertexGroup& group, std::ptrdiff_t vertices) {
+  if (!group.weights) return std::vector<float>(static_cast<std::size_t>(vertices), 1);
+  check_vertex_numbers("weights", *group.weights, vertices, "the mesh");
+  std::vector<float> weights(group.weights->begin(), group.weights->end());
+  if (group.invert) {
+    for (float& weight : weights) weight = 1 - weight;
+  }
+  return weights;
+}
+
+}  // namespace sinew

@@ -1,0 +1,58 @@
+/// A layer in one frame, as a deformer's tiles see it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "sinew/deformer.h"
+#include "skinning/palette.h"
+#include "skinning/space.h"
+#include "skinning/tile.h"
+
+namespace sinew {
+
+/// Which vertices of a tile are not where the skin's influences were split over segments.
+struct Moved {
+  bool all;
+  const std::uint8_t* touched;  ///< one byte a vertex, or null: none
+};
+
+/// A tile's input.
+struct TileInput {
+  std::size_t tile;
+  std::size_t count;    ///< of vertices
+  const float* rest;    ///< x y z a vertex
+  const float* points;  ///< the same, packed
+  Moved moved;
+};
+
+/// What a layer needs besides, for one tile.
+struct LayerScratch {
+  alignas(64) float moved[3 * kTile];  ///< the input in an armature's space
+  alignas(64) float moved_points[3 * kTile];
+};
+
+struct PosedLayer {
+  const Layer* layer;
+  const BlockedSkin* skin;
+  std::optional<Space> space;  ///< points go through it and back
+  std::optional<Matrix4<double>> armature_from_mesh;
+  bool split_elsewhere;  ///< the skin was split in another space
+  Palette palette;
+  /// In the space of the mesh, where matrices are skinned there but given in the armature's.
+  std::vector<Matrix4<float>> matrices;
+
+  void take(const Layer& own, const LayerPose& pose);
+
+  /// own  out, the input as the layer alone deforms it, x y z a vertex.
+  void run(const TileInput& input, LayerScratch& scratch, float* own) const;
+
+ private:
+  void bend(const TileInput& input, const float* rest, float* own) const;
+};
+
+/// out = from + part (to - from), vertex by vertex; out may be either.
+void mix(const float* from, const float* to, const float* part, std::size_t vertices, float* out);
+
+}  // namespace sinew

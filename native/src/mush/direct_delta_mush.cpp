@@ -1,0 +1,101 @@
+#include "sinew/direct_delta_mush.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+#include "mesh/faces.h"
+#include "mush/implicit_smoothing.h"
+#include "mush/mush_precomputation.h"
+#include "mush/packed_mush.h"
+
+namespace sinew {
+namespace {
+
+constexpr double kMostSmoothing = 1000;
+constexpr int kMostIterations = 1000, kMostVariant = 5;
+
+void check_between(const char* name, double value, double least, double most) {
+  if (value >= least && value <= most) return;
+  fail(name, " is ", value, "; expected ", least, " to ", grouped(static_cast<long long>(most)));
+}
+
+void check_variant(int variant) { check_between("variant", variant, 0, kMostVariant); }
+
+void check_settings(const MushSettings& settings) {
+  check_between("smoothing", settings.smoothing, 0, kMostSmoothing);
+  check_between("weight_smoothing", settings.weight_smoothing, 0, kMostSmoothing);
+  check_between("blend", settings.blend, 0, 1);
+  check_between("iterations", settings.iterations, 0, kMostIterations);
+  check_between("prune", settings.prune, 0, 1);
+  check_variant(settings.variant);
+}
+
+void check_count(const char* name, std::size_t count, std::ptrdiff_t expected) {
+  if (static_cast<std::ptrdiff_t>(count) == expected) return;
+  fail(name, " has ", plural(static_cast<long long>(count), "number"), "; expected ", grouped(expected));
+}
+
+void check_finite(const char* name, std::span<const float> numbers) {
+  const auto wrong = std::ranges::find_if_not(numbers, [](float number) { return std::isfinite(number); });
+  if (wrong != numbers.end()) fail(name, " is not finite at number ", wrong - numbers.begin());
+}
+
+void check_arrays(const Skin& skin, const MushArrays& arrays) {
+  check_variant(arrays.variant);
+  const std::ptrdiff_t vertices = skin.vertex_count(), entries = std::ssize(arrays.joints);
+  check_count("offsets", arrays.offsets.size(), vertices + 1);
+  check_count("omega", arrays.omega.size(), entries * MushArrays::width_of(arrays.variant));
+  check_count("centers", arrays.centers.size(), 3 * vertices);
+  check_count("scales", arrays.scales.size(), vertices);
+  if (!std::ranges::is_sorted(arrays.offsets) || arrays.offsets.front() != 0 || arrays.offsets.back() != entries) {
+    fail("offsets does not rise from 0 to ", grouped(entries), ", the number of joints");
+  }
+  for (const std::int32_t joint : arrays.joints) {
+    if (joint >= 0 && joint < skin.joint_count()) continue;
+    fail("joints names joint ", joint, "; the skin has ", plural(skin.joint_count(), "joint"));
+  }
+  check_finite("omega", arrays.omega);
+  check_finite("centers", arrays.centers);
+  check_finite("scales", arrays.scales);
+}
+
+}  // namespace
+
+std::shared_ptr<DirectDeltaMush> DirectDeltaMush::compute(std::shared_ptr<const Skin> skin,
+                                                          std::span<const std::int32_t> face_offsets,
+                                                          std::span<const std::int32_t> face_vertices,
+                                                          const MushSettings& settings, Progress* progress) {
+  check_settings(settings);
+  check_face_offsets(face_offsets, std::ssize(face_vertices));
+  check_vertices("face_vertices", face_vertices, skin->vertex_count());
+  try {
+    const Laplacian own = laplacian(skin->rest_positions(), face_offsets, face_vertices, settings.laplacian);
+    stop_if_cancelled(progress);
+    const MushArrays arrays = precompute_mush(*skin, own, settings, progress);
+    return std::make_shared<DirectDeltaMush>(std::move(skin), arrays);
+  } catch (const Cancelled&) {
+    return nullptr;
+  }
+}
+
+DirectDeltaMush::DirectDeltaMush(std::shared_ptr<const Skin> skin, const MushArrays& arrays) : skin_(std::move(skin)) {
+  check_arrays(*skin_, arrays);
+  packed_ = std::make_unique<Packed>(arrays, skin_->joint_count());
+  pruned_ = arrays.pruned;
+  entries_ = std::ssize(arrays.joints);
+}
+
+DirectDeltaMush::~DirectDeltaMush() = default;
+
+int DirectDeltaMush::variant() const { return packed_->variant; }
+
+std::size_t DirectDeltaMush::bytes() const { return packed_->bytes(); }
+
+MushArrays DirectDeltaMush::arrays() const {
+  MushArrays arrays = packed_->arrays();
+  arrays.pruned = pruned_;
+  return arrays;
+}
+
+}  // namespace sinew

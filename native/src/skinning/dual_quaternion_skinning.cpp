@@ -1,0 +1,181 @@
+#include "skinning/dual_quaternion_skinning.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace sinew {
+namespace {
+
+using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
+using DualRows = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
+using Parts = Eigen::Map<const Eigen::Vector4f>;
+
+/// Summed dual quaternions applied to a point as Kavan 2008, algorithm 1, does it, on parts that are not yet normalised.
+Eigen::Vector3f applied(const Eigen::Vector4f& real, const Eigen::Vector4f& dual, const Eigen::Vector3f& point) {
+  const float norm2 = real.squaredNorm();
+  // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
+  if (norm2 < std::numeric_limits<float>::min()) return point;
+  const Eigen::Vector3f r = real.tail<3>(), d = dual.tail<3>();
+  const Eigen::Vector3f rotated = point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real[0] * point));
+  return rotated + 2 / norm2 * (real[0] * d - dual[0] * r + r.cross(d));
+}
+
+/// Calls add(joint, weight, weight with the sign of its rotation) for each influence; returns the sum of the rotations.
+/// Each sign is chosen against the sum so far, in stored order.
+template <class Add>
+Eigen::Vector4f sum_rotations(const Influences& influences, const Palette& palette, const Add& add) {
+  Eigen::Vector4f real = Eigen::Vector4f::Zero();
+  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
+    const std::int32_t j = influences.joints[i];
+    const Parts joint(palette.dual_quaternions[j].real);
+    const float weight = influences.weights[i];
+    const float sign = joint.dot(real) < 0 ? -weight : weight;
+    real += sign * joint;
+    add(j, weight, sign);
+  }
+  return real;
+}
+
+/// A vertex whose joints each stretch it by themselves. What they make of the dual part is summed first and applied to
+/// the point once.
+Eigen::Vector3f blend_each_stretched(const Influences& influences, const Palette& palette,
+                                     const Eigen::Vector3f& rest) {
+  Eigen::Vector4f rows[4];
+  for (auto& row : rows) row.setZero();
+  const Eigen::Vector4f real = sum_rotations(influences, palette, [&](std::int32_t j, float, float sign) {
+    for (int part = 0; part < 4; ++part) rows[part] += sign * Parts(palette.dual_parts[j].row[part]);
+  });
+  const Eigen::Vector4f homogeneous = rest.homogeneous();
+  Eigen::Vector4f dual;
+  for (int part = 0; part < 4; ++part) dual[part] = rows[part].dot(homogeneous);
+  return applied(real, dual, rest);
+}
+
+/// A vertex that is stretched first, by the mean of its joints' stretches.
+Eigen::Vector3f blend_stretched(const Influences& influences, const Palette& palette, const Eigen::Vector3f& rest) {
+  const Eigen::Vector4f homogeneous = rest.homogeneous();
+  Eigen::Vector4f dual = Eigen::Vector4f::Zero();
+  Eigen::Vector3f stretched = Eigen::Vector3f::Zero();
+  float weight_sum = 0;
+  const Eigen::Vector4f real = sum_rotations(influences, palette, [&](std::int32_t j, float weight, float sign) {
+    weight_sum += weight;
+    dual += sign * Parts(palette.dual_quaternions[j].dual);
+    if (palette.is_stretched[j]) stretched += weight * palette.displacement(j, homogeneous);
+  });
+  const Eigen::Vector3f point = weight_sum != 0 ? Eigen::Vector3f(rest + stretched / weight_sum) : rest;
+  return applied(real, dual, point);
+}
+
+float dot(const DualQuaternion& a, const DualQuaternion& b) {
+  float sum = 0;
+  for (int i = 0; i < 4; ++i) sum += a.real[i] * b.real[i];
+  return sum;
+}
+
+/// Gives each joint the sign that puts it on the side of its neighbours.
+void choose_signs(const BlockedSkin& skin, std::vector<DualQuaternion>& joints) {
+  for (const auto& [from, to] : skin.spanning) {
+    if (dot(joints[from], joints[to]) >= 0) continue;
+    for (float& part : joints[to].real) part = -part;
+    for (float& part : joints[to].dual) part = -part;
+  }
+}
+
+/// Where any two joints of a set agree in sign, and no weight is negative, every sum so far agrees
+/// with every joint: the signs that the stored order asks for are these (or all of them turned, which
+/// is the same motion), and a block need not look.
+void choose_ways(const BlockedSkin& skin, Palette& palette) {
+  const auto& joints = palette.dual_quaternions;
+  const auto agree = [&](const JointPair& pair) { return dot(joints[pair.first], joints[pair.second]) >= 0; };
+  const bool all_agree = std::ranges::all_of(skin.neighbours, agree);
+  const auto way_of = [&](std::uint32_t set) {
+    const auto own = skin.joints_of(set);
+    if (own.empty() || skin.has_negative_weights) return SetWay::one_by_one;
+    if (!palette.is_spoilt.empty() && palette.is_spoilt[set]) return SetWay::one_by_one;
+    for (std::size_t a = 0; a < own.size() && !all_agree; ++a) {
+      for (std::size_t b = 0; b < a; ++b) {
+        if (!agree({own[a], own[b]})) return SetWay::one_by_one;
+      }
+    }
+    const bool stretched = std::ranges::any_of(own, [&](std::uint32_t j) { return palette.is_stretched[j]; });
+    return stretched ? SetWay::stretched : SetWay::rigid;
+  };
+  palette.ways.clear();
+  for (std::uint32_t set = 0; set < skin.sets.size(); ++set) palette.ways.push_back(way_of(set));
+}
+
+/// What a joint adds to the dual part: half of real * (0, v) for a point that its stretch has moved by v before.
+DualPartRows dual_part_of(const DualQuaternion& joint, const MatrixRows& displacement, bool is_stretched) {
+  const float *const q = joint.real, *const d = joint.dual;
+  DualPartRows result{};
+  Eigen::Map<DualRows> rows(result.row[0]);
+  if (is_stretched) {
+    Eigen::Matrix<float, 4, 3> times;  // q (0, v) = times * v
+    times << -q[1], -q[2], -q[3],      //
+        q[0], -q[3], q[2],             //
+        q[3], q[0], -q[1],             //
+        -q[2], q[1], q[0];
+    rows.noalias() = 0.5f * times * Eigen::Map<const Rows>(displacement.row[0]);
+  }
+  rows.col(3) += Parts(d);
+  return result;
+}
+
+void add_joint(const RigidAndStretch& motion, Palette& palette) {
+  const Eigen::Quaternionf &r = motion.real, &d = motion.dual;
+  palette.dual_quaternions.push_back({{r.w(), r.x(), r.y(), r.z()}, {d.w(), d.x(), d.y(), d.z()}});
+  palette.displacements.emplace_back();
+  Eigen::Map<Rows>(palette.displacements.back().row[0]) = motion.displacement;
+  palette.is_stretched.push_back(!motion.is_rigid);
+}
+
+}  // namespace
+
+void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
+                             std::ptrdiff_t frame, const Space* space, Palette& palette) {
+  palette.stretch_each = rule.stretch == Stretch::frame_each;
+  palette.dual_quaternions.clear();
+  palette.displacements.clear();
+  palette.dual_parts.clear();
+  palette.is_stretched.clear();
+  const Matrix4<float> at_rest = Matrix4<float>::Identity();
+  for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
+    const Matrix4<float> matrix = matrices.at(frame, j);
+    // Most joints of a large rig may be at rest, or move no vertex of this mesh: no need to take them apart.
+    if (matrix == at_rest) {
+      add_joint({}, palette);
+      continue;
+    }
+    const RigidAndStretch own = taken_apart(matrix, rule, j);
+    add_joint(space ? carried(own, *space) : own, palette);
+  }
+  add_joint({}, palette);
+  choose_signs(skin, palette.dual_quaternions);
+  choose_ways(skin, palette);
+  if (!palette.stretch_each) return;
+  for (std::size_t j = 0; j < palette.dual_quaternions.size(); ++j) {
+    palette.dual_parts.push_back(
+        dual_part_of(palette.dual_quaternions[j], palette.displacements[j], palette.is_stretched[j]));
+  }
+}
+
+void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile) {
+  dual_quaternion_blocks(skin, tile, palette.quaternion_joints());
+  for (std::size_t b = tile.begin; b < tile.end; ++b) {
+    if (palette.ways[skin.blocks[b].joint_set] != SetWay::one_by_one) continue;
+    for (std::size_t v = b * kBlock; v < skin.vertex_after(b + 1); ++v) {
+      const std::size_t at = 3 * (v - tile.begin * kBlock);
+      dual_quaternion_vertex(skin.influences_of(v), palette, tile.rest + at, tile.positions + at);
+    }
+  }
+}
+
+void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest, float* out) {
+  const Eigen::Vector3f point = Eigen::Map<const Eigen::Vector3f>(rest);
+  const Eigen::Vector3f moved = palette.stretch_each ? blend_each_stretched(influences, palette, point)
+                                                     : blend_stretched(influences, palette, point);
+  std::copy_n(moved.data(), 3, out);
+}
+
+}  // namespace sinew

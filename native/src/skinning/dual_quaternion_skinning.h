@@ -1,0 +1,19 @@
+/// Dual quaternion skinning, a frame and a tile at a time.
+#pragma once
+
+#include "sinew/skinning_method.h"
+#include "sinew/types.h"
+#include "skinning/palette.h"
+
+namespace sinew {
+
+/// matrices: F x J, of which this is frame `frame`. space: a similarity into which the motions are carried, or null.
+void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
+                             std::ptrdiff_t frame, const Space* space, Palette& palette);
+
+void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
+
+/// One vertex, at `rest`, with influences of its own.
+void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest, float* out);
+
+}  // namespace sinew

@@ -1,0 +1,65 @@
+/// The inner loops, compiled for several instruction sets; the best that the machine has is taken
+/// at run time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "skinning/blocked_skin.h"
+
+namespace sinew {
+
+/// A joint's skinning matrix as the linear kernel reads it: the upper three rows.
+struct MatrixRows {
+  float row[3][4];
+};
+
+/// A joint's unit dual quaternion, each part w x y z.
+struct DualQuaternion {
+  float real[4];
+  float dual[4];
+};
+
+/// The dual part of a joint that stretches, for Stretch::frame_each: w x y z = row . (x y z 1), of the point that the
+/// joint moves when it has stretched it.
+struct DualPartRows {
+  float row[4][4];
+};
+
+/// How the vertices of a joint set are blended in this frame, their motions being dual quaternions.
+enum class SetWay : std::uint8_t {
+  rigid,       ///< by the kernel: no joint stretches
+  stretched,   ///< by the kernel
+  one_by_one,  ///< by the caller: two joints lie on different sides, or there is no set
+};
+
+/// A frame's joints: J + 1 of each, the last the identity.
+struct QuaternionJoints {
+  const DualQuaternion* joints;     ///< signs chosen: within a block every two of them lie on one side
+  const MatrixRows* displacements;  ///< how far each one's stretch moves a point
+  const DualPartRows* dual_parts;   ///< with Stretch::frame_each, else null; read where a set is stretched
+  const SetWay* ways;               ///< one for each joint set
+};
+
+/// Lanes of a register in the instruction set that is in use: which BlockedSkin the kernels take.
+int kernel_lanes();
+
+/// Highway's name of that instruction set.
+const char* kernel_target();
+
+/// Puts positions into the order of BlockedSkin::points.
+/// positions  vertices x 3.
+/// points     out, kBlockFloats a block, of which the last may hold fewer vertices than 16.
+void pack_points(const float* positions, std::size_t vertices, float* points);
+
+/// Linear blend skinning of one tile.
+/// palette    J + 1, the last the identity.
+void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* palette);
+
+/// Linear blend skinning of one vertex at p: matrices blended first. Without influences it stays.
+void linear_vertex(const Influences& influences, const float* p, const MatrixRows* palette, float* out);
+
+/// Dual quaternion skinning. Blocks of sets that go one by one are left for the caller.
+void dual_quaternion_blocks(const BlockedSkin& skin, const Tile& tile, const QuaternionJoints& joints);
+
+}  // namespace sinew

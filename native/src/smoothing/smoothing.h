@@ -1,0 +1,76 @@
+/// What the smoothing stages have in common: points in, iterations in pieces, points out.
+#pragma once
+
+#include <algorithm>
+
+#include "base/kept.h"
+#include "base/parallel.h"
+#include "smoothing/neighbourhood.h"
+
+namespace sinew {
+
+/// One frame's smoothing of one mesh.
+class Smoothing {
+ public:
+  /// microseconds  what all of it costs one thread, about.
+  Smoothing(const Neighbourhood& around, double microseconds, Kept<SmoothingSpace>& spaces)
+      : around_(around),
+        threads_(threads_pay(microseconds)),
+        space_(spaces.take([&] { return std::make_unique<SmoothingSpace>(around.point_count()); })),
+        from_(space_->from.get()),
+        to_(space_->to.get()) {}
+
+  /// positions  V x 3.
+  void take(const float* positions) {
+    take_points(
+        [&](std::size_t begin, std::size_t end, float* points) { around_.take(positions, begin, end, points); });
+  }
+
+  /// points  of the neighbourhood.
+  void take_own(const float* points) {
+    take_points([&](std::size_t begin, std::size_t end, float* own) {
+      std::copy(points + 4 * begin, points + 4 * end, own + 4 * begin);
+    });
+  }
+
+  /// Calls step(first block, end, from, to) for pieces, iteration by iteration.
+  template <class Step>
+  void iterate(int iterations, const Step& step) {
+    for (int k = 0; k < iterations; ++k) {
+      each_piece([&](std::size_t begin, std::size_t end) { step(begin, end, from_, to_); });
+      std::swap(from_, to_);
+    }
+  }
+
+  /// Calls body(first block, end) for pieces.
+  template <class Body>
+  void each_piece(const Body& body) const {
+    parallel_for(around_.block_count(), threads_ ? kBlocksPerPiece : around_.block_count(), body);
+  }
+
+  const float* points() const { return from_; }
+  /// Not in use between iterations.
+  float* other_points() const { return to_; }
+
+  void put(float* positions) const {
+    each_piece([&](std::size_t begin, std::size_t end) { around_.put(from_, begin, end, positions); });
+  }
+
+ private:
+  template <class Take>
+  void take_points(const Take& take) {
+    const std::size_t points = around_.point_count(), lanes = around_.block_count() * kBlock;
+    parallel_for(points, threads_ ? kBlocksPerPiece * kBlock : points, [&](std::size_t begin, std::size_t end) {
+      take(begin, end, from_);
+      if (end > lanes) take(std::max(begin, lanes), end, to_);
+    });
+  }
+
+  const Neighbourhood& around_;
+  bool threads_;
+  Kept<SmoothingSpace>::Loan space_;
+  float* from_;
+  float* to_;
+};
+
+}  // namespace sinew
