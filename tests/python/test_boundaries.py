@@ -189,7 +189,7 @@ def knows(path, *names):
 def test_only_parallel_cpp_knows_tbb():
     users = {path.relative_to(ROOT / "native") for path in headers_and_sources() if knows(path, "tbb")}
     # The benchmarks' too: the student report's parallel program is measured as it was.
-    assert users == {Path("src/parallel.cpp"), Path("bench/baselines.cpp")}
+    assert users == {Path("src/base/parallel.cpp"), Path("bench/baselines.cpp")}
 
 
 def test_what_a_thread_keeps_is_kept_by_per_thread_h():
