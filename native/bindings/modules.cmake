@@ -16,13 +16,14 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_deformer.cpp
     bindings/bind_direct_delta_mush.cpp
     bindings/bind_files.cpp
-    bindings/bind_host.cpp
     bindings/bind_method_data.cpp
-    bindings/bind_shortcut.cpp
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
+    bindings/host/bind_host.cpp
+    bindings/host/bind_shortcut.cpp
     bindings/module.cpp)
+  target_include_directories(${target} PRIVATE bindings)
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
   target_link_libraries(${target} PRIVATE sinew)
   if(UNIX AND NOT APPLE)

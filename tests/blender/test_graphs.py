@@ -65,11 +65,11 @@ def add_modifier(ob):
 
 def as_if_just_copied(old):
     """An evaluated object and its mesh and keys, as a graph has them that has not deformed them yet."""
-    memory, wiring = addon_module("blender.memory"), addon_module("binding.wiring")
+    marks, wiring = addon_module("host.marks"), addon_module("binding.wiring")
     hook = wiring.hook_of(old, wiring.carrier_of(old))
     mesh = wiring.waits_for(hook, "mesh")
-    memory.clear_mark(old, "OBJECT")
-    memory.clear_mark(mesh, "MESH")
+    marks.clear_mark(old, "OBJECT")
+    marks.clear_mark(mesh, "MESH")
 
 
 @pytest.mark.parametrize(
@@ -94,12 +94,12 @@ def test_an_older_copy_says_nothing_of_a_newer_one(two_graphs, edit):
 
 def test_an_older_copy_of_the_bones_says_nothing_of_a_newer_one(two_graphs):
     scene, ob, twin, armature, graph = two_graphs
-    memory, old = addon_module("blender.memory"), ob.evaluated_get(graph)
+    marks, old = addon_module("host.marks"), ob.evaluated_get(graph)
     armature.data.bones["bone2"].use_deform = False
     bpy.context.view_layer.update()
     assert_same_shape(ob, twin)
     as_if_just_copied(old)
-    memory.clear_mark(old.modifiers["Armature"].object.data, "ARMATURE")
+    marks.clear_mark(old.modifiers["Armature"].object.data, "ARMATURE")
     addon_module("session.in_pass").deform_now(old)
     for frame in (5, 6, 7, 8):
         scene.frame_set(frame)
@@ -147,9 +147,9 @@ def assert_edits_are_seen(scene, ob, twin):
 
 def marked(ob, armature):
     """The original data-blocks of a character that have a mark."""
-    memory = addon_module("blender.memory")
+    marks = addon_module("host.marks")
     blocks = {"OBJECT": ob, "MESH": ob.data, "ARMATURE": armature.data, "KEY": ob.data.shape_keys}
-    return [kind for kind, block in blocks.items() if block is not None and memory.is_marked(block, kind)]
+    return [kind for kind, block in blocks.items() if block is not None and marks.is_marked(block, kind)]
 
 
 def test_a_mesh_made_from_an_evaluated_one(playing):
@@ -186,12 +186,12 @@ def test_an_armature_made_from_an_evaluated_one(playing):
 def test_a_file_with_marks(playing, tmp_path):
     """As other programs may leave in bytes that Blender does not use, and Sinew 0.2 did."""
     scene, ob, twin, armature = playing
-    memory = addon_module("blender.memory")
+    marks = addon_module("host.marks")
     names = ob.name, twin.name, armature.name
     for kind, block in (("OBJECT", ob), ("MESH", ob.data), ("ARMATURE", armature.data), ("KEY", ob.data.shape_keys)):
         if block is not None:
-            memory.take_mark(block, kind)
-            assert memory.is_marked(block, kind)
+            marks.take_mark(block, kind)
+            assert marks.is_marked(block, kind)
     path = str(tmp_path / "marked.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)

@@ -1,7 +1,5 @@
 """Blender's own tools on a bound mesh do what they do on its twin that the Armature modifier deforms."""
 
-from types import SimpleNamespace
-
 import bpy
 import numpy as np
 import pytest
@@ -248,38 +246,38 @@ def test_the_modifier_sinew_as_a_shape_key_is_refused(pair):
 def test_painted_weights_are_read_whole(pair, monkeypatch):
     """A dab must not cost a loop over all vertices. Through the API the same comes out."""
     ob, twin = pair
-    meshes, memory = addon_module("blender.meshes"), addon_module("blender.memory")
+    meshes, weights = addon_module("blender.meshes"), addon_module("host.deform_verts")
     assert all(np.array_equal(a, b) for a, b in zip(meshes.read_weights(ob.data), meshes._weights_by_bmesh(ob.data)))
     one_by_one = []
     monkeypatch.setattr(meshes, "_weights_by_bmesh", one_by_one.append)
     for known in (False, True):
-        monkeypatch.setattr(memory, "_weights_are_known", known)
+        monkeypatch.setattr(weights, "_weights_are_known", known)
         for each in pair:
             each.vertex_groups["bone1"].add(range(300 + 100 * known), 0.8, "REPLACE")
             each.data.update()
         bpy.context.view_layer.update()
         assert_same_shape(ob, twin)
-        assert memory._weights_are_known and one_by_one == []
+        assert weights._weights_are_known and one_by_one == []
 
 
 @pytest.mark.parametrize("spoil", ("count", "weight"))
 def test_weights_that_lie_elsewhere_are_read_one_by_one(pair, monkeypatch, spoil):
     """As they would in a Blender whose memory looks otherwise."""
     ob, twin = pair
-    meshes, memory = addon_module("blender.meshes"), addon_module("blender.memory")
-    monkeypatch.setattr(memory, "_weights_are_known", False)
-    read, asked = memory.host.read_weights, []
+    meshes, weights = addon_module("blender.meshes"), addon_module("host.deform_verts")
+    monkeypatch.setattr(weights, "_weights_are_known", False)
+    read, asked = weights.read, []
 
     def wrong(address, count):
-        offsets, groups, weights = read(address, count)
-        return (offsets, groups, weights + 1) if spoil == "weight" else (offsets, groups[:-1], weights[:-1])
+        offsets, groups, numbers = read(address, count)
+        return (offsets, groups, numbers + 1) if spoil == "weight" else (offsets, groups[:-1], numbers[:-1])
 
     by_bmesh = meshes._weights_by_bmesh
-    monkeypatch.setattr(memory, "host", SimpleNamespace(**{**vars(memory.host), "read_weights": wrong}))
+    monkeypatch.setattr(weights, "read", wrong)
     monkeypatch.setattr(meshes, "_weights_by_bmesh", lambda mesh: asked.append(mesh) or by_bmesh(mesh))
     for each in pair:
         each.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")
         each.data.update()
     bpy.context.view_layer.update()
-    assert asked and not memory._weights_are_known
+    assert asked and not weights._weights_are_known
     assert_same_shape(ob, twin)

@@ -16,7 +16,8 @@ MODULES = sorted(ADDON.rglob("*.py"))
 # From the lowest. What stands together in one does not know each other, but for the files of KNOT.
 LAYERS = (
     {"native"},
-    {"blender", "deform", "feedback"},
+    {"deform", "feedback", "host"},
+    {"blender"},
     {"binding", "rigs", "session"},
     {"bake", "profiling"},
     {"crowd"},
@@ -25,13 +26,7 @@ LAYERS = (
 )
 KNOT = {"binding", "rigs", "session"}
 # Likewise the folders of native/src.
-NATIVE_LAYERS = (
-    {"base"},
-    {"files", "mesh", "skeleton"},
-    {"skinning"},
-    {"mush", "smoothing"},
-    {"deformer"},
-)
+NATIVE_LAYERS = ({"base"}, {"files", "mesh", "skeleton"}, {"skinning"}, {"mush", "smoothing"}, {"deformer"})
 PURE = {
     "bake.baked",
     "bake.frame_range",

@@ -6,7 +6,8 @@ What Sinew does not know goes on in Blender, with Sinew's shape as its input.
 
 from dataclasses import dataclass
 
-from ..blender import memory, modifier_types, nodes
+from ..blender import modifier_types, nodes
+from ..host import vector_arrays
 from ..session.stages import KINDS
 from . import wiring
 
@@ -79,7 +80,7 @@ def why_not_bound(ob, modifier):
         return ""
     if not modifier.is_bind:
         return "it is not bound: press Bind in that modifier"
-    bound, own = memory.bound_count(modifier), len(ob.data.vertices)
+    bound, own = vector_arrays.bound_count(modifier), len(ob.data.vertices)
     return f"it was bound to {bound:,} vertices, and the mesh has {own:,}: bind it again" if bound != own else ""
 
 

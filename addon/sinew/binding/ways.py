@@ -7,6 +7,7 @@ Armature modifier. Where it does not, Blender's own modifier goes on deforming: 
 from dataclasses import dataclass
 
 from ..blender import animation, armatures, modifier_types, nodes
+from ..host import contract
 from . import runs, wiring
 
 ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
@@ -59,6 +60,8 @@ def _asks_for_sinew(ob, taken):
 def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_armature=False):
     """The same of a mesh that is to be bound. taken: the Armature modifiers that Sinew is to stand in for;
     gets_armature: it has none, but is to get one, the first of all."""
+    if contract.trouble():
+        return Way(BLENDER, contract.trouble())
     for modifier in ob.original.modifiers:
         if modifier in taken[:1] or not taken:
             break

@@ -15,7 +15,8 @@ Blender's tools find the modifier that they look for.
 import bpy
 import numpy as np
 
-from ..blender import animation, memory, meshes, values
+from ..blender import animation, meshes, values
+from ..host import switches
 
 HOOK = "sinew.deform_now"
 CARRIER = "use_apply_on_spline"  # of a modifier: for curves alone
@@ -99,13 +100,13 @@ def switch(ob, taken, shown, binds, run, own, deforms, through_keys):
     for number, name in enumerate(taken):
         evaluated = modifiers[name]
         if deforms or shown[number] is not None:
-            memory.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
+            switches.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
         if through_keys:
-            memory.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
+            switches.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
     for name in run.stages:
-        memory.switch_modifier(modifiers[name], *(OFF if deforms else run.shown))
+        switches.switch_modifier(modifiers[name], *(OFF if deforms else run.shown))
     if own is not None:
-        memory.switch_modifier(modifiers[own], *(run.shown if deforms and not through_keys else OFF))
+        switches.switch_modifier(modifiers[own], *(run.shown if deforms and not through_keys else OFF))
 
 
 def shown_of(ob, modifier):

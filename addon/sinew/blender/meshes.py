@@ -4,7 +4,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import memory
+from ..host import deform_verts, vector_arrays
 
 
 def read_positions(mesh):
@@ -37,7 +37,7 @@ def write_positions(mesh, positions):
         mesh.vertices.foreach_set("co", flat)
         mesh.update()
     else:
-        numbers = memory.attribute_vectors(attribute, len(positions))
+        numbers = vector_arrays.attribute_vectors(attribute, len(positions))
         if numbers is None:
             attribute.data.foreach_set("vector", flat)
         else:
@@ -156,12 +156,12 @@ def read_faces(mesh):
 def read_weights(mesh):
     """offsets (V + 1,) int64, groups (N,) int32, weights (N,) float32, in the order in which Blender stores them:
     dual quaternion skinning depends on it."""
-    address = memory.deform_vertices(mesh) if not mesh.is_editmode else None
+    address = deform_verts.deform_vertices(mesh) if not mesh.is_editmode else None
     if address is None:
         return _weights_by_bmesh(mesh)
     if address == 0:
         return np.zeros(len(mesh.vertices) + 1, np.int64), np.empty(0, np.int32), np.empty(0, np.float32)
-    return memory.host.read_weights(address, len(mesh.vertices))
+    return deform_verts.read(address, len(mesh.vertices))
 
 
 def read_object_weights(ob):

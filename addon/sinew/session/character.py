@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..blender import memory, meshes, nodes, values
+from ..blender import meshes, nodes, values
+from ..host import marks
 from . import mail, methods, plans, stages
 from .graph_copies import GraphCopy, OlderThanOriginal, Shared
 
@@ -200,7 +201,7 @@ class Character:
 
     def is_at_work(self, copy, ob):
         """Whether Sinew is to deform this evaluated object in this pass. copy: its GraphCopy."""
-        if not memory.take_mark(ob, "OBJECT"):
+        if not marks.take_mark(ob, "OBJECT"):
             copy.forget_plan()
         if copy.looks != self.looks:
             if ob.modifiers.keys() != ob.original.modifiers.keys():

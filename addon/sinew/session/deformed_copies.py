@@ -7,7 +7,8 @@ import threading
 import bpy
 
 from ..binding import deformed_copy, ways, wiring
-from ..blender import memory, meshes, nodes, values
+from ..blender import meshes, nodes, values
+from ..host import key_blocks, vector_arrays
 from . import character, characters
 
 log = logging.getLogger("sinew")
@@ -104,8 +105,8 @@ def _shape_of(seen, ob, evaluated):
     if count == 0:
         return meshes.read_positions(ob.data)
     if plan.way.kind == ways.KEYS:
-        return memory.key_positions(memory.key_addresses(mesh.shape_keys)[0], count)
-    return memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+        return key_blocks.key_positions(key_blocks.key_addresses(mesh.shape_keys)[0], count)
+    return vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
 
 
 def _is_shown(plan, evaluated):

@@ -7,7 +7,7 @@ are no longer needed. The next evaluation sets them again.
 """
 
 from ..binding import wiring
-from ..blender import memory
+from ..host import key_blocks, marks
 from . import characters
 
 
@@ -30,10 +30,10 @@ def _restore_keys(copy, ob):
     """They count as read all the same: the next evaluation need not read them again."""
     hook = copy.plan.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
-    if not keys or copy.keys is None or not memory.is_marked(keys, "KEY"):
+    if not keys or copy.keys is None or not marks.is_marked(keys, "KEY"):
         return
-    addresses = memory.key_addresses(keys)
-    memory.give_keys_back(addresses)
-    base = memory.key_positions(addresses[0], len(copy.keys.base))
+    addresses = key_blocks.key_addresses(keys)
+    key_blocks.give_keys_back(addresses)
+    base = key_blocks.key_positions(addresses[0], len(copy.keys.base))
     if base is not None:
         base[:] = copy.keys.base

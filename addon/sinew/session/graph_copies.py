@@ -12,7 +12,8 @@ import weakref
 import numpy as np
 
 from ..binding import ways, wiring
-from ..blender import memory, meshes
+from ..blender import meshes
+from ..host import deform_verts
 from ..native import sinew_native
 from . import layers, methods, stages
 
@@ -139,7 +140,7 @@ class GraphCopy:
         self.read_weights(mesh)
 
     def read_weights(self, mesh):
-        found = layers.Weights.of(mesh, memory.group_names(mesh), meshes.read_weights)
+        found = layers.Weights.of(mesh, deform_verts.group_names(mesh), meshes.read_weights)
         if not found.same_as(self.weights):
             shared = self.character.shared
             self.weights = shared.equal_to(layers.Weights, found.same_as) or shared.add(found)

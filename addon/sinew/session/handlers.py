@@ -9,8 +9,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..binding import bind, deformed_copy, old_files, shared_group, ways, wiring
-from ..blender import memory, meshes, nodes, values
+from ..blender import meshes, nodes, values
 from ..feedback import notice
+from ..host import contract, places
 from ..rigs import posing
 from ..rigs.clip_store import has_poses
 from . import callbacks, characters, deformed_copies, exporters, mail, precomputing, whole_frames, write_lock
@@ -250,7 +251,8 @@ def take_over_open_file():
     if not _is_file_unknown or not _is_main_thread():
         return
     _is_file_unknown = False
-    memory.place_layout()
+    contract.trouble()
+    places.place_layout()
     for ob in characters.bound_objects():
         if old_files.is_old(ob):
             bind.bind_anew(ob)

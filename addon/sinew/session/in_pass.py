@@ -10,7 +10,8 @@ from time import perf_counter
 import numpy as np
 
 from ..binding import wiring
-from ..blender import memory, meshes, nodes, values
+from ..blender import meshes, nodes, values
+from ..host import contract, key_blocks, marks, vector_arrays
 from ..rigs import posing
 from . import characters, graph_copies, shape_keys, shortcuts, stages
 
@@ -21,6 +22,11 @@ def deform_now(ob):
     try:
         if not shortcuts.take(ob) and ob.is_evaluated and ob.sinew.is_bound:
             entry = characters.of(ob)
+            if contract.is_broken():
+                _stand_back(entry, entry.copy_of(ob), ob)
+                if entry.way.in_pass:
+                    entry.look(ob)
+                return
             _deform(entry, entry.copy_of(ob), ob)
     except (graph_copies.NotYet, values.Flat):  # flat: each version of Blender has its own way with that
         entry = characters.of(ob)
@@ -69,14 +75,14 @@ def _prepare(copy, ob):
     """What the frame needs: input, pose, and where the shape goes."""
     mesh = wiring.waits_for(copy.hook_of(ob), "mesh")
     key_values = addresses = None
-    is_edited = not memory.take_mark(mesh, "MESH") or copy.mesh_address != mesh.as_pointer()
+    is_edited = not marks.take_mark(mesh, "MESH") or copy.mesh_address != mesh.as_pointer()
     is_fresh = is_edited or not copy.is_read()
     if is_fresh:
         copy.read_mesh(mesh, is_edited)
     if copy.goes_through_keys():
-        addresses = memory.key_addresses(mesh.shape_keys)
+        addresses = key_blocks.key_addresses(mesh.shape_keys)
         _read_keys(copy, ob, mesh)
-        key_values = memory.silence_keys(addresses)
+        key_values = key_blocks.silence_keys(addresses)
     elif is_fresh:
         copy.forget_keys()
         copy.take_rest(meshes.read_positions(mesh))
@@ -87,9 +93,9 @@ def _prepare(copy, ob):
     )
     copy.check_it_pays()
     if copy.goes_through_keys():
-        out = memory.key_positions(addresses[0], count)
+        out = key_blocks.key_positions(addresses[0], count)
     else:
-        out = memory.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+        out = vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
     if out is None:
         out = np.empty((count, 3), np.float32)  # no vertex
     in_order = copy.stages.at(
@@ -102,7 +108,7 @@ def _read_keys(copy, ob, mesh):
     """A fresh copy of the keys may have been edited. One that is silenced has no base of its own any more: if it is
     not known here, the original has it."""
     keys = mesh.shape_keys
-    fresh = not memory.take_mark(keys, "KEY")
+    fresh = not marks.take_mark(keys, "KEY")
     if not fresh and copy.keys is not None and copy.keys_address == keys.as_pointer():
         return
     copy.keys_address = keys.as_pointer()
@@ -117,7 +123,7 @@ def _give_keys_back(copy, ob):
     hook = copy.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
     original = ob.original.data
-    if not keys or not memory.is_marked(keys, "KEY") or keys.original != original.shape_keys:
+    if not keys or not marks.is_marked(keys, "KEY") or keys.original != original.shape_keys:
         return  # they are as they were, or of a mesh that the object no longer has
     if copy.keys is None or copy.keys_address != keys.as_pointer():
         copy.read_weights(original)

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..blender import armatures, memory, values
+from ..blender import armatures, values
 from ..deform.clips import transformed
 from ..deform.influences import Bones, Influences, Rules, group_weights, influences
+from ..host import marks, motions
 from ..native import sinew_native
 from . import methods
 
@@ -100,7 +101,7 @@ def edition_of_bones(armature):
     data = armature.data
     key, address = values.key_of(data), data.as_pointer()
     with _editions_lock:
-        if memory.take_mark(data, "ARMATURE") and address in _copies:
+        if marks.take_mark(data, "ARMATURE") and address in _copies:
             return key, _copies[address]
         signature = armatures.bone_signature(armature)
         known = _numbers.setdefault(key, [])
@@ -159,7 +160,7 @@ class Layer:
         """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
         numbers = self._blank.copy()
         if is_posed(armature):
-            memory.read_pose(armature, self.first_joint, self.bones.joint_counts, numbers)
+            motions.read(armature, self.first_joint, self.bones.joint_counts, numbers)
         return numbers.transpose(0, 2, 1)
 
     def with_channels(self, channels):

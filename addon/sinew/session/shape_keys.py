@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..blender import memory
+from ..host import key_blocks, marks
 from ..native import sinew_native
 
 
@@ -22,7 +22,7 @@ class Keys:
 def read(keys, vertex_count, weights):
     """keys: a key data-block that is not silenced; weights: layers.Weights of its mesh."""
     blocks = list(keys.key_blocks)
-    positions = [memory.key_positions(address, vertex_count) for address in memory.key_addresses(keys)]
+    positions = [key_blocks.key_positions(address, vertex_count) for address in key_blocks.key_addresses(keys)]
     for block, numbers in zip(blocks, positions):
         if numbers is None:
             raise ValueError(f"Shape key {block.name} and the mesh have different numbers of vertices: delete that key")
@@ -38,11 +38,11 @@ def read(keys, vertex_count, weights):
 
 def give_back(keys, known):
     """Has Blender sum the keys of an evaluated copy itself again, if they were silenced."""
-    addresses = memory.key_addresses(keys)
-    if len(addresses) == 0 or not memory.is_marked(keys, "KEY"):
+    addresses = key_blocks.key_addresses(keys)
+    if len(addresses) == 0 or not marks.is_marked(keys, "KEY"):
         return
-    memory.clear_mark(keys, "KEY")
-    memory.give_keys_back(addresses)
-    base = memory.key_positions(addresses[0], len(known.base))
+    marks.clear_mark(keys, "KEY")
+    key_blocks.give_keys_back(addresses)
+    base = key_blocks.key_positions(addresses[0], len(known.base))
     if base is not None:
         base[:] = known.base

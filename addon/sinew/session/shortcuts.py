@@ -5,8 +5,10 @@ holds, the next frame of this evaluated object needs its pose, its place and the
 """
 
 from ..binding import wiring
-from ..blender import memory, nodes
-from . import character, layers, stages
+from ..blender import nodes
+from ..host import contract, motions, places, switches, watch
+from ..native import sinew_native
+from . import character, layers
 
 _known = {}  # address of an evaluated object -> Shortcut
 
@@ -24,51 +26,30 @@ class Shortcut:
         ]
         target = wiring.target_of(copy.hook_of(ob), "mesh")
         self._mesh = target.id
-        watched = [
-            memory.mark_region(ob, "OBJECT"),
-            memory.origin_region(ob),
-            memory.region(ob, "Object", "mode"),
-            *memory.place_regions(ob),
-            memory.region(target, "DriverTarget", "*id"),
-            memory.mark_region(self._mesh, "MESH"),
-        ]
-        keys = None
-        if copy.goes_through_keys():
-            block = self._mesh.shape_keys
-            watched += [memory.region(self._mesh, "Mesh", "*key"), memory.mark_region(block, "KEY")]
-            keys = memory.key_addresses(block).tolist(), memory.key_layout()
-        for modifier, armature in zip(taken, armatures):
-            watched += [
-                memory.region(modifier, "ArmatureModifierData", name)
-                for name in ("deformflag", "multi", "defgrp_name", "*object")
-            ]
-            watched += [
-                *memory.place_regions(armature),
-                memory.region(armature, "Object", "mode"),
-                memory.region(armature, "Object", "*data"),
-                memory.mark_region(armature.data, "ARMATURE"),
-                memory.region(armature.data, "bArmature", "flag"),
-            ]
+        has_keys = copy.goes_through_keys()
+        watched = watch.of_object(ob, target, self._mesh, has_keys)
+        for modifier in taken:
+            watched += watch.of_armature(modifier)
         for modifier in behind:
-            watched += stages.watched(modifier)
-        switches = [memory.mode_switch(modifier, *wiring.OFF) for modifier in (*taken, *behind)]
+            watched += watch.of_stage(modifier)
+        modes = [switches.mode_switch(modifier, *wiring.OFF) for modifier in (*taken, *behind)]
         if plan.own is not None:
-            shown = wiring.OFF if keys else plan.run.shown
-            switches.append(memory.mode_switch(ob.modifiers[plan.own], *shown))
+            shown = wiring.OFF if has_keys else plan.run.shown
+            modes.append(switches.mode_switch(ob.modifiers[plan.own], *shown))
         poses = [
-            (memory.region(armature, "Object", "*pose")[0], layer.first_joint, layer.bones.joint_counts)
+            (motions.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
             for layer, armature in zip(copy.layers, armatures)
         ]
-        self._has_keys = keys is not None
-        self._native = memory.host.Shortcut(
+        self._has_keys = has_keys
+        self._native = sinew_native.host.Shortcut(
             copy.deformer,
             watched,
             poses,
-            memory.posed_layout(),
-            [(memory.place_address(ob), memory.place_address(armature)) for armature in armatures],
-            switches,
+            motions.pose_layout(),
+            [(places.place_address(ob), places.place_address(armature)) for armature in armatures],
+            modes,
             copy.stages.at(ob, copy.stage_names(ob), None),
-            keys,
+            watch.key_source(self._mesh.shape_keys) if has_keys else None,
             copy.rest_of_stages(),
         )
         self.milliseconds = self._native.milliseconds
@@ -80,14 +61,15 @@ class Shortcut:
         """Deforms. False: nothing was done, the whole way is to be gone."""
         if not self.holds():
             return False
-        # Asking for the address makes Blender give the mesh numbers of its own: see memory.attribute_vectors.
+        # Asking for the address makes Blender give the mesh numbers of its own: see host/vector_arrays.py.
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         return self._native.deform(out)
 
     def _is_asked_for(self):
         copy = self.copy
         return (
-            copy.looks == copy.character.looks
+            not contract.is_broken()
+            and copy.looks == copy.character.looks
             and not character.stands_aside()
             and all(layers.is_edition(*edition) for edition in self._editions)
         )
@@ -134,8 +116,8 @@ def _is_plain(copy, ob):
     return (
         copy.deformer.vertex_count > 0
         and ob.sinew.source != "CLIP"
-        and all(stages.KINDS[ob.modifiers[name].type].WATCHED for name in plan.run.stages)
+        and all(watch.can_watch(ob.modifiers[name].type) for name in plan.run.stages)
         and all(not layer.influences.depend_on_shape for layer in copy.layers)
         and all(layers.is_posed(armature) for armature in armatures)
-        and (not armatures or None not in map(memory.place_address, (ob, *armatures)))
+        and (not armatures or None not in map(places.place_address, (ob, *armatures)))
     )

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..blender import memory, meshes, values
+from ..blender import meshes, values
+from ..host import deform_verts, vector_arrays
 from ..native import sinew_native
 
 # Blender 4.1 weights corners by a polynomial in place of the arc cosine, and no longer ignores negative factors.
@@ -26,15 +27,13 @@ class Source:
 
     def group(self, modifier):
         """(V,) weights of the modifier's vertex group, or None."""
-        if memory.deform_vertices(self.mesh) == 0:  # not even empty ones
+        if deform_verts.deform_vertices(self.mesh) == 0:  # not even empty ones
             return None
         return self.weights.of_group(modifier.vertex_group)
 
 
 class CorrectiveSmooth:
     SETTINGS = "vertex_group", "invert_vertex_group", "use_pin_boundary", "rest_source", "use_only_smooth"
-    STRUCT = "CorrectiveSmoothModifierData"
-    WATCHED = "lambda", "scale", "repeat", "flag", "smooth_type", "rest_source", "defgrp_name"
 
     @staticmethod
     def arrays(modifier, source):
@@ -42,7 +41,7 @@ class CorrectiveSmooth:
         if modifier.use_only_smooth:
             rest = None
         elif modifier.rest_source == "BIND":
-            rest = memory.bound_positions(modifier)
+            rest = vector_arrays.bound_positions(modifier)
         return source.group(modifier), rest
 
     @staticmethod
@@ -60,8 +59,6 @@ class CorrectiveSmooth:
 
 class Smooth:
     SETTINGS = "vertex_group", "invert_vertex_group"
-    STRUCT = "SmoothModifierData"
-    WATCHED = "fac", "repeat", "flag", "defgrp_name"
 
     @staticmethod
     def arrays(modifier, source):
@@ -81,7 +78,6 @@ class Smooth:
 
 class Hook:
     SETTINGS = "vertex_group", "invert_vertex_group"
-    WATCHED = None  # where its object is cannot be watched
 
     @staticmethod
     def arrays(modifier, source):
@@ -194,12 +190,6 @@ class Stages:
 
     def _make(self, kind, modifier, settings, arrays):
         return _Made(settings, arrays, kind.make(modifier, self._topology, *arrays))
-
-
-def watched(modifier):
-    """[(address, size)] of what decides on the stage of an evaluated modifier, of a kind that can be watched."""
-    kind = KINDS[modifier.type]
-    return [memory.region(modifier, kind.STRUCT, name) for name in kind.WATCHED]
 
 
 def _settings(kind, modifier):

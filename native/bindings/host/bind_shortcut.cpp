@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "arrays.h"
-#include "memory.h"
+#include "host/memory.h"
 #include "sinew/deformer.h"
 #include "stages.h"
 

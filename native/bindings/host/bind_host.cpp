@@ -4,11 +4,11 @@
 #include <array>
 
 #include "arrays.h"
-#include "memory.h"
+#include "host/memory.h"
 
 // Blender keeps weights, poses and shape keys in lists of its own structs, which its Python API
 // hands over one by one. These functions read them whole, by address. Where a member lies is the
-// caller's to know (addon/sinew/blender/layout.py reads it from Blender's own description); what is
+// caller's to know (addon/sinew/host/contract.py, which checks it against Blender's own description); what is
 // checked here is only what the structs say of themselves.
 
 namespace sinew::bindings {

@@ -1,0 +1,70 @@
+"""A mesh's vertex groups and weights, read whole."""
+
+import ctypes
+
+from ..native import sinew_native
+from . import contract
+
+_DEFORM_VERTICES = 2  # Blender's number for that kind of data on vertices
+_MOST_GROUPS = 1 << 20
+_SOME = 64  # vertices that are looked at
+
+
+def _address_at(address):
+    return ctypes.c_uint64.from_address(address).value
+
+
+def group_names(mesh):
+    """Names of the vertex groups of that very copy of a mesh."""
+    first = _address_at(contract.region(mesh, "Mesh", "vertex_group_names")[0])
+    offset, size = contract.offset("bDeformGroup", "name"), contract.size("bDeformGroup", "name")
+    addresses = sinew_native.host.list_addresses(first, _MOST_GROUPS).tolist()
+    return tuple(ctypes.string_at(address + offset, size).partition(b"\0")[0].decode() for address in addresses)
+
+
+def deform_vertices(mesh):
+    """Address of the mesh's array of weights; 0 if it has none, None if it cannot be found."""
+    if contract.trouble():
+        return None
+    vertex_data = contract.region(mesh, "Mesh", "vdata")[0]
+    layers = _address_at(vertex_data + contract.offset("CustomData", "*layers"))
+    count = ctypes.c_int32.from_address(vertex_data + contract.offset("CustomData", "totlayer")).value
+    for number in range(count):
+        at = layers + number * contract.struct_size("CustomDataLayer")
+        if ctypes.c_int32.from_address(at + contract.offset("CustomDataLayer", "type")).value == _DEFORM_VERTICES:
+            address = _address_at(at + contract.offset("CustomDataLayer", "*data"))
+            return address if _is_where_the_api_says(mesh, address) else None
+    return None if _lacks_what_the_api_says(mesh) else 0
+
+
+def read(address, count):
+    """offsets (V + 1,) int64, groups (N,) int32, weights (N,) float32 of the array of weights there. count: V."""
+    return sinew_native.host.read_weights(address, count)
+
+
+_weights_are_known = False  # to lie where they are looked for
+
+
+def _is_where_the_api_says(mesh, address):
+    """Whether some vertices' weights are there. Looked at until some were, and never again: asking for them, later
+    versions copy the weights of the whole mesh."""
+    global _weights_are_known
+    if _weights_are_known:
+        return True
+    count = len(mesh.vertices)
+    compared = 0
+    for index in {0, count // 2, count - 1} if count else ():
+        _offsets, groups, weights = read(address + contract.struct_size("MDeformVert") * index, 1)
+        said = [(entry.group, entry.weight) for entry in mesh.vertices[index].groups]
+        if said != list(zip(groups.tolist(), weights.tolist())):
+            return False
+        compared += len(said)
+    _weights_are_known = compared > 0
+    return True
+
+
+def _lacks_what_the_api_says(mesh):
+    """Whether Blender has weights of a mesh in which none were found: then they have moved to another storage."""
+    count = len(mesh.vertices)
+    some = range(0, count, max(1, count // _SOME))
+    return not _weights_are_known and any(len(mesh.vertices[index].groups) for index in some)

@@ -1,0 +1,64 @@
+"""Shape keys of evaluated meshes: their values and numbers."""
+
+import ctypes
+import functools
+
+import numpy as np
+
+from ..native import sinew_native
+from . import contract, proof, vector_arrays
+
+
+@functools.cache
+def key_layout():
+    """Byte offsets in a key of its flags, its value, the address of its points, and their number."""
+    return tuple(contract.offset("KeyBlock", name) for name in ("flag", "curval", "*data", "totelem"))
+
+
+def key_addresses(keys):
+    """(K,) of an evaluated key data-block's keys."""
+    blocks = keys.key_blocks
+    count = len(blocks)
+    addresses = sinew_native.host.list_addresses(blocks[0].as_pointer(), count) if count else np.empty(0, np.int64)
+    if count and proof.is_due("keys"):
+        _prove(blocks, addresses)
+    return addresses
+
+
+def key_positions(address, count):
+    """(count, 3) float32: a key's numbers themselves, or None if it has another number of them."""
+    _flag, _value, data, total = key_layout()
+    address = int(address)
+    if ctypes.c_int32.from_address(address + total).value != count:
+        return None
+    return vector_arrays.vectors_at(ctypes.c_uint64.from_address(address + data).value, count)
+
+
+def silence_keys(addresses):
+    """Has Blender add nothing to the reference key in an evaluated copy. Returns (K,) float32, the keys' values, 0
+    for what the user has muted."""
+    return sinew_native.host.silence_keys(addresses, key_layout()[:2])
+
+
+def give_keys_back(addresses):
+    sinew_native.host.give_keys_back(addresses, key_layout()[0])
+
+
+_MUTED = 1  # a bit of a key's flags
+
+
+def _prove(blocks, addresses):
+    """Compares each key's place, value and whether it is muted, and the numbers of the last one."""
+    flag, value, _data, _total = key_layout()
+    is_same = [block.as_pointer() for block in blocks] == addresses.tolist() and all(
+        np.array_equal(ctypes.c_float.from_address(address + value).value, block.value, equal_nan=True)
+        and bool(ctypes.c_uint16.from_address(address + flag).value & _MUTED) == block.mute
+        for block, address in zip(blocks, addresses.tolist())
+    )
+    count = len(blocks[-1].data)
+    if is_same and count:
+        said = np.empty(3 * count, np.float32)
+        blocks[-1].data.foreach_get("co", said)
+        found = key_positions(addresses[-1], count)
+        is_same = found is not None and np.array_equal(found.reshape(-1), said, equal_nan=True)
+    proof.give("keys", is_same, "shape keys are not where they were")

@@ -1,0 +1,73 @@
+"""Poses of evaluated armatures, read whole."""
+
+import functools
+
+import numpy as np
+
+from ..native import sinew_native
+from . import contract, proof
+
+
+@functools.cache
+def _bone_layout():
+    """What `sinew_native.host.read_pose` takes: byte offsets in a pose bone."""
+    start = contract.offset("bPoseChannel", "runtime")
+    return (
+        contract.offset("bPoseChannel", "*next"),
+        contract.offset("bPoseChannel", "chan_mat"),
+        start + contract.offset("bPoseChannel_Runtime", "bbone_segments"),
+        start + contract.offset("bPoseChannel_Runtime", "*bbone_deform_mats"),
+    )
+
+
+@functools.cache
+def pose_layout():
+    """What `sinew_native.host.Shortcut` takes: byte offsets in a pose, then in its bones."""
+    return contract.offset("bPose", "chanbase"), contract.offset("bPose", "**chan_array"), *_bone_layout()
+
+
+def pose_address_at(armature):
+    """The address at which the address of an object's pose is."""
+    return contract.region(armature, "Object", "*pose")[0]
+
+
+def read(armature, first_joints, joint_counts, out):
+    """Motions of an evaluated armature's bones, from rest to pose, armature space, those of B-bones for each end of
+    a segment; the rest as `sinew_native.host.read_pose` has it."""
+    first = armature.pose.bones[0].as_pointer()
+    sinew_native.host.read_pose(first, first_joints, joint_counts, _bone_layout(), out)
+    _prove(armature, first_joints, joint_counts, out)
+
+
+def _prove(armature, first_joints, joint_counts, found):
+    is_used = first_joints >= 0
+    for what, chosen, motions_of in (
+        ("bones", is_used & (joint_counts == 1), _motion_of),
+        ("segments", is_used & (joint_counts > 1), _motions_of_segments),
+    ):
+        if not proof.is_due(what) or not chosen.any():
+            continue
+        bone = int(np.flatnonzero(chosen)[-1])
+        first = first_joints[bone]
+        expected = motions_of(armature.pose.bones[bone])
+        own = found[first : first + joint_counts[bone]].transpose(0, 2, 1)
+        largest = np.abs(expected).max()
+        if np.isfinite(largest):
+            near = np.allclose(own, expected, rtol=0, atol=1e-3 * max(1.0, largest))
+            proof.give(what, near, f"the motions of {what} are not where they were")
+
+
+def _motion_of(pose_bone):
+    return np.array(pose_bone.matrix_channel, np.float64)[None]
+
+
+def _motions_of_segments(pose_bone):
+    """(n + 1, 4, 4) of the ends of n segments, as Blender's armature modifier makes them."""
+    rest = np.array(pose_bone.bone.matrix_local, np.float64)
+    ends = range(pose_bone.bone.bbone_segments + 1)
+    posed, at_rest = (
+        np.array([pose_bone.bbone_segment_matrix(k, rest=is_rest) for k in ends], np.float64)
+        for is_rest in (False, True)
+    )
+    turned = rest @ posed @ np.linalg.pinv(at_rest) @ np.linalg.pinv(rest)
+    return _motion_of(pose_bone) @ turned
