@@ -16,7 +16,7 @@ def is_due(what):
     return what not in _proved
 
 
-def give(what, is_equal, difference):
+def give(what, is_equal=True, difference=""):
     """Notes the outcome of a comparison. difference: a clause that says what differs. Raises contract.Broken."""
     if not is_equal:
         raise contract.distrust(difference)

@@ -16,7 +16,8 @@ def bind_armature_modifier(modifier, groups, envelopes):
         "groups and envelopes",
         flags,
         flags.value & ~(_GROUPS | _ENVELOPES) | bits,
-        lambda: (modifier.use_vertex_groups, modifier.use_bone_envelopes) == (bool(groups), bool(envelopes)),
+        (bool(groups), bool(envelopes)),
+        lambda: (modifier.use_vertex_groups, modifier.use_bone_envelopes),
     )
 
 
@@ -38,16 +39,25 @@ def switch_modifier(modifier, viewport, render):
         "switches of modifiers",
         mode,
         mode.value & ~clear | bits,
-        lambda: (modifier.show_viewport, modifier.show_render) == (bool(viewport), bool(render)),
+        (bool(viewport), bool(render)),
+        lambda: (modifier.show_viewport, modifier.show_render),
     )
 
 
-def _write(what, number, value, is_done):
-    """is_done: function that says whether Blender's API shows what was written."""
-    before, number.value = number.value, value
-    if not proof.is_due(what) or before == value:
+def _write(what, number, value, wanted, shown):
+    """wanted: what the bits mean; shown: function that returns what Blender's API then shows. It is compared until each
+    bit was seen to change."""
+    before = number.value
+    if before == value:
         return
-    done = is_done()
-    if not done:
+    if not proof.is_due((what, wanted)):
+        number.value = value
+        return
+    shown_before = shown()
+    number.value = value
+    is_done = shown() == wanted
+    if not is_done:
         number.value = before
-    proof.give(what, done, f"the bits of {what} have another meaning")
+        raise contract.distrust(f"the bits of {what} have another meaning")
+    if all(old != new for old, new in zip(shown_before, wanted)):
+        proof.give((what, wanted))
