@@ -103,7 +103,7 @@ def sheet_pictures(mesh_object):
     """(frame, method) of each of the six pictures: one turn of the clip, or rest, half and whole swing by one
     method above and the other below."""
     armature = mesh_object.sinew.armature
-    count = addon_module("rigs.clip_store").pose_count(armature.data)
+    count = addon_module("clips.clip_store").pose_count(armature.data)
     if armature.sinew_clip.mode == "PLAYBACK":
         return [(1 + round(i * count / 6), METHODS[0]) for i in range(6)]
     half_swing = math.pi / 2 * bpy.context.scene.render.fps

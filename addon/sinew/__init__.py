@@ -29,9 +29,8 @@ def _modules():
         from . import without_native
 
         return (without_native,)
-    from .binding import properties
     from .cli import command_line
-    from .session import handlers, write_lock
+    from .main import handlers, properties, write_lock
     from .ui import bake, crowd, cures, display, menus, methods, operators, panels, preferences, profile, rig_files
 
     return (

@@ -72,11 +72,11 @@ def characters():
 
 
 def lacks(ob):
-    return addon_module("session.precomputing").lacks(ob)
+    return addon_module("install.precomputing").lacks(ob)
 
 
 def job_of(ob):
-    return addon_module("session.precomputing").job_of(ob)
+    return addon_module("install.precomputing").job_of(ob)
 
 
 def computed():

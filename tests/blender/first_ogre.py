@@ -95,7 +95,7 @@ def play(ob):
     window that is drawn by the processor."""
     rate, seen = yield from playing(120, FRAMES)
     assert len(seen) >= FRAMES and set(seen) >= set(range(5, 30)), seen
-    assert addon_module("session.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).error == ""
     armature = ob.sinew.armature
     with window():
         select(ob)
@@ -103,7 +103,7 @@ def play(ob):
     assert ob.sinew.source == "ARMATURE"
     rates = {"Sinew, poses of the rig": rate}
     rates["Sinew, keyframes"] = (yield from playing(SECONDS))[0]
-    binding = addon_module("binding.bind")
+    binding = addon_module("install.bind")
     binding.unbind(ob)
     yield 0.3
     rates["Armature modifier"] = (yield from playing(SECONDS))[0]
@@ -258,11 +258,11 @@ def pictures_of_properties_and_preferences():
     assert drawn, "there is no section among the modifiers"
     yield from outside(f"xdotool mousemove {screen(main.x + 60, main.y + 30)}")
     yield from picture("properties")
-    addon_module("binding.bind").unbind(ob)
+    addon_module("install.bind").unbind(ob)
     yield from picture("accelerate")
-    addon_module("binding.bind").bind(ob, ob.modifiers["Armature"].object)
+    addon_module("install.bind").bind(ob, ob.modifiers["Armature"].object)
     with window():
-        bpy.ops.preferences.addon_show(module=addon_module("session.characters").__package__)
+        bpy.ops.preferences.addon_show(module=addon_module("run.characters").__package__)
     yield 1.0
     yield from outside("xdotool search --name Preferences windowmove 220 60")
     yield from picture("preferences")
@@ -275,7 +275,7 @@ def an_error():
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)
-    graph_copy = addon_module("session.graph_copies").GraphCopy
+    graph_copy = addon_module("run.graph_copies").GraphCopy
     poses, graph_copy.poses = graph_copy.poses, lambda *_: (_ for _ in ()).throw(MemoryError("There is no memory left"))
     for frame in (3, 4, 5):
         bpy.context.scene.frame_set(frame)

@@ -29,7 +29,7 @@ def addon_module(name):
 
 def deform_small_meshes():
     """Has Sinew deform meshes that it would leave to Blender as too small to gain: most of the tests'."""
-    addon_module("binding.ways").FEWEST_VERTICES = {}
+    addon_module("plan.ways").FEWEST_VERTICES = {}
 
 
 def import_rig(name="capsule", **options):
@@ -65,7 +65,7 @@ def evaluated(ob, graph=None):
 
 def way(ob):
     """Which way a bound mesh goes, once Blender has evaluated it: "ATTRIBUTE", "KEYS" or "BLENDER"."""
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     assert entry.way.kind == "BLENDER" or entry.is_wired
     return entry.way.kind
 
@@ -90,7 +90,7 @@ def twin_of(ob):
 def builtin_copy(ob, preserve_volume=None):
     """A copy of the bound mesh that Blender's own Armature modifier deforms."""
     copy = twin_of(ob)
-    addon_module("binding.bind").unbind(copy)
+    addon_module("install.bind").unbind(copy)
     modifier = next(m for m in copy.modifiers if m.type == "ARMATURE")
     if preserve_volume is None:
         preserve_volume = ob.sinew.method == "DUAL_QUATERNION"
@@ -107,12 +107,12 @@ def assert_same_shape(ob, reference, tolerance=1e-5):
 
 def stages(ob):
     """Names of the modifiers of the run that Sinew stands in for, but for Armature modifiers."""
-    return list(addon_module("session.characters").character(ob).run.stages)
+    return list(addon_module("run.characters").character(ob).run.stages)
 
 
 def end(ob):
     """(name of the modifier at which the run ends, why)."""
-    run = addon_module("session.characters").character(ob).run
+    run = addon_module("run.characters").character(ob).run
     return run.end, run.reason
 
 
@@ -155,7 +155,7 @@ def assert_plays_without_the_addon(path, ob, twin):
 
 def make_fail(monkeypatch, name):
     """Has the deformation of the mesh object of that name fail from now on."""
-    graph_copy = addon_module("session.graph_copies").GraphCopy
+    graph_copy = addon_module("run.graph_copies").GraphCopy
     poses = graph_copy.poses
 
     def fail(copy, *arguments):
@@ -164,7 +164,7 @@ def make_fail(monkeypatch, name):
         return poses(copy, *arguments)
 
     monkeypatch.setattr(graph_copy, "poses", fail)
-    monkeypatch.setattr(addon_module("session.shortcuts"), "take", lambda _: False)
+    monkeypatch.setattr(addon_module("run.shortcuts"), "take", lambda _: False)
 
 
 def into_a_shot(folder, overridden):

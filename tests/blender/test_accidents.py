@@ -106,7 +106,7 @@ def test_a_parent_that_comes_later_and_deforms(character, other_armature, keys):
     assert_same_shape(ob, twin)
     assert_plays(ob, twin)
     assert way(ob) == "BLENDER"
-    assert "deformed by its parent" in addon_module("session.characters").character(ob).way.reason
+    assert "deformed by its parent" in addon_module("run.characters").character(ob).way.reason
     for each in ob, twin:
         each.parent = None
     assert_plays(ob, twin)
@@ -165,7 +165,7 @@ def test_a_refused_binding_changes_nothing(character, spoil):
         )
 
     before = state()
-    bind = addon_module("binding.bind")
+    bind = addon_module("install.bind")
     with pytest.raises(bind.BindingError):
         bind.bind(ob, next((each for each in bpy.context.selected_objects if each.type == "ARMATURE"), armature))
     assert state() == before and before[0]["is_bound"]
@@ -272,7 +272,7 @@ def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene, character):
     bpy.context.view_layer.update()
     assert_same_shape(ob, twin)
     assert_plays(ob, twin, (5, 6))
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     assert entry.hook_of(ob).driver.is_valid and entry.is_deforming
 
 
@@ -283,7 +283,7 @@ def test_a_further_modifier_is_mixed_in_later(character, other_armature):
         second = each.modifiers.new("Second", "ARMATURE")
         second.object, second.use_multi_modifier, second.vertex_group = other_armature, True, "bone1"
     assert_plays(ob, twin, (3, 6))
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     targets = [variable.targets[0].id for variable in entry.hook_of(ob).driver.variables]
     assert entry.taken == ("Armature", "Second") and armature in targets and other_armature in targets
 
@@ -348,9 +348,7 @@ def test_modifiers_that_want_deforming_ones_before_them(fresh_scene, kind, when)
         each.modifiers.new("Behind", kind)
     bpy.context.view_layer.update()
     assert_plays(ob, twin, (1, 2, 3))
-    assert (
-        way(ob) == "BLENDER" and "Behind allows only deforming" in addon_module("session.characters").of(ob).way.reason
-    )
+    assert way(ob) == "BLENDER" and "Behind allows only deforming" in addon_module("run.characters").of(ob).way.reason
     for each in ob, twin:
         each.modifiers.remove(each.modifiers["Behind"])
     assert_plays(ob, twin)

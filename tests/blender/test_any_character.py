@@ -274,11 +274,11 @@ def test_nothing_is_built_anew_while_it_plays(fresh_scene, kind):
     pose(armature, 10, False)
     accelerate(ob)
     fresh_scene.frame_set(1)
-    deformer = addon_module("session.characters").character(ob).deformer
+    deformer = addon_module("run.characters").character(ob).deformer
     assert deformer is not None
     for frame in range(2, 8):
         fresh_scene.frame_set(frame)
-        assert addon_module("session.characters").character(ob).deformer is deformer
+        assert addon_module("run.characters").character(ob).deformer is deformer
 
 
 def test_bones_are_compared_after_edits_alone(fresh_scene, monkeypatch):
@@ -375,7 +375,7 @@ def test_a_modifier_moved_before_the_armature(fresh_scene):
     for frame in (3, 5):
         assert_same_shape(ob, reference)
         fresh_scene.frame_set(frame)
-    assert way(ob) == "BLENDER" and "Cast comes before" in addon_module("session.characters").of(ob).way.reason
+    assert way(ob) == "BLENDER" and "Cast comes before" in addon_module("run.characters").of(ob).way.reason
     for each in ob, reference:
         each.modifiers.remove(each.modifiers["Cast"])
     for frame in (6, 7):
@@ -455,7 +455,7 @@ def test_armatures_moved_in_all_ways(fresh_scene, method, under):
         assert_same_shape(ob, twin)
         shapes.append(evaluated(ob))
     assert np.abs(shapes[0] - shapes[-1]).max() > 0.05
-    assert addon_module("session.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).error == ""
 
 
 @pytest.mark.parametrize("update", (True, False), ids=("live", "with the next frame"))

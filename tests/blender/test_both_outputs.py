@@ -282,7 +282,7 @@ def test_unbound_in_edit_mode(pair):
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.object.sinew_unbind()
     assert ob.sinew.is_bound
-    addon_module("binding.bind").unbind(ob)
+    addon_module("install.bind").unbind(ob)
     bpy.ops.object.mode_set(mode="OBJECT")
     move_vertices(twin)
     pair.check(is_bound=False)
@@ -293,7 +293,7 @@ def test_bound_anew_in_edit_mode_is_refused(pair):
     ob, twin = pair.objects
     select(ob)
     bpy.ops.object.mode_set(mode="EDIT")
-    bind = addon_module("binding.bind")
+    bind = addon_module("install.bind")
     with pytest.raises(bind.BindingError, match="is in Edit Mode; leave it first"):
         bind.bind(ob, bpy.data.objects[pair.armature_name], pair.output)
     bpy.ops.object.mode_set(mode="OBJECT")

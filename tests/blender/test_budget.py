@@ -50,7 +50,7 @@ def counted(monkeypatch):
 
         return counted_handler
 
-    handlers, callbacks = addon_module("session.handlers"), addon_module("session.callbacks")
+    handlers, callbacks = addon_module("main.handlers"), addon_module("main.callbacks")
     ours = [each for each in handlers.HANDLERS if each[0].startswith(("frame_change", "depsgraph_update"))]
     counting_ones = [(name, counting(handler)) for name, handler in ours]
     callbacks.remove(ours)
@@ -144,7 +144,7 @@ def test_meshes_left_to_blender(counted):
     other = ob.copy()
     bpy.context.collection.objects.link(other)
     settle(armature)
-    assert addon_module("session.characters").character(ob).way.kind == "BLENDER"
+    assert addon_module("run.characters").character(ob).way.kind == "BLENDER"
     alone = counted(move, armature, 5)
     assert alone[1] == 0
     fill_the_file()
@@ -171,7 +171,7 @@ def test_deleted_by_a_script_between_frames(fresh_scene):
         fresh_scene.frame_set(fresh_scene.frame_current + 2)
         assert_same_shape(plain, twin)
         assert_same_shape(plain.sinew.deformed, plain)
-    assert addon_module("session.characters").bound_objects() == [plain]
+    assert addon_module("run.characters").bound_objects() == [plain]
 
 
 def test_a_copy_that_a_script_makes_plays_at_once(fresh_scene):
@@ -196,7 +196,7 @@ def test_renamed_it_is_still_known(fresh_scene, character):
     ob.name = "Another name"
     bpy.context.view_layer.update()
     fresh_scene.frame_set(5)
-    characters = addon_module("session.characters")
+    characters = addon_module("run.characters")
     assert characters.bound_objects() == [ob]
     assert characters.character(ob).name == ("Another name", None)
     assert_same_shape(ob, twin)
@@ -209,7 +209,7 @@ def test_a_mesh_is_shared_and_single_again_while_others_are_there(fresh_scene, c
     other = bpy.data.objects.new("Other", bpy.data.meshes.new("Other"))
     fresh_scene.collection.objects.link(other)
     bpy.context.view_layer.update()
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     assert entry.way.kind == "ATTRIBUTE"
     other.data = ob.data
     bpy.context.view_layer.update()

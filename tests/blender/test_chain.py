@@ -163,7 +163,7 @@ def test_chain_on_twenty_frames(fresh_scene, make, before, behind, volume):
     assert_same_on_all_frames(fresh_scene, ob, twin)
     assert way(ob) == ("KEYS" if before == add_shape_keys else "ATTRIBUTE")
     assert stages(ob) == [m.name for m in ob.modifiers if m.type not in {"ARMATURE", "NODES"}] and end(ob) == ("", "")
-    timings = addon_module("session.characters").character(ob).timings.last
+    timings = addon_module("run.characters").character(ob).timings.last
     assert len(timings.stages) == len(stages(ob)) and timings.total >= sum(timings.stages)
     # It is the chain that was compared: the smoothing and the hooks do something.
     with_all = evaluated(ob)
@@ -276,7 +276,7 @@ def test_the_bone_of_a_hook_is_deleted_and_made_again(fresh_scene, make, before)
 
     def assert_it_is_sinew():
         assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
-        entry = addon_module("session.characters").character(ob)
+        entry = addon_module("run.characters").character(ob)
         assert stages(ob) == ["Hook"] and entry.hook_of(ob).driver.is_valid and entry.is_deforming
 
     assert_it_is_sinew()
@@ -308,7 +308,7 @@ def test_the_object_of_a_hook_is_deleted(fresh_scene, make, before):
         each.data.vertices[0].co.x += 1
         each.data.update()
     assert_same_on_all_frames(fresh_scene, ob, twin, (7, 8))
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     assert stages(ob) == ["One"] and entry.hook_of(ob).driver.is_valid and entry.is_deforming
 
 
@@ -591,7 +591,7 @@ def test_mesh_without_faces_or_edges(fresh_scene):
 def test_frames_that_are_alike_go_the_shorter_way(fresh_scene, make):
     ob, twin = make(animated)
     assert_same_on_all_frames(fresh_scene, ob, twin, (16, 17, 18, 19))  # behind the last keyframe
-    assert addon_module("session.shortcuts").of(ob.evaluated_get(depsgraph())).holds()
+    assert addon_module("run.shortcuts").of(ob.evaluated_get(depsgraph())).holds()
     assert_same_on_all_frames(fresh_scene, ob, twin)
 
 

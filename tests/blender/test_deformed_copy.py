@@ -97,7 +97,7 @@ def test_animated_places_on_show(tube, fresh_scene):
 def test_modifiers_that_follow_are_the_bound_objects(tube):
     tube.modifiers.new("Finer", "SUBSURF")
     bare = twin_of(tube)
-    addon_module("binding.bind").unbind(bare)
+    addon_module("install.bind").unbind(bare)
     bare.modifiers.remove(bare.modifiers["Finer"])
     for frame in (2, 8):
         bpy.context.scene.frame_set(frame)
@@ -150,7 +150,7 @@ def test_an_edit_that_sinew_has_to_mend_comes_along_in_a_moment(fresh_scene):
     accelerate(tube, "MESH")
     hook(tube).vertex_indices_set(range(0, 400, 3))
     bpy.context.view_layer.update()
-    addon_module("session.handlers").look_into_the_mail()  # as a timer does
+    addon_module("main.handlers").look_into_the_mail()  # as a timer does
     assert np.allclose(own_positions(tube.sinew.deformed), evaluated(tube), atol=1e-5)
 
 
@@ -190,7 +190,7 @@ def test_while_the_original_is_edited_it_stays(tube, fresh_scene, mode):
 def test_a_modifier_put_before_the_armature(tube, fresh_scene):
     """Blender's own modifier deforms then. If others follow, their outcome is all that is to be had."""
     twin = twin_of(tube)
-    addon_module("binding.bind").unbind(twin)
+    addon_module("install.bind").unbind(twin)
     for ob in tube, twin:
         select(ob)
         ob.modifiers.new("Wave", "WAVE")
@@ -434,7 +434,7 @@ def test_a_file_that_was_saved_in_another_pose_than_its_keyframes_say(tube, tmp_
     bpy.ops.wm.open_mainfile(filepath=path)
     ob = bpy.data.objects[name]
     due = evaluated(ob)
-    addon_module("session.handlers").look_into_the_mail()  # as a timer does in a window
+    addon_module("main.handlers").look_into_the_mail()  # as a timer does in a window
     assert np.allclose(own_positions(ob.sinew.deformed), due, atol=1e-5)
     assert np.abs(due - before).max() > 0.1
 
@@ -498,14 +498,14 @@ def test_a_file_whose_mesh_had_the_shape_itself(fresh_scene, tmp_path):
     for frame in (1, 10):
         pose(armature, frame, False)
     accelerate(ob)
-    addon_module("binding.bind").remove_own_modifier(ob)
+    addon_module("install.bind").remove_own_modifier(ob)
     rest = own_positions(ob)
     ob.data.attributes.new("rest_position", "FLOAT_VECTOR", "POINT").data.foreach_set("vector", rest.reshape(-1))
     ob.data.vertices.foreach_set("co", 2 * rest.reshape(-1))
     modifier = ob.modifiers["Armature"]
     modifier.use_vertex_groups = modifier.use_bone_envelopes = False
     path, names = str(tmp_path / "old.blend"), (ob.name, twin.name)
-    own_handler = addon_module("session.handlers").on_depsgraph_update
+    own_handler = addon_module("main.handlers").on_depsgraph_update
     bpy.app.handlers.depsgraph_update_post.remove(own_handler)
     try:
         ob.sinew.held = "10"

@@ -29,7 +29,7 @@ def errors(ob):
 def test_modifiers_copied_to_another_mesh(character):
     ob, _, armature = character
     other = twin_of(ob)
-    addon_module("binding.bind").unbind(other)
+    addon_module("install.bind").unbind(other)
     other.modifiers.clear()
     before = own_positions(other)
     select(ob, other)
@@ -280,7 +280,7 @@ def test_files_of_the_importer_can_be_chosen_from_a_list():
 def test_what_cannot_be_mended_is_asked_for_once(fresh_scene, character, monkeypatch):
     """Else the main thread would tag the object, and be asked again by the evaluation that follows, for ever."""
     ob, twin, _ = character
-    nodes, bind, asked = addon_module("blender.nodes"), addon_module("binding.bind"), []
+    nodes, bind, asked = addon_module("blender.nodes"), addon_module("install.bind"), []
     adapt = bind.adapt
 
     def refuse(*_):
@@ -292,7 +292,7 @@ def test_what_cannot_be_mended_is_asked_for_once(fresh_scene, character, monkeyp
     ob.modifiers.remove(ob.modifiers["Sinew"])
     for _ in range(6):
         bpy.context.view_layer.update()
-        addon_module("session.mail").deliver()
+        addon_module("run.mail").deliver()
         ob.update_tag()
     assert 1 <= len(asked) <= 3
     assert_same_shape(ob, twin)

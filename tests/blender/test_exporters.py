@@ -174,4 +174,4 @@ def test_after_an_export_sinew_goes_on(tmp_path, with_keys):
     for number in range(2):
         export("USD", tmp_path / f"{number}.usdc")
         assert_same_on_all_frames(bpy.context.scene, ob, twin, FRAMES)
-        assert addon_module("session.characters").character(ob).is_deforming
+        assert addon_module("run.characters").character(ob).is_deforming

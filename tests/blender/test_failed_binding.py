@@ -25,7 +25,7 @@ def tube(fresh_scene):
 
 def is_bound_without_armature(ob):
     ob.modifiers["Armature"].show_viewport = ob.modifiers["Armature"].show_render = False
-    addon_module("binding.bind").bind(ob, None)
+    addon_module("install.bind").bind(ob, None)
 
 
 BEFORE = {
@@ -136,13 +136,13 @@ def variables_of(curve):
 
 def assert_fails_without_a_change(ob, armature, sentence, output="MODIFIER"):
     bpy.context.view_layer.update()
-    addon_module("session.mail").deliver()
+    addon_module("run.mail").deliver()
     before = everything(ob)
-    bind = addon_module("binding.bind")
+    bind = addon_module("install.bind")
     with pytest.raises(bind.BindingError, match=sentence):
         bind.bind(ob, armature, output)
     bpy.context.view_layer.update()
-    addon_module("session.mail").deliver()
+    addon_module("run.mail").deliver()
     after = everything(ob)
     assert [name for name in before if before[name] != after[name]] == []
 
@@ -183,7 +183,7 @@ def test_an_override_that_cannot_have_an_armature_modifier(tube, tmp_path, is_bo
     into_a_shot(tmp_path, overridden=True)
     found = {ob.type: ob for ob in bpy.data.objects if ob.override_library}
     if is_bound:
-        addon_module("binding.bind").bind(found["MESH"], None)
+        addon_module("install.bind").bind(found["MESH"], None)
     assert_fails_without_a_change(found["MESH"], found["ARMATURE"], "Blender does not allow Armature before")
 
 
@@ -206,7 +206,7 @@ def test_an_armature_modifier_of_sinews_goes_along_to_another_armature(tube):
     """It stays in its place with its settings, and goes when the mesh is unbound."""
     armature, other = tube.modifiers["Armature"].object, make_armature()
     tube.modifiers.remove(tube.modifiers["Armature"])
-    bind = addon_module("binding.bind")
+    bind = addon_module("install.bind")
     bind.bind(tube, armature)
     tube.modifiers["Armature"].use_deform_preserve_volume = True
     for wanted in other, other, armature:

@@ -65,7 +65,7 @@ def add_modifier(ob):
 
 def as_if_just_copied(old):
     """An evaluated object and its mesh and keys, as a graph has them that has not deformed them yet."""
-    marks, wiring = addon_module("host.marks"), addon_module("binding.wiring")
+    marks, wiring = addon_module("host.marks"), addon_module("plan.wiring")
     hook = wiring.hook_of(old, wiring.carrier_of(old))
     mesh = wiring.waits_for(hook, "mesh")
     marks.clear_mark(old, "OBJECT")
@@ -86,7 +86,7 @@ def test_an_older_copy_says_nothing_of_a_newer_one(two_graphs, edit):
     assert_same_shape(ob, twin)
     assert not np.array_equal(evaluated(twin), shape)
     as_if_just_copied(old)
-    addon_module("session.in_pass").deform_now(old)
+    addon_module("run.in_pass").deform_now(old)
     for frame in (5, 6, 7, 8):
         scene.frame_set(frame)
         assert_same_shape(ob, twin)
@@ -100,7 +100,7 @@ def test_an_older_copy_of_the_bones_says_nothing_of_a_newer_one(two_graphs):
     assert_same_shape(ob, twin)
     as_if_just_copied(old)
     marks.clear_mark(old.modifiers["Armature"].object.data, "ARMATURE")
-    addon_module("session.in_pass").deform_now(old)
+    addon_module("run.in_pass").deform_now(old)
     for frame in (5, 6, 7, 8):
         scene.frame_set(frame)
         assert_same_shape(ob, twin)
@@ -108,7 +108,7 @@ def test_an_older_copy_of_the_bones_says_nothing_of_a_newer_one(two_graphs):
 
 def test_copies_that_are_equal_share_what_was_made(two_graphs):
     _, ob, _, _, graph = two_graphs
-    characters = addon_module("session.characters")
+    characters = addon_module("run.characters")
     scenes = [bpy.context.scene.view_layers[0].depsgraph, graph]
     first, second = (characters.character(ob).copy_of(ob.evaluated_get(each)) for each in scenes)
     assert first is not second and first.deformer is not second.deformer

@@ -27,7 +27,7 @@ def package():
 
 
 def timer():
-    return addon_module("session.handlers").look_into_the_mail
+    return addon_module("main.handlers").look_into_the_mail
 
 
 def lists_with_ours(name=None):
@@ -51,7 +51,7 @@ def cleared():
     for name, handlers in before.items():
         listed = getattr(bpy.app.handlers, name)
         listed.extend(each for each in handlers if not each.__module__.startswith(package()) and each not in listed)
-    addon_module("session.callbacks").put_back()
+    addon_module("main.callbacks").put_back()
     assert lists_with_ours() == LISTS
 
 
@@ -101,7 +101,7 @@ def test_a_file_that_is_opened_meanwhile(character, cleared, tmp_path):
 
 
 def test_what_was_switched_off_is_not_put_back():
-    handlers = addon_module("session.handlers")
+    handlers = addon_module("main.handlers")
     handlers.unregister_frame_handlers()
     try:
         timer()()
@@ -115,12 +115,12 @@ def test_what_was_switched_off_is_not_put_back():
 @pytest.mark.says_errors
 def test_the_timer_never_raises(monkeypatch, caplog):
     """Blender would drop it. The rest is done, and the error is said once."""
-    mail, done = addon_module("session.mail"), []
+    mail, done = addon_module("run.mail"), []
 
     def fail():
         raise RuntimeError("It was told to fail")
 
-    monkeypatch.setattr(addon_module("session.callbacks"), "put_back", fail)
+    monkeypatch.setattr(addon_module("main.callbacks"), "put_back", fail)
     mail.post(done.append, "delivered")
     for _ in range(3):
         assert timer()() > 0
@@ -142,7 +142,7 @@ def writers(monkeypatch):
         write_pose(*arguments)
 
     monkeypatch.setattr(armatures, "write_pose", note)
-    monkeypatch.setattr(addon_module("session.handlers"), "HAS_EVENT_LOOP", True)
+    monkeypatch.setattr(addon_module("main.handlers"), "HAS_EVENT_LOOP", True)
     return found
 
 
@@ -164,7 +164,7 @@ def test_the_main_thread_poses_for_a_render(fresh_scene, writers):
     assert np.abs(evaluated(ob) - at_nine).max() > 1e-3
     writers.clear()
     fresh_scene.frame_current = 9
-    handlers = addon_module("session.handlers")
+    handlers = addon_module("main.handlers")
     in_a_thread(handlers.before_frame, fresh_scene, main=timer())
     bpy.context.view_layer.update()
     assert set(writers) == {threading.main_thread()}
@@ -181,7 +181,7 @@ def test_the_main_thread_poses_for_a_render(fresh_scene, writers):
 def test_a_main_thread_that_waits_for_the_render_holds_nothing_up(fresh_scene, writers, monkeypatch):
     """As when the file is closed. The pose is there all the same."""
     import_rig("capsule")
-    handlers = addon_module("session.handlers")
+    handlers = addon_module("main.handlers")
     monkeypatch.setattr(handlers, "SECONDS_TO_WAIT", 0.01)
     fresh_scene.frame_current = 9
     writers.clear()
@@ -192,7 +192,7 @@ def test_a_main_thread_that_waits_for_the_render_holds_nothing_up(fresh_scene, w
 def test_a_render_of_a_file_without_clips_waits_for_nobody(fresh_scene, character, monkeypatch):
     ob, twin, _ = character
     bpy.context.view_layer.update()
-    handlers, mail = addon_module("session.handlers"), addon_module("session.mail")
+    handlers, mail = addon_module("main.handlers"), addon_module("run.mail")
     monkeypatch.setattr(handlers, "HAS_EVENT_LOOP", True)
     monkeypatch.setattr(mail, "ask", None)
     graph = bpy.context.evaluated_depsgraph_get()
@@ -206,7 +206,7 @@ def test_a_thread_that_comes_while_the_file_is_walked_through(character, monkeyp
     ob, _, armature = character
     other, late = make_mesh(armature, False), make_mesh(armature, False)
     accelerate(other)
-    characters, found = addon_module("session.characters"), []
+    characters, found = addon_module("run.characters"), []
     known, key_of = characters.of(other), characters.values.key_of
 
     def meanwhile(block):
@@ -316,13 +316,13 @@ def test_a_damaged_clip(fresh_scene, two_rigs, spoil, caplog, capsys):
     (ob, armature), (healthy, _), twin = two_rigs
     own_twin = builtin_copy(ob)
     spoil(armature)
-    addon_module("session.handlers").forget()
+    addon_module("main.handlers").forget()
     assert_plays(fresh_scene, healthy, twin)
     bpy.context.view_layer.update()
     assert_same_shape(ob, own_twin)
     said = [record.getMessage() for record in caplog.records]
     assert len(said) <= 1 and all(f"The imported poses of {armature.data.name} are damaged" in each for each in said)
-    store = addon_module("rigs.clip_store")
+    store = addon_module("clips.clip_store")
     assert said or not store.has_poses(armature.data)
     # What panels ask for.
     assert store.pose_count(armature.data) >= 0 and store.bones_are_where_they_were(armature) in {True, False}
@@ -351,7 +351,7 @@ def test_a_mended_clip_plays_again(fresh_scene, two_rigs):
     (ob, armature), (healthy, _), _ = two_rigs
     kept = armature.data["sinew_clip"].to_dict()
     armature.data["sinew_clip"] = 5
-    addon_module("session.handlers").forget()
+    addon_module("main.handlers").forget()
     fresh_scene.frame_set(4)
     armature.data["sinew_clip"] = kept
     armature.data.update_tag()

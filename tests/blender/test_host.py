@@ -149,7 +149,7 @@ def assert_blender_deforms(scene, reason, change=None):
         scene.frame_set(frame)
         assert_same_shape(ob, twin)
     assert way(ob) == "BLENDER"
-    assert reason in addon_module("session.characters").character(ob).way.reason
+    assert reason in addon_module("run.characters").character(ob).way.reason
     ob.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")  # everything else works
     twin.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")
     scene.frame_set(6)

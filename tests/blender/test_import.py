@@ -85,7 +85,7 @@ def test_y_up_stands_upright():
 
 def test_frame_range_ends_with_the_clip(fresh_scene):
     _, armature = import_rig("ogre")
-    count = addon_module("rigs.clip_store").pose_count(armature.data)
+    count = addon_module("clips.clip_store").pose_count(armature.data)
     assert (fresh_scene.frame_start, fresh_scene.frame_end) == (1, count)
     assert armature.sinew_clip.mode == "PLAYBACK"
 

@@ -36,7 +36,7 @@ def warnings(ob):
 
 
 def influences(ob):
-    return addon_module("session.characters").character(ob).deformer.influences
+    return addon_module("run.characters").character(ob).deformer.influences
 
 
 def sums(ob):
@@ -244,7 +244,7 @@ def test_files_are_dropped(two_rigs):
 def test_frame_rate(fresh_scene):
     fresh_scene.render.fps = 24
     ob, armature = import_rig("capsule", frame_rate=12.0)
-    count = addon_module("rigs.clip_store").pose_count(armature.data)
+    count = addon_module("clips.clip_store").pose_count(armature.data)
     assert armature.sinew_clip.speed == pytest.approx(0.5)
     if count > 2:
         assert fresh_scene.frame_end == 1 + 2 * (count - 1)

@@ -69,7 +69,7 @@ def test_switching_the_output(fresh_scene):
         assert np.array_equal(own_positions(ob), rest)
         copy = ob.sinew.deformed
         assert copy is None if output == "MODIFIER" else np.array_equal(own_positions(copy), shape)
-        assert addon_module("session.characters").character(ob).error == ""
+        assert addon_module("run.characters").character(ob).error == ""
     assert [other.name for other in bpy.data.objects if "deformed" in other.name] == []
 
 
@@ -213,7 +213,7 @@ def test_a_file_of_the_first_version(fresh_scene, tmp_path, output):
     ob["sinew_anchor"] = 0.0
     ob.driver_add('["sinew_anchor"]').driver.type = "SUM"
     path, names = str(tmp_path / "old.blend"), (ob.name, twin.name)
-    own_handler = addon_module("session.handlers").on_depsgraph_update  # would see a mesh that nobody has bound
+    own_handler = addon_module("main.handlers").on_depsgraph_update  # would see a mesh that nobody has bound
     bpy.app.handlers.depsgraph_update_post.remove(own_handler)
     try:
         settings.is_bound, settings.installed_output = True, output
@@ -314,7 +314,7 @@ def test_a_deleted_armature_is_said_and_others_play(fresh_scene):
     reference = builtin_copy(other)
     bpy.data.objects.remove(armature)
     fresh_scene.frame_set(9)
-    assert "armature is gone" in addon_module("session.characters").character(ob).way.reason
+    assert "armature is gone" in addon_module("run.characters").character(ob).way.reason
     assert_same_shape(other, reference)
 
 

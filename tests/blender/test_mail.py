@@ -8,7 +8,7 @@ from helpers import addon_module
 
 
 def test_letters_wait_for_the_main_thread():
-    mail, read = addon_module("session.mail"), []
+    mail, read = addon_module("run.mail"), []
 
     def worker():
         mail.post(read.append, "first")
@@ -25,7 +25,7 @@ def test_letters_wait_for_the_main_thread():
 
 @pytest.mark.says_errors
 def test_a_letter_that_cannot_be_done_does_not_stop_the_others():
-    mail, read = addon_module("session.mail"), []
+    mail, read = addon_module("run.mail"), []
     mail.post(lambda: 1 / 0)
     mail.post(read.append, "after it")
     mail.deliver()
@@ -34,7 +34,7 @@ def test_a_letter_that_cannot_be_done_does_not_stop_the_others():
 
 def test_a_letter_may_have_the_others_delivered():
     """As one does that has Blender evaluate the scene."""
-    mail, done = addon_module("session.mail"), []
+    mail, done = addon_module("run.mail"), []
     mail.post(mail.deliver)
     mail.post(done.append, 1)
     mail.post(done.append, 2)
@@ -44,7 +44,7 @@ def test_a_letter_may_have_the_others_delivered():
 
 def test_a_thread_asks_and_waits():
     """The main thread does it, and none of it if it comes too late."""
-    mail, done, answers = addon_module("session.mail"), [], []
+    mail, done, answers = addon_module("run.mail"), [], []
 
     def do(what):
         done.append((what, threading.current_thread()))
@@ -68,7 +68,7 @@ def test_a_thread_asks_and_waits():
 
 @pytest.mark.says_errors
 def test_a_thread_that_asks_for_what_fails_goes_on():
-    mail, answers = addon_module("session.mail"), []
+    mail, answers = addon_module("run.mail"), []
     thread = threading.Thread(target=lambda: answers.append(mail.ask(60, lambda: 1 / 0)))
     thread.start()
     while thread.is_alive():

@@ -27,7 +27,7 @@ def properties_of(group):
 
 
 def classes():
-    rig_files, properties = addon_module("ui.rig_files"), addon_module("binding.properties")
+    rig_files, properties = addon_module("ui.rig_files"), addon_module("main.properties")
     return (
         rig_files.ImportRig,
         rig_files.ExportRig,

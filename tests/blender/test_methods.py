@@ -77,7 +77,7 @@ def test_without_sinew_the_nearer_of_the_two(character, share):
     ob.sinew.method = "DUAL_QUATERNION" if share < 0.5 else "LINEAR"
     other = shapes(ob)
     ob.sinew.method = BLENDED
-    addon_module("binding.bind").unbind(ob)
+    addon_module("install.bind").unbind(ob)
     assert np.square(shapes(ob) - own).sum() < np.square(other - own).sum()
 
 
@@ -89,12 +89,12 @@ def native():
 
 
 def lacks(ob):
-    return addon_module("session.precomputing").lacks(ob)
+    return addon_module("install.precomputing").lacks(ob)
 
 
 def expected(ob, method):
     """The shape on this frame by the native method itself, from what the file says."""
-    layer = addon_module("session.characters").character(ob).layers[0]
+    layer = addon_module("run.characters").character(ob).layers[0]
     mesh, armature = ob.data, ob.modifiers["Armature"].object.evaluated_get(depsgraph())
     offsets = np.append([polygon.loop_start for polygon in mesh.polygons], len(mesh.loops))
     faces = offsets, np.array([loop.vertex_index for loop in mesh.loops])
@@ -196,7 +196,7 @@ def test_an_edit_makes_it_out_of_date(character, method, edit):
     shapes(ob)
     edit(ob)
     shapes(ob)
-    assert lacks(ob) == "STALE" and not addon_module("session.characters").character(ob).error
+    assert lacks(ob) == "STALE" and not addon_module("run.characters").character(ob).error
     select(ob)
     assert bpy.ops.object.sinew_prepare_method() == {"FINISHED"}
     shapes(ob)

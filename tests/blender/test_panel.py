@@ -197,8 +197,8 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     accelerate(ob)
     fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
     fresh_scene.frame_set(4, subframe=0.5)
-    characters, calls, before = addon_module("session.characters"), [], evaluated(ob)
-    shortcuts = addon_module("session.shortcuts")
+    characters, calls, before = addon_module("run.characters"), [], evaluated(ob)
+    shortcuts = addon_module("run.shortcuts")
     take = shortcuts.take
 
     def note_taken(evaluated_object):
@@ -225,7 +225,7 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     assert np.array_equal(evaluated(ob), before)
     assert is_at_work(entry, entry.copy_of(evaluated_object), evaluated_object)
     other = bpy.data.scenes.new("other")
-    assert addon_module("session.whole_frames").last(other) is None
+    assert addon_module("main.whole_frames").last(other) is None
     ob.sinew.output = "MESH"
     assert not bpy.ops.object.sinew_measure.poll()
 
@@ -367,7 +367,7 @@ def said_of(name):
 def test_times_are_those_of_ordinary_frames(fresh_scene):
     ob, _ = figure()
     fresh_scene.frame_set(2)
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     for edit in (lambda: None, ob.data.update, lambda: setattr(ob.data.shape_keys.key_blocks["Wide"], "mute", True)):
         fresh_scene.frame_set(3)
         edit()
@@ -380,7 +380,7 @@ def test_times_are_those_of_ordinary_frames(fresh_scene):
 
 
 def test_times_shown_are_medians_of_the_last_frames():
-    timings = addon_module("session.character").Timings()
+    timings = addon_module("run.character").Timings()
     assert timings.recent() is None and timings.last.total == 0
     for each in (1.0, 3.0, 2.0):
         timings.take(np.array([each, each, 0.5]))
@@ -415,7 +415,7 @@ def test_no_times_while_blender_deforms(fresh_scene, way_out):
 
 def test_a_gain_at_a_glance(fresh_scene):
     ob, armature = figure()
-    whole_frames = addon_module("session.whole_frames")
+    whole_frames = addon_module("main.whole_frames")
 
     def beside_unbind():
         said = draw()
@@ -464,7 +464,7 @@ def test_while_a_cache_plays(fresh_scene, tmp_path, is_bound):
         )
         assert said[1] == "object.sinew_take_off_cache" and not any("switch it on" in text for text in said)
     if is_bound:
-        reason = addon_module("session.characters").character(ob).way.reason
+        reason = addon_module("run.characters").character(ob).way.reason
         assert reason == "Sinew Cache plays a cache in place of Armature, which is switched off"
     ob.modifiers.remove(ob.modifiers["Sinew Cache"])
     assert draw()[0] == "The cache is gone, and what it replaced is switched off"

@@ -183,7 +183,7 @@ def clock(monkeypatch):
         )
 
     bpy.app.handlers.frame_change_post.append(tick)
-    monkeypatch.setattr(addon_module("session.whole_frames"), "perf_counter", lambda: now[0])
+    monkeypatch.setattr(addon_module("main.whole_frames"), "perf_counter", lambda: now[0])
     yield prices
     bpy.app.handlers.frame_change_post.remove(tick)
 
@@ -484,7 +484,7 @@ def test_simulations_are_not_switched_off(figure, monkeypatch):
 
 @pytest.mark.parametrize("absent", ["scene_of", "still", "muted", "switched_off", "bound_for_now"])
 def test_an_error_while_something_is_absent_changes_nothing(figure, monkeypatch, absent):
-    module = addon_module("session.whole_frames")
+    module = addon_module("main.whole_frames")
     if absent == "switched_off" and HAS_CLOCK:
         pytest.skip("this Blender has a clock for modifiers")
     before = everything()

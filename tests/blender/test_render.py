@@ -107,7 +107,7 @@ def test_rendered_frames_without_an_armature(fresh_scene, tmp_path, keys):
     twin = twin_of(ob)
     accelerate(ob)
     assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, ob, twin))
-    assert addon_module("session.characters").character(ob).is_deforming
+    assert addon_module("run.characters").character(ob).is_deforming
 
 
 @pytest.mark.parametrize("way", (with_motion_blur, with_view_layers, with_persistent_data, with_all_of_it))
@@ -198,7 +198,7 @@ def test_soak(fresh_scene, tmp_path):
         bpy.context.scene.frame_set(2 + round_number % 9)
         for ob, twin in zip(*objects_now()):
             assert_same_shape(ob, twin)
-            assert addon_module("session.characters").character(ob).error == ""
+            assert addon_module("run.characters").character(ob).error == ""
     assert rendered == 500
 
 

@@ -241,7 +241,7 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
     def check():
         for each in shown:
             ob, twin, _ = parts(each)
-            assert addon_module("session.characters").character(ob).error == ""
+            assert addon_module("run.characters").character(ob).error == ""
             assert_same_shape(ob, twin)
 
     def parts(each):
@@ -280,7 +280,7 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
         ob, twin, _ = parts(shown[0])
         select(ob)
         assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
-        bound = addon_module("session.characters").bound_objects()
+        bound = addon_module("run.characters").bound_objects()
         assert ob not in bound and len(set(bound)) == len(bound)
         scene.frame_set(3)
         assert_same_shape(ob, twin)
@@ -370,7 +370,7 @@ def test_it_is_given_a_mesh_without_shape_keys(fresh_scene, character):
     assert way(ob) == "KEYS"
     keyed = ob.data, twin.data
     other = make_mesh(armature, False).data
-    addon_module("session.characters").forget()
+    addon_module("run.characters").forget()
     for each in (ob, twin):
         each.data = other if each == twin else other.copy()
     for frame in (5, 6):
@@ -476,7 +476,7 @@ def test_deleted_by_the_operator(fresh_scene, character):
     bpy.ops.object.delete()
     fresh_scene.frame_set(5)
     fresh_scene.frame_set(6)
-    assert addon_module("session.characters").bound_objects() == []
+    assert addon_module("run.characters").bound_objects() == []
     bpy.ops.outliner.orphans_purge(do_recursive=True)
     assert traces() == []
 
@@ -487,7 +487,7 @@ def test_armature_deleted_and_chosen_anew(fresh_scene, character):
     fresh_scene.collection.objects.link(spare)
     bpy.data.objects.remove(armature)
     fresh_scene.frame_set(5)
-    assert "armature is gone" in addon_module("session.characters").character(ob).way.reason
+    assert "armature is gone" in addon_module("run.characters").character(ob).way.reason
     ob.sinew.armature = twin.modifiers["Armature"].object = spare
     fresh_scene.frame_set(6)
     assert way(ob) == "ATTRIBUTE"
@@ -531,7 +531,7 @@ def test_through_a_mode_and_back(fresh_scene, character, mode, output):
     assert_same_shape(ob, twin)
     fresh_scene.frame_set(8)
     assert_same_shape(ob, twin)
-    assert addon_module("session.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).error == ""
 
 
 def test_armature_in_edit_mode_and_edited(fresh_scene, character):
@@ -595,7 +595,7 @@ def test_mesh_that_is_not_shown(fresh_scene, character):
     ob.hide_viewport = False
     fresh_scene.frame_set(7)
     assert_same_shape(ob, twin)
-    assert addon_module("session.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).error == ""
 
 
 HIDINGS = {
@@ -743,7 +743,7 @@ def test_an_error_in_one_mesh_leaves_the_others_alone(fresh_scene, character, ca
         assert_same_shape(broken, twin)
     said = [record for record in caplog.records if broken.name in record.getMessage()]
     assert len(said) == 1
-    assert "told to fail" in addon_module("session.characters").character(broken).error
+    assert "told to fail" in addon_module("run.characters").character(broken).error
     select(broken)
     bpy.ops.object.sinew_unbind()
     fresh_scene.frame_set(8)

@@ -410,11 +410,11 @@ def test_other_handlers(keys, after_frame, hang, place):
 def test_right_without_our_handlers_of_frames(keys):
     bodies = make_bodies(keys)
     accelerate(bodies[0])
-    addon_module("session.handlers").unregister_frame_handlers()
+    addon_module("main.handlers").unregister_frame_handlers()
     try:
         assert_same(*step_through([lambda body=body: evaluated(body) for body in bodies]))
     finally:
-        addon_module("session.handlers").register_frame_handlers()
+        addon_module("main.handlers").register_frame_handlers()
 
 
 # --- motion paths ---------------------------------------------------------------------------------------

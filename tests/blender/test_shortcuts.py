@@ -46,7 +46,7 @@ def play(scene, first):
 
 def shortcut_of(ob):
     """Of its evaluated copy, or None."""
-    return addon_module("session.shortcuts").of(ob.evaluated_get(depsgraph()))
+    return addon_module("run.shortcuts").of(ob.evaluated_get(depsgraph()))
 
 
 def goes_it(ob):
@@ -297,7 +297,7 @@ def test_edit_mode_and_back(in_use):
 def test_another_pose_than_was_thought(in_use):
     """Blender's own modifier deforms in the same pass."""
     scene, ob, twin, _ = in_use
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     shortcut = shortcut_of(ob)
 
     class Wrong:

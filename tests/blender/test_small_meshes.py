@@ -12,7 +12,7 @@ VERTICES = 1_200  # of the tests' tube
 @pytest.fixture
 def limit(monkeypatch):
     """Function that sets below how many vertices meshes are left to Blender."""
-    ways = addon_module("binding.ways")
+    ways = addon_module("plan.ways")
     return lambda number: monkeypatch.setattr(ways, "FEWEST_VERTICES", {"ATTRIBUTE": number, "KEYS": number})
 
 
@@ -33,7 +33,7 @@ def test_fewer_vertices_than_pay(fresh_scene, limit, parts):
     limit(VERTICES + 1)
     ob, twin = character(*parts)
     assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 6))
-    reason = addon_module("session.characters").character(ob).way.reason
+    reason = addon_module("run.characters").character(ob).way.reason
     assert way(ob) == "BLENDER" and "fewer than 1,201 vertices" in reason
     limit(VERTICES)
     ob.data.update_tag()
@@ -62,9 +62,9 @@ def test_a_small_mesh_with_what_blender_does_not_have(limit, ask):
     assert way(ob) == "BLENDER"
     ask(ob)
     bpy.context.view_layer.update()
-    addon_module("session.mail").deliver()
+    addon_module("run.mail").deliver()
     bpy.context.view_layer.update()
-    assert way(ob) == "ATTRIBUTE" and addon_module("session.characters").character(ob).is_deforming
+    assert way(ob) == "ATTRIBUTE" and addon_module("run.characters").character(ob).is_deforming
 
 
 def test_a_small_mesh_that_is_smoothed(fresh_scene, limit):

@@ -182,7 +182,7 @@ def test_a_hook_of_nothing_is_added_behind_others_that_only_deform(make, kind):
 
 
 def assert_it_is_sinew(ob):
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     assert entry.is_deforming and entry.error == ""
 
 
@@ -362,7 +362,7 @@ def test_nothing_is_left_to_take_over(fresh_scene, make):
     for each in (ob, twin):
         each.modifiers.remove(each.modifiers["Corrective"])
     assert_same_on_all_frames(fresh_scene, ob, twin, (2, 3))
-    reason = addon_module("session.characters").character(ob).way.reason
+    reason = addon_module("run.characters").character(ob).way.reason
     assert reason == "It has no armature, shape keys or smoothing that Sinew could take over: add one of them"
     for each in (ob, twin):
         plain(each)
@@ -401,7 +401,7 @@ def test_an_armature_modifier_is_added(fresh_scene, make, keys, behind, first):
         if first:
             to_front(each, "Armature")
     assert_same_on_all_frames(fresh_scene, ob, twin, (3, 4, 5))
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     said = "Armature comes first, and the mesh was bound without it: unbind the mesh and accelerate it again"
     if keys is nothing and first:
         assert said in entry.way.reason and not entry.is_deforming

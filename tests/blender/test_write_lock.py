@@ -38,9 +38,9 @@ def stuck():
     assert not bpy.ops.wm.polled_for_a_test.poll()
     may_end.set()
     thread.join()
-    is_stuck = not addon_module("session.write_lock").may_write()
+    is_stuck = not addon_module("main.write_lock").may_write()
     yield is_stuck
-    addon_module("session.write_lock").look()
+    addon_module("main.write_lock").look()
     bpy.utils.unregister_class(Polled)
     del bpy.types.WindowManager.slow_for_a_test
 
@@ -53,7 +53,7 @@ def write():
 def lock(stuck):
     if not stuck:
         pytest.skip("this Blender takes its flag down by itself")
-    lock = addon_module("session.write_lock")
+    lock = addon_module("main.write_lock")
     with pytest.raises(AttributeError, match="not allowed"):
         write()
     assert not lock.may_write()
@@ -69,13 +69,13 @@ def test_a_flag_that_stays_is_taken_down(lock):
 @pytest.mark.parametrize("handler", ("on_depsgraph_update", "before_frame"))
 def test_before_the_handlers_of_others(lock, handler):
     """Those that come after Sinew's."""
-    getattr(addon_module("session.handlers"), handler)(bpy.context.scene, depsgraph())
+    getattr(addon_module("main.handlers"), handler)(bpy.context.scene, depsgraph())
     assert lock.may_write()
     write()
 
 
 def test_another_thread_leaves_it(lock):
-    handlers = addon_module("session.handlers")
+    handlers = addon_module("main.handlers")
     scene, graph = bpy.context.scene, depsgraph()
     thread = threading.Thread(target=lambda: handlers.on_depsgraph_update(scene, graph))
     thread.start()
@@ -84,14 +84,14 @@ def test_another_thread_leaves_it(lock):
 
 
 def test_a_flag_that_is_down_stays_down():
-    lock = addon_module("session.write_lock")
+    lock = addon_module("main.write_lock")
     lock.look()
     assert lock.may_write()
     write()
 
 
 def test_while_a_render_runs_it_is_looked_after_all_the_time(monkeypatch):
-    lock = addon_module("session.write_lock")
+    lock = addon_module("main.write_lock")
     assert bpy.app.timers.is_registered(lock.look_again_and_again) == lock.MAY_STAY
     assert not lock.is_rendering() and lock.look_again_and_again() > 0
     monkeypatch.setattr(lock, "is_rendering", lambda: True)

@@ -26,6 +26,8 @@ MOVING_VERTICES = {
 # And these not even that. Blender puts new modifiers that want the vertices of the mesh itself, as Hooks do, behind all
 # of both kinds, and before the first modifier of another one.
 ONLY_DEFORMING = MOVING_VERTICES | {"COLLISION", "PARTICLE_SYSTEM", "SURFACE"}
+# For which Sinew has native stages.
+STAGES = {"CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
 # These play what was baked.
 CACHES = {"MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 

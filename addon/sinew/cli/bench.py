@@ -6,11 +6,14 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..binding import bind, bindable, ways
 from ..blender import meshes
-from ..rigs import clip_keyframes, clip_store
-from ..session import characters, handlers
-from ..session.whole_frames import frame_times
+from ..clips import clip_store
+from ..install import bind
+from ..main import handlers
+from ..main.whole_frames import frame_times
+from ..plan import bindable, ways
+from ..rigs import clip_keyframes
+from ..run import characters
 
 BLOCK = 10  # frames in a row that one of the two has
 STAGES = ("pose", "skin")

@@ -15,7 +15,8 @@ import sys
 
 import bpy
 
-from ..binding import bind, bindable
+from ..install import bind
+from ..plan import bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
 from . import bake, bench, command_options, reports

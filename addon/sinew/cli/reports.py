@@ -5,10 +5,11 @@ import os
 import bpy
 import numpy as np
 
-from ..binding import bind, bindable
+from ..install import bind
+from ..plan import bindable
 from ..profiling import costs
 from ..rigs import rig_import
-from ..session import characters
+from ..run import characters
 from . import command_options
 from .command_options import word
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 import bpy
 
 from ..bake import evaluation
-from ..binding import bindable
+from ..plan import bindable
 from ..rigs import rig_import
 from . import phases
 

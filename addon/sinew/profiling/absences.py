@@ -4,9 +4,10 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..binding import bind, bindable
 from ..blender import animation
-from ..session import characters
+from ..install import bind
+from ..plan import bindable
+from ..run import characters
 
 
 @contextmanager

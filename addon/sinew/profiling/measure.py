@@ -11,10 +11,10 @@ from statistics import median
 
 import bpy
 
-from ..binding import bindable, ways, wiring
-from ..blender import animation, nodes, values
-from ..session import characters, whole_frames
-from ..session.stages import KINDS
+from ..blender import animation, modifier_types, nodes, values
+from ..main import whole_frames
+from ..plan import bindable, ways, wiring
+from ..run import characters
 from . import absences, costs, rigs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
@@ -200,7 +200,7 @@ class _Subject:
         """Those that Blender runs: where Sinew stands in for some, it has switched them off in the evaluated copy."""
         shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
         kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
-        tail = costs.after_deforming(kinds, {"ARMATURE", *KINDS})
+        tail = costs.after_deforming(kinds, {"ARMATURE", *modifier_types.STAGES})
         for modifier in shown:
             original = self.ob.modifiers[modifier.name]
             is_animated = "show_viewport" in animation.animated_properties(self.ob, original)

@@ -6,7 +6,7 @@ from functools import partial
 import bpy
 
 from ..blender import animation
-from ..session import whole_frames
+from ..main import whole_frames
 from . import absences, costs
 
 

@@ -3,9 +3,9 @@
 import bpy
 import numpy as np
 
+from ..clips import clip_store, posing
 from ..feedback import progress
-from ..session import characters
-from . import clip_store, posing
+from ..run import characters
 
 
 def clip_armature(ob):

@@ -6,12 +6,13 @@ import secrets
 
 import numpy as np
 
-from ..binding import bindable
 from ..blender import armatures, meshes, values
+from ..clips import clip_store
 from ..deform.clips import transformed
 from ..feedback import progress
 from ..native import sinew_native
-from . import clip_store, rig_import
+from ..plan import bindable
+from . import rig_import
 
 
 def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=progress.SILENT):

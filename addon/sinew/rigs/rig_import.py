@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..binding import bind, deformed_copy, shared_group
 from ..blender import meshes
+from ..clips import clip_store
 from ..feedback import progress
+from ..install import bind, deformed_copy, shared_group
 from ..native import sinew_native
-from . import clip_store
 
 # A bone of no length would vanish; this share of the rig's size is short but can be seen.
 SHORTEST_BONE = 0.02

@@ -8,10 +8,11 @@ import numpy as np
 from mathutils.kdtree import KDTree
 
 from ..bake import mesh_cache
-from ..binding import bind, runs, ways
 from ..blender import materials, meshes
-from ..rigs import clip_store
-from ..session import characters, deformed_copies
+from ..clips import clip_store
+from ..install import bind, deformed_copies
+from ..plan import runs, ways
+from ..run import characters
 from . import display
 from .operators import Unbind
 

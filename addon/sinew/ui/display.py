@@ -5,8 +5,8 @@ import colorsys
 import bpy
 import numpy as np
 
-from ..binding import bindable
 from ..blender import meshes
+from ..plan import bindable
 
 COLORS = "Sinew Weights"  # the colour attribute, while weights are shown
 BEFORE = "sinew_shown_before"  # custom property of the mesh: what the views showed

@@ -5,7 +5,8 @@ import bpy
 from bpy.props import EnumProperty
 
 from ..feedback import notice
-from ..session import methods, precomputing
+from ..install import precomputing
+from ..run import methods
 
 SETTINGS = {
     methods.BLENDED: (),

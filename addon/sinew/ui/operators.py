@@ -3,10 +3,13 @@
 import bpy
 from bpy.props import EnumProperty
 
-from ..binding import bind, bindable, properties
+from ..clips import clip_store
 from ..feedback import progress
-from ..rigs import clip_keyframes, clip_store
-from ..session import characters, whole_frames
+from ..install import bind
+from ..main import properties, whole_frames
+from ..plan import bindable
+from ..rigs import clip_keyframes
+from ..run import characters
 
 
 def selected_meshes(context):

@@ -3,7 +3,7 @@ they are there."""
 
 import bpy
 
-from ..session import characters
+from ..run import characters
 from . import methods, sections
 
 

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from ..native import sinew_native
-from ..session import characters
+from ..run import characters
 
 log = logging.getLogger("sinew")
 ADDON = __package__.rpartition(".")[0]

@@ -1,12 +1,14 @@
 """Where the time goes: the profile of the open scene, in the sidebar."""
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import IntProperty, StringProperty
 
-from ..binding import bind, bindable
 from ..feedback import notice
+from ..install import bind
+from ..main import callbacks
+from ..plan import bindable
 from ..profiling import costs, measure
-from ..session import handlers
 from .in_steps import InSteps
 from .panels import InSidebar
 
@@ -139,11 +141,19 @@ CLASSES = (MeasureProfile, AccelerateOne, SidebarProfile)
 register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
+@persistent
+def _forget(*_):
+    costs.last.clear()
+
+
+HANDLERS = (("load_post", _forget),)
+
+
 def register():
     register_classes()
-    handlers.forgotten_with_file.append(costs.last.clear)
+    callbacks.add(HANDLERS)
 
 
 def unregister():
-    handlers.forgotten_with_file.remove(costs.last.clear)
+    callbacks.remove(HANDLERS)
     unregister_classes()

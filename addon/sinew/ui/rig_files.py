@@ -6,8 +6,9 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..binding import bindable, properties
 from ..feedback import progress
+from ..main import properties
+from ..plan import bindable
 from ..rigs import rig_export, rig_import
 
 

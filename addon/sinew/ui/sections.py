@@ -3,13 +3,13 @@
 import bpy
 
 from ..bake import mesh_cache
-from ..binding import bindable, runs, ways
 from ..blender import graph, modifier_types
+from ..clips import clip_store, posing
 from ..crowd import crowd
 from ..feedback import notice
+from ..main import whole_frames
 from ..native import sinew_native
-from ..rigs import clip_store, posing
-from ..session import whole_frames
+from ..plan import bindable, runs, ways
 from . import cures, display, methods
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd

@@ -35,11 +35,11 @@ def assert_alike():
 
 
 def wiring():
-    return addon_module("binding.wiring")
+    return addon_module("plan.wiring")
 
 
 def way(ob):
-    entry = addon_module("session.characters").character(ob)
+    entry = addon_module("run.characters").character(ob)
     return entry.way.kind + " " + entry.way.reason if entry else "not evaluated yet"
 
 
@@ -120,7 +120,7 @@ def assert_free(ob, where):
 
 def assert_given_back():
     """Everything is unbound: the file has nothing of Sinew's any more."""
-    addon_module("session.handlers").before_save()  # the last bound mesh may have been deleted
+    addon_module("main.handlers").before_save()  # the last bound mesh may have been deleted
     left = traces() + [mesh.name for mesh in bpy.data.meshes if ".deformed" in mesh.name]
     assert left == [], f"after all was unbound {left} was left"
 
@@ -128,7 +128,7 @@ def assert_given_back():
 def assert_copies_follow():
     """The deformed copies, where Sinew deforms all that is on show."""
     for ob, _ in scene.pairs():
-        entry = addon_module("session.characters").character(ob)
+        entry = addon_module("run.characters").character(ob)
         if entry is None or ob.sinew.deformed is None or ob.mode != "OBJECT" or not ob.visible_get():
             continue
         if ob.sinew.show_shape and entry.is_deforming and not entry.run.end:

@@ -80,7 +80,7 @@ def look(listener):
     for _ in range(2):
         bpy.context.view_layer.update()
         compare.assert_alike()
-        compare.addon_module("session.handlers").look_into_the_mail()  # as a timer does in a window
+        compare.addon_module("main.handlers").look_into_the_mail()  # as a timer does in a window
     compare.assert_copies_follow()
     assert not listener.said(), "it was said: " + listener.said()
 
@@ -88,7 +88,7 @@ def look(listener):
 def unbind_all():
     scene.leave_modes()
     for ob in [ob for ob in bpy.data.objects if ob.type == "MESH" and ob.sinew.is_bound]:
-        compare.addon_module("binding.bind").unbind(ob)
+        compare.addon_module("install.bind").unbind(ob)
 
 
 def main():

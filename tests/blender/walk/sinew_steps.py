@@ -19,7 +19,7 @@ def bind(random, ob, twin):
 
 def gets_modifier(ob):
     """Whether it would be given an Armature modifier, which its twin has not."""
-    bindable = addon_module("binding.bindable")
+    bindable = addon_module("plan.bindable")
     armature = bindable.armature_to_bind(ob)
     return armature is not None and not bindable.modifiers_to_take(ob, armature)
 
@@ -90,12 +90,12 @@ def own_method(random, ob, twin):
     """For a moment: compared with the modifier's, or with a copy that is bound anew."""
     if not ob.sinew.is_bound or not ob.sinew.modifier or not ob.visible_get() or not ob.data.vertices:
         return
-    addon_module("session.precomputing").drop(ob)  # what was computed before an edit stays until it is asked for anew
+    addon_module("install.precomputing").drop(ob)  # what was computed before an edit stays until it is asked for anew
     skinning, was = ob.sinew.skinning, ob.sinew.method
     ob.sinew.method = random.choice(("BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"))
     skinning.share = random.choice((0, 1))
     skinning.iterations, skinning.variant = random.choice((1, 5)), random.choice("015")
-    addon_module("binding.bind").prepare_method(ob)
+    addon_module("install.bind").prepare_method(ob)
     compare.assert_close(evaluated(ob), of_another(ob, twin), f"{ob.name}, {ob.sinew.method}")
     ob.sinew.method = was
 
@@ -111,7 +111,7 @@ def of_another(ob, twin):
     copy = ob.copy()
     copy.name, copy.data = "Another", ob.data.copy()
     bpy.context.scene.collection.objects.link(copy)
-    bind = addon_module("binding.bind")
+    bind = addon_module("install.bind")
     bind.unbind(copy)
     bind.bind(copy, ob.sinew.armature, method=ob.sinew.method)
     shape = evaluated(copy)
@@ -138,13 +138,13 @@ def import_rig(random):
     twin = ob.copy()
     twin.data = ob.data.copy()
     bpy.context.collection.objects.link(twin)
-    addon_module("binding.bind").unbind(twin)
+    addon_module("install.bind").unbind(twin)
     ob.name, twin.name = name, scene.twin_name(name)
 
 
 @kind(1)
 def play_poses(random):
-    found = [ob for ob in scene.armatures() if addon_module("rigs.clip_store").has_poses(ob.data)]
+    found = [ob for ob in scene.armatures() if addon_module("clips.clip_store").has_poses(ob.data)]
     if found:
         clip = random.choice(found).sinew_clip
         clip.mode = random.choice(("REST", "POSED", "FACTOR", "SWING", "PLAYBACK", "PLAYBACK"))
@@ -181,7 +181,7 @@ def clear_handlers(random):
 
 def switch_off_and_on(random):
     pairs = [(ob.name, twin.name) for ob, twin in scene.pairs()]
-    module = addon_module("session.characters").__name__.removesuffix(".session.characters")
+    module = addon_module("run.characters").__name__.removesuffix(".run.characters")
     bpy.ops.preferences.addon_disable(module=module)
     try:
         bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
-from ..binding import bind, deformed_copy, old_files, shared_group, ways, wiring
 from ..blender import meshes, nodes, values
+from ..clips import posing
+from ..clips.clip_store import has_poses
 from ..feedback import notice
 from ..host import contract, places
-from ..rigs import posing
-from ..rigs.clip_store import has_poses
-from . import callbacks, characters, deformed_copies, exporters, mail, precomputing, whole_frames, write_lock
+from ..install import bind, deformed_copies, deformed_copy, old_files, precomputing, shared_group
+from ..plan import ways, wiring
+from ..run import characters, mail
+from . import callbacks, exporters, whole_frames, write_lock
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
@@ -26,7 +28,7 @@ forgotten_with_file = [
     posing.forget_what_was_said,
     whole_frames.forget,
     precomputing.forget,
-]  # called as another file is opened
+]  # called when another file is opened
 _seen_gathering = None  # of bound meshes
 _said = set()  # errors of the timer
 _bone_names = {}  # key of an armature's data -> those of its bones
@@ -286,6 +288,7 @@ def unregister_frame_handlers():
 def register():
     global _is_file_unknown
     _is_file_unknown = True
+    mail.answer(mail.REWIRE, bind.rewire)
     callbacks.add(HANDLERS)
     callbacks.start(look_into_the_mail)
 

@@ -5,7 +5,7 @@ later version left the modifier where it was, but bound to nothing. Such a mesh 
 import bpy
 
 from ..blender import animation, meshes, nodes
-from . import wiring
+from ..plan import wiring
 
 ANCHOR = "sinew_anchor"  # a custom property whose driver kept the armature evaluated
 REST_ATTRIBUTE = "rest_position"

@@ -9,10 +9,10 @@ from time import perf_counter
 
 import numpy as np
 
-from ..binding import wiring
 from ..blender import meshes, nodes, values
+from ..clips import posing
 from ..host import contract, key_blocks, marks, vector_arrays
-from ..rigs import posing
+from ..plan import wiring
 from . import characters, graph_copies, shape_keys, shortcuts, stages
 
 

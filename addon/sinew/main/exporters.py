@@ -6,9 +6,9 @@ evaluation and the exporter Blender calls the handlers. Then the switches and ke
 are no longer needed. The next evaluation sets them again.
 """
 
-from ..binding import wiring
 from ..host import key_blocks, marks
-from . import characters
+from ..plan import wiring
+from ..run import characters
 
 
 def tidy(depsgraph):

@@ -6,8 +6,8 @@ copy of the object, which may be older or newer than another graph's.
 
 from dataclasses import dataclass, replace
 
-from ..binding import runs, ways, wiring
 from ..blender import meshes, nodes, values
+from . import runs, ways, wiring
 
 
 @dataclass(frozen=True)

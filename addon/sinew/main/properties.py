@@ -12,10 +12,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..session import characters, in_pass, methods
-from . import bind, deformed_copy, wiring
-from .deformed_copy import OutputError
-from .old_files import SinewReplacedModifier
+from ..install import bind, deformed_copy
+from ..install.deformed_copy import OutputError
+from ..install.old_files import SinewReplacedModifier
+from ..plan import wiring
+from ..run import characters, in_pass, methods
 from .skinning_properties import SinewSkinningSettings
 
 METHODS = (

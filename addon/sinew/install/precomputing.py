@@ -8,7 +8,7 @@ import bpy
 from ..blender import kept_arrays, meshes, values
 from ..feedback import notice
 from ..native import sinew_native
-from . import characters, methods
+from ..run import characters, methods
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.1

@@ -11,10 +11,10 @@ import weakref
 
 import numpy as np
 
-from ..binding import ways, wiring
 from ..blender import meshes
 from ..host import deform_verts
 from ..native import sinew_native
+from ..plan import ways, wiring
 from . import layers, methods, stages
 
 # Where influences depend on the shape's place (envelopes, curved B-bones) and it moves against its armature, they would

@@ -4,10 +4,10 @@ When the whole way has been gone twice, all that it went by is put under watch i
 holds, the next frame of this evaluated object needs its pose, its place and the numbers to write to.
 """
 
-from ..binding import wiring
 from ..blender import nodes
 from ..host import contract, motions, places, switches, watch
 from ..native import sinew_native
+from ..plan import wiring
 from . import character, layers
 
 _known = {}  # address of an evaluated object -> Shortcut

@@ -3,12 +3,13 @@
 import bpy
 
 from ..blender import meshes, nodes, values
+from ..clips import posing
+from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..rigs import posing
-from ..rigs.clip_store import has_poses
-from ..session import character, characters, deformed_copies, mail, methods, precomputing
-from . import deformed_copy, old_files, runs, shared_group, ways, wiring
-from .bindable import BindingError, check_bindable, modifiers_to_take
+from ..plan import runs, ways, wiring
+from ..plan.bindable import BindingError, check_bindable, modifiers_to_take
+from ..run import characters, mail, methods
+from . import deformed_copies, deformed_copy, old_files, precomputing, shared_group
 from .deformed_copy import OutputError
 
 MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
@@ -227,9 +228,6 @@ def follow_when_evaluated(key):
     ob = characters.find(key)
     if ob is not None:
         deformed_copies.follow_last_evaluation(ob)
-
-
-character.rewire = rewire
 
 
 def show(ob):

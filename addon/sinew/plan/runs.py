@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from ..blender import modifier_types, nodes
 from ..host import vector_arrays
-from ..session.stages import KINDS
 from . import wiring
 
 
@@ -60,7 +59,7 @@ def _does_nothing(modifier):
 
 def _why_not(ob, modifier, like, shown):
     """Why Sinew cannot stand in for a modifier, or "". shown: as wiring.shown_of has it, of what is named `like`."""
-    if modifier.type not in KINDS:
+    if modifier.type not in modifier_types.STAGES:
         return f"Sinew cannot evaluate modifiers of the type {modifier_types.title(modifier)}"
     if wiring.is_switched(ob, modifier):
         return "it is switched by drivers or keyframes"

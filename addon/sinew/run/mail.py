@@ -7,12 +7,19 @@ from time import monotonic
 
 log = logging.getLogger("sinew")
 SECONDS_OF_INTEREST = 10.0
-_letters = deque()  # (function, arguments); appending is safe from any thread
+REWIRE = "rewire"  # an object, by its key: the file lacks what its plan needs
+_letters = deque()  # (function or what is asked for, arguments); appending is safe from any thread
+_answers = {}  # what is asked for -> function
 _asked_at = float("-inf")
 
 
+def answer(what, function):
+    """From now on that function does what is asked for under that name."""
+    _answers[what] = function
+
+
 def post(function, *arguments):
-    """The main thread calls it soon."""
+    """The main thread calls it soon. function: may be the name of what is asked for, such as REWIRE."""
     _letters.append((function, arguments))
 
 
@@ -23,14 +30,14 @@ def ask(seconds, function, *arguments):
     _asked_at = monotonic()
     is_taken, is_done = threading.Lock(), threading.Event()
 
-    def answer():
+    def do_it():
         if is_taken.acquire(blocking=False):
             try:
                 function(*arguments)
             finally:
                 is_done.set()
 
-    post(answer)
+    post(do_it)
     if is_done.wait(seconds):
         return True
     if is_taken.acquire(blocking=False):
@@ -56,7 +63,7 @@ def deliver():
             return
         function, arguments = _letters.popleft()
         try:
-            function(*arguments)
+            _answers.get(function, function)(*arguments)
         except Exception:
             log.exception("what an evaluation asked for could not be done")
 

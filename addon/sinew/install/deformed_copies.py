@@ -6,10 +6,11 @@ import threading
 
 import bpy
 
-from ..binding import deformed_copy, ways, wiring
 from ..blender import meshes, nodes, values
 from ..host import key_blocks, vector_arrays
-from . import character, characters
+from ..plan import ways, wiring
+from ..run import character, characters
+from . import deformed_copy
 
 log = logging.getLogger("sinew")
 

@@ -10,7 +10,7 @@ import bpy
 from mathutils import Matrix
 
 from ..blender import meshes, nodes, values
-from . import ways
+from ..plan import ways
 
 SUFFIX = ".deformed"
 _copies = {}  # key of a bound object -> its copy, to be checked

@@ -6,7 +6,7 @@ it now is: an object to which a handler gave a modifier with a new group would b
 """
 
 from ..blender import nodes
-from ..session import characters
+from ..run import characters
 
 
 def see_to():

@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from ..blender import values
-from . import character, characters
+from ..run import character, characters
 
 BLOCK = 10  # frames in a row that one of the two has
 MOST_FRAMES = 40  # of each

@@ -135,7 +135,7 @@ def modifier_of(ob, name):
     return OwnSmoothing(ob.sinew.skinning) if name == OWN else ob.modifiers[name]
 
 
-KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
+KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}  # those of modifier_types.STAGES
 
 
 @dataclass

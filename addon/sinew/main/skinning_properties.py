@@ -4,8 +4,8 @@ of this is animated: the data of a method is made once for all frames."""
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..session import characters
-from . import bind
+from ..install import bind
+from ..run import characters
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 LAPLACIANS = (

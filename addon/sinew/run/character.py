@@ -13,7 +13,8 @@ import numpy as np
 
 from ..blender import meshes, nodes, values
 from ..host import marks
-from . import mail, methods, plans, stages
+from ..plan import plans
+from . import mail, methods, stages
 from .graph_copies import GraphCopy, OlderThanOriginal, Shared
 
 # Modes in which people edit what they see: there Blender's own modifier shows the shape, as its tools expect.
@@ -184,7 +185,7 @@ class Character:
 
     def ask_to_rewire(self):
         """Of the main thread."""
-        mail.post(rewire, self.key)
+        mail.post(mail.REWIRE, self.key)
 
     def give_up_on_what_lacks(self):
         """The main thread has done what it could: it is not to be asked again for the same."""
@@ -249,8 +250,3 @@ class StandAside:
     def __exit__(self, *_):
         global _stands_aside
         _stands_aside = False
-
-
-def rewire(key):
-    """Brings the .blend to what the way needs. Set by binding.bind, which knows how."""
-    raise NotImplementedError

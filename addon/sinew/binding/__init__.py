@@ -1,1 +1,0 @@
-"""What binding changes in the .blend, and how it goes back."""
