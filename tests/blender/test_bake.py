@@ -205,7 +205,7 @@ def test_a_full_disk(figure, tmp_path, monkeypatch):
         with pytest.raises(OSError) as caught:
             bake(tmp_path)
     assert caught.value.strerror == (
-        "No space left on device; the frames before 4 are kept: bake again to continue there"
+        "No space left on device; the frames before 4 are kept: bake again to continue from there"
     )
     assert bake(tmp_path)[0].found == 3
 
@@ -219,7 +219,7 @@ def test_a_full_disk_in_the_end(figure, tmp_path, monkeypatch):
         with pytest.raises(OSError) as caught:
             bake(tmp_path, "1-2")
     assert caught.value.strerror == (
-        "No space left on device; the frames that were baked are kept: bake again to continue there"
+        "No space left on device; the frames that were baked are kept: bake again to continue from there"
     )
     assert bake(tmp_path, "1-2")[0].found == 2
 

@@ -1,19 +1,19 @@
-"""What a bake has done. Pure."""
+"""The result of a bake. Pure."""
 
 from dataclasses import dataclass
 
 
 @dataclass
 class Baked:
-    """What has become of one object's cache."""
+    """The state of one object's cache after a bake."""
 
     name: str
     path: str
     vertices: int
-    frames: int  # of the whole cache
-    baked: int = 0  # in this run
-    found: int = 0  # that were there before it
-    missing: int = 0  # that other runs have yet to bake
+    frames: int  # number of frames of the whole cache
+    baked: int = 0  # frames baked in this run
+    found: int = 0  # frames baked before this run
+    missing: int = 0  # frames that other runs still have to bake
     remark: str = ""
 
     def sentence(self):
