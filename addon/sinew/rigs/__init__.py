@@ -1,1 +1,1 @@
-"""Rig folders: import, export, and the poses that they bring."""
+"""Rig folders: import, export, and their poses."""
