@@ -40,6 +40,6 @@ def pages(docs):
         files[f"{path.stem}.html"] = PAGE.format(title=title, body=body).encode()
         for picture in re.findall(r'<img [^>]*src="([\w.-]+)"', body):
             if not (docs / picture).is_file():
-                sys.exit(f"manual.py: {path.name} shows {picture}, which is not there")
+                sys.exit(f"manual.py: {path.name} shows {picture}, which does not exist")
             files[picture] = (docs / picture).read_bytes()
     return files | {f"farm/{path.name}": path.read_bytes() for path in (docs / "farm").iterdir()}

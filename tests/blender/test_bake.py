@@ -155,7 +155,7 @@ def test_what_was_stopped_goes_on(figure, tmp_path):
     assert bpy.context.scene.frame_subframe == 0.25
     (done,) = bake(tmp_path)
     assert (done.found, done.baked, done.missing) == (4, 6, 0)
-    assert "6 of 10 frames baked, 4 were there" in done.sentence()
+    assert "6 of 10 frames baked, 4 already baked" in done.sentence()
     assert np.array_equal(read(tmp_path / "Tube.pc2"), shown(figure))
 
 

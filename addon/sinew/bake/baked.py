@@ -19,6 +19,6 @@ class Baked:
     def sentence(self):
         text = f"{self.path}: {self.vertices:,} vertices, {self.baked} of {self.frames} frames baked"
         if self.found:
-            text += f", {self.found} were there"
+            text += f", {self.found} already baked"
         text += f"; {self.missing} are missing" if self.missing else ""
         return f"{text}; {self.remark}" if self.remark else text

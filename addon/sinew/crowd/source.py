@@ -59,7 +59,7 @@ def meshes_of_character(context, ob):
     found = [ob] if armature is None else [*bindable.meshes_of(context, armature), *armature.children_recursive]
     found = [each for each in dict.fromkeys(found) if each.type == "MESH" and each.visible_get()]
     if not found:
-        raise ValueError(f"{ob.name} has no mesh on show: show the character first, or select another one")
+        raise ValueError(f"{ob.name} has no visible mesh: show the character first, or select another one")
     return found
 
 

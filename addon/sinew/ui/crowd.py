@@ -72,7 +72,7 @@ class AddCrowd(bpy.types.Operator):
         candidates = [context.active_object, *context.selected_objects]
         found = next((ob for ob in candidates if ob is not None and ob.type in {"MESH", "ARMATURE"}), None)
         if found is None:
-            raise ValueError("select a character first: a mesh, or the armature of meshes that are on show")
+            raise ValueError("select a character first: a mesh, or the armature of visible meshes")
         first, last = (
             float(getattr(self, name)) if self.properties.is_property_set(name) else None
             for name in ("frame_start", "frame_end")
