@@ -1,11 +1,11 @@
-"""What a baked frame costs, by Sinew and by Blender's own exporters of point caches.
+"""Measures the cost of a baked frame: Sinew against Blender's own exporters of point caches.
 
     blender -b --python-exit-code 1 --python addon/bench_bake.py -- [--vertices N] [--json FILE]
 
-A chain of 22 bones with a tube of 120,000 vertices, bound to Sinew; 100 frames. Milliseconds a frame, medians of
-ROUNDS rounds, alternating: the evaluation alone, the write alone (the same bytes in one stream, on the disk),
-Sinew's bakes as a whole, and the exporters: Blender's own (io_shape_mdd, io_export_pc2) where it has them, and what
-they do, written here as plainly: a list of coordinates packed by `struct`, and `foreach_get` into numpy.
+A chain of 22 bones with a tube of 120,000 vertices, bound to Sinew; 100 frames. Milliseconds per frame, medians of
+ROUNDS alternating rounds: the evaluation alone, the write alone (the same bytes in one stream, synced to the disk),
+Sinew's whole bakes, and the exporters: Blender's own (io_shape_mdd, io_export_pc2) where it has them, and plain
+versions of what they do: a list of coordinates packed by `struct`, and `foreach_get` into numpy.
 """
 
 import argparse
@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench_rigs import ADDON, CHAIN, make_characters, select, sinew
 
 FRAMES = range(1, 101)
-SLOW_FRAMES = range(1, 11)  # of what takes long
+SLOW_FRAMES = range(1, 11)  # for the slow exporters
 ROUNDS = 3
 
 
@@ -63,7 +63,7 @@ def bake(format):
 
 
 def by_struct(ob, folder):
-    """As io_shape_mdd does it."""
+    """Writes the file as io_shape_mdd does."""
     with open(folder / "struct.mdd", "wb") as file:
         for depsgraph in each_frame(SLOW_FRAMES):
             evaluated = ob.evaluated_get(depsgraph)
@@ -100,7 +100,7 @@ def export_pc2(ob, folder):
 
 
 def ways():
-    """{name: function of the object and a folder, which returns how many frames it has done}"""
+    """Returns {name: function(object, folder) that returns the number of frames it wrote or evaluated}."""
     found = {
         "evaluation alone": evaluate,
         "write alone": write_alone,
@@ -120,7 +120,7 @@ def ways():
 
 
 def measure(vertices):
-    """[(name, milliseconds a frame)]"""
+    """Returns the number of vertices, and [(name, milliseconds per frame)]."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     (ob,) = make_characters(CHAIN, vertices)
@@ -144,9 +144,10 @@ def main(arguments):
     vertices, rows = measure(options.vertices)
     whole = dict(rows)["Sinew, MDD"]
     print(
-        f"\nBlender {bpy.app.version_string}, {vertices:,} vertices, milliseconds a frame, medians of {ROUNDS} rounds\n"
+        f"\nBlender {bpy.app.version_string}, {vertices:,} vertices, milliseconds per frame, medians of {ROUNDS} "
+        "rounds\n"
     )
-    print("| way | a frame, ms | MB/s | times Sinew's MDD |\n|---|---|---|---|")
+    print("| method | ms per frame | MB/s | times Sinew's MDD |\n|---|---|---|---|")
     for name, ms in rows:
         print(f"| {name} | {ms:.2f} | {12 * vertices / ms / 1e3:,.0f} | {ms / whole:.1f} |")
     if options.json:

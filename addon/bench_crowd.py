@@ -1,11 +1,11 @@
-"""What a frame of a crowd costs, and its memory, by what carries the shapes.
+"""Measures the time and the memory that a crowd takes, for several ways of holding its shapes.
 
     blender -b --python-exit-code 1 --python addon/bench_crowd.py -- [--vertices N] [--agents N] [--json FILE]
 
-Medians of whole `scene.frame_set` calls over 40 frames, and how much a process of its own has grown for it: the
+Medians of whole `scene.frame_set` calls over 40 frames, and the growth of a separate process, for: the
 character duplicated with its armature, deformed by Blender's modifier and by Sinew; and agents that pick one of 64
-shapes: one mesh of all agents, made on each frame; one mesh of all shapes, split into instances on each frame;
-Sinew's crowd, whose shapes are objects in a collection. The last row is that with ten times as many agents.
+shapes: one mesh of all agents, rebuilt on each frame; one mesh of all shapes, split into instances on each frame;
+Sinew's crowd, whose shapes are objects in a collection. The last row is Sinew's crowd with ten times as many agents.
 """
 
 import argparse
@@ -25,11 +25,11 @@ from bench_rigs import ADDON, CHAIN, make_characters, select, sinew
 
 FRAMES = range(2, 42)
 SHAPES = 64
-RESULT = "measured"  # begins the line in which a process says what it has measured
+RESULT = "measured"  # begins the line in which a process prints its measurements
 
 
 def frame_time():
-    """Milliseconds, the median. One frame before them warms up."""
+    """Returns the median, in milliseconds. One extra frame is played first as a warm-up."""
     scene = bpy.context.scene
     scene.frame_set(FRAMES[0] - 1)
     times = []
@@ -41,12 +41,12 @@ def frame_time():
 
 
 def resident():
-    """Bytes of this process that are in memory."""
+    """Returns the resident memory of this process, in bytes."""
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-# --- ways -----------------------------------------------------------------------------------------
+# --- ways of holding the shapes -------------------------------------------------------------------
 
 
 def duplicated(vertices, agents):
@@ -59,7 +59,7 @@ def duplicated_with_sinew(vertices, agents):
 
 
 def crowd(vertices, agents):
-    """As Add > Sinew Crowd makes it, and the character away."""
+    """Makes a crowd as Add > Sinew Crowd does, and removes the character."""
     (ob,) = make_characters(CHAIN, vertices)
     armature = ob.parent
     select(ob)
@@ -70,7 +70,7 @@ def crowd(vertices, agents):
 
 
 def split_mesh(vertices, agents):
-    """The same crowd with one mesh of all shapes, whose parts become the instances on each frame."""
+    """Makes the same crowd from one mesh of all shapes, whose parts become the instances on each frame."""
     ob = crowd(vertices, agents)
     modifier = ob.modifiers[0]
     phases = sinew("blender.graph").get_input(modifier, "Phases")
@@ -105,7 +105,7 @@ def joined(meshes):
         faces.append(corners + start)
         start += len(mesh.vertices)
         shapes.append(np.full(len(mesh.polygons), number, np.int32))
-    corners = np.concatenate(faces)  # quads, all of them
+    corners = np.concatenate(faces)  # all of them quads
     mesh = sinew("blender.meshes").new_mesh(
         "shapes", np.concatenate(positions), np.arange(0, len(corners) + 1, 4), corners
     )
@@ -114,7 +114,7 @@ def joined(meshes):
 
 
 def realised(vertices, agents):
-    """The same crowd as one mesh of all agents, made on each frame: what a modifier of a mesh would see of it."""
+    """Makes the same crowd as one mesh of all agents, rebuilt on each frame: the crowd as a mesh modifier sees it."""
     ob = crowd(vertices, agents)
     tree = ob.modifiers[0].node_group
     target = next(node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
@@ -134,7 +134,7 @@ WAYS = {
 
 
 def measure(way, vertices, agents):
-    """In this process: milliseconds a frame, megabytes."""
+    """Measures in this process. Returns milliseconds per frame and megabytes."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     before = resident()
@@ -143,7 +143,7 @@ def measure(way, vertices, agents):
 
 
 def measure_apart(way, vertices, agents):
-    """The same in a process of its own."""
+    """Measures the same in a separate process."""
     options = ["--way", way, "--vertices", str(vertices), "--agents", str(agents)]
     command = [bpy.app.binary_path, "-b", "--python-exit-code", "1", "--python", __file__, "--", *options]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
@@ -157,18 +157,18 @@ def main(arguments):
     parser.add_argument("--vertices", type=int, default=10_000)
     parser.add_argument("--agents", type=int, default=100)
     parser.add_argument("--json")
-    parser.add_argument("--way", choices=WAYS, help="measure this alone")
+    parser.add_argument("--way", choices=WAYS, help="measure only this one")
     options = parser.parse_args(arguments)
     if options.way:
         print(RESULT, *measure(options.way, options.vertices, options.agents))
         return
     print(
-        f"\nBlender {bpy.app.version_string}, {options.vertices:,} vertices an agent, {SHAPES} shapes, milliseconds a "
-        "whole frame, medians of 40\n"
+        f"\nBlender {bpy.app.version_string}, {options.vertices:,} vertices per agent, {SHAPES} shapes, milliseconds "
+        "per whole frame, medians of 40\n"
     )
-    print("| what carries the shapes | agents | a frame, ms | MB | times less than armatures |\n|---|---|---|---|---|")
+    print("| what holds the shapes | agents | ms per frame | MB | times less than armatures |\n|---|---|---|---|---|")
     rows = []
-    ways = [way for way in WAYS if way != SPLIT or hasattr(bpy.types, "GeometryNodeSplitToInstances")]  # 3.4 has not
+    ways = [way for way in WAYS if way != SPLIT or hasattr(bpy.types, "GeometryNodeSplitToInstances")]  # not in 3.4
     for way, agents in [*((way, options.agents) for way in ways), (ways[-1], 10 * options.agents)]:
         ms, megabytes = measure_apart(way, options.vertices, agents)
         rows.append({"way": way, "agents": agents, "ms": ms, "megabytes": megabytes})

@@ -1,10 +1,10 @@
-"""What Blender's evaluation after a dab of Weight Paint costs, by Blender's modifier and by Sinew in the same process.
+"""Measures Blender's evaluation after a dab of Weight Paint, with its own modifier and with Sinew, in one process.
 
     blender -b --python-exit-code 1 --python addon/bench_edits.py -- [--vertices N] [--json FILE]
 
-A tube of 40,000 vertices on a chain of 22 bones, in Weight Paint mode. A dab gives 50 neighboring vertices another
-weight in the active vertex group, through Blender's API; what is timed is the `view_layer.update()` that follows.
-Medians over 40 dabs in each of several rounds, alternating.
+A tube of 40,000 vertices on a chain of 22 bones, in Weight Paint mode. A dab changes the weight of 50 neighboring
+vertices in the active vertex group, through Blender's API; the `view_layer.update()` that follows is timed.
+Medians over 40 dabs in each of several alternating rounds.
 """
 
 import argparse
@@ -22,11 +22,11 @@ from bench_playback import TOLERANCE, difference, number, shapes, without_handle
 from bench_rigs import ADDON, CHAIN, make_characters, select
 
 ROUNDS, DABS, DABBED = 5, 40, 50
-FRAME = 20  # on which the tube is bent
+FRAME = 20  # a frame on which the tube is bent
 
 
 def dab_times(ob, seed):
-    """Milliseconds, one a dab. A dab before them warms up. The same seed gives the same weights in the end."""
+    """Returns milliseconds, one value per dab, after one warm-up dab. The same seed gives the same final weights."""
     random = np.random.default_rng(seed)
     bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
     group, times = ob.vertex_groups.active, []
@@ -41,13 +41,13 @@ def dab_times(ob, seed):
 
 
 def measure(vertices):
-    """One row, a dictionary."""
+    """Returns one row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     (ob,) = make_characters(CHAIN, vertices)
     bpy.context.scene.frame_set(FRAME)
     times, worst = {"modifier": [], "sinew": []}, 0.0
-    for seed in range(ROUNDS):  # alternating: the pace drifts
+    for seed in range(ROUNDS):  # alternating, because the machine's speed drifts
         select(ob)
         with without_handlers():
             times["modifier"] += dab_times(ob, seed)
@@ -72,8 +72,8 @@ def main(arguments):
     parser.add_argument("--vertices", type=int, default=40_000)
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
-    print(f"\nBlender {bpy.app.version_string}, milliseconds an evaluation, medians of {ROUNDS} x {DABS} dabs\n")
-    print("| a dab of Weight Paint, vertices | modifier | Sinew | Sinew's more |\n|---|---|---|---|")
+    print(f"\nBlender {bpy.app.version_string}, milliseconds per evaluation, medians of {ROUNDS} x {DABS} dabs\n")
+    print("| a dab of Weight Paint, vertices | modifier | Sinew | Sinew's extra |\n|---|---|---|---|")
     row = measure(options.vertices)
     print(
         f"| {row['vertices']:,} | {' | '.join(number(row[name]) for name in ('modifier_ms', 'sinew_ms', 'more_ms'))} |"

@@ -1,10 +1,10 @@
-"""How long a frame takes, by Blender's Armature modifier and by Sinew in the same process.
+"""Measures how long a frame takes with Blender's Armature modifier and with Sinew, in the same process.
 
     blender -b --python-exit-code 1 --python addon/bench_playback.py -- [options]
 
-Medians of whole `scene.frame_set` calls over 40 different frames, alternating: the rig alone (the
-meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. The meshes add something to
-the rig alone; how many times less they add with Sinew is what the two are judged by. Without options: a chain
+Medians of whole `scene.frame_set` calls over 40 different frames, alternating between the rig alone (the
+meshes hidden), Blender's modifiers with Sinew's handlers removed, and Sinew. The figure to compare is the time that
+the meshes add to the rig alone: how many times smaller it is with Sinew. Without options: a chain
 of 22 bones with up to a million vertices and ten such characters in one scene, and Rigify's human.
 """
 
@@ -25,12 +25,12 @@ from bench_rigs import ADDON, CHAIN, RIGS, VARIANTS, make_characters, select
 FRAMES = range(2, 42)
 SIZES, LARGE = (30_000, 180_000), 1_000_000
 ROUNDS = 3
-TOLERANCE = 1e-5  # a share of the diagonal
+TOLERANCE = 1e-5  # as a fraction of the diagonal
 
 
 @contextlib.contextmanager
 def without_handlers():
-    """As if the add-on were not there. The meshes must not be bound."""
+    """Removes the add-on's handlers, as if it were not installed. The meshes must not be bound."""
     taken = []
     for handlers in (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)):
         if isinstance(handlers, list):
@@ -46,8 +46,8 @@ def without_handlers():
 
 
 def frame_times(looked_at=()):
-    """Milliseconds, one a frame. A frame before them warms up. Some meshes are looked at: Blender 5 puts
-    subdivision off until then."""
+    """Returns milliseconds, one value per frame, after one warm-up frame. looked_at: meshes that are read on each
+    frame, since Blender 5 postpones subdivision until somebody reads the mesh."""
     scene = bpy.context.scene
     scene.frame_set(FRAMES[0] - 1)
     times = []
@@ -71,7 +71,7 @@ def frame_times_of_the_rig(meshes):
 
 
 def shapes(meshes):
-    """[(V, 3)] on the last of the frames."""
+    """Returns [(V, 3)]: the meshes' positions on the last frame."""
     graph = bpy.context.evaluated_depsgraph_get()
     found = []
     for ob in meshes:
@@ -83,22 +83,22 @@ def shapes(meshes):
 
 
 def difference(ours, theirs):
-    """The farthest that a vertex is from the modifier's, a share of the diagonal."""
+    """Returns the largest difference of a coordinate from the modifier's result, as a fraction of the diagonal."""
     return max(float(np.abs(a - b).max() / np.linalg.norm(np.ptp(b, axis=0))) for a, b in zip(ours, theirs))
 
 
 def measure(rig, vertices, count=1, variant="", outputs=("MODIFIER",)):
-    """One row, a dictionary."""
+    """Returns one row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     meshes = make_characters(rig, vertices, count, variant)
     select(*meshes)
     looked_at = meshes if variant == "subdivision" else ()
     times, bound, worst = {}, {}, 0.0
-    for _ in range(ROUNDS if vertices * count < 500_000 else 1):  # alternating: the pace drifts
+    for _ in range(ROUNDS if vertices * count < 500_000 else 1):  # alternating, because the machine's speed drifts
         with without_handlers():
             times.setdefault("rig", []).extend(frame_times_of_the_rig(meshes))
-            select(*meshes)  # what is hidden loses it
+            select(*meshes)  # hiding deselects
             times.setdefault("modifier", []).extend(frame_times(looked_at))
             wanted = shapes(meshes)
         for output in outputs:
@@ -155,8 +155,8 @@ def rows(options):
 
 
 def measure_beside(others=10_000, count=20):
-    """The same bound meshes in a file with so many other objects, which no scene has, and without them: a dictionary.
-    Frames must not notice."""
+    """Measures the same bound meshes with and without `others` more objects in the file, which are in no scene; the
+    time of a frame must not depend on them. Returns a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     meshes = make_characters(CHAIN, 1_000, count, "")
@@ -208,8 +208,8 @@ def parsed(arguments):
     parser.add_argument("--rig", action="append", choices=(*RIGS, "all"), help="may be repeated")
     parser.add_argument("--with", action="append", choices=VARIANTS, dest="variants", help="may be repeated")
     parser.add_argument("--vertices", action="append", type=int, help="of a mesh; may be repeated")
-    parser.add_argument("--characters", type=int, help="so many in one scene")
-    parser.add_argument("--beside", type=int, help="measure beside so many objects that no scene has, and nothing else")
+    parser.add_argument("--characters", type=int, help="how many are in one scene")
+    parser.add_argument("--beside", type=int, help="measure only with this many objects more that are in no scene")
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
     if options.rig and "all" in options.rig:
@@ -226,7 +226,7 @@ def main(arguments):
         row = measure_beside(options.beside or 10_000)
         results.append(row)
         print(
-            "\n{characters} bound meshes: {alone_ms:.2f} ms a frame, beside {beside_objects:,} objects "
+            "\n{characters} bound meshes: {alone_ms:.2f} ms per frame, beside {beside_objects:,} objects "
             "{beside_ms:.2f} ms".format(**row)
         )
     if options.json:
@@ -237,7 +237,7 @@ def main(arguments):
 
 def table(options):
     """Prints a line for each row, and returns all rows."""
-    print(f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {len(FRAMES)} frames\n")
+    print(f"\nBlender {bpy.app.version_string}, milliseconds per frame, medians of {len(FRAMES)} frames\n")
     print(
         "| rig (bones) | vertices | with | rig alone | modifier | Sinew | output Mesh "
         "| modifier adds | Sinew adds | less | accelerate, s |"

@@ -1,7 +1,7 @@
-"""Characters to measure: a chain of 22 bones, or one of the rigs that ship with Blender (Rigify), with a mesh
-of tubes around the deforming bones.
+"""Makes the characters for benchmarks: a chain of 22 bones, or one of the rigs that ship with Blender (Rigify), with a
+mesh of tubes around the deforming bones.
 
-A `variant` is what the mesh has besides: one of VARIANTS, or "" for nothing.
+A `variant` is what the mesh has in addition: one of VARIANTS, or "" for nothing.
 """
 
 import bmesh
@@ -14,24 +14,24 @@ METARIGS = ("human", "horse", "cat", "wolf", "bird", "shark", "basic_human", "ba
 RIGS = (CHAIN, *METARIGS)
 VARIANTS = ("keys", "driven-keys", "smooth", "smooth-part", "keys-smooth", "subdivision", "preserve-volume")
 KEYED_FRAMES = (1, 15, 30, 45)
-CONTROLS = 60  # of a generated rig, that are animated
+CONTROLS = 60  # how many controls of a generated rig are animated
 INFLUENCES = 3
-KEYS, KEY_SHARE = 50, 0.05  # shape keys, and the share of the vertices that each moves
-SMOOTHED_SHARE = 0.2  # of the vertices, by the variant smooth-part
+KEYS, KEY_SHARE = 50, 0.05  # the number of shape keys, and the share of the vertices that each moves
+SMOOTHED_SHARE = 0.2  # the share of the vertices that the variant smooth-part smooths
 CHUNK = 10_000  # vertices
 
 
-# However this Blender names the add-on.
+# The add-on's module name, which depends on the version of Blender.
 ADDON = next(name for name in bpy.context.preferences.addons.keys() if name.rpartition(".")[2] == "sinew")
 
 
 def sinew(name):
-    """A module of the add-on."""
+    """Returns a module of the add-on."""
     return __import__(f"{ADDON}.{name}", fromlist=["_"])
 
 
 def make_characters(rig, vertices, count=1, variant=""):
-    """Into the open file: so many, with an armature each. Returns [mesh object]."""
+    """Adds `count` characters to the open file, each with its own armature. Returns [mesh object]."""
     armature = make_chain() if rig == CHAIN else make_generated(rig)
     meshes = [make_mesh(armature, vertices, one_tube=rig == CHAIN)]
     add_variant(meshes[0], variant)
@@ -51,7 +51,7 @@ def select(*objects):
 
 
 def duplicate(ob):
-    """With a rig of its own, as Shift D does it."""
+    """Duplicates a mesh together with its rig, as Shift D does."""
     select(ob, ob.parent)
     bpy.ops.object.duplicate()
     return bpy.context.active_object
@@ -87,7 +87,7 @@ def make_generated(rig):
 
 
 def animate(armature, seed):
-    """Turns all bones of a chain, and some of a generated rig's controls, which it moves as well."""
+    """Rotates all bones of a chain; rotates and moves some controls of a generated rig."""
     random = np.random.default_rng(seed)
     bones = [bone for bone in armature.pose.bones if bone.custom_shape]
     if bones:
@@ -117,9 +117,9 @@ def animate(armature, seed):
 
 
 def make_mesh(armature, vertices, one_tube, name="Body", covers=("",), thickness=0.25):
-    """Tubes of quads, `vertices` in all or a few less, bound as Blender's own Parent > Armature Deform does. covers:
-    beginnings of names, of the deforming bones that have a tube around them; thickness: of a tube, in lengths of its
-    bone."""
+    """Makes tubes of quads with `vertices` vertices in total or slightly fewer, bound as Blender's own
+    Parent > Armature Deform does. covers: prefixes of the names of deforming bones that get a tube; thickness: a tube's
+    radius, as a multiple of its bone's length."""
     bones = [bone for bone in armature.data.bones if bone.use_deform]
     heads, tails = (np.array([getattr(bone, end)[:] for bone in bones]) for end in ("head_local", "tail_local"))
     if one_tube:
@@ -156,7 +156,7 @@ def make_mesh(armature, vertices, one_tube, name="Body", covers=("",), thickness
 
 
 def tube(head, tail, radius, vertices):
-    """(points, corners of quads) around a bone, by at most so many vertices."""
+    """Returns (points, corners of quads) of a tube around a bone, with at most `vertices` vertices."""
     around = max(4, 4 * round(vertices**0.5 / 4))
     rings = vertices // around
     along = tail - head
@@ -176,7 +176,8 @@ def tube(head, tail, radius, vertices):
 
 
 def nearest(points, heads, tails):
-    """(bones, weights), both (V, 3): the nearest, which fade to nothing where the fourth is as near."""
+    """Returns (bones, weights), both (V, 3): each vertex's nearest bones. A weight falls towards 0 (at least 0.01) as
+    its bone becomes as far away as the fourth."""
     along = tails - heads
     bones, weights = [], []
     for start in range(0, len(points), CHUNK):
@@ -202,7 +203,7 @@ def write_weights(mesh, bones, weights):
     bm.free()
 
 
-# --- what the mesh has besides ----------------------------------------------------------------------
+# --- variants -------------------------------------------------------------------------------------
 
 
 def add_variant(ob, variant):
@@ -219,7 +220,7 @@ def add_variant(ob, variant):
 
 
 def add_keys(ob, count=KEYS):
-    """Each moves a stretch of the vertices; all are in effect."""
+    """Adds shape keys, each of which moves a run of consecutive vertices; all have an effect."""
     random = np.random.default_rng(1)
     rest = np.empty(3 * len(ob.data.vertices), np.float32)
     ob.data.vertices.foreach_get("co", rest)
@@ -236,7 +237,7 @@ def add_keys(ob, count=KEYS):
 
 
 def animate_keys(ob, variant, seed):
-    """Half of them, by keyframes or by bones."""
+    """Animates half of the shape keys, with keyframes or with drivers on bones."""
     if not ob.data.shape_keys:
         return
     random = np.random.default_rng(seed)

@@ -1,15 +1,15 @@
-"""How long a frame of a whole shot takes, by Blender's modifiers and by Sinew in the same process.
+"""Measures how long a frame of a whole shot takes with Blender's modifiers and with Sinew, in the same process.
 
     blender -b --python-exit-code 1 --python addon/bench_shot.py -- [--characters N] [--parts] [--without WHAT]...
 
-Rigify humans, duplicated with their rigs as Shift D does it. Each has a body of 30,000 vertices with 20 shape keys that
-bones drive, four clothes of 4,000 to 8,000 vertices with weights of their own, a Corrective Smooth behind the
+Rigify humans, duplicated with their rigs as Shift D does. Each has a body of 30,000 vertices with 20 shape keys driven
+by bones, four garments of 4,000 to 8,000 vertices with their own weights, a Corrective Smooth after the
 Armature modifier of one of them, Preserve Volume on body and clothes, and two eyes that are parented to a bone and not
 bound. The set has 3,000 props that do not move; two thirds of them share 200 meshes.
 
-Medians of whole `scene.frame_set` calls over 40 different frames, alternating: the set alone, set and rigs (the
-characters' meshes hidden), Blender's modifiers without anything of Sinew's at work, and Sinew. What the meshes add to
-set and rigs is what the two are judged by. Shapes of all meshes are compared.
+Medians of whole `scene.frame_set` calls over 40 different frames, alternating between the set alone, the set with the
+rigs (the characters' meshes hidden), Blender's modifiers with Sinew's handlers removed, and Sinew. The figure to
+compare is the time that the meshes add to set and rigs. The shapes of all meshes are compared too.
 """
 
 import argparse
@@ -28,16 +28,16 @@ from bench_playback import FRAMES, ROUNDS, TOLERANCE, difference, frame_times, n
 from bench_rigs import ADDON, add_keys, animate, drive_by_some_bone, make_generated, make_mesh, select
 
 BODY, BODY_VERTICES, BODY_KEYS = "Body", 30_000, 20
-CLOTHES = {  # vertices, the bones that it covers
+CLOTHES = {  # the number of vertices, and the bones that the garment covers
     "Coat": (8_000, ("spine", "shoulder", "upper_arm", "forearm")),
     "Trousers": (6_000, ("pelvis", "thigh", "shin")),
     "Boots": (5_000, ("shin", "foot", "toe")),
     "Gloves": (4_000, ("forearm", "hand", "f_", "thumb", "palm")),
 }
-SMOOTHED, THICKNESS = "Coat", 0.27  # a little more than the body's
+SMOOTHED, THICKNESS = "Coat", 0.27  # slightly thicker than the body
 EYE_BONES = ("MCH-eye.L", "MCH-eye.R")
 PROPS, SHARING_PROPS, SHARED_MESHES, PROP_SIDE = 3_000, 2_000, 200, 10
-LEFT_OUT = ("keys", "smooth", "preserve-volume", "eyes", "props")  # by --without
+LEFT_OUT = ("keys", "smooth", "preserve-volume", "eyes", "props")  # what --without can leave out
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Person:
 
 
 def part_of(ob):
-    """ "bodies", "clothes" or "smoothed clothes"."""
+    """Returns "bodies", "clothes" or "smoothed clothes"."""
     if ob.name.startswith(BODY):
         return "bodies"
     return "smoothed clothes" if any(m.type == "CORRECTIVE_SMOOTH" for m in ob.modifiers) else "clothes"
@@ -62,7 +62,7 @@ def part_of(ob):
 
 
 def make_shot(characters, without):
-    """Into the open file. Returns [Person]."""
+    """Builds the shot in the open file. Returns [Person]."""
     people = [make_person(without)]
     people += [duplicate(people[0]) for _ in range(characters - 1)]
     for seed, person in enumerate(people, start=1):
@@ -97,7 +97,7 @@ def make_eye(rig, bone):
 
 
 def duplicate(person):
-    """As Shift D does it."""
+    """Duplicates a person as Shift D does."""
     select(*person.objects)
     bpy.ops.object.duplicate()
     copies = bpy.context.selected_objects
@@ -124,7 +124,7 @@ def add_props():
 
 
 def prop_mesh(name):
-    """A plate of 100 vertices."""
+    """Makes a plate of 100 vertices."""
     mesh = bpy.data.meshes.new(name)
     row, column = np.meshgrid(range(PROP_SIDE), range(PROP_SIDE), indexing="ij")
     points = np.stack([row, column, 0 * row], -1).reshape(-1, 3) / PROP_SIDE
@@ -138,7 +138,7 @@ def prop_mesh(name):
 
 @contextlib.contextmanager
 def hidden(objects):
-    """What is hidden loses its selection."""
+    """Hides the objects inside the `with` block. They stay deselected afterwards."""
     for ob in objects:
         ob.hide_viewport = True
     try:
@@ -149,7 +149,7 @@ def hidden(objects):
 
 
 def parts_of(meshes, each):
-    """{what is looked at: its meshes}: all of them, and, if `each`, the kinds one by one."""
+    """Returns {part: its meshes}: all meshes, and, if `each`, also each kind by itself."""
     parts = {"all": meshes}
     for ob in meshes if each else ():
         parts.setdefault(part_of(ob), []).append(ob)
@@ -157,7 +157,7 @@ def parts_of(meshes, each):
 
 
 def measure(characters, without=(), each_part=False, rounds=ROUNDS):
-    """A row for each part, dictionaries."""
+    """Returns a list with one row (a dictionary) per part, and the largest difference of the shapes."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     people = make_shot(characters, without)
@@ -173,7 +173,7 @@ def measure(characters, without=(), each_part=False, rounds=ROUNDS):
         for part, shown in parts.items():
             take((who, part), [ob for ob in meshes if ob not in shown])
 
-    for _ in range(rounds):  # alternating: the pace drifts
+    for _ in range(rounds):  # alternating, because the machine's speed drifts
         with without_handlers():
             take("set", [ob for person in people for ob in person.objects])
             take("rigs", meshes)
@@ -183,7 +183,7 @@ def measure(characters, without=(), each_part=False, rounds=ROUNDS):
         assert bpy.ops.object.sinew_bind() == {"FINISHED"}
         take_parts("sinew")
         worst = max(worst, difference(shapes_at_the_end(meshes), wanted))
-        select(*meshes)  # what was hidden is no longer selected
+        select(*meshes)  # hiding has deselected them
         assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
     assert worst < TOLERANCE, f"Sinew's shapes are up to {worst:.3g} of the diagonal off the modifiers'"
     medians = {name: statistics.median(found) for name, found in times.items()}
@@ -230,7 +230,7 @@ def parsed(arguments):
     parser = argparse.ArgumentParser(prog="bench_shot.py", description=__doc__.splitlines()[0])
     parser.add_argument("--characters", type=int, default=5)
     parser.add_argument("--without", action="append", choices=LEFT_OUT, default=[], help="may be repeated")
-    parser.add_argument("--parts", action="store_true", help="also bodies, clothes and smoothed clothes one by one")
+    parser.add_argument("--parts", action="store_true", help="also measure bodies, clothes and smoothed clothes alone")
     parser.add_argument("--json")
     return parser.parse_args(arguments)
 
@@ -239,12 +239,12 @@ def main(arguments):
     options = parsed(arguments)
     without = f", without {', '.join(options.without)}" if options.without else ""
     print(
-        f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds a frame, medians "
-        f"of {ROUNDS} x {len(FRAMES)} frames\n"
+        f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds per frame, "
+        f"medians of {ROUNDS} x {len(FRAMES)} frames\n"
     )
     print(
         "| meshes | set alone | set and rigs | modifiers | Sinew | faster | modifiers add | Sinew adds | less "
-        "| modifiers, a mesh | Sinew, a mesh |"
+        "| modifiers, per mesh | Sinew, per mesh |"
     )
     print("|" + "---|" * 11)
     rows, worst = measure(options.characters, options.without, options.parts)

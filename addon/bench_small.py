@@ -1,11 +1,11 @@
-"""What small meshes cost on a frame, by Blender's modifier and by Sinew in the same process.
+"""Measures the cost of small meshes per frame, with Blender's modifier and with Sinew, in the same process.
 
     blender -b --python-exit-code 1 --python addon/bench_small.py -- [--json FILE]
 
-20 tubes on one chain of 22 bones, each with a mesh of its own, and one tube that 200 hairs grow on. Medians of whole
-`scene.frame_set` calls over 40 different frames, alternating: the rig alone (the meshes hidden), Blender's modifier
-without anything of Sinew's at work, and Sinew. What a frame costs beyond the rig alone, divided by the number of
-meshes, is what a mesh costs.
+20 tubes on one chain of 22 bones, each with its own mesh, and one tube with 200 hairs. Medians of whole
+`scene.frame_set` calls over 40 different frames, alternating between the rig alone (the meshes hidden), Blender's
+modifier with Sinew's handlers removed, and Sinew. The cost of a mesh is the time of a frame minus that of the rig
+alone, divided by the number of meshes.
 """
 
 import argparse
@@ -35,7 +35,7 @@ ROUNDS = 5
 
 
 def make_tubes(vertices, count, hairs):
-    """Into the open file. Returns [mesh object]."""
+    """Adds tubes on one armature to the open file. Returns [mesh object]."""
     armature = make_chain()
     animate(armature, 1)
     meshes = [make_mesh(armature, vertices, one_tube=True) for _ in range(count)]
@@ -46,12 +46,12 @@ def make_tubes(vertices, count, hairs):
 
 
 def measure(vertices, count, hairs=0):
-    """One row, a dictionary."""
+    """Returns one row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     meshes = make_tubes(vertices, count, hairs)
     times, worst = {}, 0.0
-    for _ in range(ROUNDS):  # alternating: the pace drifts
+    for _ in range(ROUNDS):  # alternating, because the machine's speed drifts
         with without_handlers():
             times.setdefault("rig", []).extend(frame_times_of_the_rig(meshes))
             times.setdefault("modifier", []).extend(frame_times())
@@ -88,10 +88,10 @@ def main(arguments):
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
     print(
-        f"\nBlender {bpy.app.version_string}, milliseconds a frame, medians of {ROUNDS} x {len(FRAMES)} frames; "
-        "microseconds a mesh\n"
+        f"\nBlender {bpy.app.version_string}, milliseconds per frame, medians of {ROUNDS} x {len(FRAMES)} frames; "
+        "microseconds per mesh\n"
     )
-    print("| meshes x vertices | rig alone | modifier | Sinew | modifier, us a mesh | Sinew, us a mesh |")
+    print("| meshes x vertices | rig alone | modifier | Sinew | modifier, us per mesh | Sinew, us per mesh |")
     print("|" + "---|" * 6)
     rows = []
     for vertices, count, hairs in [*((size, TUBES, 0) for size in SIZES), (HAIRY_SIZE, 1, HAIRS)]:

@@ -1,9 +1,9 @@
-"""Plays a rig in Blender and shows what Sinew does: a table of times, a .blend and a contact sheet.
+"""Plays a rig in Blender and shows Sinew's results: a table of times, a .blend and a contact sheet.
 
     blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER POSE_FILE
 
-The poses are those of the file if the folder has it, else those of pose.dmat. Frames are timed in turn with
-Sinew and with Blender's own Armature modifier on a copy of the same scene, where the armature has the same motion
+The poses come from POSE_FILE if the folder has it, otherwise from pose.dmat. Frames are timed alternately with
+Sinew and with Blender's own Armature modifier on a copy of the same scene, whose armature has the same motion
 as keyframes.
 """
 
@@ -19,19 +19,19 @@ from mathutils import Vector
 
 FRAMES = 120
 METHODS = ("LINEAR", "DUAL_QUATERNION")
-TILE = (480, 540)  # pixels of one picture of the contact sheet
+TILE = (480, 540)  # size in pixels of one picture of the contact sheet
 SAMPLES = 24
-SMALL = 6_000  # vertices
+SMALL = 6_000  # vertices; a mesh with fewer gains nothing
 
 
 def addon_module(name):
-    """A module of the add-on, under whichever name this Blender installed it."""
+    """Returns a module of the add-on, under whichever name this Blender installed it."""
     package = bpy.types.VIEW3D_PT_sinew.__module__.rpartition(".ui.")[0]
     return importlib.import_module(f"{package}.{name}")
 
 
 def import_rig(folder, pose):
-    """The mesh object, imported through the add-on's operator."""
+    """Imports the rig through the add-on's operator. Returns the mesh object."""
     skeletons = sorted(folder.glob("skeleton.bf")) + sorted(folder.glob("*.tgf"))
     if not skeletons:
         sys.exit(f"there is neither skeleton.bf nor a .tgf file in {folder}")
@@ -43,7 +43,7 @@ def import_rig(folder, pose):
 
 
 def shape(ob, scene):
-    """(V, 3): positions as evaluated in that scene, space of the object."""
+    """Returns (V, 3): the evaluated positions in that scene, in object space."""
     mesh = ob.evaluated_get(scene.view_layers[0].depsgraph).data
     positions = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", positions)
@@ -77,7 +77,7 @@ def print_table(mesh_object):
         f"\n{mesh_object.name}: {len(mesh.vertices):,} vertices, {bones} bones; "
         f"Blender {bpy.app.version_string}, {os.cpu_count()} cores; medians of {FRAMES} frames\n"
     )
-    print(f"{'milliseconds a frame':36}{'linear':>12}{'dual quaternion':>18}")
+    print(f"{'milliseconds per frame':36}{'linear':>12}{'dual quaternion':>18}")
     for name, key in ROWS.items():
         print(f"{name:36}{times['LINEAR'][key]:12.3f}{times['DUAL_QUATERNION'][key]:18.3f}")
     print(
@@ -86,11 +86,11 @@ def print_table(mesh_object):
         + f"   (the mesh measures {diagonal:.3g})\n"
     )
     if len(mesh.vertices) < SMALL:
-        print("Small meshes gain nothing: what Blender itself does in a frame takes longest.\n")
+        print("Small meshes gain nothing: most of the frame is Blender's own work.\n")
 
 
 def world_points(mesh_object, frames):
-    """(N, 3): the character's vertices on all of these frames, world space."""
+    """Returns (N, 3): the character's vertices on all of these frames, in world space."""
     points = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
@@ -100,8 +100,8 @@ def world_points(mesh_object, frames):
 
 
 def sheet_pictures(mesh_object):
-    """(frame, method) of each of the six pictures: one turn of the clip, or rest, half and whole swing by one
-    method above and the other below."""
+    """Returns (frame, method) for each of the six pictures: one cycle of the clip; or rest, half swing and full swing,
+    with one method in the upper row and the other in the lower."""
     armature = mesh_object.sinew.armature
     count = addon_module("clips.clip_store").pose_count(armature.data)
     if armature.sinew_clip.mode == "PLAYBACK":
@@ -110,12 +110,12 @@ def sheet_pictures(mesh_object):
     return [(1 + round(share * half_swing), method) for method in METHODS for share in (0, 1 / 3, 1)]
 
 
-# The camera looks along this, from the front left.
+# From the character towards the camera, which is at the front left.
 CAMERA_DIRECTION = Vector((-0.62, -1.0, 0.22)).normalized()
 
 
 def backdrop(center, size):
-    """A floor that bends up behind the character, so that no horizon cuts the picture."""
+    """Makes a floor that curves upwards behind the character, so that no horizon cuts the picture."""
     radius = 2 * size
     profile = [(-8 * size, 0.0)]
     profile += [
@@ -147,7 +147,7 @@ def add_light(name, place, target, power, size):
 
 
 def build_stage(mesh_object, points):
-    """Floor, three lights and a camera from the front left that sees all of the points."""
+    """Adds a floor, three lights, and a camera at the front left that sees all of the points."""
     scene = bpy.context.scene
     low, high = Vector(points.min(axis=0)), Vector(points.max(axis=0))
     middle, size = (low + high) / 2, (high - low).length
@@ -191,7 +191,7 @@ def plain_material(name, color):
 
 
 def render_sheet(mesh_object, pictures, path):
-    """Three pictures by two."""
+    """Renders the pictures into one image, three columns by two rows."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.samples = SAMPLES
@@ -206,7 +206,7 @@ def render_sheet(mesh_object, pictures, path):
         tile = bpy.data.images.load(str(tile_path))
         pixels = np.empty(width * height * 4, np.float32)
         tile.pixels.foreach_get(pixels)
-        row, column = 1 - i // 3, i % 3  # Blender's pictures start at the bottom
+        row, column = 1 - i // 3, i % 3  # Blender's images start at the bottom
         sheet[row * height : (row + 1) * height, column * width : (column + 1) * width] = pixels.reshape(
             height, width, 4
         )

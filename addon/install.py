@@ -1,4 +1,4 @@
-"""Installs and enables the add-on's zip in the Blender that runs this, for good.
+"""Permanently installs and enables the add-on's zip in the Blender that runs this script.
 
 blender -b --python-exit-code 1 --python addon/install.py -- ZIP
 """

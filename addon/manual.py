@@ -1,5 +1,5 @@
-"""The manual's pages (docs/*.md) as HTML, as they go into the add-on's zip: a person without a network has
-those of the very version that is installed."""
+"""Converts the manual's pages (docs/*.md) to HTML for the add-on's zip, so that users can read the manual of exactly
+the installed version without a network."""
 
 import re
 import sys
@@ -29,8 +29,8 @@ a {{ color: #1a5fb4; }}
 
 
 def pages(docs):
-    """{file name: bytes}: a page for each .md file of the folder, the pictures that they show, and job descriptions for
-    farms."""
+    """Returns {file name: bytes}: a page for each .md file of the folder, the pictures that the pages show, and job
+    descriptions for render farms."""
     files = {}
     for path in docs.glob("*.md"):
         text = path.read_text(encoding="utf-8")
@@ -40,6 +40,6 @@ def pages(docs):
         files[f"{path.stem}.html"] = PAGE.format(title=title, body=body).encode()
         for picture in re.findall(r'<img [^>]*src="([\w.-]+)"', body):
             if not (docs / picture).is_file():
-                sys.exit(f"manual.py: {path.name} shows {picture}, which is not there")
+                sys.exit(f"manual.py: {path.name} shows {picture}, which does not exist")
             files[picture] = (docs / picture).read_bytes()
     return files | {f"farm/{path.name}": path.read_bytes() for path in (docs / "farm").iterdir()}

@@ -1,10 +1,10 @@
-"""Makes the add-on's zip: one top folder `sinew/`, which Blender 3.4 as well as the extensions of 4.2
-and later install.
+"""Makes the add-on's zip, with one top folder `sinew/`: both Blender 3.4 and the extension system of 4.2 and later can
+install it.
 
     package.py MODULE... FOLDER
 
-MODULE are compiled `sinew_native` files, one a Python version and a system. Prints the zip's path in FOLDER.
-The same input gives the same zip.
+Each MODULE is a compiled `sinew_native` file for one Python version and one platform. Prints the path of the zip in
+FOLDER. The same input gives the same zip.
 """
 
 import platform
@@ -17,9 +17,9 @@ import manual
 
 SOURCE = Path(__file__).parent / "sinew"
 ROOT = SOURCE.parent.parent
-EPOCH = (1980, 1, 1, 0, 0, 0)  # zip entries carry a time; ours must not
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the same time for every zip entry, to make the zip reproducible
 
-# A module's name ends in what its Python calls the system; the manifest has Blender's names for them.
+# A module's name ends with Python's name for the platform; the manifest uses Blender's names.
 PLATFORMS = {
     "-x86_64-linux-gnu.so": "linux-x64",
     "-aarch64-linux-gnu.so": "linux-arm64",
@@ -34,7 +34,7 @@ def version():
 
 
 def stamped(init):
-    """__init__.py with the version of the manifest, for Blender 3.4."""
+    """Returns __init__.py with the version from the manifest filled in, for Blender 3.4."""
     result = init.replace('"version": (0, 0, 0),', f'"version": ({", ".join(version().split("."))}),')
     if result == init:
         sys.exit("package.py: __init__.py has no place for the version")
@@ -42,7 +42,7 @@ def stamped(init):
 
 
 def for_platforms(manifest, modules):
-    """The manifest with the systems of the modules. modules: names of files."""
+    """Returns the manifest with the platforms of the modules filled in. modules: file names."""
     found = set()
     for module in modules:
         names = [name for ending, name in PLATFORMS.items() if module.endswith(ending)]
@@ -57,7 +57,7 @@ def for_platforms(manifest, modules):
 
 
 def contents(modules):
-    """{name in the zip: bytes}"""
+    """Returns {name in the zip: bytes}."""
     files = {
         path.relative_to(SOURCE).as_posix(): path.read_bytes()
         for path in SOURCE.rglob("*")
@@ -79,8 +79,8 @@ def main(arguments):
     *modules, folder = map(Path, arguments)
     target = folder / f"sinew-{version()}.zip"
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        # Without an entry for the folder itself, 3.4 writes over an older version's files in place, of which
-        # the compiled module is mapped into the running Blender.
+        # Without an entry for the folder itself, 3.4 overwrites an older version's files in place, including the
+        # compiled module that is mapped into the running Blender.
         folder = zipfile.ZipInfo("sinew/", EPOCH)
         folder.external_attr = 0o40755 << 16 | 0x10
         archive.writestr(folder, b"")

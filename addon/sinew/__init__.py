@@ -14,7 +14,8 @@ bl_info = {  # for Blender 3.4; later versions read blender_manifest.toml
 
 
 def _forget_older_version():
-    """What is left of one that this was installed over. The compiled module cannot be loaded twice."""
+    """Unloads the modules of an older version that this one was installed over. The compiled module stays, since it
+    cannot be loaded twice."""
     for name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
         if not name.endswith(".sinew_native"):
             del sys.modules[name]
@@ -22,7 +23,7 @@ def _forget_older_version():
 
 
 def _modules():
-    """In the order in which they are registered."""
+    """Returns the modules in the order in which they are registered."""
     from . import native
 
     if native.sinew_native is None:

@@ -1,4 +1,4 @@
-"""The only import of the compiled module: `sinew_native`, or None and a sentence that says why."""
+"""The only place that imports the compiled module: `sinew_native`, or None and a sentence that says why."""
 
 import platform
 import re
@@ -14,7 +14,7 @@ VERSION = ".".join(map(str, bl_info["version"]))
 
 
 def problem_of_import(error, files):
-    """Why the module could not be had, for people. files: names of those in this package."""
+    """Returns why the module could not be loaded, for users. files: names of the compiled files in this package."""
     if any(f"sinew_native{suffix}" in files for suffix in EXTENSION_SUFFIXES):
         return f"Sinew's native library for {HERE} does not load: {error}"
     # cpython-311-x86_64-linux-gnu, cpython-311-darwin, cp311-win_amd64
@@ -24,7 +24,7 @@ def problem_of_import(error, files):
 
 
 def _load():
-    """(module or None, problem)"""
+    """Returns (module or None, problem)."""
     try:
         from . import sinew_native as module
     except ImportError as error:

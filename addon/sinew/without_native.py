@@ -1,4 +1,4 @@
-"""What is left of the add-on where its native library cannot be had: a sentence in its preferences."""
+"""The add-on when its native library cannot be loaded: only a sentence in its preferences."""
 
 import bpy
 

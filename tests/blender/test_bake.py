@@ -155,7 +155,7 @@ def test_what_was_stopped_goes_on(figure, tmp_path):
     assert bpy.context.scene.frame_subframe == 0.25
     (done,) = bake(tmp_path)
     assert (done.found, done.baked, done.missing) == (4, 6, 0)
-    assert "6 of 10 frames baked, 4 were there" in done.sentence()
+    assert "6 of 10 frames baked, 4 already baked" in done.sentence()
     assert np.array_equal(read(tmp_path / "Tube.pc2"), shown(figure))
 
 
@@ -205,7 +205,7 @@ def test_a_full_disk(figure, tmp_path, monkeypatch):
         with pytest.raises(OSError) as caught:
             bake(tmp_path)
     assert caught.value.strerror == (
-        "No space left on device; the frames before 4 are kept: bake again to continue there"
+        "No space left on device; the frames before 4 are kept: bake again to continue from there"
     )
     assert bake(tmp_path)[0].found == 3
 
@@ -219,7 +219,7 @@ def test_a_full_disk_in_the_end(figure, tmp_path, monkeypatch):
         with pytest.raises(OSError) as caught:
             bake(tmp_path, "1-2")
     assert caught.value.strerror == (
-        "No space left on device; the frames that were baked are kept: bake again to continue there"
+        "No space left on device; the frames that were baked are kept: bake again to continue from there"
     )
     assert bake(tmp_path, "1-2")[0].found == 2
 

@@ -337,7 +337,7 @@ def test_bench_for_people(sinew):
     assert code == 0
     for words in (
         "capsule: 3,986 vertices, 4 bones",
-        "milliseconds a frame",
+        "milliseconds per frame",
         "whole frame, Sinew",
         "whole frame, Armature modifier",
         "largest distance",

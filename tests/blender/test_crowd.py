@@ -432,7 +432,7 @@ def test_nothing_is_selected():
 def test_the_character_is_hidden(figure):
     figure.hide_set(True)
     bpy.context.view_layer.objects.active = figure.modifiers["Armature"].object
-    fails("has no mesh on show")
+    fails("has no visible mesh")
 
 
 def test_the_last_frame_comes_first(figure):

@@ -150,7 +150,7 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
         "Sinew's Part",
         "object.sinew_measure",
         "Threads",
-        "an attribute",
+        "Attribute",
         "Instructions",
         addon_module("native").sinew_native.instruction_set(),
         "object.sinew_unbind",
@@ -402,7 +402,7 @@ def test_no_times_while_blender_deforms(fresh_scene, way_out):
     ob, _ = figure()
     for frame in (2, 3, 4):
         fresh_scene.frame_set(frame)
-    assert said_of("Sinew's Part").endswith(" ms") and said_of("Goes Through") == "its shape keys"
+    assert said_of("Sinew's Part").endswith(" ms") and said_of("Path") == "Shape Keys"
     if way_out == "absolute":
         ob.data.shape_keys.use_relative = False
     else:
@@ -410,7 +410,7 @@ def test_no_times_while_blender_deforms(fresh_scene, way_out):
     fresh_scene.frame_set(5)
     said = draw()
     assert not any(text.endswith(" ms") for text in said) and not {"Sinew's Part", "Pose + Armature"} & set(said)
-    assert said_of("Goes Through") == "Blender's modifier"
+    assert said_of("Path") == "Blender's Modifier"
 
 
 def test_a_gain_at_a_glance(fresh_scene):

@@ -1,1 +1,1 @@
-"""Shapes of every frame, written to files: caches that other machines and other programs play."""
+"""Writes the shapes of every frame to files: caches that other machines and other programs can play."""

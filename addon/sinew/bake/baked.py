@@ -1,24 +1,24 @@
-"""What a bake has done. Pure."""
+"""The result of a bake. Pure."""
 
 from dataclasses import dataclass
 
 
 @dataclass
 class Baked:
-    """What has become of one object's cache."""
+    """The state of one object's cache after a bake."""
 
     name: str
     path: str
     vertices: int
-    frames: int  # of the whole cache
-    baked: int = 0  # in this run
-    found: int = 0  # that were there before it
-    missing: int = 0  # that other runs have yet to bake
+    frames: int  # number of frames of the whole cache
+    baked: int = 0  # frames baked in this run
+    found: int = 0  # frames baked before this run
+    missing: int = 0  # frames that other runs still have to bake
     remark: str = ""
 
     def sentence(self):
         text = f"{self.path}: {self.vertices:,} vertices, {self.baked} of {self.frames} frames baked"
         if self.found:
-            text += f", {self.found} were there"
+            text += f", {self.found} already baked"
         text += f"; {self.missing} are missing" if self.missing else ""
         return f"{text}; {self.remark}" if self.remark else text

@@ -10,7 +10,7 @@ from .baked import Baked
 
 
 def run(context, job):
-    """All at once. Returns [Baked], or raises ValueError or OSError."""
+    """Runs the whole bake. Returns [Baked], or raises ValueError or OSError."""
     work = steps(context, job)
     while True:
         try:
@@ -20,9 +20,9 @@ def run(context, job):
 
 
 def steps(context, job):
-    """A generator of (share that is done, what comes next); returns [Baked], one an object. Closing it early is safe:
-    what was baked stays, and the same job goes on there. Mode, modifiers and frame are put back. Raises ValueError or
-    OSError."""
+    """Bakes step by step: a generator of (share done, what comes next) that returns [Baked], one per object. Closing it
+    early is safe: the baked frames are kept, and the same job continues from there. Mode, modifiers and frame are
+    restored. Raises ValueError or OSError."""
     indices = job.indices()
     objects = evaluation.objects_to_bake(context, job.names)
     job.check_names([ob.name for ob in objects])
@@ -66,7 +66,7 @@ def _point_caches(context, job, objects, indices):
 
 
 def _check_paths(job, objects):
-    """Before anything is evaluated, once what dead processes have left is out of the way. Raises ValueError if a
+    """Cleans up after dead processes and checks the paths, before anything is evaluated. Raises ValueError if a
     finished cache would be lost."""
     for ob in objects:
         path = job.path_of(ob.name)
@@ -78,7 +78,7 @@ def _check_paths(job, objects):
 
 
 class _Cache:
-    """One object's."""
+    """The cache of one object."""
 
     def __init__(self, job, ob, subject, stack):
         path = job.path_of(ob.name)
@@ -95,7 +95,7 @@ class _Cache:
             self.baked.found = len(self._part.found)
 
     def has(self, index):
-        """Whether a frame is there, whoever has baked it."""
+        """Whether a frame was baked, by whichever process."""
         return self._part is None or self._part.has(index)
 
     def write(self, index, frame, depsgraph):
@@ -113,9 +113,9 @@ class _Cache:
 
 @contextmanager
 def _advising(kept):
-    """What to do about a disk that refuses to go on."""
+    """Adds advice to errors of the disk."""
     try:
         yield
     except OSError as error:
-        said = f"{error.strerror}; {kept} are kept: bake again to continue there"
+        said = f"{error.strerror}; {kept} are kept: bake again to continue from there"
         raise OSError(error.errno, said, error.filename) from error

@@ -1,5 +1,5 @@
-"""What moves a mesh, if linear skinning by one armature is all that does: its influences, and its joints frame by
-frame. Without Blender's own types but for what it is given.
+"""A mesh that is moved only by linear skinning with one armature: its influences, and its joints frame by frame.
+Uses no types of Blender except those of its arguments.
 
 Letters: V vertices, J joints, K influences of a vertex.
 """
@@ -14,16 +14,16 @@ from ..native import sinew_native
 
 
 class NotLinear(ValueError):
-    """Why a skeleton does not say it all."""
+    """Why a skeleton alone cannot reproduce the mesh."""
 
 
 @dataclass
 class Skeleton:
-    """The bones that move the mesh, parents first, and last of all one that never moves if a vertex needs it."""
+    """The bones that move the mesh, parents first; at the end one that never moves, if some vertex needs it."""
 
     names: list
     parents: np.ndarray  # (J,), -1: a root
-    bind: np.ndarray  # (J, 4, 4), rigid, space of the mesh
+    bind: np.ndarray  # (J, 4, 4), rigid, in the space of the mesh
 
 
 class LinearCharacter:
@@ -63,7 +63,7 @@ class LinearCharacter:
         )
 
     def _order(self, names):
-        """(J,): each joint's nearest ancestor that is a joint. Blender keeps parents before children."""
+        """Returns (J,): each joint's nearest ancestor that is a joint. Blender keeps parents before children."""
         place = {names[bone]: joint for joint, bone in enumerate(self._used)}
         found = []
         for bone in self._used:
@@ -81,7 +81,7 @@ class LinearCharacter:
             raise NotLinear(str(error)) from error
 
     def posed(self, depsgraph):
-        """(J, 4, 4): the joints of the evaluated pose, space of the mesh."""
+        """Returns (J, 4, 4): the joints of the evaluated pose, in the space of the mesh."""
         evaluated = self._armature.evaluated_get(depsgraph)
         to_mesh = self._mesh_from_armature(depsgraph)
         channels = armatures.read_channels(evaluated).astype(np.float64)[self._used]
@@ -89,7 +89,7 @@ class LinearCharacter:
         return np.concatenate([moved, self.skeleton.bind[len(moved) :]])
 
     def skinned(self, posed):
-        """(V, 3) float32: by linear skinning."""
+        """Returns (V, 3) float32: the positions by linear skinning."""
         motions = posed @ np.linalg.inv(self.skeleton.bind)
         return sinew_native.skin_linear(self._native, np.ascontiguousarray(motions, np.float32))
 
@@ -111,7 +111,7 @@ def _modifier_of(ob):
 
 
 def rigid(matrix):
-    """The nearest rotation, and the same place."""
+    """Returns a matrix with the nearest rotation and the same translation."""
     left, _, right = np.linalg.svd(matrix[:3, :3])
     found = np.eye(4)
     found[:3, :3] = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
@@ -120,8 +120,8 @@ def rigid(matrix):
 
 
 def _padded(offsets, joints, weights, joint_count):
-    """joints (V, K) int32, weights (V, K) float32, filled up with zeros; whether some vertex needs a joint that never
-    moves, of that number."""
+    """Returns joints (V, K) int32 and weights (V, K) float32, padded with zeros; and whether some vertex needs the
+    joint that never moves, whose number is joint_count."""
     counts = np.diff(offsets)
     width = max(1, int(counts.max(initial=1)))
     used = np.arange(width) < counts[:, None]

@@ -1,4 +1,4 @@
-"""The scene as a bake evaluates it, and everything put back afterwards."""
+"""Evaluates the scene for a bake, and restores everything afterwards."""
 
 import hashlib
 import os
@@ -10,7 +10,7 @@ from ..blender import animation, meshes, nodes, values
 
 
 def objects_to_bake(context, names):
-    """Mesh objects by their names; without names all on show that have modifiers or shape keys. Raises ValueError."""
+    """Returns mesh objects by name; without names, all visible ones with modifiers or shape keys. Raises ValueError."""
     layer = context.view_layer
     layer.update()
     if not names:
@@ -38,7 +38,7 @@ def _object_named(layer, name):
 
 
 def digest_of_file():
-    """Of the .blend as it was saved; "" if what is open differs from it."""
+    """Returns a digest of the .blend as it was saved; "" if the open file differs from it."""
     path = bpy.data.filepath
     if not os.path.isfile(path) or bpy.data.is_dirty and not bpy.app.background:
         return ""
@@ -50,13 +50,13 @@ def digest_of_file():
 
 
 def read(ob, depsgraph):
-    """positions (V, 3) float32, space of the object, and matrix_world (4, 4) float64, as evaluated."""
+    """Returns the evaluated positions (V, 3) float32, in object space, and matrix_world (4, 4) float64."""
     evaluated = ob.evaluated_get(depsgraph)
     return meshes.read_evaluated(evaluated), values.matrix_to_numpy(evaluated.matrix_world)
 
 
 def read_topology(ob, depsgraph):
-    """(face_offsets (faces + 1,), face_vertices), V, as evaluated."""
+    """Returns (face_offsets (faces + 1,), face_vertices) and V of the evaluated mesh."""
     evaluated = ob.evaluated_get(depsgraph)
     mesh = evaluated.to_mesh()
     try:
@@ -66,7 +66,7 @@ def read_topology(ob, depsgraph):
 
 
 def check_count(ob, frame, count, expected):
-    """Raises ValueError if a frame has not as many vertices as those before it."""
+    """Raises ValueError if a frame has a different number of vertices from those before it."""
     if count != expected:
         raise ValueError(
             f"{ob.name} has {count:,} vertices on frame {frame}, but {expected:,} before: a bake needs the same "
@@ -76,7 +76,8 @@ def check_count(ob, frame, count, expected):
 
 @contextmanager
 def undisturbed(context):
-    """Out of Edit and Sculpt Mode, whose meshes are not those that play; mode and frame are put back."""
+    """Leaves Edit or Sculpt Mode, whose meshes differ from those that play, inside the `with` block; restores mode and
+    frame."""
     scene, ob = context.scene, context.view_layer.objects.active
     frame = scene.frame_current, scene.frame_subframe
     mode = ob.mode if ob is not None and (ob.mode.startswith("EDIT") or ob.mode == "SCULPT") else None
@@ -97,14 +98,14 @@ def _set_mode(context, ob, mode):
 
 
 def subdivision_of(ob):
-    """The first Subdivision Surface modifier on show, or None."""
+    """Returns the first Subdivision Surface modifier that the viewport shows, or None."""
     return next((modifier for modifier in ob.modifiers if modifier.type == "SUBSURF" and modifier.show_viewport), None)
 
 
 @contextmanager
 def until_subdivision(objects):
-    """Their first Subdivision Surface modifier and all that follow it are switched off in the viewport meanwhile.
-    Raises ValueError if a switch is animated."""
+    """Switches off the objects' first Subdivision Surface modifier and all that follow it, in the viewport, inside the
+    `with` block. Raises ValueError if a switch is animated."""
     off = []
     for ob in objects:
         first = subdivision_of(ob)

@@ -1,14 +1,14 @@
-"""Which frames are baked: `A-B` or `A-B:step`, and the part of them that one process does. Pure."""
+"""The frames of a bake: `A-B` or `A-B:step`, and the part of them that one process bakes. Pure."""
 
 import re
 from dataclasses import dataclass
 
-LIMIT = 1_048_574  # Blender knows no frames beyond it
+LIMIT = 1_048_574  # Blender's largest frame number
 
 
 @dataclass(frozen=True)
 class FrameRange:
-    """first, first + step, ... up to last at most. Raises ValueError."""
+    """The frames first, first + step, ... up to last. Raises ValueError."""
 
     first: int
     last: int
@@ -34,8 +34,8 @@ class FrameRange:
         return iter(range(self.first, self.last + 1, self.step))
 
     def indices_of(self, chunk):
-        """The numbers, from 0 on, of the frames that a chunk (FrameRanges) has of this range, in their order. Raises
-        ValueError if it reaches beyond this range, or has none of its frames."""
+        """Returns the indices, from 0, of the frames of this range that are in a chunk (FrameRanges), in order. Raises
+        ValueError if the chunk reaches beyond this range or has none of its frames."""
         words = ",".join(map(str, chunk))
         if any(part.first < self.first or part.last > self.last for part in chunk):
             raise ValueError(f"the chunk {words} reaches beyond the frames {self}: choose one within them")
@@ -47,7 +47,7 @@ class FrameRange:
 
 
 def parse(words):
-    """ "A-B", "A-B:step" or one frame "A"; a frame may be negative. Raises ValueError."""
+    """Parses "A-B", "A-B:step" or one frame "A"; a frame may be negative. Raises ValueError."""
     found = re.fullmatch(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?", words)
     if not found:
         raise ValueError(f"{words} is not a range of frames; write it like 1-40, or 1-40:2 for every second frame")
@@ -56,12 +56,12 @@ def parse(words):
 
 
 def parse_chunk(words):
-    """The same with commas between several, as farms write chunks: (FrameRange, ...)."""
+    """Parses one or more comma-separated ranges, as farms write chunks. Returns (FrameRange, ...)."""
     return tuple(map(parse, words.split(",")))
 
 
 def words_of(frames, step=1):
-    """Frames in their order as people write them: "1-3, 7", or with another step "1-5:2, 9"."""
+    """Returns ordered frames as people write them: "1-3, 7", or, with a step of 2, "1-5:2, 9"."""
     found = []
     for frame in frames:
         if found and frame == found[-1][1] + step:

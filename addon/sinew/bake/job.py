@@ -1,4 +1,4 @@
-"""What is to be baked, as people ask for it, and the names of the files. Pure."""
+"""A request for a bake, and the names of its files. Pure."""
 
 import os
 import re
@@ -13,16 +13,16 @@ FORMATS = (*point_cache.FORMATS, USD)
 
 @dataclass(frozen=True)
 class Job:
-    """Raises ValueError for what cannot be asked for."""
+    """A request for a bake. Raises ValueError if its options contradict each other."""
 
-    folder: str  # made if it is missing
+    folder: str  # created if it does not exist
     frames: FrameRange
-    names: tuple = ()  # of objects; none: all meshes on show that something deforms
+    names: tuple = ()  # of objects; empty: all visible meshes with modifiers or shape keys
     format: str = "pc2"
-    chunk: tuple | None = None  # FrameRanges, the frames of this run; the files are laid out for `frames`
+    chunk: tuple | None = None  # FrameRanges: the frames of this run; the files are laid out for all of `frames`
     overwrite: bool = False
     until_subdivision: bool = False
-    usd_points: bool = False  # never a skeleton
+    usd_points: bool = False  # write points, never a skeleton
 
     def __post_init__(self):
         if self.format not in FORMATS:
@@ -38,15 +38,15 @@ class Job:
             )
 
     def indices(self):
-        """Of the frames of this run, from 0 on."""
+        """Returns the indices, from 0, of the frames of this run."""
         return self.frames.indices_of(self.chunk) if self.chunk is not None else list(range(len(self.frames)))
 
     def path_of(self, name):
-        """Of the cache of an object."""
+        """Returns the path of an object's cache."""
         return os.path.join(self.folder, f"{file_name(name)}.{'usdc' if self.format == USD else self.format}")
 
     def check_names(self, names):
-        """Raises ValueError if two objects would have one file."""
+        """Raises ValueError if two objects would be written to the same file."""
         found = {}
         for name in names:
             other = found.setdefault(file_name(name).lower(), name)
@@ -58,6 +58,6 @@ class Job:
 
 
 def file_name(name):
-    """An object's name as that of a file."""
+    """Converts an object's name to a file name."""
     cleaned = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", name)
     return f"_{cleaned}" if cleaned.startswith(".") else cleaned

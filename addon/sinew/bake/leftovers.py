@@ -1,4 +1,4 @@
-"""Temporary files of this process and of others. Their names say which machine and which process made them. Pure."""
+"""Temporary files of this process and of others. Their names contain the machine and process that made them. Pure."""
 
 import os
 import platform
@@ -9,25 +9,26 @@ from contextlib import suppress
 
 
 def own_name(path, end=""):
-    """Beside path; no other process has it."""
+    """Returns a name beside path that no other process uses."""
     return f"{path}.{platform.node()}-{os.getpid()}{end}"
 
 
 def remove_dead(path, end=""):
-    """Those of processes of this machine that are gone. Of other machines' processes nobody here can know."""
+    """Removes the temporary files of dead processes of this machine. Whether processes on other machines are alive
+    cannot be known here."""
     for name, machine, process in _all_of(path, end):
         if machine == platform.node() and not _is_alive(int(process)):
             _remove(name)
 
 
 def remove_all(path, end=""):
-    """Once nobody needs them."""
+    """Removes all temporary files, once nobody needs them."""
     for name, *_ in _all_of(path, end):
         _remove(name)
 
 
 def _all_of(path, end):
-    """[(path, machine, process)], whoever has made them."""
+    """Returns [(path, machine, process)] of all temporary files, whoever made them."""
     folder, start = os.path.split(path)
     pattern = re.compile(rf"{re.escape(start)}\.(.+)-(\d+){re.escape(end)}")
     found = [pattern.fullmatch(name) for name in os.listdir(folder or os.curdir)]
@@ -35,7 +36,7 @@ def _all_of(path, end):
 
 
 def _is_alive(process):
-    if sys.platform == "win32":  # where this would end it
+    if sys.platform == "win32":  # there, os.kill would end the process
         return True
     try:
         os.kill(process, 0)
@@ -47,7 +48,7 @@ def _is_alive(process):
 
 
 def _remove(path):
-    """Another process may do the same."""
+    """Removes a file or folder. Another process may do the same at the same time."""
     if os.path.isdir(path):
         shutil.rmtree(path, ignore_errors=True)
     else:

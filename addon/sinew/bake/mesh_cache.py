@@ -1,4 +1,4 @@
-"""Plays a cache through Blender's Mesh Cache modifier in place of what was baked, and takes it off again."""
+"""Plays a cache with Blender's Mesh Cache modifier instead of the baked modifiers, and removes it again."""
 
 import json
 import os
@@ -18,8 +18,8 @@ def is_on(ob):
 
 
 def set_up(context, ob, path):
-    """A mesh object shows the cache of path, PC2 or MDD, instead of what its deforming modifiers would make; these are
-    switched off. Raises ValueError, with everything as it was, or OSError."""
+    """Makes a mesh object play the cache at path, PC2 or MDD, instead of its deforming modifiers, which are switched
+    off. Raises ValueError, with nothing changed, or OSError."""
     if ob.library:
         raise ValueError(f"{ob.name} is linked from another file: make a library override of it first")
     if is_on(ob):
@@ -57,7 +57,8 @@ def set_up(context, ob, path):
 
 
 def _read(path, scene):
-    """V, first frame, step, whether the bake ended before Subdivision: as it stands beside the cache, else in it."""
+    """Returns V, first frame, step, and whether the bake ended before Subdivision: from the file beside the cache, or
+    else from the cache itself."""
     if os.path.isdir(part_files.folder_of(path)):
         raise ValueError(f"{path} is not finished: bake the missing frames first")
     if not os.path.isfile(path):
@@ -74,7 +75,7 @@ def _can_stand_in_for(modifier):
 
 
 def _configure(cache, path, first, step):
-    """By frames: by time, Blender plays PC2 files too slowly."""
+    """Configures the modifier to play by frames: by time, Blender plays PC2 files too slowly."""
     cache.cache_format = path.rpartition(".")[2].upper()
     use_relative = bpy.data.filepath and bpy.context.preferences.filepaths.use_relative_paths
     cache.filepath = bpy.path.relpath(path) if use_relative else path
@@ -86,7 +87,7 @@ def _configure(cache, path, first, step):
 
 
 def _count_at(context, ob, until_subdivision):
-    """Vertices of the mesh where the cache comes in."""
+    """Returns the number of vertices at the cache's place in the modifier stack."""
     if not until_subdivision:
         return len(evaluation.read(ob, context.evaluated_depsgraph_get())[0])
     with evaluation.until_subdivision([ob]):
@@ -94,7 +95,7 @@ def _count_at(context, ob, until_subdivision):
 
 
 def take_off(ob):
-    """As it was before `set_up`. Returns names of modifiers that were switched off and are gone."""
+    """Restores the state before `set_up`. Returns the names of modifiers that were switched off and no longer exist."""
     kept = json.loads(ob.sinew.cache_kept)
     modifiers = ob.modifiers
     cache = modifiers.get(kept["modifier"])

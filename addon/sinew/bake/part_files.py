@@ -1,15 +1,17 @@
-"""A cache that is not whole yet. Pure.
+"""A cache that is not complete yet. Pure.
 
-Beside the cache NAME.pc2 stands, until it is whole, the folder NAME.pc2.part with three files, laid out at full size:
-`positions`, `world` and the marks, `frames`: a line that says what is baked, and a byte a frame, 1 when that frame is
-on the disk. Several processes, on several machines, may fill them: each writes its frames in place, none waits for
-another, and whoever sees the last mark moves the files where they belong. NAME.pc2.json, which stays, is the line.
+Until the cache NAME.pc2 is complete, its data is in the folder NAME.pc2.part, in three files of full size:
+`positions`, `world`, and the marks, `frames`: a line that describes the bake, and one byte per frame, 1 when that frame
+is on the disk. Several processes, on several machines, may fill the files: each writes its frames in place, none waits
+for another, and whichever sees the last mark moves the files to their final places. NAME.pc2.json, which stays, holds
+the line.
 
-The folder is made elsewhere and appears all at once, and nothing is ever added to it. So whoever has its three files
-open has files that belong together, even if they have been moved meanwhile.
+The folder is prepared under another name, then renamed, and nothing is ever added to it. So a process that has its
+three files open has files that belong together, even if they were moved in the meantime.
 
-A process may die at any moment. What it was making then has its name (leftovers.py), and is removed by the next one on
-that machine, or by whoever finishes the cache. If it died while it moved the files, the next one moves the others.
+A process may die at any moment. The temporary files that it leaves have its number in their names (leftovers.py) and
+are removed by the next process on that machine, or by the one that finishes the cache. If a process died while moving
+the files, the next one moves the rest.
 """
 
 import errno
@@ -25,25 +27,25 @@ import numpy as np
 from . import leftovers
 from . import subject as subjects
 
-SECONDS_BETWEEN_SYNCS = 1.0  # then what was written is marked: a process that is killed loses no more than that
+SECONDS_BETWEEN_SYNCS = 1.0  # written frames are marked this often: a process that is killed loses no more
 MATRIX_SIZE = 128  # bytes of (4, 4) float64
 NAMES = ("frames", "positions", "world")
-sync_data = getattr(os, "fdatasync", os.fsync)  # macOS has but the latter
-ATTEMPTS = 5  # each fails only if another process has moved the files just then
+sync_data = getattr(os, "fdatasync", os.fsync)  # macOS has only fsync
+ATTEMPTS = 5  # an attempt fails only if another process has moved the files at that moment
 MAKE_ROOM = "make room, or choose another folder"
 ADVICE = "overwrite it, or choose another folder"
 NOT_A_BAKE = "{} is not an unfinished bake of this version of Sinew; " + ADVICE
 
 
 def world_header(count):
-    """Of a .npy file with (count, 4, 4) float64."""
+    """Returns the header of a .npy file with (count, 4, 4) float64."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (count, 4, 4)})
     return stream.getvalue()
 
 
 def write_at(file, data, offset):
-    """All of data (bytes or memoryview of bytes) into an open file descriptor."""
+    """Writes all of data (bytes or memoryview of bytes) to an open file descriptor."""
     data = memoryview(data)
     while data:
         count = os.pwrite(file, data, offset)
@@ -51,12 +53,12 @@ def write_at(file, data, offset):
 
 
 def folder_of(path):
-    """NAME.pc2.part"""
+    """Returns NAME.pc2.part."""
     return f"{path}.part"
 
 
 def read_marks(path):
-    """(Subject, (F,) bool: which frames are there) of the unfinished cache. Raises ValueError or OSError."""
+    """Returns (Subject, (F,) bool: which frames are baked) of the unfinished cache. Raises ValueError or OSError."""
     with open(os.path.join(folder_of(path), "frames"), "rb") as file:
         subject = subjects.parse(file.readline())
         marks = np.frombuffer(file.read(), np.uint8) == 1
@@ -67,7 +69,7 @@ def read_marks(path):
 
 @contextmanager
 def advising_room(path):
-    """What to do about a full disk, where nothing was baked yet."""
+    """Adds advice to the error of a full disk, where nothing was baked yet."""
     try:
         yield
     except OSError as error:
@@ -77,13 +79,13 @@ def advising_room(path):
 
 
 def discard(path):
-    """Forgets what was baked of an unfinished cache."""
+    """Deletes the frames of an unfinished cache."""
     shutil.rmtree(folder_of(path), ignore_errors=True)
 
 
 def tidy(path):
-    """Sees to what processes have left that died as they began or finished a cache, in a folder that is there. Those
-    that are alive are not disturbed. Raises OSError."""
+    """Cleans up after processes that died while starting or finishing a cache. The folder must exist. Live processes
+    are not disturbed. Raises OSError."""
     for each in _made_under_other_names(path):
         leftovers.remove_dead(each)
     with suppress(ValueError, FileNotFoundError, NotADirectoryError):
@@ -96,12 +98,12 @@ def tidy(path):
 
 
 def _made_under_other_names(path):
-    """What is renamed when it is whole."""
+    """Returns the paths that are written under temporary names and renamed when complete."""
     return folder_of(path), subjects.path_beside(path)
 
 
 def _move_files(path, folder):
-    """Those of a finished cache, from its open folder to their places. Another process may do the same."""
+    """Moves the files of a finished cache from its open folder to their places. Another process may do the same."""
     for name, target in (("world", subjects.world_beside(path)), ("positions", path)):
         with suppress(FileNotFoundError):  # another process has moved it
             os.rename(name, target, src_dir_fd=folder)
@@ -112,14 +114,14 @@ def _move_files(path, folder):
 
 
 class PartFiles:
-    """The unfinished files of one cache, for `with`, which marks in the end what was written.
+    """The unfinished files of one cache, a context manager that marks the written frames on exit.
 
-    Raises ValueError if what stands there is of another bake, and OSError, with a file name, if the disk is full or
-    something forbids it.
+    Raises ValueError if the existing files belong to a different bake, and OSError, with a file name, if the disk is
+    full or access is denied.
     """
 
     def __init__(self, path, subject):
-        """path: of the whole cache, in a folder that is there."""
+        """path: of the complete cache, in an existing folder."""
         if sys.platform == "win32":
             raise ValueError("on Windows, Sinew cannot write point caches; bake USD instead")
         self.path, self.subject, self._layout = path, subject, subject.layout
@@ -133,7 +135,7 @@ class PartFiles:
             raise ValueError(NOT_A_BAKE.format(folder_of(path)))
         try:
             self._check()
-            self.found = self.done()  # what was there at first
+            self.found = self.done()  # frames baked before this run
             self._check_space()
         except BaseException:
             self._close()
@@ -146,7 +148,7 @@ class PartFiles:
         try:
             self.sync()
         except OSError:
-            if kind is None:  # else the first error is the one to tell
+            if kind is None:  # otherwise the first error is the one to report
                 raise
         finally:
             self._close()
@@ -154,7 +156,7 @@ class PartFiles:
     # --- opening ---
 
     def _open(self):
-        """Whether the folder is there, all of it."""
+        """Opens the folder and its files. Returns whether all of them exist."""
         try:
             self._folder = os.open(folder_of(self.path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
             for name in NAMES:
@@ -168,7 +170,7 @@ class PartFiles:
         return True
 
     def _make(self):
-        """Nothing, if another process has made it meanwhile, or has just finished the cache."""
+        """Makes the folder, unless another process has made it in the meantime or has just finished the cache."""
         folder = leftovers.own_name(folder_of(self.path))
         try:
             with advising_room(self.path):
@@ -225,7 +227,7 @@ class PartFiles:
         return np.frombuffer(os.pread(self._files["frames"], len(self.subject.frames), len(self._line)), np.uint8)
 
     def done(self):
-        """Indices of the frames that are on the disk, whoever has written them."""
+        """Returns the indices of the frames that are on the disk, whichever process wrote them."""
         return np.flatnonzero(self._marks() == 1).tolist()
 
     def has(self, index):
@@ -235,7 +237,7 @@ class PartFiles:
         return np.flatnonzero(self._marks() != 1).tolist()
 
     def write(self, index, positions, world):
-        """One frame: positions (V, 3) float32, world (4, 4). Raises OSError."""
+        """Writes one frame: positions (V, 3) float32, world (4, 4). Raises OSError."""
         with _naming(folder_of(self.path)):
             write_at(self._files["positions"], self._layout.encode(positions), self._layout.offset(index))
             write_at(self._files["world"], np.ascontiguousarray(world, "<f8").tobytes(), self._world_offset(index))
@@ -244,7 +246,7 @@ class PartFiles:
             self.sync()
 
     def sync(self):
-        """Marks what was written, once it is on the disk. Raises OSError."""
+        """Waits until the written frames are on the disk, then marks them. Raises OSError."""
         pending, self._pending, self._synced = self._pending, [], time.monotonic()
         if pending:
             with _naming(folder_of(self.path)):
@@ -255,12 +257,12 @@ class PartFiles:
                 os.fsync(self._files["frames"])
 
     def finish(self):
-        """Puts the cache in its place if no frame is missing, whoever has written them. Returns the missing indices.
-        Another process may do the same at the same time."""
+        """Moves the cache to its place if no frame is missing, whichever process wrote them. Returns the missing
+        indices. Another process may do the same at the same time."""
         self.sync()
         missing = self.missing()
         if missing:
-            if subjects.is_whole(self.path, self.subject):  # others were done before this process had begun
+            if subjects.is_whole(self.path, self.subject):  # others had finished before this process began
                 discard(self.path)
                 return []
             return missing
@@ -271,7 +273,7 @@ class PartFiles:
         return []
 
     def _describe(self):
-        """The cache, in the file beside it."""
+        """Writes the description of the cache into the file beside it."""
         temporary = leftovers.own_name(subjects.path_beside(self.path))
         try:
             with open(temporary, "wb") as file:
@@ -286,7 +288,7 @@ class PartFiles:
 
 @contextmanager
 def _naming(path):
-    """Errors of a file descriptor have no file name."""
+    """Adds a file name to errors of a file descriptor, which have none."""
     try:
         yield
     except OSError as error:

@@ -1,9 +1,9 @@
-"""Point caches: PC2 and MDD. Each frame has its place in the file from the beginning. Pure.
+"""Point caches: PC2 and MDD. Each frame has a fixed place in the file. Pure.
 
 Letters: F frames, V vertices.
 
 PC2   "POINTCACHE2\\0", 1, V, first frame, frames from one sample to the next, F; then F x V x 3 float32, little-endian
-MDD   F, V, F times in seconds from 0 on; then F x V x 3 float32; all big-endian
+MDD   F, V, F times in seconds, starting at 0; then F x V x 3 float32; all big-endian
 """
 
 import struct
@@ -17,20 +17,20 @@ PC2_MAGIC = b"POINTCACHE2\0"
 PC2_HEADER, MDD_HEADER = struct.Struct("<12siiffi"), struct.Struct(">ii")
 NUMBERS = {"pc2": np.dtype("<f4"), "mdd": np.dtype(">f4")}
 FORMATS = tuple(NUMBERS)
-MOST_VERTICES = 2**31 - 1  # that a header holds
+MOST_VERTICES = 2**31 - 1  # the largest number that a header can hold
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Of a file of that format (of FORMATS)."""
+    """The layout of a file in a format of FORMATS."""
 
     format: str
     vertex_count: int
     frames: FrameRange
-    rate: float  # frames a second, float32 or less, for MDD's times
+    rate: float  # frames per second, no more precise than float32, for MDD's times
 
     def header(self):
-        """bytes"""
+        """Returns the header as bytes."""
         count = len(self.frames)
         if self.format == "pc2":
             return PC2_HEADER.pack(PC2_MAGIC, 1, self.vertex_count, self.frames.first, self.frames.step, count)
@@ -43,21 +43,21 @@ class Layout:
 
     @property
     def size(self):
-        """Of the whole file, in bytes."""
+        """The size of the whole file, in bytes."""
         return self.offset(len(self.frames))
 
     def offset(self, index):
-        """Where the frame of that number, from 0 on, begins."""
+        """Returns where the frame with that index, from 0, begins."""
         start = PC2_HEADER.size if self.format == "pc2" else MDD_HEADER.size + 4 * len(self.frames)
         return start + index * self.frame_size
 
     def encode(self, positions):
-        """positions (V, 3) float32 -> what is written, without a copy where none is needed."""
+        """Converts positions (V, 3) float32 to the bytes of the file, without a copy where none is needed."""
         return memoryview(np.ascontiguousarray(positions, NUMBERS[self.format]).reshape(-1).view(np.uint8))
 
 
 def read_header(path):
-    """(V, first frame or None, step) as the file itself says. Raises ValueError if it is neither PC2 nor MDD, or
+    """Returns (V, first frame or None, step) from the file's header. Raises ValueError if it is neither PC2 nor MDD, or
     OSError."""
     with open(path, "rb") as file:
         start = file.read(PC2_HEADER.size)
@@ -70,6 +70,6 @@ def read_header(path):
 
 
 def read_frame(path, layout, index):
-    """(V, 3) float32"""
+    """Returns the positions of one frame, (V, 3) float32."""
     found = np.fromfile(path, NUMBERS[layout.format], 3 * layout.vertex_count, offset=layout.offset(index))
     return found.astype(np.float32).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What is baked into a cache, as it stands beside it. Pure."""
+"""The description of a cache's content, which is saved beside the cache. Pure."""
 
 import json
 import math
@@ -12,28 +12,28 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Subject:
-    """Two processes that bake the same into one folder fill the same files."""
+    """What is baked into a cache. Processes that bake equal subjects into one folder fill the same files."""
 
     object: str
     format: str  # of point_cache.FORMATS
     vertex_count: int
     frames: frame_range.FrameRange
-    rate: float  # frames a second
+    rate: float  # frames per second
     until_subdivision: bool
-    blend: str  # digest of the saved file, or "": only from the same state of it does a bake go on
+    blend: str  # digest of the saved file, or "": a bake continues only from the same state of the file
 
     @property
     def layout(self):
         return point_cache.Layout(self.format, self.vertex_count, self.frames, self.rate)
 
     def line(self):
-        """JSON, the same bytes for the same subject."""
+        """Returns a line of JSON, the same bytes for equal subjects."""
         fields = {**vars(self), "frames": str(self.frames), "version": VERSION}
         return json.dumps(fields, sort_keys=True).encode() + b"\n"
 
 
 def parse(line):
-    """The Subject of a line of JSON. Raises ValueError."""
+    """Returns the Subject described by a line of JSON. Raises ValueError."""
     try:
         fields = json.loads(line)
         if fields.pop("version") != VERSION:
@@ -46,7 +46,7 @@ def parse(line):
 
 
 def _check(subject):
-    """Somebody may have edited the file. Raises ValueError."""
+    """Checks the values, since somebody may have edited the file. Raises ValueError."""
     is_sound = (
         isinstance(subject.object, str)
         and subject.format in point_cache.FORMATS
@@ -72,7 +72,7 @@ WORDS = {
 
 
 def difference(there, here):
-    """(there, here): what two subjects differ in first, as people say it."""
+    """Returns (there, here): the first difference between two subjects, in words."""
     for name, words in WORDS.items():
         if getattr(there, name) != getattr(here, name):
             return words.format(getattr(there, name)), words.format(getattr(here, name))
@@ -86,17 +86,17 @@ def difference(there, here):
 
 
 def path_beside(path):
-    """NAME.pc2.json"""
+    """Returns NAME.pc2.json."""
     return f"{path}.json"
 
 
 def world_beside(path):
-    """NAME.pc2.world.npy"""
+    """Returns NAME.pc2.world.npy."""
     return f"{path}.world.npy"
 
 
 def of_cache(path):
-    """What a whole cache holds. Raises ValueError or OSError."""
+    """Returns the Subject of a complete cache. Raises ValueError or OSError."""
     file = path_beside(path)
     with open(file, "rb") as stream:
         try:
@@ -106,7 +106,7 @@ def of_cache(path):
 
 
 def is_whole(path, subject):
-    """Whether the cache of just this subject stands there, finished."""
+    """Whether the finished cache of exactly this subject exists at path."""
     try:
         return of_cache(path) == subject and os.path.getsize(path) == subject.layout.size
     except (ValueError, OSError):

@@ -1,6 +1,6 @@
-"""USD files: a mesh with points on each frame, or with a skeleton (UsdSkel). Knows the module pxr and no Blender.
+"""USD files: a mesh with points on each frame, or with a skeleton (UsdSkel). Uses the module pxr, but not Blender.
 
-Letters: F frames, V vertices, J joints. Matrices are for columns here and transposed on the way into USD.
+Letters: F frames, V vertices, J joints. Matrices act on column vectors here and are transposed for USD.
 """
 
 import errno
@@ -14,7 +14,7 @@ from .frame_range import FrameRange
 
 
 def load(expose=None, advice=""):
-    """Makes sure that pxr is there. expose(): lets Python find the one that Blender brings. Raises ValueError."""
+    """Makes sure that pxr can be imported. expose(): lets Python find Blender's own copy. Raises ValueError."""
     for attempt in (None, expose):
         if attempt is not None:
             attempt()
@@ -26,7 +26,7 @@ def load(expose=None, advice=""):
 
 
 def row_matrices(matrices):
-    """(N, 4, 4) -> Vt.Matrix4dArray"""
+    """Converts (N, 4, 4) to a Vt.Matrix4dArray."""
     from pxr import Vt
 
     return Vt.Matrix4dArray.FromNumpy(np.ascontiguousarray(np.swapaxes(matrices, -1, -2), np.float64))
@@ -39,11 +39,11 @@ def row_matrix(matrix):
 
 
 class UsdFile:
-    """One object's file, for `with`: it appears under its name when `save` is called, and not at all if something
-    goes wrong before. Raises OSError if it cannot be written."""
+    """One object's file, a context manager: it appears under its name when `save` is called, and not at all if
+    something fails before that. Raises OSError if it cannot be written."""
 
     def __init__(self, path, name, frames: FrameRange, rate, meters):
-        """name: of the object; rate: frames a second; meters: of a unit."""
+        """name: of the object; rate: frames per second; meters: length of a unit."""
         from pxr import Tf, Usd, UsdGeom
 
         self.path = path
@@ -98,7 +98,7 @@ def _extent(positions):
 
 
 class PointsFile(UsdFile):
-    """A mesh whose points are written on each frame."""
+    """A mesh whose points are written for each frame."""
 
     def begin(self, topology, scheme):
         mesh = self._define_mesh(self.root, topology, scheme)
@@ -116,7 +116,7 @@ class PointsFile(UsdFile):
 
 
 class SkeletonFile(UsdFile):
-    """A mesh that a skeleton moves, with the joints' motions on each frame."""
+    """A mesh that a skeleton moves, with the joints' motions for each frame."""
 
     def begin(self, topology, scheme, rest, influences, skeleton):
         """rest (V, 3); influences: joints (V, K), weights (V, K), which sum to 1; skeleton: names, parents (J,), -1 for
@@ -157,8 +157,8 @@ class SkeletonFile(UsdFile):
         self._skeleton = skeleton
 
     def write(self, frame, posed, world):
-        """posed (J, 4, 4): the joints, space of the mesh; world (4, 4). Returns (J, 4, 4): the joints as a reader gets
-        them back, for scales are kept with eleven bits, and shear is not kept at all."""
+        """Writes posed (J, 4, 4), the joints in the space of the mesh, and world (4, 4). Returns (J, 4, 4): the joints
+        as a reader gets them, since scales are stored with eleven bits and shear is not stored at all."""
         from pxr import UsdSkel
 
         parts = UsdSkel.DecomposeTransforms(row_matrices(local_to(self._skeleton.parents, posed)))
@@ -173,7 +173,7 @@ class SkeletonFile(UsdFile):
 
 
 def local_to(parents, matrices):
-    """(J, 4, 4): each joint relative to its parent."""
+    """Returns (J, 4, 4): each joint relative to its parent."""
     return np.array(
         [
             matrix if parent < 0 else np.linalg.solve(matrices[parent], matrix)
@@ -183,7 +183,7 @@ def local_to(parents, matrices):
 
 
 def joint_paths(names, parents):
-    """ "hips/spine/neck" each. Names become valid ones, and differ."""
+    """Returns a path such as "hips/spine/neck" for each joint. Names are made valid and unique."""
     from pxr import Tf
 
     paths = []
@@ -199,7 +199,7 @@ def joint_paths(names, parents):
 
 
 class _Naming:
-    """What pxr says becomes an OSError with the file's name."""
+    """Turns errors of pxr into an OSError with the file's name."""
 
     def __init__(self, path):
         self._path = path

@@ -1,4 +1,4 @@
-"""Bakes objects of the open scene into USD files: with a skeleton where that says it all, else with points."""
+"""Bakes objects of the open scene into USD files: with a skeleton if that gives the same shape, else with points."""
 
 import os
 import sys
@@ -11,11 +11,11 @@ from . import evaluation, part_files, usd
 from .baked import Baked
 from .character import LinearCharacter, NotLinear
 
-TOLERANCE = 1e-5  # a share of the diagonal, by which skinning may differ from what Blender shows
+TOLERANCE = 1e-5  # how far skinning may differ from Blender's result, as a fraction of the diagonal
 
 
 def steps(context, job, objects):
-    """A generator as that of baking.py, which calls it."""
+    """Bakes step by step: a generator like that of baking.py, which calls it."""
     usd.load(getattr(bpy.utils, "expose_bundled_modules", None), _advice())
     for ob in objects:
         path = job.path_of(ob.name)
@@ -37,7 +37,7 @@ def _advice():
 
 
 def _bake(context, job, objects, kind, baked):
-    """All of them on each frame. Puts what was baked into baked {object: Baked}; returns {object: why not}."""
+    """Bakes all objects frame by frame. Puts results into baked {object: Baked}; returns {object: why it was not}."""
     scene, sinks, refused = context.scene, {}, {}
     with ExitStack() as stack:
         for number, frame in enumerate(job.frames if objects else ()):
@@ -69,13 +69,13 @@ def _open(kind, scene, job, ob, stack):
 
 
 def _scheme(job, ob):
-    """Whether a reader is to subdivide."""
+    """Returns the subdivision scheme for readers: "catmullClark" if the bake ended before subdivision, or "none"."""
     is_cut = job.until_subdivision and any(modifier.type == "SUBSURF" for modifier in ob.modifiers)
     return "catmullClark" if is_cut else "none"
 
 
 class _Pointed:
-    """A mesh, by points on each frame."""
+    """A mesh that is written as points on each frame."""
 
     def __init__(self, scene, job, ob, depsgraph, stack):
         self._ob = ob
@@ -90,7 +90,7 @@ class _Pointed:
 
 
 class _Skinned:
-    """A mesh, by its skeleton. Raises NotLinear if that gives another shape than Blender shows."""
+    """A mesh that is written with its skeleton. Raises NotLinear if the shape would differ from Blender's."""
 
     def __init__(self, scene, job, ob, depsgraph, stack):
         self._ob = ob

@@ -1,4 +1,4 @@
-"""Whether a cache is whole. Pure."""
+"""Checks whether a cache is complete. Pure."""
 
 import os
 import tokenize
@@ -10,8 +10,8 @@ from . import subject as subjects
 
 
 def problems(path, frames=None):
-    """What is wrong with the cache at path, sentences; none if it is whole: no frame is missing, the sizes are right,
-    all numbers are finite. frames: the FrameRange that it should have, or None."""
+    """Returns sentences about what is wrong with the cache at path; none if no frame is missing, the sizes are right
+    and all numbers are finite. frames: the FrameRange that it should have, or None."""
     name = os.path.basename(path)
     if os.path.isdir(part_files.folder_of(path)):
         return [_unfinished(path, name)]

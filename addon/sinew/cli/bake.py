@@ -1,4 +1,4 @@
-"""The command `bake`: bakes objects of a .blend, or says whether that was done."""
+"""The command `bake`: bakes objects of a .blend, or checks whether they were baked completely."""
 
 import bpy
 
@@ -7,8 +7,8 @@ from ..bake import job as jobs
 
 
 def run(options, open_blend):
-    """Returns the JSON document and the text. open_blend(path). Raises ValueError or OSError; with --verify ValueError
-    says all that is wrong."""
+    """Runs the command. Returns the JSON document and the text. open_blend(path) opens a file. Raises ValueError or
+    OSError; with --verify the ValueError lists everything that is wrong."""
     if options.path:
         open_blend(options.path)
     elif not bpy.data.filepath:
@@ -37,7 +37,7 @@ def job_of(options):
 
 
 def names_of(words):
-    """Each word is a name, or several with commas between them."""
+    """Returns the object names in the words, each of which is a name or a comma-separated list of names."""
     return tuple(
         name for word in words or () for name in ([word] if word in bpy.data.objects else word.split(",")) if name
     )

@@ -1,5 +1,5 @@
-"""Sinew against Blender's own Armature modifier: the same frames of the open scene and of a copy of it, in
-turns, for a machine's pace drifts."""
+"""Compares Sinew with Blender's own Armature modifier: the same frames of the open scene and of a copy of it,
+alternately, because a machine's speed drifts."""
 
 from dataclasses import dataclass
 
@@ -15,24 +15,24 @@ from ..plan import bindable, ways
 from ..rigs import clip_keyframes
 from ..run import characters
 
-BLOCK = 10  # frames in a row that one of the two has
+BLOCK = 10  # consecutive frames that are played with one of the two before the other's turn
 STAGES = ("pose", "skin")
-NUMBER_PROPERTY = "sinew_bench"  # which mesh a copy is of
+NUMBER_PROPERTY = "sinew_bench"  # identifies the mesh that an object is a copy of
 
 
 @dataclass
 class Contest:
     """Two scenes with the same characters."""
 
-    scenes: tuple  # by Sinew, by Blender's modifiers
-    layer: str  # name of the view layer on show, in both
+    scenes: tuple  # the one deformed by Sinew, the one deformed by Blender's modifiers
+    layer: str  # name of the active view layer, the same in both
     pairs: list  # (mesh that Sinew deforms, its copy)
-    skipped: dict  # {name: why Sinew does not deform it}; Blender's modifiers do in both scenes
+    skipped: dict  # {name: why Sinew does not deform it}; Blender's modifiers do that in both scenes
     frames: list
 
 
 def deformed_meshes(objects):
-    """Those that Sinew deforms, or an Armature modifier, or what Sinew could take over without one."""
+    """Returns the meshes that Sinew or an Armature modifier deforms, or that Sinew could deform without an armature."""
     return [
         ob
         for ob in objects
@@ -44,8 +44,8 @@ def deformed_meshes(objects):
 
 
 def set_up(output, frame_count):
-    """Changes the open file for good: binds the meshes on show and copies the scene before. Returns a
-    Contest, or raises ValueError if Sinew can deform none of them."""
+    """Copies the scene, then binds its visible meshes; the open file stays changed. Returns a
+    Contest, or raises ValueError if Sinew can deform none of the meshes."""
     scene, layer = bpy.context.scene, bpy.context.view_layer
     meshes = [ob for ob in deformed_meshes(layer.objects) if ob.visible_get()]
     if not meshes:
@@ -72,18 +72,18 @@ def set_up(output, frame_count):
 
 
 def release(ob):
-    """Leaves the mesh to its Armature modifiers, if it is bound. Returns where its pose came from."""
+    """Unbinds the mesh if it is bound, and keeps its Armature modifiers. Returns the source of its pose."""
     settings = ob.sinew
     if not settings.is_bound:
         return "ARMATURE"
     source = settings.source
-    settings.has_added_modifier = False  # it stays
+    settings.has_added_modifier = False  # so that unbinding keeps it
     bind.unbind(ob)
     return source
 
 
 def copy_scene(meshes):
-    """A copy of the open scene with objects, meshes and armatures of its own. Returns it, and the copy of
+    """Copies the open scene with its objects, meshes and armatures. Returns the new scene, and the copy of
     each of these mesh objects."""
     window, scene = bpy.context.window, bpy.context.scene
     for number, ob in enumerate(meshes):
@@ -94,13 +94,13 @@ def copy_scene(meshes):
     by_number = {ob[NUMBER_PROPERTY]: ob for ob in copied_scene.objects if NUMBER_PROPERTY in ob}
     copies = [by_number[number] for number in range(len(meshes))]
     for ob, copy in zip(meshes, copies):
-        if copy.data == ob.data:  # as the preferences of duplication may have it
+        if copy.data == ob.data:  # possible, depending on the preferences for duplication
             copy.data = ob.data.copy()
     return copied_scene, copies
 
 
 def set_method(contest, method):
-    """The same for both."""
+    """Sets the skinning method in both scenes."""
     for pair in contest.pairs:
         for ob in pair:
             ob.sinew.own_method = ""
@@ -110,8 +110,8 @@ def set_method(contest, method):
 
 
 def measure(contest):
-    """Returns {what: milliseconds, median of the frames}: `sinew` and `modifier` are whole calls of
-    scene.frame_set, the stages are Sinew's own of all meshes. Raises ValueError if a mesh cannot be
+    """Returns {name: milliseconds, median over the frames}: `sinew` and `modifier` are whole calls of
+    scene.frame_set, the stages are Sinew's own, summed over all meshes. Raises ValueError if a mesh cannot be
     deformed."""
     entries = [characters.character(ob) for ob, _ in contest.pairs]
     ours, theirs = [], []
@@ -127,8 +127,8 @@ def measure(contest):
 
 
 def play(scene, frames, entries=()):
-    """A row a frame, milliseconds: the whole call of frame_set, and if there are entries the stages. A
-    frame before them warms up."""
+    """Plays the frames after one warm-up frame. Returns a row of milliseconds per frame: the whole call of frame_set,
+    and, if there are entries, the stages."""
     bpy.context.window.scene = scene
     rows = []
     for milliseconds in frame_times(scene, frames):
@@ -140,7 +140,7 @@ def play(scene, frames, entries=()):
 
 
 def play_without_sinew(scene, frames):
-    """Its handlers have nothing to do in the copied scene, but look around there."""
+    """Plays without Sinew's handlers. They have nothing to do in the copied scene, but checking that takes time."""
     handlers.unregister_frame_handlers()
     try:
         return play(scene, frames)
@@ -149,8 +149,8 @@ def play_without_sinew(scene, frames):
 
 
 def compare(contest):
-    """(distance, motion), space of the objects: the farthest that a vertex is from the same one of the
-    copy on any frame, and from itself on the first frame."""
+    """Returns (distance, motion) in the objects' space: the largest distance, over all frames, of a vertex from the
+    same vertex of the copy, and from its own position on the first frame."""
     distance = motion = 0.0
     first = None
     for frame in contest.frames:
@@ -167,7 +167,7 @@ def compare(contest):
 
 
 def shape(ob, depsgraph):
-    """(V, 3): positions as evaluated."""
+    """Returns (V, 3): the evaluated positions."""
     return meshes.read_positions(ob.evaluated_get(depsgraph).data)
 
 

@@ -3,8 +3,8 @@
     blender -b --command sinew info PATH                                      Blender 4.2 and later
     blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
 
-Exit codes: 0 done; 1 failed, and a sentence on stderr says why; 2 wrong usage. With --json the last
-line on stdout is one JSON document.
+Exit codes: 0 done; 1 failed, with the reason on stderr; 2 wrong usage. With --json the last
+line on stdout is a JSON document.
 """
 
 import ctypes
@@ -24,10 +24,10 @@ from .command_options import identifier
 
 
 def run(arguments):
-    """One command. arguments: the words after `sinew`. Returns the exit code."""
+    """Runs one command. arguments: the words after `sinew`. Returns the exit code."""
     try:
         options = command_options.make_parser().parse_args(arguments)
-    except SystemExit as stop:  # argparse has printed help, or what is wrong
+    except SystemExit as stop:  # argparse has printed help or an error
         return stop.code or 0
     try:
         document, text = COMMANDS[options.command](options)
@@ -45,7 +45,7 @@ def main():
 
 
 def flush_blender():
-    """What Blender itself has printed waits in C's buffer if stdout is a pipe, and would follow ours."""
+    """Flushes C's stdout: in a pipe, Blender's own output would otherwise appear after ours."""
     if os.name == "posix":
         ctypes.CDLL(None).fflush(None)
 
@@ -76,18 +76,18 @@ def import_(options):
     folder = os.path.dirname(options.blend)
     if not os.path.isdir(folder):
         raise ValueError(f"there is no folder {folder}: make it first")
-    if os.path.isdir(options.blend):  # which Blender would move out of the way
+    if os.path.isdir(options.blend):  # Blender would move the folder out of the way
         raise ValueError(f"{options.blend} is a folder: name a file")
     mesh_object = import_into_empty_file(options)
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=options.blend)  # writes beside it, then renames
+        bpy.ops.wm.save_as_mainfile(filepath=options.blend)  # writes a temporary file, then renames it
     except RuntimeError as error:
         raise ValueError(sentence(error)) from error
     return reports.report_meshes(options.blend, [mesh_object])
 
 
 def export(options):
-    """Reports the folder as it reads back."""
+    """Exports a rig folder, and reports its content as the importer reads it."""
     open_blend(options.path)
     ob = chosen_mesh(options.object)
     if bindable.find_armature(ob) is None:
@@ -108,7 +108,7 @@ def run_bench(options):
     results = []
     for method in methods:
         bench.set_method(contest, identifier(method))
-        distance, motion = bench.compare(contest)  # first, for it warms everything up
+        distance, motion = bench.compare(contest)  # first, since it warms everything up
         if motion == 0:
             raise ValueError(
                 f"nothing moves on these {options.frames} frames, so there is nothing to measure: choose more with "
@@ -137,18 +137,18 @@ COMMANDS = {"info": info, "import": import_, "export": export, "bake": run_bake,
 
 
 def open_blend(path):
-    """Whatever was referred to in the file that was open dies."""
+    """Opens a file. All references to data of the previous file become invalid."""
     if not os.path.isfile(path):
         raise ValueError(f"there is no file {path}")
     try:
         bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
     except RuntimeError as error:
-        if bpy.data.filepath != path:  # else it is open, and some part of it is not well
+        if bpy.data.filepath != path:  # otherwise it is open, and only some part of it is damaged
             raise ValueError(sentence(error)) from error
 
 
 def sentence(error):
-    """The reason that an error gives; operators put "Error: " before it."""
+    """Returns the message of an error, without the "Error: " that operators put before it."""
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
     if isinstance(error, MemoryError):
@@ -157,7 +157,7 @@ def sentence(error):
 
 
 def skeleton_path(path):
-    """Of a rig folder, or path itself if it is that of a skeleton."""
+    """Returns the path of a rig folder's skeleton, or path itself if it is a skeleton file."""
     if not os.path.exists(path):
         raise ValueError(f"there is no file or folder {path}")
     if os.path.isdir(path):
@@ -171,7 +171,7 @@ def skeleton_path(path):
 
 
 def import_options(options):
-    """Those that were given; the others as the importer has them."""
+    """Returns the options that were given, with the importer's defaults for the others."""
     given = {
         field.name: getattr(options, field.name)
         for field in dataclasses.fields(rig_import.ImportOptions)
@@ -185,7 +185,7 @@ def import_options(options):
 
 
 def import_into_empty_file(options):
-    """Returns the mesh object."""
+    """Imports a rig into an empty file. Returns the mesh object."""
     path = skeleton_path(options.path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     mesh_object, _armature, remark = rig_import.import_rig(bpy.context, path, import_options(options))
@@ -195,7 +195,7 @@ def import_into_empty_file(options):
 
 
 def chosen_mesh(name):
-    """The mesh object of that name; without a name the only deformed one. Raises ValueError."""
+    """Returns the mesh object of that name, or without a name the only deformed one. Raises ValueError."""
     meshes = bench.deformed_meshes(bpy.data.objects)
     names = ", ".join(ob.name_full for ob in meshes) or "none"
     if name is None and len(meshes) == 1:
@@ -210,7 +210,7 @@ def chosen_mesh(name):
 
 # --- registration ---------------------------------------------------------------------------------
 
-registered = []  # Blender's handle of the command: it is gone when nobody holds it
+registered = []  # Blender's handle of the command, which must be kept alive
 
 
 def register():

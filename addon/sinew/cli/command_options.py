@@ -1,4 +1,4 @@
-"""What can be written after `sinew` in a shell. Knows neither Blender nor what the commands do."""
+"""The arguments that can follow `sinew` in a shell. Independent of Blender and of the commands themselves."""
 
 import argparse
 import os
@@ -7,12 +7,13 @@ from ..bake import frame_range as bake_range
 from ..bake import job
 from ..profiling import costs
 
-BLENDERS_METHODS = ("linear", "dual-quaternion")  # which its Armature modifier has
+BLENDERS_METHODS = ("linear", "dual-quaternion")  # those of its Armature modifier
 METHODS = (*BLENDERS_METHODS, "blended", "rotation-centers", "direct-delta-mush")
 
 
 def make_parser():
-    """Its `command` is the name of the command; what is not given of a rig's options is not there."""
+    """Returns the parser. In its result, `command` is the name of the command; rig options that were not given are
+    absent."""
     parser = argparse.ArgumentParser(
         prog="sinew",
         description="Skeletal deformation with a native core.",
@@ -216,7 +217,7 @@ def blend_path(word):
 
 
 def frames_by(parse):
-    """The type of an option: what parse makes of its words."""
+    """Returns the type of an option whose value is converted by `parse`."""
 
     def read(word):
         try:
@@ -244,10 +245,10 @@ def positive_number(word):
 
 
 def identifier(word):
-    """dual-quaternion -> DUAL_QUATERNION, as the add-on's properties have it."""
+    """Converts dual-quaternion to DUAL_QUATERNION, the spelling of the add-on's properties."""
     return word.upper().replace("-", "_")
 
 
 def word(name):
-    """The way back."""
+    """Converts DUAL_QUATERNION to dual-quaternion."""
     return name.lower().replace("_", "-")

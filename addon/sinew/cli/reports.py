@@ -1,4 +1,4 @@
-"""What the commands say: for each a JSON document and the same as text."""
+"""The output of the commands: for each a JSON document, and the same as text."""
 
 import os
 
@@ -60,7 +60,7 @@ def report_meshes(path, objects):
 
 
 def describe_mesh(ob):
-    """What deforms it, and `problem`: why Sinew does not or could not, or None."""
+    """Returns what deforms a mesh, with `problem`: why Sinew does not or could not deform it, or None."""
     settings, armature = ob.sinew, bindable.find_armature(ob)
     mesh = {
         "name": ob.name_full,
@@ -89,7 +89,8 @@ def describe_mesh(ob):
 
 
 def problem_of(ob):
-    """A mesh that is not bound is bound to find out, and released again."""
+    """Returns why Sinew does not or could not deform a mesh, or None. An unbound mesh is bound for a moment to find
+    out."""
     was_bound = ob.sinew.is_bound
     try:
         if not was_bound:
@@ -139,13 +140,13 @@ def report_bench(options, contest, results):
         f"medians of {len(contest.frames)} frames, output {options.output}; "
         f"Blender {bpy.app.version_string}, {os.cpu_count()} cores"
     ]
-    rows = [("milliseconds a frame", *(result["method"] for result in results))]
+    rows = [("milliseconds per frame", *(result["method"] for result in results))]
     rows += [(label, *(result[name] for result in results)) for name, label in BENCH_ROWS]
     return document, "\n".join([*heading, "", table(rows)])
 
 
 def table(rows):
-    """Rows of words and numbers as aligned text. A column of numbers stands to the right."""
+    """Returns rows of words and numbers as aligned text. Columns of numbers are aligned right."""
     cells = [[cell if isinstance(cell, str) else number_text(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells)]
     pads = [str.ljust if isinstance(cell, str) else str.rjust for cell in rows[-1]]

@@ -1,5 +1,5 @@
-"""The poses of an imported rig, kept with its armature: written on import, read by the session and
-by the export. They are custom properties of the armature data, so the .blend holds everything.
+"""The poses of an imported rig, saved with its armature: written on import, read by the session and
+by the export. They are custom properties of the armature data, so the .blend contains everything.
 """
 
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from ..deform.clips import MatrixClip, RotationClip
 from ..native import sinew_native
 
 CLIP_PROPERTY = "sinew_clip"
-JOINT_PROPERTY = "sinew_joint"  # on each bone: the joint that it stands for; survives renaming
+JOINT_PROPERTY = "sinew_joint"  # on each bone: the joint that it represents; survives renaming
 
 
 def store(armature_data, rig, skeleton_suffix):
-    """Keep the skeleton as its file described it, and the poses or the animation, if any."""
+    """Saves the skeleton as its file describes it, and the poses or the animation, if any."""
     skeleton = rig.skeleton
     clip = {
         "convention": skeleton.convention,
@@ -35,12 +35,12 @@ def store(armature_data, rig, skeleton_suffix):
 
 
 class DamagedClip(ValueError):
-    """What an armature holds in place of its imported skeleton and poses cannot be read; the message says why."""
+    """The imported skeleton and poses that an armature holds cannot be read; the message says why."""
 
 
 @dataclass
 class _Clip:
-    """What `store` has kept, checked."""
+    """The data that `store` has saved, checked."""
 
     parents: np.ndarray  # (J,)
     heads: np.ndarray  # (J, 3)
@@ -52,7 +52,7 @@ class _Clip:
 
     @classmethod
     def of(cls, armature_data):
-        """Raises DamagedClip."""
+        """Reads and checks the clip of an armature. Raises DamagedClip."""
         try:
             return cls._read(armature_data[CLIP_PROPERTY])
         except Exception as error:  # custom properties may hold anything
@@ -104,19 +104,19 @@ def has_skeleton(armature_data):
 
 
 def has_poses(armature_data):
-    """Damaged ones count: whoever reads them says so."""
+    """Whether the armature has poses. Damaged ones count: reading them reports the damage."""
     clip = armature_data.get(CLIP_PROPERTY)
     return clip is not None and any(_length(clip, name) != 0 for name in ("rotations", "matrices"))
 
 
 def _length(clip, name):
-    """-1: it has none."""
+    """Returns the length of an entry of the clip, or -1 if there is none."""
     numbers = clip.get(name) if hasattr(clip, "get") else None
     return len(numbers) if hasattr(numbers, "__len__") else -1
 
 
 def pose_count(armature_data):
-    """How many poses the clip has, without reading them."""
+    """Returns the number of poses in the clip, without reading them."""
     clip = armature_data.get(CLIP_PROPERTY)
     joints = _length(clip, "parents")
     if joints < 1:
@@ -125,7 +125,7 @@ def pose_count(armature_data):
 
 
 def load_skeleton(armature_data):
-    """The RigSkeleton, with the names that its bones have now. Raises DamagedClip."""
+    """Returns the RigSkeleton, with the current names of its bones. Raises DamagedClip."""
     clip = _Clip.of(armature_data)
     names = [""] * len(clip.parents)
     for bone, joint in zip(armature_data.bones, _joints(armature_data.bones, len(names))):
@@ -140,7 +140,7 @@ def load_skeleton(armature_data):
 
 
 def load_poses(armature_data):
-    """PoseClip or None, and skinning matrices (F, J, 4, 4) or None. Raises DamagedClip."""
+    """Returns a PoseClip or None, and skinning matrices (F, J, 4, 4) or None. Raises DamagedClip."""
     clip = _Clip.of(armature_data)
     if len(clip.rotations):
         return sinew_native.PoseClip(clip.rotations), None
@@ -152,13 +152,14 @@ def load_poses(armature_data):
 
 
 def own_joints(armature):
-    """(B,) the joint that each pose bone stands for, -1 for bones that somebody added."""
+    """Returns (B,): the joint that each pose bone represents, -1 for bones that somebody added."""
     count = _length(armature.data.get(CLIP_PROPERTY), "parents")
     return _joints([bone.bone for bone in armature.pose.bones], count)
 
 
 def _joints(bones, count):
-    """(B,) the joint of each bone, or -1. Of a rig that was joined to this one, bones say joints that others are."""
+    """Returns (B,): the joint of each bone, or -1. Bones of a rig that was joined to this one may name joints that
+    other bones represent."""
     taken, found = set(), []
     for bone in bones:
         joint = bone.get(JOINT_PROPERTY, -1)
@@ -169,13 +170,13 @@ def _joints(bones, count):
 
 
 def bones_are_where_they_were(armature):
-    """Whether each joint's bone still begins where the imported skeleton has the joint."""
+    """Whether each joint's bone still begins at the joint's position in the imported skeleton."""
     if not has_skeleton(armature.data):
         return True
     try:
         heads = _Clip.of(armature.data).heads
     except DamagedClip:
-        return True  # that is said elsewhere
+        return True  # the damage is reported elsewhere
     own = own_joints(armature)
     now = np.array([bone.bone.head_local for bone in armature.pose.bones], float).reshape(-1, 3)
     size = np.ptp(heads, axis=0).max(initial=0)
@@ -184,8 +185,8 @@ def bones_are_where_they_were(armature):
 
 
 def carrying_joints(armature):
-    """(B,) the joint that moves each pose bone: its own, or for a bone that somebody added that of
-    its nearest ancestor that has one, else -1."""
+    """Returns (B,): the joint that moves each pose bone: its own, or, for a bone that somebody added, that of
+    its nearest ancestor that has one, or else -1."""
     own = own_joints(armature)
     index = {bone.name: i for i, bone in enumerate(armature.pose.bones)}
 
@@ -204,7 +205,7 @@ def _signature(armature_data):
 
 
 class ClipPlayer:
-    """What a frame needs of an armature's clip: bone poses and bone matrices at a time. Raises DamagedClip."""
+    """Computes the bone poses and bone matrices of an armature's clip at a given time. Raises DamagedClip."""
 
     def __init__(self, armature):
         data = armature.data
@@ -242,7 +243,7 @@ class ClipPlayer:
         return self._signature != _signature(armature_data)
 
     def at(self, time, loop, rest=False):
-        """Of each bone: channels (B, 4, 4) float32, location (B, 3), rotation (B, 4) w x y z.
+        """Returns for each bone: channels (B, 4, 4) float32, location (B, 3), rotation (B, 4) w x y z.
         rest: the rest pose, whatever the time. The arrays are reused by the next call."""
         if rest:
             self._channels[:] = np.eye(4)

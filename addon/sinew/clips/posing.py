@@ -1,4 +1,4 @@
-"""Clips of imported rigs at work: the pose that each armature takes at a frame."""
+"""Poses armatures from the clips of imported rigs, frame by frame."""
 
 import contextlib
 import logging
@@ -14,12 +14,12 @@ from . import clip_store
 
 log = logging.getLogger("sinew")
 _players = {}  # key of the armature object -> ClipPlayer, or _Unreadable
-_said = set()  # sentences
+_said = set()  # the sentences that were already reported
 
 
 @dataclass
 class _Unreadable:
-    """In place of the ClipPlayer of an armature whose clip is damaged."""
+    """Takes the place of the ClipPlayer of an armature whose clip is damaged."""
 
     data_key: int
     error: clip_store.DamagedClip
@@ -37,7 +37,7 @@ def forget():
 
 
 def forget_what_was_said():
-    """Another file is opened."""
+    """Forgets which errors were reported, since a different file is opened."""
     _said.clear()
 
 
@@ -47,7 +47,7 @@ def forget_armature(armature):
 
 
 def player(armature):
-    """The armature's ClipPlayer, made when it is first needed. Raises clip_store.DamagedClip."""
+    """Returns the armature's ClipPlayer, which is made when first needed. Raises clip_store.DamagedClip."""
     key = values.key_of(armature)
     if key not in _players:
         try:
@@ -61,19 +61,19 @@ def player(armature):
 
 
 def is_damaged(armature):
-    """Whether its clip was found to be."""
+    """Whether the armature's clip was found to be damaged."""
     return isinstance(_players.get(values.key_of(armature)), _Unreadable)
 
 
 def forget_if_edited(data):
-    """What was made of an armature's data, if that was edited. Posing tags it as an edit does."""
+    """Forgets the players made from an armature's data if it was edited. Posing tags the data just as an edit does."""
     for key in [key for key, player in _players.items() if player.is_of(data) and player.is_edited(data)]:
         del _players[key]
         _posed.pop(key, None)
 
 
 def clip_time(settings, length, frame, render):
-    """Time in poses and whether the clip loops, for the clip's mode at a frame of the scene."""
+    """Returns the time in poses and whether the clip loops, for the clip's mode at a frame of the scene."""
     if settings.mode == "PLAYBACK":
         return (frame - settings.frame_start) * settings.speed, settings.loop
     if settings.mode == "SWING":
@@ -92,8 +92,8 @@ def pose_armatures(armatures, scene):
 
 
 def pose_anew(armatures, scene, depsgraph):
-    """After the evaluation: settings that drivers or strips animate are known only now, and so are armatures that came
-    while it went on. Blender evaluates again what this changes."""
+    """Poses armatures again after the evaluation: only now are settings known that drivers or strips animate, and
+    armatures that were added during the evaluation. Blender evaluates again what this changes."""
     for armature in armatures:
         with _said_once(armature):
             evaluated = armature.evaluated_get(depsgraph)
@@ -106,14 +106,14 @@ def pose_anew(armatures, scene, depsgraph):
 
 @contextlib.contextmanager
 def _said_once(armature):
-    """What is wrong with one armature is said and stops no other."""
+    """Reports an error of one armature once, and keeps it from stopping the others."""
     try:
         yield
     except Exception as error:
         sentence = str(error)
         if not is_damaged(armature):
             sentence = f"{armature.name} cannot be posed: {error}"
-            forget_armature(armature)  # its bones may be others by now
+            forget_armature(armature)  # its bones may have changed
         if sentence not in _said:
             _said.add(sentence)
             log.error(sentence)
@@ -121,8 +121,8 @@ def _said_once(armature):
 
 
 def channels_of(ob, armature):
-    """(B, 4, 4): the motions of all bones that the clip asks for, where bones cannot show them (matrices that scale
-    or shear) and nobody has moved a bone since; else None. ob, armature: evaluated."""
+    """Returns (B, 4, 4): the motions of all bones in the clip, if bones cannot show them (matrices that scale
+    or shear) and nobody has moved a bone since; otherwise None. ob, armature: evaluated."""
     if not _posed or ob.sinew.source != "CLIP":
         return None
     known = _posed.get(values.key_of(armature))
@@ -133,11 +133,11 @@ def channels_of(ob, armature):
 
 @dataclass(frozen=True)
 class _Posed:
-    """What an armature was posed to last."""
+    """The last pose that an armature was given."""
 
     moment: tuple
     channels: np.ndarray | None
-    location: np.ndarray  # as the bones hold it
+    location: np.ndarray  # as stored in the bones
     rotation: np.ndarray
 
     def is_shown_by(self, armature):
@@ -163,7 +163,7 @@ def _pose(armature, settings, scene):
 
 
 def _settings_at(armature, frame):
-    """The clip's settings with their keyframes as of that frame."""
+    """Returns the clip's settings, with their keyframes evaluated at that frame."""
     settings = armature.sinew_clip
     names = ("mode", "factor", "frame_start", "speed", "loop")
     curves = {name: animation.find_curve(armature, f"sinew_clip.{name}") for name in names}

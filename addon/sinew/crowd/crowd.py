@@ -1,5 +1,5 @@
-"""Makes a crowd: the phases in a collection of their own, and an object whose modifier lets instances of them walk
-along a curve. Nothing of it needs Sinew to play."""
+"""Makes a crowd: the phases in their own collection, and an object whose modifier lets instances of them walk along a
+curve. A crowd plays without Sinew."""
 
 import math
 
@@ -9,13 +9,13 @@ import numpy as np
 from ..blender import graph
 from . import walkers
 
-AHEAD, ASIDE = 1.6, 1.2  # from one agent to the next, and from lane to lane, in sizes of the character
-LENGTH_OF_BLOCK = 6.0  # of its width: how long a crowd is in which nobody chose lanes
+AHEAD, ASIDE = 1.6, 1.2  # distance between agents in a lane, and between lanes, as multiples of the character's size
+LENGTH_OF_BLOCK = 6.0  # length of a crowd whose lanes were not chosen, as a multiple of its width
 
 
 def build(context, phases, agents, path=None, lanes=0, seed=0):
-    """phases: phases.Phases, which now belong to the crowd. path: a curve object; None: a circle is made. lanes: 0: so
-    many that the agents have room. Returns the crowd's object."""
+    """Makes a crowd and returns its object. phases: phases.Phases, which now belong to the crowd. path: a curve object;
+    None: a circle is made. lanes: 0: as many as the agents need."""
     inputs, along, across = _clip_inputs(context.scene, phases)
     length, width = AHEAD * along, ASIDE * across
     needed = agents * length
@@ -35,7 +35,7 @@ def build(context, phases, agents, path=None, lanes=0, seed=0):
 
 
 def modifier_of(ob):
-    """The modifier that makes an object a crowd, or None."""
+    """Returns the modifier that makes an object a crowd, or None."""
     return next(
         (
             modifier
@@ -47,7 +47,7 @@ def modifier_of(ob):
 
 
 def renew(scene, ob, phases):
-    """Other shapes for a crowd, which keeps all else. Those that it had are removed."""
+    """Replaces the shapes of a crowd, which keeps everything else. The old shapes are removed."""
     modifier = modifier_of(ob)
     old = graph.get_input(modifier, "Phases")
     inputs, _, _ = _clip_inputs(scene, phases)
@@ -60,7 +60,7 @@ def renew(scene, ob, phases):
 
 
 def _clip_inputs(scene, phases):
-    """What the modifier knows of the clip; the extent along and across its heading."""
+    """Returns the modifier's inputs that describe the clip, and the extent along and across its heading."""
     stride, corners = phases.settle(phases.frames * scene.render.fps_base / scene.render.fps)
     heading = math.atan2(stride[1], stride[0]) if stride.any() else -math.pi / 2  # Blender's front view looks along Y
     inputs = {
@@ -75,7 +75,7 @@ def _clip_inputs(scene, phases):
 
 
 def _extent(corners, heading):
-    """Along the heading and across it, of a box (2, 3)."""
+    """Returns the extent of a box (2, 3) along the heading and across it."""
     x, y, _ = corners[1] - corners[0]
     along, across = abs(math.cos(heading)), abs(math.sin(heading))
     return max(along * x + across * y, 1e-3), max(across * x + along * y, 1e-3)
@@ -106,8 +106,8 @@ def _length_of(path):
 
 
 def _collection(phases):
-    """Of the phases, in no scene: they are there to be instanced. Names decide their order. A character of several
-    meshes has a collection a phase."""
+    """Returns a collection of the phases that is in no scene, since it only serves for instances. The names define the
+    order. If the character has several meshes, each phase has its own collection."""
     whole = bpy.data.collections.new(f"{phases.name} Phases")
     for number, shapes in enumerate(zip(*phases.shapes)):
         name = f"{phases.name}.{number:04}"

@@ -1,6 +1,6 @@
 """The phases of a clip as meshes: of a character in the scene, or of a rig folder.
 
-Letters: P phases, V vertices. Space of the crowd: the world's axes and scale, the origin on the ground below the
+Letters: P phases, V vertices. The crowd's space has the world's axes and scale, and its origin on the ground below the
 character.
 """
 
@@ -19,11 +19,11 @@ from . import stride
 
 @dataclass
 class Phases:
-    """One cycle. shapes: for each mesh of the character [mesh of phase 0, ...], whose positions are still where they
-    were in the world."""
+    """One cycle. shapes: for each mesh of the character [mesh of phase 0, ...], with positions in world space until
+    `settle` is called."""
 
     name: str
-    frames: float  # a cycle
+    frames: float  # length of a cycle
     first: float  # frame of phase 0
     drift: np.ndarray  # (3,) how far the clip carries the character in a cycle
     shapes: list = field(default_factory=list)
@@ -33,12 +33,12 @@ class Phases:
         return len(self.shapes[0])
 
     def remove(self):
-        """The meshes."""
+        """Removes the meshes."""
         bpy.data.batch_remove([mesh for each in self.shapes for mesh in set(each)])
 
     def settle(self, seconds):
-        """Into the space of the crowd, in place. Gives the meshes velocities, by which renderers blur moving limbs.
-        seconds: of a cycle. Returns the stride (3,) and the extent, least and largest corner (2, 3)."""
+        """Moves the meshes into the crowd's space, and gives them velocities, with which renderers blur moving limbs.
+        seconds: length of a cycle. Returns the stride (3,) and the bounding box, lowest and highest corner (2, 3)."""
         away = np.arange(self.count)[:, None] / self.count * self.drift
         found = [[meshes.read_positions(mesh) - shift for mesh, shift in zip(each, away)] for each in self.shapes]
         is_even = all(len({len(positions) for positions in each}) == 1 for each in found)
@@ -61,9 +61,9 @@ class Phases:
 
 
 def of_objects(context, objects, name, first, last, count, shown):
-    """Their evaluated meshes, with all that deforms them, on the frames first to last. If the last frame shows the
-    character as the first one does, the cycle ends before it. count: of phases; 0: one a frame. The scene's frame is
-    the caller's to put back. Raises ValueError."""
+    """Returns the Phases of the objects' evaluated meshes on the frames first to last. If the last frame shows the
+    same pose as the first, the cycle ends before it. count: number of phases; 0: one per frame. The caller has to
+    restore the scene's frame. Raises ValueError."""
     start, end = (_all_positions(context, objects, frame) for frame in (first, last))
     if not len(start):
         raise ValueError(f"{name} has no vertices")
@@ -106,8 +106,8 @@ def _in_world(positions, evaluated):
 
 
 def _mesh_of(ob, depsgraph, template):
-    """A new mesh, space of the world. template: one of another moment, whose faces and layers it shares if it has as
-    many of all, or None."""
+    """Makes a new mesh in world space. template: the mesh of another moment, which is copied for its faces and layers
+    if the counts are the same, or None."""
     evaluated = ob.evaluated_get(depsgraph)
     mesh = evaluated.to_mesh()
     try:
@@ -129,8 +129,9 @@ def _counts(mesh):
 
 
 def of_rig(path, options, count):
-    """The poses of a rig folder by linear skinning, all in one native call, a pose a frame. path: of its skeleton;
-    options: rig_import.ImportOptions; count: of phases; 0: one a pose. Raises ValueError or OSError."""
+    """Returns the Phases of a rig folder's poses, one pose per frame, by linear skinning in one native call. path: of
+    its skeleton; options: rig_import.ImportOptions; count: number of phases; 0: one per pose. Raises ValueError or
+    OSError."""
     folder, skeleton_name = os.path.split(os.path.abspath(path))
     rig = rig_import.read_rig(folder, skeleton_name, options)
     clip = _clip_of(rig, options)
@@ -156,13 +157,13 @@ def _clip_of(rig, options):
 
 
 def _is_closed(clip):
-    """Whether the last pose is the first one again."""
+    """Whether the last pose is the same as the first."""
     first, last = clip.at(0, False).skinning.copy(), clip.at(clip.length - 1, False).skinning
     return clip.length > 1 and np.abs(first - last).max() < 1e-3 * max(1.0, np.abs(first).max())
 
 
 def _skin(rig, motions):
-    """(P, V, 3) float32, space of the rig."""
+    """Returns the skinned positions, (P, V, 3) float32, in the space of the rig."""
     columns = np.array(rig.skeleton.weight_columns)
     weights = np.zeros((len(rig.positions), len(columns)))
     weights[:, columns >= 0] = np.array(rig.weights)[:, columns[columns >= 0]]

@@ -1,4 +1,4 @@
-"""Where the shapes of a crowd come from: a character of the scene, or a rig folder."""
+"""The source of a crowd's shapes: a character of the scene, or a rig folder."""
 
 from dataclasses import asdict, dataclass
 
@@ -9,13 +9,14 @@ from ..plan import bindable
 from ..rigs import rig_import
 from . import phases
 
-PROPERTY = "sinew_crowd"  # of the crowd's object: what it was made from
+PROPERTY = "sinew_crowd"  # custom property of the crowd's object: its Source
 
 
 @dataclass
 class Source:
-    """character: the name of an object, or filepath: of a rig folder's skeleton, with pose, the name of the file of its
-    poses or "". count: of shapes; 0: one a frame. first, last: frames; None: as the clip has them."""
+    """The source of a crowd's shapes. character: the name of an object; or filepath: of a rig folder's skeleton, and
+    pose: the name of its pose file, or "". count: number of shapes; 0: one per frame. first, last: frames; None: those
+    of the clip."""
 
     character: str = ""
     filepath: str = ""
@@ -25,11 +26,11 @@ class Source:
     last: float | None = None
 
     def keep(self, ob):
-        """With the crowd's object."""
+        """Saves the source with the crowd's object."""
         ob[PROPERTY] = {name: value for name, value in asdict(self).items() if value is not None}
 
     def phases(self, context, shown):
-        """phases.Phases. Nothing changes in the scene. Raises ValueError or OSError."""
+        """Returns phases.Phases. The scene does not change. Raises ValueError or OSError."""
         if self.filepath:
             path = bpy.path.abspath(self.filepath)
             return phases.of_rig(path, rig_import.ImportOptions(pose=self.pose), self.count)
@@ -46,24 +47,24 @@ class Source:
 
 
 def kept(ob):
-    """The Source of a crowd's object, or None."""
+    """Returns the Source of a crowd's object, or None."""
     found = ob.get(PROPERTY)
     return Source(**found.to_dict()) if found is not None else None
 
 
 def meshes_of_character(context, ob):
-    """Those on show of the character that a mesh or an armature belongs to: what the armature deforms or carries.
-    Raises ValueError."""
+    """Returns the visible meshes of the character that a mesh or an armature belongs to: those that the armature
+    deforms, or that are parented to it. Raises ValueError."""
     armature = ob if ob.type == "ARMATURE" else bindable.find_armature(ob)
     found = [ob] if armature is None else [*bindable.meshes_of(context, armature), *armature.children_recursive]
     found = [each for each in dict.fromkeys(found) if each.type == "MESH" and each.visible_get()]
     if not found:
-        raise ValueError(f"{ob.name} has no mesh on show: show the character first, or select another one")
+        raise ValueError(f"{ob.name} has no visible mesh: show the character first, or select another one")
     return found
 
 
 def clip_range(scene, ob):
-    """first, last: the frames of the character's action, else the scene's."""
+    """Returns first, last: the frames of the character's action, or else the scene's."""
     for each in ob if ob.type == "ARMATURE" else bindable.find_armature(ob), ob:
         data = each.animation_data if each is not None else None
         if data is not None and data.action is not None:

@@ -1,14 +1,14 @@
 """The node group of a crowd. Its formulas:
 
-Lanes are copies of the path's splines, side by side. Agent i of N starts at (i + 1/2 + jitter) T / N of their
-length T, end to end, which is on spline k with the length l(k). At frame f, and with
-c(f) = (f - first) speed(k) / frames a cycle:
+Lanes are copies of the path's splines, side by side; placed end to end, they have the total length T. Agent i of N
+starts at (i + 1/2 + jitter) T / N, which is on spline k with the length l(k). At frame f, with
+c(f) = (f - first) speed(k) / frames per cycle:
 
     distance along its spline   (start + stride c(f)) mod l(k)
     phase                       (c(h) / size(i) + offset(i)) mod 1,  h = floor(f + 0.49)
 
-so that feet do not slide: a larger agent makes fewer steps. h is held while Blender looks at the times around a frame
-for motion blur: an agent that showed another mesh there would not be taken for the same.
+so that feet do not slide: a larger agent makes fewer steps. h is constant while Blender samples the times around a
+frame for motion blur: an agent that showed a different mesh there would not be recognized as the same one.
 """
 
 from ..blender.graph import Graph, enabled
@@ -21,9 +21,9 @@ INPUTS = (
     ("Geometry", "Geometry", None, None, ""),
     ("Path", "Object", None, None, "The curve that the agents walk along; each of its splines has agents"),
     ("Phases", "Collection", None, None, "The shapes of the clip, in the order of their names"),
-    ("Agents", "Int", 100, 0, "How many there are"),
+    ("Agents", "Int", 100, 0, "Number of agents"),
     ("Lanes", "Int", 1, 1, "How many walk side by side"),
-    ("Lane Distance", "Float", 1.0, 0.0, "From one lane to the next"),
+    ("Lane Distance", "Float", 1.0, 0.0, "Distance from one lane to the next"),
     (
         "Jitter",
         "Float",
@@ -31,17 +31,17 @@ INPUTS = (
         0.0,
         "How irregular the distances are: 0 is even, 1 shifts an agent by up to half a distance",
     ),
-    ("Seed", "Int", 0, None, "Another number gives another crowd"),
+    ("Seed", "Int", 0, None, "A different number gives a different crowd"),
     (
         "Speed",
         "Float",
         1.0,
         None,
-        "How fast the clip plays and the agents walk. To change it over time animate Frame Offset",
+        "How fast the clip plays and the agents walk. To change it over time, animate Frame Offset",
     ),
     ("Speed Variation", "Float", 0.0, 0.0, "How much faster or slower than that a lane may be, as a share"),
     ("Size Variation", "Float", 0.0, 0.0, "How much larger or smaller than the character an agent may be, as a share"),
-    ("Frame Offset", "Float", 0.0, None, "Added to the scene's frame. Animate it to slow the crowd down or to halt it"),
+    ("Frame Offset", "Float", 0.0, None, "Added to the scene's frame. Animate it to slow the crowd down or to stop it"),
     ("First Frame", "Float", 1.0, None, "The scene's frame on which the first phase is shown"),
     ("Frames a Cycle", "Float", 24.0, 0.001, "How long the clip is"),
     ("Phase Count", "Int", 24, 1, "How many shapes Phases has"),
@@ -57,7 +57,7 @@ INPUTS = (
 
 
 def make():
-    """The node group."""
+    """Makes the node group."""
     graph = Graph(NAME, INPUTS, "Instances")
     graph.tree[VERSION_PROPERTY] = VERSION
     given = graph.input
@@ -94,7 +94,7 @@ def make():
     count = given("Phase Count")
     offset = graph.math("FLOOR", graph.math("MULTIPLY", graph.random(0.0, 1.0, index, _other(graph, 3)), count))
     phase = graph.math("ADD", graph.math("MULTIPLY", graph.math("DIVIDE", cycles(held), size), count), offset)
-    # What should be a whole number may come out a little less.
+    # Rounding can put a whole number slightly below its value.
     phase = graph.math("FLOOR", graph.math("WRAP", graph.math("ADD", phase, 1e-3), count, 0.0))
 
     axes = graph.node("ShaderNodeSeparateXYZ", {0: tangent})
@@ -121,12 +121,12 @@ def make():
 
 
 def _other(graph, number):
-    """A seed for another property of an agent."""
+    """Returns a different seed for each random property of an agent."""
     return graph.math("ADD", graph.math("MULTIPLY", graph.input("Seed"), 16.0), float(number))
 
 
 def _lanes(graph):
-    """The path's splines, each as many times as there are lanes, side by side."""
+    """Returns the path's splines, with one copy per lane, side by side."""
     path = graph.node("GeometryNodeObjectInfo", {"Object": graph.input("Path")}, transform_space="RELATIVE")
     step = graph.math("MAXIMUM", graph.math("MULTIPLY", graph.input("Lane Distance"), 0.2), 1e-3)
     even = graph.node("GeometryNodeResampleCurve", {"Curve": path.outputs["Geometry"], "Length": step}, mode="LENGTH")
@@ -144,7 +144,7 @@ def _lanes(graph):
 
 
 def _at(graph, lanes, value, spline):
-    """A number of one of the splines."""
+    """Returns a value of one of the splines."""
     sample = graph.node(
         "GeometryNodeSampleIndex", {"Geometry": lanes, "Index": spline}, data_type="FLOAT", domain="CURVE"
     )
@@ -153,7 +153,7 @@ def _at(graph, lanes, value, spline):
 
 
 def _spline_at(graph, lanes, share):
-    """The number of the spline at a share of the length of all."""
+    """Returns the index of the spline at a fraction of the total length."""
     number = graph.node("GeometryNodeFieldOnDomain", data_type="FLOAT", domain="CURVE")
     graph.put(graph.node("GeometryNodeInputIndex").outputs[0], enabled(number.inputs))
     sample = graph.node(
@@ -168,7 +168,7 @@ def _spline_at(graph, lanes, share):
 
 
 def _on_spline(graph, lanes, distance, spline):
-    """position, tangent"""
+    """Returns the position and the tangent."""
     sample = graph.node(
         "GeometryNodeSampleCurve",
         {"Curves": lanes, "Length": distance, "Curve Index": spline},

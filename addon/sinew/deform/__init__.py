@@ -1,1 +1,1 @@
-"""From influences and poses to vertex positions. Pure: numpy and the native library, nothing of Blender."""
+"""Computes deformation from influences and poses. Pure: numpy and the native library, nothing of Blender."""

@@ -1,4 +1,4 @@
-"""The poses of a rig folder as motions of joints. Pure: numpy and the native library, nothing of Blender.
+"""Converts the poses of a rig folder to motions of joints. Pure: numpy and the native library, nothing of Blender.
 
 Letters: V vertices, J joints, P poses, F frames.
 Matrices are indexed [bone, row, column] and act on column vectors.
@@ -12,13 +12,13 @@ from ..native import sinew_native
 
 
 def transformed(matrix, points):
-    """points (V, 3) moved by a 4x4 matrix; None is the identity."""
+    """Returns points (V, 3) transformed by a 4x4 matrix; None is the identity."""
     return points if matrix is None else points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 @dataclass
 class ClipPose:
-    """One moment of a clip, by joint. `rotation` and `location` are what a pose bone is set to."""
+    """One moment of a clip, per joint. `rotation` and `location` are the values for a pose bone."""
 
     skinning: np.ndarray  # (J, 4, 4) float32, F(j) A(j)^-1 in the space of the rig
     location: np.ndarray  # (J, 3)
@@ -26,10 +26,10 @@ class ClipPose:
 
 
 class RotationClip:
-    """Poses of a rig folder: rotations that go through forward kinematics."""
+    """Poses of a rig folder: rotations that are converted by forward kinematics."""
 
     def __init__(self, skeleton, poses, bone_axes):
-        """bone_axes (J, 3, 3): columns are the rest axes of the joint's bone, space of the rig."""
+        """bone_axes (J, 3, 3): the columns are the rest axes of the joint's bone, in the space of the rig."""
         self.length = poses.pose_count
         self._skeleton = skeleton
         self._poses = poses
@@ -41,23 +41,23 @@ class RotationClip:
         self._skinning = np.empty((joints, 4, 4), np.float32)
 
     def at(self, time, loop):
-        """time counts poses from 0. The arrays of the result are reused by the next call."""
+        """Returns the ClipPose at a time, in poses from 0. Its arrays are reused by the next call."""
         rotations = self._poses.sample(time, loop)
         sinew_native.rotation_transforms(rotations, self._local)
         sinew_native.forward_kinematics(self._skeleton, self._local, self._world)
         sinew_native.skinning_matrices(self._skeleton, self._world, self._skinning)
-        # The joint's axes are the rig's, the bone's are its own: the same turn, seen from there.
+        # The joint uses the rig's axes and the bone its own: express the same rotation in the bone's axes.
         seen = rotations.copy()
         seen[:, 1:] = np.einsum("jab,ja->jb", self._bone_axes, rotations[:, 1:])
         return ClipPose(self._skinning, self._location, seen)
 
 
 class MatrixClip:
-    """Frames of anim.dmat: skinning matrices given outright. Between frames they are mixed
-    entry by entry, which is exact on frames and close between neighbours."""
+    """Frames of anim.dmat, which contains the skinning matrices themselves. Between frames they are interpolated
+    entry by entry, which is exact on frames and close to the true motion between neighbours."""
 
     def __init__(self, parents, matrices, bone_matrices):
-        """parents (J,); matrices (F, J, 4, 4); bone_matrices (J, 4, 4): rest, space of the rig."""
+        """parents (J,); matrices (F, J, 4, 4); bone_matrices (J, 4, 4): rest pose, in the space of the rig."""
         self.length = len(matrices)
         self._matrices = matrices
         relative = matrices.copy()
@@ -69,7 +69,7 @@ class MatrixClip:
         self._rotations = continuous(quaternions(basis[..., :3, :3]))
 
     def at(self, time, loop):
-        """time counts frames from 0."""
+        """Returns the ClipPose at a time, in frames from 0."""
         time = time % self.length if loop else min(max(time, 0), self.length - 1)
         before = min(int(time), self.length - 1)
         after = (before + 1) % self.length if loop else min(before + 1, self.length - 1)
@@ -84,7 +84,7 @@ class MatrixClip:
 
 
 def quaternions(matrices):
-    """(..., 3, 3) rotations -> (..., 4) unit quaternions w x y z.
+    """Converts rotations (..., 3, 3) to unit quaternions (..., 4), w x y z.
 
     Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000: the
     eigenvector of the largest eigenvalue; it also finds the nearest rotation of a noisy matrix.
@@ -101,7 +101,7 @@ def quaternions(matrices):
 
 
 def continuous(rotations):
-    """Flip the sign of (F, J, 4) quaternions where a frame lies opposite to the one before."""
+    """Flips the sign of quaternions (F, J, 4) whose frame is in the hemisphere opposite to the frame before."""
     flips = np.where(np.sum(rotations[1:] * rotations[:-1], axis=-1) < 0, -1.0, 1.0)
     rotations = rotations.copy()
     rotations[1:] *= np.cumprod(flips, axis=0)[..., None]

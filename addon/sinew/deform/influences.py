@@ -1,9 +1,9 @@
-"""Which joints move a vertex and how much, worked out once as Blender's Armature modifier does for
-every frame: normalisation over deforming bones, envelopes, the segments of B-bones. Pure: numpy and the native
-library, nothing of Blender.
+"""Computes which joints move a vertex and how much. This is done once, by the rules that Blender's Armature modifier
+applies on every frame: normalisation over deforming bones, envelopes, the segments of B-bones. Pure: numpy and the
+native library, nothing of Blender.
 
 Letters: V vertices, B bones, N influences. A *joint* of the deformer is a bone, one end of a segment
-of a B-bone, or, last of all, one that never moves.
+of a B-bone, or (the last one) a joint that never moves.
 """
 
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ import numpy as np
 
 from ..native import sinew_native
 
-# Blender's modifier leaves a vertex alone whose weights sum to no more than this.
+# Blender's modifier does not move a vertex whose weights sum to no more than this.
 SMALLEST_WEIGHT_SUM = 1e-4
-# Weights painted by hand are kept as float32 and shown with three digits.
+# Weights painted by hand are stored as float32 and shown with three digits.
 NORMALIZED_WITHIN = 0.05  # Blender's own automatic weights sum to 0.97 or more
 
 
 @dataclass
 class Bones:
-    """What of an armature's bones decides on influences. All lengths in the armature's space."""
+    """The properties of an armature's bones that determine influences. All lengths are in the armature's space."""
 
     names: tuple
     deform: np.ndarray  # (B,) bool
@@ -32,10 +32,10 @@ class Bones:
     envelope_weight: np.ndarray  # (B,)
     multiply: np.ndarray  # (B,) bool: the envelope multiplies the weights
     segments: np.ndarray  # (B,) int, 1: an ordinary bone
-    curved: np.ndarray  # (B,) bool: vertices belong to the segments along the bone's curve
+    curved: np.ndarray  # (B,) bool: vertices are assigned to segments along the bone's curve
 
     def __post_init__(self):
-        # A bone with n > 1 segments has n + 1 joints, one that does not deform has none.
+        # A bone with n > 1 segments has n + 1 joints; a bone that does not deform has none.
         counts = np.where(self.deform, np.where(self.segments > 1, self.segments + 1, 1), 0)
         self.joint_counts = counts.astype(np.int32)  # (B,)
         self.first_joint = np.where(self.deform, np.cumsum(counts) - counts, -1).astype(np.int32)  # (B,)
@@ -44,7 +44,7 @@ class Bones:
 
 @dataclass
 class Rules:
-    """What an Armature modifier's settings say."""
+    """The settings of an Armature modifier that affect influences."""
 
     use_vertex_groups: bool = True
     use_envelopes: bool = False
@@ -52,12 +52,12 @@ class Rules:
 
 @dataclass
 class Bends:
-    """As sinew_native.Bends takes them: the influences of bones with segments before they are split, N vertices
+    """The arguments of sinew_native.Bends: the influences of bones with segments before they are split, N vertices
     with M influences of D bones."""
 
     vertices: np.ndarray  # (N,)
     offsets: np.ndarray  # (N + 1,)
-    bones: np.ndarray  # (M,), numbers of the arrays below, not of the armature
+    bones: np.ndarray  # (M,), indices into the arrays below, not into the armature's bones
     weights: np.ndarray  # (M,)
     first_joints: np.ndarray  # (D,)
     segments: np.ndarray  # (D,)
@@ -66,23 +66,23 @@ class Bends:
 
 @dataclass
 class Influences:
-    """As sinew_native.Skin takes them, weights summing to 1, for joint_count + 1 joints."""
+    """The arguments of sinew_native.Skin: weights that sum to 1, for joint_count + 1 joints."""
 
     offsets: np.ndarray  # (V + 1,)
     joints: np.ndarray  # (N,)
     weights: np.ndarray  # (N,)
     joint_count: int
-    depend_on_shape: bool = False  # other rest positions may mean other influences, beyond what bends say
+    depend_on_shape: bool = False  # different rest positions may change the influences beyond what bends describe
     bends: Bends | None = None  # None: no bone with segments moves the mesh, or one of them is curved
     unweighted_count: int = 0  # vertices that no bone moves
-    unnormalized_count: int = 0  # vertices whose weights, as they stand in the mesh, do not sum to 1
+    unnormalized_count: int = 0  # vertices whose weights in the mesh do not sum to 1
 
 
 def influences(offsets, groups, weights, bone_of_group, bones, rules, points, segment_at=None):
-    """offsets (V + 1,), groups (N,), weights (N,): the entries of each vertex, in the order in which Blender stores
-    them; group -1: none. bone_of_group (G,): -1 for a group without a bone. points(): (V, 3), the rest positions in the
-    armature's space, which most meshes are not asked for. segment_at(bone, point): of a curved B-bone, the segment at a
-    point and how near its end.
+    """Returns the Influences of a mesh. offsets (V + 1,), groups (N,), weights (N,): the entries of each vertex, in the
+    order in which Blender stores them; group -1: none. bone_of_group (G,): -1 for a group without a bone. points():
+    (V, 3), the rest positions in the armature's space; for most meshes it is not called. segment_at(bone, point): for a
+    curved B-bone, the segment at a point and how close to the segment's end the point is.
     """
     counts = (bone_of_group >= 0) & rules.use_vertex_groups
     counts[counts] = bones.deform[bone_of_group[counts]]
@@ -120,8 +120,8 @@ def influences(offsets, groups, weights, bone_of_group, bones, rules, points, se
 
 
 def _with_envelopes(offsets, groups, weights, bone_of_group, bones, rules, points):
-    """Normalised influences: vertices, bones, weights; how many vertices no bone moves, and of how many the weights do
-    not sum to 1; whether envelopes multiply any."""
+    """Returns normalised influences: vertices, bones, weights; how many vertices no bone moves, and how many have
+    weights that do not sum to 1; and whether envelopes multiply any weights."""
     vertex_count = len(offsets) - 1
     vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
     bone, weight = np.append(bone_of_group, -1)[groups], np.asarray(weights, np.float64)
@@ -149,13 +149,13 @@ def _with_envelopes(offsets, groups, weights, bone_of_group, bones, rules, point
 
 
 def _only(chosen, *arrays):
-    """As they are if all are chosen, as on most meshes: copying is what costs here."""
+    """Returns the chosen entries of the arrays. If all are chosen, as on most meshes, it avoids the costly copies."""
     return arrays if chosen.all() else tuple(array[chosen] for array in arrays)
 
 
 def group_weights(offsets, groups, weights, group):
-    """(V,): each vertex's weight in one vertex group, 0 where it is not in it. The rest as
-    `blender_io.read_weights` gives it."""
+    """Returns (V,): each vertex's weight in one vertex group, 0 if it is not in the group. offsets, groups and weights
+    are as `meshes.read_weights` returns them."""
     vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     dense = np.zeros(len(offsets) - 1)
     dense[vertex[groups == group]] = weights[groups == group]
@@ -163,8 +163,8 @@ def group_weights(offsets, groups, weights, group):
 
 
 def envelope(points, bones, bone):
-    """(N,): how far the envelope of bone[i] takes hold of points[i], 0 to 1: wholly within its
-    radius, which goes from head to tail, and not at all beyond its distance."""
+    """Returns (N,): how strongly the envelope of bone[i] affects points[i], 0 to 1: fully within its
+    radius, which is interpolated from head to tail, and not at all beyond its distance."""
     head = bones.rest[bone, :3, 3]
     along_axis = bones.rest[bone, :3, 1]  # unit
     length = bones.length[bone]
@@ -188,7 +188,7 @@ def _envelope_influences(vertices, bones, points):
 
 
 def _axes(bones):
-    """(B, 4): a point p lies at share axes[b, :3] . p + axes[b, 3] of the bone's length."""
+    """Returns (B, 4): a point p is at the fraction axes[b, :3] . p + axes[b, 3] of the bone's length."""
     return np.linalg.inv(bones.rest)[:, 1] / np.maximum(bones.length, 1e-30)[:, None]
 
 
@@ -212,7 +212,7 @@ def _bends(vertex, bone, weight, bent, bones, vertex_count):
 
 
 def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at):
-    """Each influence of a B-bone becomes two, of the ends of the segment that the vertex is at."""
+    """Splits each influence of a B-bone into two, for the ends of the segment that contains the vertex."""
     entries = np.flatnonzero(bent)
     own, at = bone[entries], points[vertex[entries]]
     axes, count = _axes(bones)[own], bones.segments[own]
@@ -221,7 +221,7 @@ def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segme
     blend = place - index
     for i in np.flatnonzero(bones.curved[own]):
         index[i], blend[i] = segment_at(own[i], at[i])
-    first = entries + np.arange(len(entries))  # of the two, behind those that were split before
+    first = entries + np.arange(len(entries))  # the index of the first of the two, after the earlier splits
     vertex, joint, weight = (np.repeat(array, 1 + bent) for array in (vertex, joint, weight))
     joint[first] += index
     joint[first + 1] += index + 1

@@ -1,1 +1,1 @@
-"""What any part of the add-on says to the person at the screen."""
+"""Messages to the user from any part of the add-on."""

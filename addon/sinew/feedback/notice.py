@@ -1,5 +1,4 @@
-"""Sentences for the person at the screen: in a panel, or, for what a handler cannot report, once in a small
-window."""
+"""Messages for the user: in a panel, or, for what a handler cannot report, once in a small pop-up."""
 
 import textwrap
 from functools import partial
@@ -7,12 +6,12 @@ from functools import partial
 import bpy
 
 LETTER = 6.0  # pixels of a panel's width for each letter, at 100 % interface scale
-MARGIN = 80  # pixels that are not for letters: icon, frames
-_said = set()  # sentences of this file
+MARGIN = 80  # pixels not available for text: icon, frames
+_said = set()  # the sentences that were already shown for the open file
 
 
 def draw_sentence(layout, context, sentence, is_error):
-    """In as many lines as the region's width asks for."""
+    """Draws a sentence in as many lines as the region's width requires."""
     column = layout.column(align=True)
     column.alert = is_error
     width = 1000  # there is no region without a window
@@ -25,7 +24,7 @@ def draw_sentence(layout, context, sentence, is_error):
 
 
 def show(sentence):
-    """Safe to call while rendering, from any thread."""
+    """Shows a sentence in a pop-up, once per file. Safe to call while rendering, from any thread."""
     if bpy.app.background or sentence in _said:
         return
     _said.add(sentence)
@@ -33,7 +32,7 @@ def show(sentence):
 
 
 def redraw():
-    """All panels, which show something else now."""
+    """Redraws all panels, whose content has changed."""
     manager = bpy.context.window_manager
     for window in manager.windows if manager else ():
         for area in window.screen.areas:
@@ -41,7 +40,7 @@ def redraw():
 
 
 def forget():
-    """Another file: whatever happens there is to be said."""
+    """Forgets which sentences were shown, since a different file was opened."""
     _said.clear()
 
 

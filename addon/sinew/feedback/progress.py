@@ -1,23 +1,23 @@
-"""Progress of what takes longer than a moment: in the status bar and at the mouse cursor."""
+"""Shows the progress of longer operations in the status bar and at the mouse cursor."""
 
 from contextlib import contextmanager
 from time import perf_counter
 
 import bpy
 
-SHOWN_AFTER = 0.5  # seconds: what ends before that needs no words
+SHOWN_AFTER = 0.5  # seconds: shorter operations show no text
 
 
 class _Silent:
     def step(self, share, text):
-        """share: what is done, 0 to 1; text: what is being done now."""
+        """share: how much is done, 0 to 1; text: what is being done now."""
 
 
 SILENT = _Silent()
 
 
 class Part:
-    """One of several equal parts of the work, with shares of its own."""
+    """One of several equal parts of the work, whose own shares go from 0 to 1."""
 
     def __init__(self, whole, number, count):
         self._whole, self._number, self._count = whole, number, count
@@ -47,8 +47,8 @@ class _Shown:
 
 @contextmanager
 def shown(context, draws=True):
-    """`with shown(context) as progress: progress.step(0.5, "reading weights")`. Nothing without a window. draws:
-    Blender draws nothing by itself meanwhile; a modal operator lets it."""
+    """`with shown(context) as progress: progress.step(0.5, "reading weights")`. Shows nothing without a window. draws:
+    whether to redraw the window at each step, because Blender cannot; with a modal operator it can."""
     if bpy.app.background or context.window is None:
         yield SILENT
         return

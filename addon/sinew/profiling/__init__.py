@@ -1,1 +1,1 @@
-"""What evaluating a scene costs, object by object."""
+"""Measures what evaluating a scene costs, object by object."""

@@ -1,4 +1,4 @@
-"""What is taken out of a scene to see what it costs: context managers that leave nothing behind."""
+"""Takes things out of a scene to measure what they cost: context managers that restore everything."""
 
 from contextlib import contextmanager
 
@@ -12,8 +12,8 @@ from ..run import characters
 
 @contextmanager
 def scene_of(objects):
-    """Yields a scene that has nothing but these objects, and what they depend on. In the scenes of the file nothing is
-    hidden meanwhile: that would deselect it, and simulations would lose their frames."""
+    """Yields a scene with only these objects and what they depend on. Nothing is hidden in the file's own scenes:
+    hiding would deselect objects and make simulations lose their frames."""
     scene = bpy.data.scenes.new("Sinew Profile")
     hidden = [ob for ob in objects if ob.hide_viewport]
     try:
@@ -30,7 +30,7 @@ def scene_of(objects):
 
 @contextmanager
 def still(curves):
-    """curves: of keyframes, or drivers, that are not muted."""
+    """Mutes the curves (of keyframes, or drivers; all of them unmuted before) inside the `with` block."""
     try:
         for curve in curves:
             curve.mute = True
@@ -65,7 +65,7 @@ def muted(keys):
 
 @contextmanager
 def bound_for_now(ob):
-    """Yields the runtime side of a mesh that is bound meanwhile. Raises BindingError."""
+    """Binds a mesh inside the `with` block, and yields its runtime entry. Raises BindingError."""
     settings = ob.sinew
     kept = {
         name: getattr(settings, name) if settings.is_property_set(name) else None
@@ -89,7 +89,7 @@ def bound_for_now(ob):
 
 
 def why_not_muted(ob, keys):
-    """Why their absence says nothing, or ""."""
+    """Returns why muting the keys would measure nothing, or ""."""
     if not keys.use_relative:
         return "absolute keys cannot be muted"
     if ob.show_only_shape_key:

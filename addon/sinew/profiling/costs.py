@@ -1,19 +1,20 @@
-"""What was measured of a scene, as numbers and sentences. Milliseconds a frame throughout, medians over the frames."""
+"""The measured costs of a scene, as numbers and sentences. All times are milliseconds per frame, medians over the
+frames."""
 
 import re
 from dataclasses import asdict, dataclass, field
 from statistics import median
 
 MOST_FRAMES = 40
-# How a number came about.
+# How a number was measured.
 CLOCK = "Blender's clock"
-DIFFERENCE = "difference"  # of frames with and without
+DIFFERENCE = "difference"  # between frames with it and frames without it
 OWN_CLOCK = "Sinew's clock"
-LEAST_NOISE = 0.01  # below that no clock of a whole frame can be trusted
-# The median of differences of N frames is off by less than so many median deviations / sqrt(N), 19 times of 20: two
+LEAST_NOISE = 0.01  # differences between whole frames below this cannot be trusted
+# In 19 of 20 cases, the median of N frames' differences is off by less than this many median deviations / sqrt(N): two
 # standard errors of a median of normal numbers, of which each difference has one and a half.
 NOISE_FACTOR = 3.2
-# What has a memory of the frames before is left alone.
+# Modifiers that remember earlier frames are not switched off.
 SIMULATIONS = {
     "CLOTH",
     "COLLISION",
@@ -29,27 +30,27 @@ SIMULATIONS = {
 EVERYTHING_ELSE = "Everything else"
 AT_THE_SAME_TIME = "Done at the same time"
 
-last = []  # the Profile that the panel shows, of the open file: names, never references
+last = []  # the open file's Profile, which the panel shows: it holds names, never references
 
 
 @dataclass
 class Part:
-    """One thing that an object's evaluation does."""
+    """One part of an object's evaluation."""
 
     name: str
     kind: str  # POSE, KEYS, SINEW, or a modifier's type
     ms: float | None  # None: `how` says why it was not measured
     how: str
-    noise_ms: float = 0.0  # of a difference: less than that is lost, and is 0
+    noise_ms: float = 0.0  # of a difference: anything smaller cannot be measured and counts as 0
 
 
 @dataclass
 class ObjectCost:
-    name: tuple  # of the object, and the path of its library or None
+    name: tuple  # the object's name, and the path of its library or None
     type: str
     parts: list = field(default_factory=list)
     is_bound: bool = False
-    saves: Part | None = None  # what Accelerate takes off a frame; None: it was not tried
+    saves: Part | None = None  # the time that Accelerate saves per frame; None: it was not tried
     reason: str = ""  # why Accelerate does nothing for it
     remarks: list = field(default_factory=list)  # sentences
 
@@ -62,23 +63,23 @@ class ObjectCost:
 class Profile:
     frames: list
     frame_ms: float  # the whole call that sets the frame
-    noise_ms: float  # what two measurements of the same differ by
-    objects: list  # dearest first
-    shared: list = field(default_factory=list)  # of Part: what is measured of all objects together
+    noise_ms: float  # how much two measurements of the same thing differ
+    objects: list  # most expensive first
+    shared: list = field(default_factory=list)  # of Part: what is measured for all objects together
 
     @property
     def rest_ms(self):
-        """What the frame takes beside all that was measured. Negative: that adds up to more than the frame, since
-        Blender does several things at the same time."""
+        """The frame's time minus everything that was measured. Negative if the parts add up to more than the frame,
+        since Blender does several things at the same time."""
         return self.frame_ms - sum(cost.ms for cost in self.objects) - sum(part.ms for part in self.shared)
 
     @property
     def rest(self):
-        """(name, milliseconds) of the last row, with which all rows add up to the frame."""
+        """(name, milliseconds) of the last row, which makes all rows add up to the frame."""
         return (EVERYTHING_ELSE if self.rest_ms >= 0 else AT_THE_SAME_TIME), self.rest_ms
 
     def document(self):
-        """As JSON has it."""
+        """Returns the profile as a JSON document."""
         objects = [
             {**asdict(cost), "name": cost.name[0], "library": cost.name[1], "ms": cost.ms} for cost in self.objects
         ]
@@ -94,7 +95,7 @@ class Profile:
 
 
 def parse_frames(words):
-    """ "A-B" as (A, B); a frame may be negative. Raises ValueError."""
+    """Parses "A-B" as (A, B); a frame may be negative. Raises ValueError."""
     found = re.fullmatch(r"(-?\d+)-(-?\d+)", words)
     if not found:
         raise ValueError(f"{words} is not a range of frames; write it like 1-40")
@@ -102,21 +103,21 @@ def parse_frames(words):
 
 
 def check_frames(first, last):
-    """Returns both. Raises ValueError."""
+    """Returns both frames. Raises ValueError if they are in the wrong order."""
     if last < first:
         raise ValueError(f"the last frame ({last}) comes before the first ({first}): swap them")
     return first, last
 
 
 def frames_of(scene):
-    """The first and the last that playing shows."""
+    """Returns the first and the last frame that playback shows."""
     if scene.use_preview_range:
         return scene.frame_preview_start, scene.frame_preview_end
     return scene.frame_start, scene.frame_end
 
 
 def spread(first, last, most=MOST_FRAMES):
-    """The frames from first to last, both included; of more than `most` as many, evenly spread."""
+    """Returns the frames from first to last, both included; if there are more than `most`, that many, evenly spread."""
     count = last - first + 1
     if count <= most:
         return list(range(first, last + 1))
@@ -128,8 +129,8 @@ def blocks(frames, size):
 
 
 def set_difference(parts, before, without, after):
-    """How much less a frame takes without something that these parts share evenly. Lists of the same frames, with it
-    before and after, since a machine's pace drifts."""
+    """Sets how much less time a frame takes without something whose cost these parts share evenly. The lists hold times
+    of the same frames; `before` and `after` are both with it, since a machine's speed drifts."""
     noise_ms = noise(before, after)
     difference = median((a + b) / 2 - c for a, c, b in zip(before, without, after))
     for part in parts:
@@ -138,7 +139,7 @@ def set_difference(parts, before, without, after):
 
 
 def noise(before, after):
-    """What a difference may be off by: half the drift between the two, or the scatter."""
+    """Returns the possible error of a difference: half the drift between the two lists, or the scatter."""
     drifts = [a - b for a, b in zip(before, after)]
     drift = median(drifts)
     scatter = median(abs(each - drift) for each in drifts)
@@ -146,7 +147,7 @@ def noise(before, after):
 
 
 def order(objects):
-    """Those that cost something, dearest first."""
+    """Returns the objects that cost something, the most expensive first."""
     return sorted((cost for cost in objects if cost.parts), key=lambda cost: -cost.ms)
 
 
@@ -157,7 +158,7 @@ def part_text(part):
 
 
 def verdict(cost):
-    """What Accelerate has to do with an object, in a few words or a sentence; "" where it does not apply."""
+    """Returns what Accelerate does or would do for an object, in a few words or a sentence; "" if it does not apply."""
     if cost.is_bound:
         return cost.reason or "accelerated"
     if cost.saves is not None:
@@ -166,16 +167,16 @@ def verdict(cost):
 
 
 def after_deforming(modifiers, deforming):
-    """Names of what follows the deforming ones and can be switched off for a while. modifiers: (name, type) of those
-    that are shown, in their order; deforming: the types that Sinew may take over."""
+    """Returns the names of modifiers that follow the deforming ones and can be switched off for a while. modifiers:
+    (name, type) of those that are shown, in order; deforming: the types that Sinew may take over."""
     kinds = [kind in deforming for _, kind in modifiers]
     tail = modifiers[kinds.index(False) :] if False in kinds else []
     return {name for name, kind in tail if kind not in SIMULATIONS}
 
 
 def about_subdivision(modifiers):
-    """Sentences. modifiers: (name, type) of those that are shown, in their order, where the preferences leave
-    subdivision to the graphics card."""
+    """Returns sentences about subdivision where the preferences allow it on the graphics card. modifiers: (name, type)
+    of those that are shown, in order."""
     types = [kind for _, kind in modifiers]
     if "SUBSURF" not in types:
         return []
@@ -196,8 +197,8 @@ def heading(profile):
 
 
 def rows(profile):
-    """(what, its time, what Accelerate has to do with it) for each object, each followed by its parts; then what
-    belongs to none. The objects and these add up to the frame."""
+    """Returns (name, time, verdict on Accelerate) for each object, each followed by its parts, and then for what
+    belongs to no object. The rows of the objects and the last ones add up to the frame."""
     found = []
     for cost in profile.objects:
         found.append((cost.name[0], f"{cost.ms:.2f} ms", verdict(cost)))
@@ -206,13 +207,13 @@ def rows(profile):
 
 
 def last_rows(profile):
-    """(what, its time) of what belongs to no object."""
+    """Returns (name, time) of what belongs to no object."""
     name, ms = profile.rest
     return [*((part.name, part_text(part)) for part in profile.shared), (name, f"{ms:.2f} ms")]
 
 
 def about_rest(profile):
-    """A sentence about the last row, or ""."""
+    """Returns a sentence about the last row, or ""."""
     if profile.rest_ms >= 0:
         return ""
     return (

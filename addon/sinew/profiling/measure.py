@@ -1,9 +1,9 @@
 """Plays frames of the open scene and measures what its objects cost.
 
-Where Blender has a clock for each modifier (4.x and later), that is read. Whatever else is known by its absence: a few
-frames are played with it, without it, and with it again; all of it without the modifiers that do not matter there,
-next to which it would be lost in the noise; armatures without anything else (rigs.py). Each absence ends with the block
-of frames for which it was made, so between two steps of `steps` the file is as it was.
+Where Blender has a clock for each modifier (4.x and later), that is read. Everything else is measured by its absence: a
+few frames are played with it, without it, and with it again; always without the modifiers that do not matter there and
+would drown it in noise; armatures without anything else (rigs.py). Each absence ends with the block of frames for which
+it was made, so between two steps of `steps` the file is unchanged.
 """
 
 from functools import partial
@@ -18,14 +18,14 @@ from ..run import characters
 from . import absences, costs, rigs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
 
-# What is played: everything, what Sinew may take over without what follows that, or keys and Armature modifiers.
+# What is played: everything; only what Sinew may take over, and nothing after that; only keys and Armature modifiers.
 WHOLE, DEFORMED, BARE = range(3)
-BLOCK = 10  # frames in a row that one absence lasts
+BLOCK = 10  # consecutive frames that one absence lasts
 HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
 
 
 def run(context, first, last):
-    """All at once. Returns a Profile, or raises ValueError."""
+    """Runs the whole measurement. Returns a Profile, or raises ValueError."""
     work = steps(context, first, last)
     while True:
         try:
@@ -35,8 +35,8 @@ def run(context, first, last):
 
 
 def steps(context, first, last):
-    """A generator of (share that is done, what comes next); returns a costs.Profile. Closing it early is safe. Raises
-    ValueError if there is nothing to measure."""
+    """Measures step by step: a generator of (share done, what comes next) that returns a costs.Profile. Closing it
+    early is safe. Raises ValueError if there is nothing to measure."""
     costs.check_frames(first, last)
     scene = context.scene
     before = scene.frame_current, scene.frame_subframe
@@ -80,7 +80,7 @@ def _measure(context, scene, frames):
 
 
 class _Round:
-    """Absences that are compared with the same."""
+    """Absences that are compared with the same frames."""
 
     def __init__(self, stage, subjects, absences_of_all):
         self.absences = [absence for absence in absences_of_all if absence.stage == stage]
@@ -88,7 +88,7 @@ class _Round:
         self._off = [modifier for subject in subjects for modifier in subject.off[stage]]
 
     def steps(self, context, frames, subjects):
-        """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
+        """Yields (what is done, a function that does it and restores everything) for a block of frames."""
 
         def play(times, subjects=()):
             with absences.switched_off(self._off):
@@ -105,7 +105,7 @@ class _Round:
 
 
 def _play(context, frames, subjects=()):
-    """Milliseconds of each frame; the subjects read their clocks on each."""
+    """Returns the milliseconds of each frame; the subjects read their clocks on each."""
     changed = set()
 
     def look(_scene, depsgraph):
@@ -124,7 +124,7 @@ def _play(context, frames, subjects=()):
 
 
 def _subjects(context):
-    """The objects on show, also in instances, and the armatures that are evaluated; these also as rigs.Rigs."""
+    """Returns the visible objects, including instanced ones, and the evaluated armatures; and these as rigs.Rigs."""
     depsgraph = context.evaluated_depsgraph_get()
     shown = dict.fromkeys(instance.object.original for instance in depsgraph.object_instances)
     armatures = rigs.evaluated_armatures(shown)
@@ -139,8 +139,8 @@ def _subjects(context):
 
 
 def _animated(context, armatures):
-    """The absences of all keyframes and of all drivers, except those that call Sinew. armatures: those that are
-    evaluated; `depsgraph.ids` lacks hidden ones."""
+    """Returns the absences of all keyframes and of all drivers, except the drivers that call Sinew. armatures: the
+    evaluated ones, since `depsgraph.ids` lacks hidden armatures."""
     carriers = [(ob, wiring.carrier_of(ob)) for ob in characters.bound_objects()]
     hooks = [wiring.hook_of(ob, carrier) for ob, carrier in carriers if carrier is not None]
     blocks = [block.original for block in context.evaluated_depsgraph_get().ids if hasattr(block, "animation_data")]
@@ -154,7 +154,7 @@ def _animated(context, armatures):
 
 
 def _share_keys(subjects):
-    """One measurement of shape keys that several objects have."""
+    """Adds one measurement for shape keys that several objects share."""
     sharers = {}
     for subject in subjects:
         keys = getattr(subject.ob.data, "shape_keys", None)
@@ -176,9 +176,9 @@ class _Subject:
         self.ob = ob
         self.cost = ObjectCost((ob.name, ob.library.filepath if ob.library else None), ob.type)
         self.absences = []
-        self.off = {WHOLE: [], DEFORMED: [], BARE: []}  # modifiers that are switched off while that is played
+        self.off = {WHOLE: [], DEFORMED: [], BARE: []}  # modifiers that are switched off while that stage is played
         self._clocked = {}  # {name of a modifier: (part, milliseconds of each frame)}
-        self._own = None  # the same of Sinew itself
+        self._own = None  # (part, milliseconds of each frame) of Sinew itself
         self.is_deformed_by_sinew = False
         evaluated = ob.evaluated_get(depsgraph)
         if ob.type == "ARMATURE":
@@ -197,7 +197,7 @@ class _Subject:
             self.cost.parts.append(self._own[0])
 
     def _add_modifiers(self, evaluated):
-        """Those that Blender runs: where Sinew stands in for some, it has switched them off in the evaluated copy."""
+        """Adds the modifiers that Blender runs. Those that Sinew replaces are switched off in the evaluated copy."""
         shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
         kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
         tail = costs.after_deforming(kinds, {"ARMATURE", *modifier_types.STAGES})
@@ -235,7 +235,7 @@ class _Subject:
             self.absences.append(_Absence(self.ob.name, [part], absent, what, stage))
 
     def try_accelerate(self):
-        """Binding alone says whether Sinew can follow the mesh."""
+        """Prepares to measure what Accelerate saves. Only binding shows whether Sinew can deform the mesh."""
         armature = bindable.armature_to_bind(self.ob)
         is_deformed = not ways.why_idle(self.ob) if armature is None else bindable.armature_modifier(self.ob, armature)
         if not is_deformed:
@@ -251,7 +251,7 @@ class _Subject:
             self.absences.append(_Absence(self.ob.name, [self.cost.saves], absences.bound_for_now, self.ob, DEFORMED))
 
     def read_clocks(self, depsgraph, was_evaluated):
-        """Of one frame. A clock goes on showing an old time on frames on which nothing was evaluated."""
+        """Reads the clocks of one frame. On frames without an evaluation, a clock still shows an old time."""
         modifiers = self.ob.evaluated_get(depsgraph).modifiers if self._clocked else ()
         for name, (_, times) in self._clocked.items():
             modifier = modifiers.get(name)
@@ -266,10 +266,10 @@ class _Subject:
 
 
 class _Absence:
-    """Something of an object that is not there while frames are played."""
+    """Something of an object that is absent while frames are played."""
 
     def __init__(self, name, parts, absent, what, stage):
-        """name: of what has it; parts: they share the outcome evenly; absent(what): a context manager; stage: what is
+        """name: of the owner; parts: they share the result evenly; absent(what): a context manager; stage: what is
         played."""
         self.name, self.part, self.stage, self.times = name, parts[0], stage, []
         self._parts, self._absent, self._what = parts, absent, what

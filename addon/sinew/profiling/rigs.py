@@ -1,4 +1,4 @@
-"""What armatures cost: they are played in a scene of their own, from which one after the other is left out."""
+"""Measures what armatures cost: they are played in a separate scene, from which they are removed one by one."""
 
 from contextlib import ExitStack
 from functools import partial
@@ -11,18 +11,18 @@ from . import absences, costs
 
 
 class Rigs:
-    """Level n of what is played lacks the first n of them. Their keyframes and drivers are muted all the while, since
-    these are measured by themselves."""
+    """Armatures that are measured together. Level n is played without the first n of them. Their keyframes and drivers
+    are muted throughout, since these are measured separately."""
 
     def __init__(self, rigs):
-        """rigs: (armature object, its costs.Part) each."""
+        """rigs: a list of (armature object, its costs.Part)."""
         self._rigs = _users_first(rigs)
         self._down = [[] for _ in range(len(rigs) + 1)]  # milliseconds of each level's frames
         self._up = [[] for _ in range(len(rigs) + 1)]  # the same, played in the opposite order
-        self.step_count = 2 * len(self._down)  # of a block of frames
+        self.step_count = 2 * len(self._down)  # per block of frames
 
     def steps(self, frames):
-        """(what is done, a function that does it and leaves nothing behind) for a block of frames."""
+        """Yields (what is done, a function that does it and restores everything) for a block of frames."""
         levels = [*enumerate(self._down), *reversed([*enumerate(self._up)])]
         for level, times in levels:
             left_out = f"playing without {self._rigs[level - 1][0].name}" if level else "playing the armatures alone"
@@ -42,14 +42,15 @@ class Rigs:
 
 
 def _users_first(rigs):
-    """One that follows another comes before it: the other is evaluated as long as it is there."""
+    """Sorts armatures before those that they follow, which are evaluated as long as a follower is in the scene."""
     if len(rigs) < 2:
         return list(rigs)
     return sorted(rigs, key=lambda rig: -len(_armatures_for([rig[0]])))
 
 
 def evaluated_armatures(shown):
-    """The armatures that a frame evaluates: those on show, and those that something on show needs. shown: objects."""
+    """Returns the armatures that a frame evaluates: the visible ones, and those that visible objects need. shown: the
+    visible objects."""
     found = [ob for ob in shown if ob.type == "ARMATURE"]
     if len(found) < sum(ob.type == "ARMATURE" for ob in bpy.data.objects):
         found += _armatures_for([ob for ob in shown if ob.type != "ARMATURE"])
@@ -57,7 +58,7 @@ def evaluated_armatures(shown):
 
 
 def _armatures_for(objects):
-    """Those among the objects, and those that are evaluated for them. (`depsgraph.ids` lacks what is hidden.)"""
+    """Returns the armatures among the objects, and those evaluated for them. (`depsgraph.ids` lacks hidden objects.)"""
     with absences.scene_of(objects) as scene:
         scene.view_layers[0].update()
         depsgraph = scene.view_layers[0].depsgraph
@@ -66,12 +67,12 @@ def _armatures_for(objects):
 
 
 def blocks_of(armatures):
-    """What their keyframes and drivers belong to."""
+    """Returns the data-blocks that the armatures' keyframes and drivers belong to."""
     return [*armatures, *(ob.data for ob in armatures)]
 
 
 def unmuted_curves(blocks, hooks=()):
-    """(keyframes, drivers) of data-blocks, each once. hooks: drivers that are left out."""
+    """Returns (keyframes, drivers) of data-blocks, without duplicates. hooks: drivers that are left out."""
     keyed, drivers = {}, {}
     for block in blocks:
         keyed.update((curve.as_pointer(), curve) for curve in animation.keyed_curves(block))

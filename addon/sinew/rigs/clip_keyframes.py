@@ -1,4 +1,4 @@
-"""The clip of an imported rig as ordinary keyframes: what an animator goes on with."""
+"""Writes the clip of an imported rig as ordinary keyframes, which an animator can edit."""
 
 import bpy
 import numpy as np
@@ -9,7 +9,7 @@ from ..run import characters
 
 
 def clip_armature(ob):
-    """The armature with poses that an object is or has, or None."""
+    """Returns the armature with poses that an object is or has, or None."""
     if ob is None:
         return None
     armature = ob if ob.type == "ARMATURE" else ob.sinew.armature
@@ -18,7 +18,7 @@ def clip_armature(ob):
 
 
 def insert(scene, armature, first, last, shown=progress.SILENT):
-    """Key location and rotation of every bone on the frames first..last, one action for all, and let
+    """Keys location and rotation of every bone on the frames first..last, in one action for all, and makes
     the bound meshes follow the armature from now on. Returns the number of frames."""
     frames = np.arange(first, last + 1)
     player = clip_store.ClipPlayer(armature)

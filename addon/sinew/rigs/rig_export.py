@@ -1,4 +1,4 @@
-"""From a bound mesh back to a rig folder."""
+"""Exports a mesh with an armature as a rig folder."""
 
 import contextlib
 import os
@@ -16,12 +16,12 @@ from . import rig_import
 
 
 def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=progress.SILENT):
-    """Write mesh.obj, the skeleton, weights.dmat and, if there is one, pose.dmat or anim.dmat.
+    """Writes mesh.obj, the skeleton, weights.dmat and, if there are poses, pose.dmat or anim.dmat.
 
-    animation: AUTO writes the frames of the scene if the armature is animated and not posed by the clip that
-    was imported, else that clip; FRAMES always writes those; NONE neither. up_axis: which axis of the files is the
-    mesh's Z axis, "Y" or "Z"; a rig that was imported goes back into the axes of its files. Raises ValueError with
-    the reason.
+    animation: AUTO writes the scene's frames if the armature is animated and not posed by the imported clip,
+    and otherwise that clip; FRAMES always writes the scene's frames; NONE writes neither. up_axis: the axis of the
+    files that the mesh's Z axis becomes, "Y" or "Z"; an imported rig is written in the axes of its own files. Raises
+    ValueError with the reason.
     """
     armature = bindable.find_armature(ob)
     if armature is None:
@@ -83,8 +83,8 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
 
 
 def skeleton_from_bones(armature, files_from_armature):
-    """A skeleton in the joint convention, space of the files, and the bones' names. Every joint has a
-    column of weights, if only of zeros: a root without one would read as the bone convention."""
+    """Returns a skeleton in the joint convention, in the space of the files, and the bones' names. Every joint has a
+    column of weights, even if it is all zeros: a root without one would be read as the bone convention."""
     bones = [pose_bone.bone for pose_bone in armature.pose.bones]
     index = {bone.name: i for i, bone in enumerate(bones)}
     parents = np.array([index[bone.parent.name] if bone.parent else -1 for bone in bones], np.int32)
@@ -96,7 +96,7 @@ def skeleton_from_bones(armature, files_from_armature):
 
 
 def dense_weights(ob, names, columns):
-    """(V, columns): the weights of each joint's vertex group, as they stand in the mesh."""
+    """Returns (V, columns): the weights of each joint's vertex group, unchanged from the mesh."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
     column_of_group = np.array([column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
@@ -109,7 +109,7 @@ def dense_weights(ob, names, columns):
 
 
 def sample_frames(context, ob, armature, joints, joint_count, shown):
-    """(F, J, 4, 4): skinning matrices over the scene's frames, space of the mesh."""
+    """Returns (F, J, 4, 4): skinning matrices for the scene's frames, in the space of the mesh."""
     scene = context.scene
     current = scene.frame_current
     frames = []
@@ -131,7 +131,7 @@ def sample_frames(context, ob, armature, joints, joint_count, shown):
 
 
 def colors(materials):
-    """The text of an .mtl file."""
+    """Returns the text of an .mtl file."""
     text = ""
     for material in materials:
         color = material.diffuse_color[:3] if material else (0.8, 0.8, 0.8)
@@ -142,7 +142,7 @@ def colors(materials):
 
 @contextlib.contextmanager
 def replaced(path, text):
-    """Write a file that takes its place when the `with` block has succeeded; what was there stays if it fails."""
+    """Writes a file that replaces the one at path when the `with` block succeeds; if it fails, the old file stays."""
     neighbour = f"{path}.partial-{secrets.token_hex(4)}"
     try:
         with open(neighbour, "x", encoding="utf-8") as file:

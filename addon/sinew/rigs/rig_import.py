@@ -1,4 +1,4 @@
-"""From a rig folder to objects of the scene: mesh, vertex groups, armature, clip."""
+"""Imports a rig folder into the scene: mesh, vertex groups, armature, clip."""
 
 import math
 import os
@@ -13,14 +13,14 @@ from ..feedback import progress
 from ..install import bind, deformed_copy, shared_group
 from ..native import sinew_native
 
-# A bone of no length would vanish; this share of the rig's size is short but can be seen.
+# Blender removes bones of zero length; this fraction of the rig's size is short but visible.
 SHORTEST_BONE = 0.02
 Y_UP_TO_Z_UP = ((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1))
 
 
 @dataclass
 class ImportOptions:
-    """Empty names: the usual ones. convention None: as the file says."""
+    """Options of the import. Empty names: the usual ones. convention None: derived from the file."""
 
     mesh: str = ""
     weights: str = ""
@@ -32,14 +32,14 @@ class ImportOptions:
     method: str = "LINEAR"
     source: str = "CLIP"
     output: str = "MODIFIER"
-    frame_rate: float = 0.0  # poses a second; 0: a pose a frame
+    frame_rate: float = 0.0  # poses per second; 0: one pose per frame
     set_frame_range: bool = True
 
 
 def import_rig(context, skeleton_path, options, shown=progress.SILENT):
-    """Read everything, then build: what the files get wrong raises ValueError before the scene is
-    touched, and what fails later takes away what was built. Returns the mesh object and the armature object, bound
-    and selected, and what the user should know of the files: a sentence, or ""."""
+    """Reads everything, then builds: errors in the files raise ValueError before the scene is
+    touched, and after a later error everything that was built is removed. Returns the mesh object and the armature
+    object, bound and selected, and a remark on the files for the user: a sentence, or ""."""
     shown.step(0.0, f"reading {skeleton_path}")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
     rig = read_rig(folder, skeleton_name, options)
@@ -67,7 +67,7 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
             options.method,
             options.source if clip_store.has_poses(armature.data) else "ARMATURE",
         )
-    except BaseException:  # an interrupt too
+    except BaseException:  # also an interrupt
         remove(created)
         scene.frame_end = frame_end
         context.view_layer.objects.active = active
@@ -81,7 +81,7 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
 
 
 def remove(created):
-    """Data-blocks in the order in which they were made."""
+    """Removes data-blocks, which are given in the order in which they were made."""
     if bpy.context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for data in reversed(created):
@@ -92,7 +92,7 @@ def remove(created):
 
 
 def remark_on(rig, name):
-    """What reading has changed, as a sentence; "" for nothing."""
+    """Returns a sentence about what reading has changed, or "" if nothing."""
     count = rig.clamped_weights
     if not count:
         return ""
@@ -103,12 +103,12 @@ def remark_on(rig, name):
 
 
 def orientation(up_axis):
-    """(4, 4): from files in which that axis, "Y" or "Z", points up to Blender's axes."""
+    """Returns (4, 4): the transform to Blender's axes from files in which up_axis, "Y" or "Z", points up."""
     return np.array(Y_UP_TO_Z_UP if up_axis == "Y" else np.eye(4), float)
 
 
 def read_rig(folder, skeleton_name, options):
-    """The files as the options name and understand them. Raises ValueError or OSError."""
+    """Reads the files that the options name, with the options' conventions. Raises ValueError or OSError."""
     return sinew_native.read_rig(
         folder,
         skeleton=skeleton_name,
@@ -121,7 +121,7 @@ def read_rig(folder, skeleton_name, options):
 
 
 def set_playback(scene, armature, options):
-    """Two poses swing, more play from the scene's first frame on."""
+    """Sets the clip's mode: up to two poses swing, more play from the scene's first frame on."""
     count = clip_store.pose_count(armature.data)
     settings = armature.sinew_clip
     settings.mode = "PLAYBACK" if count > 2 else "SWING"
@@ -133,7 +133,7 @@ def set_playback(scene, armature, options):
 
 
 def build_armature(context, name, rig, created):
-    """One bone a joint, in the space of the rig. Bones remember their joint."""
+    """Builds an armature with one bone per joint, in the space of the rig. Bones remember their joint."""
     skeleton = rig.skeleton
     data = bpy.data.armatures.new(f"{name}_armature")
     created.append(data)
@@ -142,7 +142,7 @@ def build_armature(context, name, rig, created):
     context.collection.objects.link(armature)
     context.view_layer.objects.active = armature
     heads, tails = np.array(skeleton.heads), visible_tails(rig)
-    # A connected bone cannot move, which the frames of an animation may ask for.
+    # A connected bone cannot be moved, but the frames of an animation may require that.
     may_connect = rig.animation is None or rig.poses is not None
 
     bpy.ops.object.mode_set(mode="EDIT")
@@ -166,7 +166,7 @@ def build_armature(context, name, rig, created):
 
 
 def visible_tails(rig):
-    """(J, 3): where bones are drawn to, none of them of no length."""
+    """Returns (J, 3): the bones' tails, adjusted so that no bone has zero length."""
     heads, tails = np.array(rig.skeleton.heads), np.array(rig.skeleton.tails)
     shortest = SHORTEST_BONE * float(np.linalg.norm(np.ptp(rig.positions, axis=0)) or 1)
     degenerate = np.linalg.norm(tails - heads, axis=1) < 1e-3 * shortest
@@ -175,8 +175,8 @@ def visible_tails(rig):
 
 
 def build_mesh(context, name, rig, armature, colors, created):
-    """The mesh with a vertex group a bone, hung on the armature as Blender users expect it: parented
-    and with an Armature modifier (which binding then takes over)."""
+    """Builds the mesh with one vertex group per deforming bone, attached to the armature as Blender users expect:
+    parented, and with an Armature modifier (which binding then takes over)."""
     mesh = meshes.new_mesh(name, rig.positions, rig.face_offsets, rig.face_vertices)
     created.append(mesh)
     ob = bpy.data.objects.new(name, mesh)
@@ -216,7 +216,7 @@ def assign_materials(mesh, rig, colors, created):
 
 
 def read_colors(path):
-    """{material: (r, g, b)} from the `Kd` lines of an .mtl file; none if there is no such file."""
+    """Returns {material: (r, g, b)} from the `Kd` lines of an .mtl file; empty if there is no such file."""
     colors, material = {}, None
     if not os.path.isfile(path):
         return colors
@@ -228,12 +228,12 @@ def read_colors(path):
             try:
                 colors[material] = tuple(float(word) for word in words[1:4])
             except ValueError:
-                pass  # a colour is a nicety: an unreadable one stays grey
+                pass  # colours are not essential: an unreadable one stays grey
     return colors
 
 
 def read_text(path):
-    """As the native readers do it: UTF-8, and what is not is taken for Latin-1."""
+    """Reads text as the native readers do: as UTF-8, or, if it is not valid UTF-8, as Latin-1."""
     with open(path, "rb") as file:
         data = file.read()
     try:

@@ -1,1 +1,1 @@
-"""What people see and press."""
+"""The user interface: panels, menus, operators and preferences."""

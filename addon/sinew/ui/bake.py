@@ -1,4 +1,4 @@
-"""Bakes the selected meshes, and plays what was baked."""
+"""Operators that bake the selected meshes and play the caches."""
 
 import os
 
@@ -19,25 +19,25 @@ FORMATS = (
 
 
 class BakeSettings:
-    """What Bake and the operator that does it share."""
+    """The properties that Bake and BakeFrames, which does the work, share."""
 
     directory: StringProperty(
-        name="Folder", description="Folder for the files; it is made if it is missing", subtype="DIR_PATH"
+        name="Folder", description="Folder for the files; created if it does not exist", subtype="DIR_PATH"
     )
-    file_format: EnumProperty(name="Format", description="What is written", items=FORMATS)
+    file_format: EnumProperty(name="Format", description="The file format", items=FORMATS)
     frame_start: IntProperty(name="First Frame", description="The first frame to bake; by default the scene's")
     frame_end: IntProperty(name="Last Frame", description="The last frame to bake; by default the scene's")
-    frame_step: IntProperty(name="Step", description="From one baked frame to the next", default=1, min=1)
+    frame_step: IntProperty(name="Step", description="Distance from one baked frame to the next", default=1, min=1)
     until_subdivision: BoolProperty(
         name="Until Subdivision",
         description="Bake the shape before the first Subdivision Surface modifier, which then works on the cache",
     )
     overwrite: BoolProperty(
-        name="Overwrite", description="Replace what is there. If off, a bake that was stopped continues"
+        name="Overwrite", description="Replace existing files. If off, a bake that was stopped continues"
     )
     play: BoolProperty(
         name="Play the Cache",
-        description="Let a Mesh Cache modifier play what was baked, and switch off the modifiers that it replaces",
+        description="Play the baked files with a Mesh Cache modifier, and switch off the modifiers that it replaces",
     )
 
     def settings(self):
@@ -72,9 +72,9 @@ def can_bake(context):
 
 
 class Bake(BakeSettings, bpy.types.Operator):
-    """Write the shape of the selected meshes on each frame to files, which Blender's Mesh Cache modifier and
-    other programs play. Nothing in the file changes, except that unkeyed changes go back to their keyframes, as they do
-    whenever the scene plays. Press Esc to stop; the next bake continues there"""
+    """Write the shape of the selected meshes on each frame to files that Blender's Mesh Cache modifier and
+    other programs can play. The .blend does not change, except that unkeyed changes return to their keyframes, as
+    they do whenever the scene plays. Press Esc to stop; the next bake continues from there"""
 
     bl_idname = "object.sinew_bake"
     bl_label = "Bake"
@@ -110,7 +110,7 @@ class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     bl_idname = "object.sinew_bake_frames"
     bl_label = "Bake Frames"
     bl_options = {"UNDO", "INTERNAL"}
-    stopped = "Stopped: the frames that were baked are kept; bake again to continue there"
+    stopped = "Stopped: the frames that were baked are kept; bake again to continue from there"
     seconds_in_a_row = 0.1
 
     @classmethod
@@ -139,7 +139,7 @@ class PlayCache(bpy.types.Operator):
     bl_label = "Play Cache"
     bl_options = {"REGISTER", "UNDO"}
 
-    filepath: StringProperty(name="File Path", description="The cache", subtype="FILE_PATH")
+    filepath: StringProperty(name="File Path", description="The cache file", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.pc2;*.mdd", options={"HIDDEN"})
 
     @classmethod
@@ -161,7 +161,7 @@ class PlayCache(bpy.types.Operator):
 
 
 class TakeOffCache(bpy.types.Operator):
-    """Remove the Mesh Cache modifier from the selected meshes, and switch their other modifiers back as they were"""
+    """Remove the Mesh Cache modifier from the selected meshes, and restore the switches of their other modifiers"""
 
     bl_idname = "object.sinew_take_off_cache"
     bl_label = "Detach Cache"

@@ -1,4 +1,4 @@
-"""Adds a crowd of a character that is in the scene, or of a rig folder."""
+"""Operators that add a crowd of a character in the scene or of a rig folder, and renew it."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
@@ -9,7 +9,7 @@ from ..feedback import progress
 
 class AddCrowd(bpy.types.Operator):
     """Add many agents that play the clip of the active character, each starting at a different moment, and walk along
-    the selected curve or a circle. The shapes of the clip are computed once, so the crowd plays without armatures, and
+    the selected curve or a circle. The shapes of the clip are computed once, so the crowd plays without armatures and
     without Sinew"""
 
     bl_idname = "object.sinew_crowd_add"
@@ -24,8 +24,8 @@ class AddCrowd(bpy.types.Operator):
     )
     filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
     pose: StringProperty(name="Poses", description="File of the poses, beside the skeleton; empty: pose.dmat")
-    agents: IntProperty(name="Agents", description="How many there are", default=100, min=1, soft_max=10_000)
-    lanes: IntProperty(name="Lanes", description="How many walk side by side; 0: as many as they need for room", min=0)
+    agents: IntProperty(name="Agents", description="Number of agents", default=100, min=1, soft_max=10_000)
+    lanes: IntProperty(name="Lanes", description="How many walk side by side; 0: as many as the agents need", min=0)
     shapes: IntProperty(
         name="Shapes", description="How many moments of the clip become meshes; 0: one per frame", min=0, soft_max=128
     )
@@ -36,7 +36,7 @@ class AddCrowd(bpy.types.Operator):
         name="Last Frame",
         description="The last frame of the clip. If it shows the same pose as the first one, the cycle ends before it",
     )
-    seed: IntProperty(name="Seed", description="Another number gives another crowd")
+    seed: IntProperty(name="Seed", description="A different number gives a different crowd")
 
     @classmethod
     def poll(cls, context):
@@ -72,7 +72,7 @@ class AddCrowd(bpy.types.Operator):
         candidates = [context.active_object, *context.selected_objects]
         found = next((ob for ob in candidates if ob is not None and ob.type in {"MESH", "ARMATURE"}), None)
         if found is None:
-            raise ValueError("select a character first: a mesh, or the armature of meshes that are on show")
+            raise ValueError("select a character first: a mesh, or the armature of visible meshes")
         first, last = (
             float(getattr(self, name)) if self.properties.is_property_set(name) else None
             for name in ("frame_start", "frame_end")

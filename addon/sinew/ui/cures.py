@@ -1,4 +1,4 @@
-"""What a bound mesh is warned about in the panel, and the operators that cure it."""
+"""The panel's warnings about a bound mesh, and the operators that fix their causes."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from .operators import Unbind
 class Warning:
     text: str
     cures: tuple  # of (operator's name, text of its button)
-    is_error: bool = False  # else the mesh is deformed all the same
+    is_error: bool = False  # False: the mesh is deformed correctly all the same
 
 
 def warnings(ob):
-    """What a person should know of a bound mesh, worst first."""
+    """Returns the warnings about a bound mesh, worst first."""
     entry, armature = characters.character(ob), ob.sinew.armature
     found = []
     if entry is not None and entry.error:
@@ -94,7 +94,7 @@ def _about_copy(ob):
 
 
 def about_generated(ob):
-    """Of a mesh, bound or to be bound, whose material would swim."""
+    """Returns a warning about a mesh, bound or not yet bound, whose material would slide over the surface."""
     material = materials.user_of_generated(ob) if ob.data.shape_keys is None else None
     if material is None:
         return []
@@ -107,8 +107,8 @@ def about_generated(ob):
 
 
 def doubles(ob):
-    """Armature modifiers that are at work beside Sinew on an armature of its own, as parenting a bound mesh
-    anew makes them."""
+    """Returns the enabled Armature modifiers, other than Sinew's own, that use one of Sinew's armatures. Parenting a
+    bound mesh again adds one."""
     ours = ob.sinew.modifiers
     return [
         modifier
@@ -131,7 +131,7 @@ def _vertices(count):
 
 
 def bone_weights(ob):
-    """[{group: weight}] a vertex, of deforming bones alone."""
+    """Returns a list with {group: weight} for each vertex, for deforming bones only."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     bones = ob.sinew.armature.data.bones
     deforming = [group.name in bones and bones[group.name].use_deform for group in ob.vertex_groups]
@@ -148,7 +148,7 @@ def bone_weights(ob):
 
 @contextmanager
 def _at_rest(ob):
-    """The object in its rest shape meanwhile: its armatures in rest position, its Basis alone shown."""
+    """Shows the object in its rest shape inside the `with` block: armatures in rest position, only the Basis shown."""
     armatures = {modifier.object.data for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object}
     settings = [(armature, "pose_position", "REST") for armature in armatures if armature.library is None]
     if ob.data.shape_keys is not None:
@@ -183,7 +183,7 @@ class _Cure:
 
 class KeepGenerated(bpy.types.Operator):
     """Add a Basis shape key, which Sinew then deforms: Generated texture coordinates stay in place, and modifiers that
-    allow only deforming ones before them can follow"""
+    allow only deforming modifiers before them can be used"""
 
     bl_idname = "object.sinew_keep_generated"
     bl_label = "Keep Generated Coordinates"
@@ -223,8 +223,8 @@ class RemoveDoubles(_Cure, bpy.types.Operator):
 
 
 class NormalizeWeights(_Cure, bpy.types.Operator):
-    """Scale the weights of the deforming bones so that those of each vertex sum to 1; locked groups stay. Sinew and
-    the Armature modifier divide by the sum anyway; other programs may not"""
+    """Scale the weights of the deforming bones so that they sum to 1 at each vertex; locked groups do not change. Sinew
+    and the Armature modifier divide by the sum anyway; other programs may not"""
 
     bl_idname = "object.sinew_normalize_weights"
     bl_label = "Normalize Bone Weights"
@@ -304,7 +304,7 @@ class BindSmoothing(_Cure, bpy.types.Operator):
         with _at_rest(ob):
             context.view_layer.update()
             for modifier in unbound:
-                if modifier.is_bind:  # to another number of vertices: Blender's operator takes that away first
+                if modifier.is_bind:  # to a different number of vertices: the first call of the operator unbinds
                     bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
                 bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
         ob.update_tag()

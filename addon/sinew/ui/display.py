@@ -1,4 +1,4 @@
-"""Weights as colours and the skeleton in front, one click each."""
+"""Operators that show weights as colours and the skeleton in front, with one click each."""
 
 import colorsys
 
@@ -8,15 +8,15 @@ import numpy as np
 from ..blender import meshes
 from ..plan import bindable
 
-COLORS = "Sinew Weights"  # the colour attribute, while weights are shown
-BEFORE = "sinew_shown_before"  # custom property of the mesh: what the views showed
+COLORS = "Sinew Weights"  # the colour attribute that exists while weights are shown
+BEFORE = "sinew_shown_before"  # custom property of the mesh: what the 3D views showed before
 UNWEIGHTED = (0.02, 0.02, 0.02)
-GOLDEN = 0.618034  # neighbours in the list of groups get colours far apart
+GOLDEN = 0.618034  # step of the hue: neighbours in the list of groups get very different colours
 
 
 def weight_colors(offsets, groups, weights, group_count):
-    """(V, 4) float32: each group's colour, mixed by the weights, which need not sum to 1. The rest as
-    `meshes.read_weights` gives it."""
+    """Returns (V, 4) float32: the groups' colours mixed by the weights, which need not sum to 1. offsets, groups and
+    weights are as `meshes.read_weights` returns them."""
     palette = np.array(
         [
             colorsys.hsv_to_rgb(i * GOLDEN % 1, 0.75 if i % 2 else 0.9, 0.85 if i % 3 else 0.6)
@@ -42,7 +42,7 @@ def are_weights_shown(ob):
 
 
 def show_weights(ob, views):
-    """Into a colour attribute of the mesh, which the views (View3D spaces) then show."""
+    """Writes the weights into a colour attribute of the mesh, and makes the views (View3D spaces) show it."""
     mesh = ob.data
     colors = mesh.color_attributes
     before = {"color": colors.active_color.name if colors.active_color else ""}
@@ -58,7 +58,7 @@ def show_weights(ob, views):
 
 
 def hide_weights(ob, views):
-    """Views and mesh as they were."""
+    """Restores the views and the mesh."""
     mesh = ob.data
     mesh.color_attributes.remove(mesh.color_attributes[COLORS])
     before = mesh.get(BEFORE, {})
@@ -73,7 +73,7 @@ def hide_weights(ob, views):
 
 
 def _entries_of_bones(ob):
-    """The weights in groups of deforming bones; all, if no armature is known."""
+    """Returns the weights in groups of deforming bones, or all weights if no armature is known."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     armature = bindable.find_armature(ob)
     if armature is not None:
@@ -90,7 +90,7 @@ def is_skeleton_shown(armature):
 
 
 def show_skeleton(context, armature):
-    """Make it visible, whatever hides it, and drawn in front of its meshes."""
+    """Makes the armature visible, whatever hides it, and draws it in front of its meshes."""
     armature.hide_viewport = False
     armature.show_in_front = True
     if armature.name not in context.view_layer.objects:
@@ -103,7 +103,7 @@ def show_skeleton(context, armature):
 
 
 def _include(layer_collection, armature):
-    """Show the collections above it. Returns whether it is below this one."""
+    """Shows the collections that contain the armature. Returns whether this one does, directly or not."""
     found = armature.name in layer_collection.collection.objects
     for child in layer_collection.children:
         found |= _include(child, armature)
@@ -114,8 +114,8 @@ def _include(layer_collection, armature):
 
 
 class ToggleWeights(bpy.types.Operator):
-    """Show the weights of all bones at once, one color per bone, in the 3D views' solid shading; press again to go
-    back"""
+    """Show the weights of all bones at once, one color per bone, in the solid shading of the 3D views; press again to
+    restore the views"""
 
     bl_idname = "object.sinew_show_weights"
     bl_label = "Weight Colors"
@@ -138,8 +138,8 @@ class ToggleWeights(bpy.types.Operator):
 
 
 class ToggleSkeleton(bpy.types.Operator):
-    """Show the armature in front of its meshes, wherever it was hidden; press again to hide it. Hidden or not, it
-    deforms them the same"""
+    """Show the armature in front of its meshes, wherever it was hidden; press again to hide it. It deforms them the
+    same way, hidden or not"""
 
     bl_idname = "object.sinew_show_skeleton"
     bl_label = "Skeleton"

@@ -1,23 +1,23 @@
-"""Operators that work beside the interface, a step at a time, with progress and Esc."""
+"""Modal operators that work step by step while the interface stays responsive, with progress and Esc."""
 
 from contextlib import ExitStack
 from time import perf_counter
 
 from ..feedback import progress
 
-SECONDS_BETWEEN_STEPS = 0.01  # for Blender to draw and to hear Esc
+SECONDS_BETWEEN_STEPS = 0.01  # lets Blender draw and notice Esc
 
 
 class InSteps:
-    """An operator calls `begin` in its invoke(). It has `finish(context, value)`, of what the steps return, which
-    returns what operators return, and may raise what they may raise."""
+    """The operator calls `begin` in its invoke(). It defines `finish(context, value)`, which receives the return value
+    of the steps, returns an operator's result, and may raise the same errors as the steps."""
 
-    stopped = ""  # what is said after Esc
-    seconds_in_a_row = 0.0  # steps between which Blender does not draw
+    stopped = ""  # the message after Esc
+    seconds_in_a_row = 0.0  # how long steps may run before Blender draws again
 
     def begin(self, context, steps):
-        """steps: a generator of (share that is done, what comes next). Closing it early is safe; it may raise
-        ValueError and OSError."""
+        """Starts the steps. steps: a generator of (share done, what comes next), which can safely be closed early and
+        may raise ValueError and OSError."""
         self._steps = steps
         self._stack = ExitStack()
         self._stack.callback(steps.close)
@@ -57,7 +57,7 @@ class InSteps:
         self._stack.close()
 
     def at_once(self, work):
-        """work(), whose errors are reported."""
+        """Calls work() and reports its errors."""
         try:
             return work()
         except (ValueError, OSError) as error:

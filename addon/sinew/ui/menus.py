@@ -1,4 +1,4 @@
-"""Where Sinew's operators stand in Blender's menus, which F3 searches too, and what may be dropped on a view."""
+"""Adds Sinew's operators to Blender's menus, which F3 also searches, and handles files dropped on a view."""
 
 import bpy
 
@@ -12,7 +12,7 @@ RIG_FILES = "Sinew Rig (.bf/.tgf)"
 
 
 class SinewMenu(bpy.types.Menu):
-    """Of the Object and the Pose menu"""
+    """Operators of Sinew"""
 
     bl_idname = "VIEW3D_MT_sinew"
     bl_label = "Sinew"

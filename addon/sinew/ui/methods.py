@@ -1,5 +1,5 @@
-"""The skinning methods that are Sinew's own: their settings in the panel, what they have computed, and the maps that
-are painted for them."""
+"""Sinew's own skinning methods in the panel: their settings, the state of their precomputed data, and their painted
+maps."""
 
 import bpy
 from bpy.props import EnumProperty
@@ -14,10 +14,10 @@ SETTINGS = {
     methods.MUSH: ("smoothing", "weight_smoothing", "blend", "iterations", "laplacian", "variant"),
 }
 MAPS = (
-    ("share_group", "Share", "The share of dual quaternion skinning, of the method Blended"),
-    ("smooth_group", "Smooth", "Where, and how much, the shape is smoothed"),
+    ("share_group", "Share", "The share of dual quaternion skinning in the method Blended"),
+    ("smooth_group", "Smooth", "Where and how much the shape is smoothed"),
 )
-NAMES = {"share_group": "Dual Quaternion", "smooth_group": "Smooth"}  # of new vertex groups
+NAMES = {"share_group": "Dual Quaternion", "smooth_group": "Smooth"}  # names of new vertex groups
 LACKS = {
     methods.ABSENT: "It has not been computed yet: until then, {fallback} deforms the mesh",
     methods.STALE: "Weights, rest shape or settings have changed since it was computed: compute it again",
@@ -26,7 +26,7 @@ LACKS = {
 
 
 def draw(layout, context, ob):
-    """Of a bound mesh with an armature."""
+    """Draws the settings of the method of a bound mesh with an armature."""
     skinning, kind = ob.sinew.skinning, ob.sinew.own_method
     if kind == methods.BLENDED:
         _draw_map(layout, ob, "share_group", "share_invert")
@@ -84,8 +84,8 @@ class _OfBoundMesh:
 
 
 class PrepareMethod(_OfBoundMesh, bpy.types.Operator):
-    """Compute what the skinning method of this mesh needs, from its weights and rest shape as they are now. You
-    can use Blender in the meantime"""
+    """Compute the data that the skinning method of this mesh needs, from its current weights and rest shape. You can
+    go on using Blender in the meantime"""
 
     bl_idname = "object.sinew_prepare_method"
     bl_label = "Compute Skinning Data"
@@ -100,7 +100,7 @@ class PrepareMethod(_OfBoundMesh, bpy.types.Operator):
 
 
 class CancelMethod(_OfBoundMesh, bpy.types.Operator):
-    """Stop the computation; the mesh keeps what it has"""
+    """Stop the computation; the mesh keeps the data that it has"""
 
     bl_idname = "object.sinew_cancel_method"
     bl_label = "Cancel Computation"
@@ -116,7 +116,7 @@ class CancelMethod(_OfBoundMesh, bpy.types.Operator):
 
 
 class PaintMap(_OfBoundMesh, bpy.types.Operator):
-    """Paint this map in Weight Paint. If it has no vertex group, one is added"""
+    """Paint this map in Weight Paint mode. If it has no vertex group, one is added"""
 
     bl_idname = "object.sinew_paint_map"
     bl_label = "Paint Skinning Map"

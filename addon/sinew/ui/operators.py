@@ -1,4 +1,4 @@
-"""Binding, and what is done with bound meshes. Each operator reads its properties, calls one function and reports."""
+"""Operators for binding and for bound meshes. Each reads its properties, calls one function and reports the result."""
 
 import bpy
 from bpy.props import EnumProperty
@@ -13,7 +13,7 @@ from ..run import characters
 
 
 def selected_meshes(context):
-    """The selected meshes, else the active one, else those of a selected armature."""
+    """Returns the selected meshes, or else the active one, or else those of a selected armature."""
     meshes = [ob for ob in context.selected_objects if ob.type == "MESH"]
     active = context.active_object
     if not meshes and active and active.type == "MESH":
@@ -31,8 +31,8 @@ def selected_armature(context):
 
 
 class Bind(bpy.types.Operator):
-    """Let Sinew deform the selected meshes, with the selected armature or their own, or with shape keys and smoothing
-    alone. If only an armature is selected: all the meshes that it deforms"""
+    """Let Sinew deform the selected meshes, with the selected armature or their own, or only with shape keys and
+    smoothing. If only an armature is selected: all meshes that it deforms"""
 
     bl_idname = "object.sinew_bind"
     bl_label = "Bind with Sinew"
@@ -64,7 +64,7 @@ class Bind(bpy.types.Operator):
 
 
 class Unbind(bpy.types.Operator):
-    """Give the selected meshes back to Blender, as they were before they were bound"""
+    """Let Blender deform the selected meshes again, as before they were bound"""
 
     bl_idname = "object.sinew_unbind"
     bl_label = "Unbind from Sinew"
@@ -84,7 +84,7 @@ class Unbind(bpy.types.Operator):
 
 
 class ClipToKeyframes(bpy.types.Operator):
-    """Write the poses of the imported rig as keyframes of its armature, over the scene's frames"""
+    """Write the poses of the imported rig as keyframes of its armature, on all frames of the scene"""
 
     bl_idname = "object.sinew_clip_to_keyframes"
     bl_label = "Poses to Keyframes"

@@ -1,5 +1,5 @@
-"""The panels: where they stand, in the 3D view's sidebar and in the Properties editor beside the modifiers, and when
-they are there."""
+"""The panels: where they appear (in the 3D view's sidebar, and in the Properties editor with the modifiers or the
+armature's data), and when."""
 
 import bpy
 
@@ -62,7 +62,7 @@ class Influence:
 
 
 def deformed_character(context):
-    """Of a bound mesh that Sinew has deformed, or None."""
+    """Returns the character of a bound mesh that Sinew has deformed, or None."""
     ob = bound_mesh(context)
     entry = ob and characters.character(ob)
     return entry if entry and entry.deformer else None
@@ -171,7 +171,7 @@ class ModifiersStatistics(Statistics, InModifiers, bpy.types.Panel):
 
 
 class ArmatureMain(Main, bpy.types.Panel):
-    """Among an armature's data."""
+    """In the data properties of an armature"""
 
     bl_idname = "DATA_PT_sinew_armature"
     bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "data"

@@ -1,4 +1,4 @@
-"""What the user sets once for all files: Edit > Preferences > Add-ons > Sinew."""
+"""The settings for all files: Edit > Preferences > Add-ons > Sinew."""
 
 import logging
 from pathlib import Path
@@ -13,7 +13,7 @@ log = logging.getLogger("sinew")
 ADDON = __package__.rpartition(".")[0]
 MANUAL = Path(__file__).parents[1] / "manual" / "README.html"
 
-# Numbers that stay the same from machine to machine: Blender stores them.
+# Blender stores these numbers, so they must be the same on every machine.
 _NUMBERS = {
     name: number
     for number, name in enumerate(
@@ -26,7 +26,7 @@ INSTRUCTION_SETS = [
         (
             name,
             name,
-            "For comparisons: all of them give the same shapes, to float32 rounding",
+            "For comparisons: all of them give the same shapes, up to float32 rounding",
             _NUMBERS.get(name, 100 + i),
         )
         for i, name in enumerate(sinew_native.instruction_sets())
@@ -35,7 +35,7 @@ INSTRUCTION_SETS = [
 
 
 def of_sinew(context=None):
-    """The add-on's preferences, or None if it was started without being enabled in them."""
+    """Returns the add-on's preferences, or None if the add-on runs without being enabled there."""
     addon = (context or bpy.context).preferences.addons.get(ADDON)
     return addon.preferences if addon else None
 
@@ -45,7 +45,7 @@ def _apply(preferences, _context=None):
 
 
 def _apply_log(preferences, _context=None):
-    """Log to the file, or to Blender's console without one."""
+    """Logs to the file, or to Blender's console if none is set."""
     _close_log()
     if not preferences.log_file:
         return
@@ -71,7 +71,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
 
     thread_count: IntProperty(
         name="Threads",
-        description="The most threads that Sinew uses; 0 is as many as the computer has",
+        description="The largest number of threads that Sinew uses; 0: as many as the computer has",
         min=0,
         max=1024,
         update=_apply,

@@ -1,4 +1,4 @@
-"""Where the time goes: the profile of the open scene, in the sidebar."""
+"""The profile of the open scene in the sidebar: which objects take the time of a frame."""
 
 import bpy
 from bpy.app.handlers import persistent
@@ -12,14 +12,14 @@ from ..profiling import costs, measure
 from .in_steps import InSteps
 from .panels import InSidebar
 
-MOST_OBJECTS = 12  # that are listed
+MOST_OBJECTS = 12  # the largest number that is listed
 ICONS = {"MESH": "MESH_DATA", "ARMATURE": "ARMATURE_DATA"}
 
 
 class MeasureProfile(InSteps, bpy.types.Operator):
-    """Play the scene and measure what evaluating each object costs, and what Accelerate would save. Nothing in the
-    file changes, except that unkeyed changes go back to their keyframes, as they do whenever the scene plays. Press
-    Esc to stop"""
+    """Play the scene and measure what evaluating each object costs, and what Accelerate would save. The .blend does not
+    change, except that unkeyed changes return to their keyframes, as they do whenever the scene plays. Press Esc to
+    stop"""
 
     bl_idname = "scene.sinew_profile"
     bl_label = "Measure"
@@ -97,7 +97,7 @@ def draw_profile(layout, context, profile):
     notice.draw_sentence(layout, context, costs.heading(profile), False)
     for cost in profile.objects[:MOST_OBJECTS]:
         ob = bpy.data.objects.get(cost.name)
-        if ob is not None:  # else it was deleted or renamed
+        if ob is not None:  # None: it was deleted or renamed
             draw_object(layout.box().column(align=True), context, ob, cost)
     column = layout.box().column(align=True)
     others = profile.objects[MOST_OBJECTS:]

@@ -1,4 +1,4 @@
-"""Importing and exporting rig folders."""
+"""Operators that import and export rig folders."""
 
 import os
 
@@ -13,7 +13,7 @@ from ..rigs import rig_export, rig_import
 
 
 def files_beside(*suffixes):
-    """A search of a StringProperty of ImportRig: names of files in the folder that is chosen."""
+    """Returns the search options of a StringProperty of ImportRig: it suggests files of the chosen folder."""
 
     def search(operator, context, edit_text):
         folder = operator.directory or os.path.dirname(operator.filepath)
@@ -48,11 +48,11 @@ class ImportRig(bpy.types.Operator, ImportHelper):
     )
     convention: EnumProperty(
         name="Convention",
-        description="What a row of a .bf file stands for",
+        description="What a row of a .bf file describes",
         items=(
-            ("AUTO", "Automatic", "Bone, if a root has the weight index -1; else joint"),
-            ("BONE", "Bone", "The edge from its parent to the joint, turning about the parent"),
-            ("JOINT", "Joint", "The joint itself, turning about its own position"),
+            ("AUTO", "Automatic", "Bone if a root has the weight index -1, otherwise Joint"),
+            ("BONE", "Bone", "The edge from the parent to the joint, which rotates about the parent"),
+            ("JOINT", "Joint", "The joint itself, which rotates about its own position"),
         ),
     )
     quaternion_order: EnumProperty(
@@ -79,11 +79,11 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         description="Poses per second in the file, played at the scene's frame rate; 0: one pose per frame",
     )
     set_frame_range: BoolProperty(
-        name="Set Frame Range", default=True, description="End the scene with the last pose, if there are more than two"
+        name="Set Frame Range", default=True, description="End the scene at the last pose if there are more than two"
     )
 
     def invoke(self, context, event):
-        if self.files and self.directory:  # dropped: the files are known, ask for the options alone
+        if self.files and self.directory:  # dropped: the files are known, so ask only for the options
             if bpy.app.background:
                 return self.execute(context)
             return context.window_manager.invoke_props_dialog(self, width=360)
@@ -121,7 +121,8 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         )
 
     def paths(self):
-        """Those that were chosen: several from the file browser or dropped, or one by script."""
+        """Returns the chosen paths: one or more that were selected in the file browser or dropped, or one from a
+        script."""
         chosen = [os.path.join(self.directory, file.name) for file in self.files if file.name]
         return chosen if chosen and self.directory else [self.filepath]
 
@@ -162,7 +163,7 @@ class ExportRig(bpy.types.Operator, ExportHelper):
     bl_options = {"PRESET"}
 
     filename_ext = ".bf"
-    check_extension = None  # .tgf is as good
+    check_extension = None  # .tgf is accepted too
     filter_glob: StringProperty(default="*.bf;*.tgf", options={"HIDDEN"})
     animation: EnumProperty(
         name="Animation",
@@ -171,16 +172,16 @@ class ExportRig(bpy.types.Operator, ExportHelper):
             (
                 "AUTO",
                 "Automatic",
-                "The imported poses if they are shown, else the scene's frames if the armature is animated",
+                "The imported poses if they are shown, otherwise the scene's frames if the armature is animated",
             ),
             ("FRAMES", "Scene Frames", "The frames of the scene, as anim.dmat"),
-            ("NONE", "None", "The rest pose alone"),
+            ("NONE", "None", "Only the rest pose"),
         ),
     )
     up_axis: EnumProperty(
         name="Up",
-        description="The axis of the files that the mesh's Z axis becomes. An imported rig goes back into the axes of "
-        "its files",
+        description="The axis of the files that the mesh's Z axis becomes. An imported rig is written in the axes of "
+        "its own files",
         items=(("Y", "Y", "Y is up, as in most .obj files"), ("Z", "Z", "Z is up, as in Blender")),
     )
 

@@ -1,4 +1,4 @@
-"""What the panels show of an object, section by section: texts, values and buttons in a layout."""
+"""Draws what the panels show about an object, section by section: texts, values and buttons in a layout."""
 
 import bpy
 
@@ -16,10 +16,10 @@ from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .rig_files import ImportRig
 
-WAYS = {"ATTRIBUTE": "an attribute", "KEYS": "its shape keys", "BLENDER": "Blender's modifier"}
+WAYS = {"ATTRIBUTE": "Attribute", "KEYS": "Shape Keys", "BLENDER": "Blender's Modifier"}
 CROWD_SETTINGS = ("Agents", "Lanes", "Lane Distance", "Jitter", "Seed", "Speed", "Speed Variation", "Size Variation")
-NOT_PLAYED = "not played yet"  # in place of a time
-MOST_MESHES = 10  # of an armature, that are listed
+NOT_PLAYED = "not played yet"  # shown instead of a time
+MOST_MESHES = 10  # the largest number of an armature's meshes that is listed
 
 
 def draw_main(layout, context):
@@ -43,7 +43,7 @@ def draw_main(layout, context):
 
 
 def draw_cache(layout, context, ob):
-    """Of a mesh that plays what was baked."""
+    """Draws the section of a mesh that plays a cache."""
     box = layout.box().column(align=True)
     cache = next((each for each in ob.modifiers if each.type in modifier_types.CACHES), None)
     sentence = "The cache is gone, and what it replaced is switched off"
@@ -128,7 +128,7 @@ def draw_bound(layout, context, ob):
 
 
 def draw_unbind(layout, context):
-    """With what binding gains, of a whole frame, once that was measured."""
+    """Draws the Unbind button and, once it was measured, the speed of a whole frame with Sinew."""
     row = layout.split(factor=0.62, align=True)
     row.operator(Unbind.bl_idname, icon="UNLINKED")
     measured = whole_frames.last(context.scene)
@@ -144,7 +144,7 @@ def draw_warning(layout, context, warning):
 
 
 def draw_switches(column, ob):
-    """Whether the shape is shown, in the viewport and in renders."""
+    """Draws the switches that show the shape in the viewport and in renders."""
     for modifier in ob.sinew.modifiers[:1]:
         row = named_row(column, "Show").row(align=True)
         row.use_property_split = False
@@ -176,7 +176,7 @@ def draw_display(layout, ob):
         )
 
 
-# --- of a bound mesh -------------------------------------------------------------------
+# --- sections of a bound mesh ----------------------------------------------------------
 
 
 def draw_clip(layout, armature):
@@ -200,7 +200,7 @@ def draw_clip(layout, armature):
 
 
 def draw_influence(layout, ob):
-    """The Armature modifiers' own settings."""
+    """Draws the Armature modifiers' own settings."""
     for number, modifier in enumerate(ob.sinew.modifiers):
         if number > 0:
             layout = layout.box().column()
@@ -215,7 +215,7 @@ def draw_influence(layout, ob):
 
 
 def draw_chain(layout, ob, entry):
-    """What Sinew stands in for, stage by stage, and where Blender goes on."""
+    """Draws what Sinew replaces, stage by stage, and the modifier at which Blender takes over."""
     timings, column = entry.timings.recent(), layout.column(align=True)
     before, behind = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken, entry.stage_names(ob)
     draw_value(column, "Pose" if entry.taken else "Settings", time_text(timings and timings.pose))
@@ -232,7 +232,7 @@ def draw_chain(layout, ob, entry):
 
 
 def time_text(milliseconds):
-    """milliseconds: None until a frame was played after an edit."""
+    """Returns a time as text. milliseconds: None until a frame was played after an edit."""
     return NOT_PLAYED if milliseconds is None else f"{milliseconds:.2f} ms"
 
 
@@ -245,7 +245,7 @@ def draw_statistics(layout, scene, entry):
         mean = layer.skin.influence_count / max(layer.skin.vertex_count, 1)
         draw_value(column, "Influences", f"{mean:.2f}, at most {layer.skin.most_influences}")
         draw_value(column, "Unweighted", f"{layer.influences.unweighted_count:,}")
-    draw_value(column, "Goes Through", WAYS[entry.way.kind if entry.is_deforming else "BLENDER"])
+    draw_value(column, "Path", WAYS[entry.way.kind if entry.is_deforming else "BLENDER"])
     column.separator()
     measured = whole_frames.last(scene)
     if measured is not None:
