@@ -7,7 +7,7 @@
 namespace sinew {
 namespace {
 
-// Blender's modifier leaves a vertex alone whose weights sum to no more than this.
+// Blender's modifier does not move a vertex whose weights sum to no more than this.
 constexpr double kSmallestSum = 1e-4;
 // Blender's own automatic weights sum to 0.97 or more.
 constexpr double kNormalizedWithin = 0.05;

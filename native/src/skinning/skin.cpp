@@ -15,7 +15,7 @@ namespace sinew {
 
 namespace {
 
-/// Without a branch in the loop, which becomes vector code.
+/// Has no branch in the loop, so that it is vectorised.
 bool all_finite(std::span<const float> numbers) {
   constexpr std::uint32_t kExponent = 0x7f800000;
   std::uint32_t any = 0;
@@ -128,8 +128,8 @@ void Skin::check() const {
   }
 }
 
-/// A vertex whose weights are all zero gets no influence at all, so that the frame loop has one
-/// case, not two, for "nothing moves it".
+/// Removes all influences of vertices whose weights are all zero, so that the frame loop has only one
+/// case, not two, of a vertex that nothing moves.
 void Skin::drop_dead_influences() {
   std::int64_t kept = 0;
   std::int64_t begin = 0;
