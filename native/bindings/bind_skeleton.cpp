@@ -14,7 +14,7 @@ py::array empty_like_stack(const MatrixStack<const T>& stack, bool has_frames, p
   return py::array(dtype, shape);
 }
 
-/// Calls compute(in, out) on views of the arrays; out is made if the caller gave none.
+/// Calls compute(in, out) on views of the arrays; out is made if it is None.
 template <class In, class Out, class Compute>
 py::array into(const char* name, const py::array& in, const py::object& out, const Compute& compute) {
   const auto source = matrix_stack<const In>(name, in);
@@ -28,7 +28,7 @@ py::array into(const char* name, const py::array& in, const py::object& out, con
   return result;
 }
 
-/// For the functions that compute in the type that they are given.
+/// For functions that compute in the dtype of their argument.
 void require_float_or_double(const char* name, const py::array& array) {
   if (!py::isinstance<py::array_t<float>>(array) && !py::isinstance<py::array_t<double>>(array)) {
     throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected float32 or float64");

@@ -20,7 +20,7 @@ void bind_deformer(pybind11::module_& module);
 
 namespace {
 
-/// pybind11's own message would be "std::bad_alloc".
+/// Replaces pybind11's own message, "std::bad_alloc".
 void translate_no_memory(std::exception_ptr thrown) {
   try {
     std::rethrow_exception(thrown);
@@ -29,11 +29,11 @@ void translate_no_memory(std::exception_ptr thrown) {
   }
 }
 
-/// cls.__new__(cls) returns an object without its C++ half, for which pybind11 would hand out memory that no
-/// constructor has seen.
+/// cls.__new__(cls) returns an object without its C++ half, for which pybind11 would allocate memory that no
+/// constructor has initialised.
 void* refuse_to_allocate(std::size_t) { throw pybind11::type_error("__init__ was not called; call the class itself"); }
 
-/// Has the classes of a module or submodule refuse such objects.
+/// Makes the classes of a module or submodule refuse to create such objects.
 void refuse_unmade_objects(const pybind11::object& module) {
   for (const auto& [name, member] : pybind11::dict(module.attr("__dict__"))) {
     if (!PyType_Check(member.ptr())) continue;

@@ -61,7 +61,7 @@ bool parse_real(std::string_view word, Real& number) {
 
 template <class Real>
 bool parse_real(std::string_view word, Real& number) {
-  // What is not decimal, blanks in front and a plus are more than a number may have.
+  // Numbers that are not decimal, leading blanks and a plus sign are not accepted.
   if (word.starts_with('+') || word.find_first_not_of("0123456789.eE+-") != word.npos) return false;
   static const locale_t kPointIsDot = newlocale(LC_ALL_MASK, "C", nullptr);
   const std::string text(word);

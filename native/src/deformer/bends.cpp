@@ -105,7 +105,7 @@ void Bends::split(std::size_t i, const Eigen::Vector3d& point, Split& split) con
       continue;
     }
     const double share = bone.axis.head<3>().dot(point.transpose()) + bone.axis[3];
-    // In this order, a share that is no number gives 1.
+    // In this order, a share that is NaN gives 1.
     const double place = std::max(0.0, std::min(1.0, share)) * bone.segments;
     const auto index = std::min(static_cast<std::int32_t>(place), bone.segments - 1);
     const double blend = place - index;

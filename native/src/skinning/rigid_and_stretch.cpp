@@ -99,8 +99,8 @@ Matrix4<float> product(const Matrix4<float>& a, const Matrix4<float>& b) {
 }
 
 /// Returns the rotation of axes, which are normalised here and may be zero; no rotation if all are. Day,
-/// "Converting a rotation matrix to a quaternion", Insomniac Games: takes the root of one of the four
-/// sums that cannot be small.
+/// "Converting a rotation matrix to a quaternion", Insomniac Games: of the four possible sums, takes the
+/// root of one that cannot be small.
 Eigen::Quaternionf quaternion_of(const Eigen::Matrix3f& axes) {
   Eigen::Matrix3f m;
   m << direction(axes.col(0)), direction(axes.col(1)), direction(axes.col(2));

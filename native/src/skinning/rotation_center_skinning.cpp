@@ -36,7 +36,7 @@ Point move_about(const Point& center, const Influences& influences, const Palett
   return moved + d + 2 / norm2 * r.cross(Point(r.cross(d) + real[0] * d));
 }
 
-/// In the space in which the matrices move points.
+/// Returns the center in the space in which the matrices move points.
 Point center_of(const float* center, const Palette& palette) {
   const Point point = Eigen::Map<const Point>(center);
   if (!palette.from_mesh) return point;
