@@ -24,7 +24,9 @@ void check_vertices(std::span<const std::int64_t> vertices, std::span<const std:
          ", the number of influences");
   }
   for (std::size_t i = 0; i < vertices.size(); ++i) {
-    if (offsets[i] > offsets[i + 1]) fail("offsets falls at entry ", i);
+    if (offsets[i] > offsets[i + 1]) {
+      fail("offsets decreases at entry ", i, " (from ", offsets[i], " to ", offsets[i + 1], ")");
+    }
   }
 }
 

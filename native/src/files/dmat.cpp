@@ -56,7 +56,7 @@ void check_size(const std::string& name, Header header, std::string_view unread,
   // A matrix without rows may have any number of columns, and vice versa.
   const long long longest = std::max(header.columns, header.rows);
   if (longest > kMostOfEither) {
-    fail(name, " says ", plural(header.columns, "column"), " x ", plural(header.rows, "row"), "; expected at most ",
+    fail(name, " declares ", plural(header.columns, "column"), " x ", plural(header.rows, "row"), "; expected at most ",
          grouped(kMostOfEither), " of either");
   }
 }

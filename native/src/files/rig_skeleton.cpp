@@ -310,7 +310,7 @@ RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention
   if (ending(path) == ".bf") return read_bone_forest(path, convention);
   if (convention == Convention::joint) {
     fail(shown(path.filename()),
-         " is in the bone convention, like every .tgf file; the joint convention was asked for");
+         " is in the bone convention, like every .tgf file; the joint convention was requested");
   }
   return read_trivial_graph(path);
 }

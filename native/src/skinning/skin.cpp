@@ -114,7 +114,9 @@ void Skin::check() const {
          ", the number of influences");
   }
   for (std::size_t v = 0; v < vertices; ++v) {
-    if (offsets_[v] > offsets_[v + 1]) fail("offsets falls at vertex ", v);
+    if (offsets_[v] > offsets_[v + 1]) {
+      fail("offsets decreases at vertex ", v, " (from ", offsets_[v], " to ", offsets_[v + 1], ")");
+    }
   }
   check_positions(rest_positions_);
   std::uint32_t largest_joint = 0;
