@@ -222,8 +222,8 @@ void bind_deformer(py::module_& module) {
       .def("deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
            py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
            py::arg("milliseconds") = py::none(),
-           "One frame.\n\n"
-           "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
+           "Deforms one frame.\n\n"
+           "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as in skin_linear, in the "
            "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are the same.\n"
            "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
            "key_values: (K,) float32, the value of each key, 0 for those that are muted; None: 0 for all.\n"

@@ -118,14 +118,14 @@ void bind_skeleton(py::module_& module) {
 
   module.def("forward_kinematics", &py_forward_kinematics, py::arg("skeleton"), py::arg("local"),
              py::arg("out") = py::none(),
-             "F(j) = F(parent) R(j) T(j) for each joint of each frame.\n\n"
+             "Computes F(j) = F(parent) R(j) T(j) for each joint of each frame.\n\n"
              "local: T(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
              "out: where to write F(j), shape and dtype of local, any strides; it may be local "
              "itself, but must not overlap it in any other way; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
   module.def("skinning_matrices", &py_skinning_matrices, py::arg("skeleton"), py::arg("world"),
              py::arg("out") = py::none(),
-             "F(j) A(j)^-1 for each joint of each frame, as the skinning functions take them.\n\n"
+             "Computes F(j) A(j)^-1 for each joint of each frame, as the skinning functions expect it.\n\n"
              "world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
              "out: where to write, float32, shape of world, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
@@ -138,7 +138,7 @@ void bind_skeleton(py::module_& module) {
           }),
           py::arg("rotations"),
           "rotations: (P, J, 4), quaternions w x y z, each on top of its joint's rest transform; "
-          "brought to unit length.\n"
+          "they are normalized.\n"
           "Raises ValueError if there is no pose or no joint, and for a quaternion that is not finite or has length 0.")
       .def_property_readonly("joint_count", &PoseClip::joint_count, "J.")
       .def_property_readonly("pose_count", &PoseClip::pose_count, "P.")
@@ -149,14 +149,14 @@ void bind_skeleton(py::module_& module) {
           },
           "(P, J, 4) float64, w x y z, unit length. A copy.")
       .def("sample", &clip_sample, py::arg("time"), py::arg("loop") = false,
-           "The rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical "
+           "Returns the rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical "
            "interpolation.\n\n"
            "time: 0 is the first pose, P - 1 the last.\n"
-           "loop: the first pose follows the last, and time wraps at P; otherwise time stops at "
-           "either end.\n"
+           "loop: the first pose follows the last, and time wraps at P; otherwise time is clamped to "
+           "the ends.\n"
            "Raises ValueError for a time that is not finite.");
   module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"), py::arg("out") = py::none(),
-             "T(j) of joints that only rotate.\n\n"
+             "Computes T(j) of joints that only rotate.\n\n"
              "rotations: (J, 4), unit quaternions w x y z.\n"
              "out: where to write, (J, 4, 4) float64, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");

@@ -60,7 +60,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_stages(module);
   sinew::bindings::bind_deformer(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
-             "Let later calls use at most `count` threads, the calling one included, and never more "
+             "Lets later calls use at most `count` threads, the calling one included, and never more "
              "than the machine has; 0 means as many as it has. Results never depend on it. Raises "
              "ValueError for a "
              "negative number.");
@@ -69,8 +69,8 @@ PYBIND11_MODULE(sinew_native, module) {
   module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
   module.def("set_instruction_set", &sinew::set_instruction_set, pybind11::arg("name"),
              pybind11::call_guard<pybind11::gil_scoped_release>(),
-             "Use this instruction set from now on, or the best for \"auto\". Results of two sets "
-             "agree to rounding, not to the bit. Waits until calls that skin in other threads have ended. Raises "
+             "Uses this instruction set from now on, or the best for \"auto\". Results of two sets "
+             "agree to rounding, not to the bit. Waits until skinning calls in other threads have ended. Raises "
              "ValueError for an unknown name.");
   module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use, at least 1.");
   refuse_unmade_objects(module);
