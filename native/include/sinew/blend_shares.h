@@ -21,7 +21,7 @@ class BlendShares final : public MethodData {
   /// V.
   std::span<const float> shares() const { return {shares_.data(), static_cast<std::size_t>(vertex_count_)}; }
 
-  /// The shares of the 16 vertices from 16 b on. In the last block they repeat after the last vertex.
+  /// The shares of the 16 vertices from 16 b on. After the last vertex, its share repeats.
   const float* of_block(std::size_t b) const;
   /// linear or dual_quaternion if that is the method of every vertex in the block, otherwise blended.
   SkinningMethod method_of_block(std::size_t b) const { return methods_[b]; }
