@@ -1,5 +1,5 @@
-/// numpy arrays <-> the library's views. What the frame functions take is never copied nor
-/// converted; what an object is built from is copied into it anyway, so any real dtype will do.
+/// Converts between numpy arrays and the library's views. Arguments of the frame functions are never
+/// copied or converted; what an object is built from is copied anyway, so any real dtype is accepted.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -43,15 +43,15 @@ void require_dtype(const char* name, const py::array& array) {
   }
 }
 
-/// What numpy calls aligned: the first number and every stride are multiples of a number's size.
+/// Requires what numpy calls aligned: the first number's address and every stride are multiples of a number's size.
 inline void require_aligned(const char* name, const py::array& array) {
   if (!(array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_)) {
     throw InputError(std::string(name) + " is not aligned in memory; pass " + std::string(name) + ".copy()");
   }
 }
 
-/// An object that must be an array already: what pybind11 would make of a list is a copy, which the
-/// caller never sees written to.
+/// Returns an object that must already be an array: of a list, pybind11 would make a copy, and the
+/// caller would never see what is written to it.
 inline py::array given_array(const char* name, const py::object& object) {
   if (!py::isinstance<py::array>(object)) {
     throw InputError(std::string(name) + " is a " + std::string(py::str(py::type::of(object).attr("__name__"))) +
@@ -60,7 +60,7 @@ inline py::array given_array(const char* name, const py::object& object) {
   return py::reinterpret_borrow<py::array>(object);
 }
 
-/// A stack of 4x4 matrices, (J, 4, 4) or (F, J, 4, 4) with any strides, in place.
+/// Returns a view of a stack of 4x4 matrices, (J, 4, 4) or (F, J, 4, 4) with any strides, in place.
 template <class T>
 MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
   using Scalar = std::remove_const_t<T>;
@@ -87,7 +87,7 @@ MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
   return stack;
 }
 
-/// Numbers of any real dtype as T, for building an object from.
+/// Returns numbers of any real dtype as T, for building an object.
 template <class T>
 std::vector<T> copied(const char* name, const py::array& array) {
   const char kind = array.dtype().kind();
@@ -117,8 +117,8 @@ std::vector<T> copied(const char* name, const py::array& array) {
   }
 }
 
-/// Numbers of any real dtype as T: the array's own memory where it holds T, one after the other;
-/// converted otherwise.
+/// Numbers of any real dtype as T: the array's own memory if it holds consecutive T, otherwise a
+/// converted copy.
 template <class T>
 class Numbers {
  public:
@@ -142,7 +142,7 @@ class Numbers {
   std::vector<T> converted_;
 };
 
-/// (N,) numbers as T.
+/// Returns (N,) numbers as T.
 template <class T>
 Numbers<T> list_of(const char* name, const py::array& array) {
   if (array.ndim() != 1) wrong_shape(name, array, "one axis");
@@ -171,7 +171,7 @@ Numbers<T> points_of(const char* name, const py::array& array) {
   return {name, array};
 }
 
-/// The flat numbers of an array that is written to.
+/// Returns the flat numbers of an array that will be written to.
 template <class T>
 std::span<T> written_span(const char* name, const py::array& array, const std::vector<py::ssize_t>& shape) {
   require_dtype<T>(name, array);
@@ -186,7 +186,7 @@ std::span<T> written_span(const char* name, const py::array& array, const std::v
   return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()), static_cast<std::size_t>(array.size())};
 }
 
-/// What a frame function reads in place: float32, C-contiguous. `expected`: its shape, in words.
+/// Returns numbers that a frame function reads in place: float32, C-contiguous. `expected`: the shape, for messages.
 inline std::span<const float> numbers_span(const char* name, const py::array& array, py::ssize_t axes,
                                            const char* expected) {
   if (array.ndim() != axes || (axes == 2 && array.shape(1) != 3)) {
@@ -213,7 +213,7 @@ inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::
   return matrices;
 }
 
-/// A read-only array over memory that `owner` keeps alive.
+/// Returns a read-only array over memory that `owner` keeps alive.
 template <class T>
 py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides,
                const py::object& owner) {
@@ -223,7 +223,7 @@ py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ss
   return array;
 }
 
-/// A list of numbers, which Python then owns.
+/// Returns a list of numbers as an array that Python owns.
 template <class T>
 py::array given_away(std::vector<T> numbers, std::vector<py::ssize_t> shape) {
   auto* const kept = new std::vector<T>(std::move(numbers));
@@ -236,7 +236,7 @@ py::array view_list(const Numbers& numbers, const py::object& owner) {
   return view(std::data(numbers), {static_cast<py::ssize_t>(std::size(numbers))}, {1}, owner);
 }
 
-/// (J, 4, 4) over column-major matrices.
+/// Returns an array (J, 4, 4) over column-major matrices.
 inline py::array view_matrices(std::span<const Matrix4<double>> matrices, const py::object& owner) {
   const double* data = matrices.empty() ? nullptr : matrices.front().data();
   return view(data, {static_cast<py::ssize_t>(matrices.size()), 4, 4}, {16, 1, 4}, owner);

@@ -65,10 +65,10 @@ std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, co
       const std::string name = "weights[" + std::to_string(k) + "]";
       group_spans.push_back(groups.emplace_back(name.c_str(), (*weights)[k]));
     }
-    // None at all says something else to the library.
+    // To the library, an empty list means something else.
     if (groups.empty()) throw InputError("weights has 0 entries; expected one per key, or None");
   }
-  const auto numbers = py::array::ensure(relative_to);  // a list will do
+  const auto numbers = py::array::ensure(relative_to);  // may be a list
   if (!numbers) {
     PyErr_Clear();
     throw InputError("relative_to is not a list of numbers");
@@ -107,7 +107,7 @@ LayerPose pose_of(const py::handle& given, std::size_t i) {
 void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
             const std::optional<py::array>& key_values, const std::optional<py::array>& rest_positions,
             const py::sequence& stages, const std::optional<py::array>& milliseconds) {
-  // Lists may change while the GIL is released; what they held has to stay.
+  // Lists may change while the GIL is released; their elements have to stay alive.
   const py::tuple kept_poses(poses), kept_stages(stages);
   std::vector<LayerPose> layer_poses;
   for (const py::handle pose : kept_poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
@@ -222,8 +222,8 @@ void bind_deformer(py::module_& module) {
       .def("deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
            py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
            py::arg("milliseconds") = py::none(),
-           "One frame.\n\n"
-           "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as of skin_linear, in the "
+           "Deforms one frame.\n\n"
+           "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as in skin_linear, in the "
            "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are the same.\n"
            "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
            "key_values: (K,) float32, the value of each key, 0 for those that are muted; None: 0 for all.\n"

@@ -121,14 +121,14 @@ void bind_direct_delta_mush(py::module_& module) {
                    "Raises ValueError as the constructor does.")
                       .c_str())
       .def("arrays", &arrays_of,
-           "What was computed, to be saved and passed to from_arrays: variant, pruned; offsets (V + 1,) int64, where "
-           "each "
+           "Returns what was computed, to be saved and passed to from_arrays: variant, pruned; offsets (V + 1,) int64, "
+           "where each "
            "vertex's N entries begin; joints (N,) int32; omega (N, 10), (N, 4) or (N, 1) float32: second moment xx xy "
            "xz yy yz zz about the center, first moment x y z, share, or the last of them; centers (V, 3) float32, the "
            "smoothed rest positions; scales (V,) float32.")
       .def_static("from_arrays", &from_arrays, py::arg("skin"), py::arg("variant"), py::arg("pruned"),
                   py::arg("offsets"), py::arg("joints"), py::arg("omega"), py::arg("centers"), py::arg("scales"),
-                  "From what arrays() returned, for a Skin with the same rest positions and joints.\n\n"
+                  "Restores what arrays() returned, for a Skin with the same rest positions and joints.\n\n"
                   "Raises ValueError for sizes that do not fit, a joint that does not exist, a number that is not "
                   "finite.")
       .def_property_readonly("variant", &DirectDeltaMush::variant, "0 to 5.")

@@ -37,7 +37,7 @@ Eigen::MatrixX3d copied_row_points(const char* name, const py::array& array) {
   return copied_table(name, array);
 }
 
-/// A matrix that numpy owns from now on.
+/// Returns a matrix as an array that numpy owns.
 py::array moved(Eigen::MatrixXd&& matrix) {
   auto* owned = new Eigen::MatrixXd(std::move(matrix));
   const py::capsule owner(owned, [](void* p) { delete static_cast<Eigen::MatrixXd*>(p); });
@@ -202,7 +202,7 @@ void bind_files(py::module_& module) {
         return moved(std::move(matrix));
       },
       py::arg("path"),
-      "A .dmat file, text or binary, as float64 (rows, columns). Raises ValueError, naming the "
+      "Reads a .dmat file, text or binary, as float64 (rows, columns). Raises ValueError, naming the "
       "file, if it cannot be read.");
   module.def(
       "write_dmat",
@@ -212,7 +212,7 @@ void bind_files(py::module_& module) {
         write_dmat(path, matrix, binary);
       },
       py::arg("path"), py::arg("array"), py::arg("binary") = false,
-      "Write what read_dmat reads back bit for bit.\n\n"
+      "Writes a file that read_dmat reads back bit for bit.\n\n"
       "array: (rows, columns), real numbers, written as float64.\n"
       "binary: as little-endian float64 instead of text.\n"
       "Raises ValueError if the file cannot be written.");
@@ -224,30 +224,30 @@ void bind_files(py::module_& module) {
         return read_skeleton(path, convention_of(convention));
       },
       py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::arg("convention") = py::none(),
-      "A .bf or .tgf file as RigSkeleton.\n\n"
-      "convention: \"bone\" or \"joint\" overrides what a .bf file says about itself (\"bone\" if the "
+      "Reads a .bf or .tgf file as a RigSkeleton.\n\n"
+      "convention: \"bone\" or \"joint\" overrides the one that a .bf file indicates (\"bone\" if the "
       "weight index of a root is -1); a .tgf file is always \"bone\".\n"
       "Raises ValueError, naming file and line, for what cannot be read.");
   module.def("write_skeleton", &write_skeleton, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
              py::arg("skeleton"),
-             "Write a .bf or .tgf file, depending on the path's ending. Raises ValueError if the format cannot hold "
+             "Writes a .bf or .tgf file, depending on the path's ending. Raises ValueError if the format cannot hold "
              "the skeleton or the file cannot be written.");
   module.def("read_rig", &py_read_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"), py::kw_only(),
              py::arg("skeleton") = py::none(), py::arg("mesh") = py::none(), py::arg("weights") = py::none(),
              py::arg("pose") = py::none(), py::arg("convention") = py::none(), py::arg("quaternion_order") = "wxyz",
-             "A rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
+             "Reads a rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they "
              "exist, pose.dmat and anim.dmat. Weights below 0 or above 1, which Blender's vertex groups "
              "cannot hold, become 0 or 1, and the weights of their vertices are divided by their sum; clamped_weights "
-             "says how many there were. (read_dmat returns the weights as they are in the file.)\n\n"
+             "is how many there were. (read_dmat returns the weights as they are in the file.)\n\n"
              "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
-             "convention: as of read_skeleton.\n"
+             "convention: as in read_skeleton.\n"
              "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "
              "degrees.\n"
              "Raises ValueError, naming the file, for what cannot be read or does not fit the other "
              "files.");
   module.def("write_rig", &py_write_rig, py::call_guard<py::gil_scoped_release>(), py::arg("folder"), py::arg("rig"),
              py::kw_only(), py::arg("skeleton") = "skeleton.bf",
-             "Write a rig into an existing folder, under the names that read_rig looks for.\n\n"
+             "Writes a rig into an existing folder, under the names that read_rig looks for.\n\n"
              "skeleton: the name of its file, ending in .bf or .tgf.\n"
              "Raises ValueError if the format cannot hold the skeleton or a file cannot be "
              "written.");

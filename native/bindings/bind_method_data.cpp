@@ -104,7 +104,7 @@ void bind_method_data(py::module_& module) {
       module, "RotationCenters",
       "Optimized centers of rotation (Le and Hodgins 2016), for the method \"rotation_centers\".")
       .def(py::init(&make_centers), py::arg("centers"), py::arg("has_center"),
-           "From arrays that compute() has made before.\n\n"
+           "Restores arrays that compute() made before.\n\n"
            "centers: (V, 3), space of the rest mesh.\n"
            "has_center: (V,) bool; a vertex without a center moves linearly, and its row of centers is ignored.\n"
            "Raises ValueError for sizes that do not fit and for a center that is not finite.")
@@ -121,7 +121,7 @@ void bind_method_data(py::module_& module) {
           "A vertex has no center if fewer than two joints move it, or if no triangle has similar weights. Triangles "
           "whose weights differ by less than a sixteenth of sigma are taken together. Returns None if progress was "
           "cancelled, which Ctrl C does, too. Raises ValueError for what does not fit.")
-      .def_property_readonly("centers", &centers_of, "(V, 3) float32, zeros where there is none. A copy.")
+      .def_property_readonly("centers", &centers_of, "(V, 3) float32, zeros for vertices without a center. A copy.")
       .def_property_readonly("has_center", &has_center_of, "(V,) bool. A copy.")
       .def_property_readonly("count", &RotationCenters::count, "How many vertices have a center.");
 

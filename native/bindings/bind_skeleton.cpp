@@ -14,7 +14,7 @@ py::array empty_like_stack(const MatrixStack<const T>& stack, bool has_frames, p
   return py::array(dtype, shape);
 }
 
-/// Calls compute(in, out) on views of the arrays; out is made if the caller gave none.
+/// Calls compute(in, out) on views of the arrays; out is made if it is None.
 template <class In, class Out, class Compute>
 py::array into(const char* name, const py::array& in, const py::object& out, const Compute& compute) {
   const auto source = matrix_stack<const In>(name, in);
@@ -28,7 +28,7 @@ py::array into(const char* name, const py::array& in, const py::object& out, con
   return result;
 }
 
-/// For the functions that compute in the type that they are given.
+/// For functions that compute in the dtype of their argument.
 void require_float_or_double(const char* name, const py::array& array) {
   if (!py::isinstance<py::array_t<float>>(array) && !py::isinstance<py::array_t<double>>(array)) {
     throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected float32 or float64");
@@ -118,14 +118,14 @@ void bind_skeleton(py::module_& module) {
 
   module.def("forward_kinematics", &py_forward_kinematics, py::arg("skeleton"), py::arg("local"),
              py::arg("out") = py::none(),
-             "F(j) = F(parent) R(j) T(j) for each joint of each frame.\n\n"
+             "Computes F(j) = F(parent) R(j) T(j) for each joint of each frame.\n\n"
              "local: T(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
              "out: where to write F(j), shape and dtype of local, any strides; it may be local "
              "itself, but must not overlap it in any other way; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
   module.def("skinning_matrices", &py_skinning_matrices, py::arg("skeleton"), py::arg("world"),
              py::arg("out") = py::none(),
-             "F(j) A(j)^-1 for each joint of each frame, as the skinning functions take them.\n\n"
+             "Computes F(j) A(j)^-1 for each joint of each frame, as the skinning functions expect it.\n\n"
              "world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
              "out: where to write, float32, shape of world, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
@@ -138,7 +138,7 @@ void bind_skeleton(py::module_& module) {
           }),
           py::arg("rotations"),
           "rotations: (P, J, 4), quaternions w x y z, each on top of its joint's rest transform; "
-          "brought to unit length.\n"
+          "they are normalized.\n"
           "Raises ValueError if there is no pose or no joint, and for a quaternion that is not finite or has length 0.")
       .def_property_readonly("joint_count", &PoseClip::joint_count, "J.")
       .def_property_readonly("pose_count", &PoseClip::pose_count, "P.")
@@ -149,14 +149,14 @@ void bind_skeleton(py::module_& module) {
           },
           "(P, J, 4) float64, w x y z, unit length. A copy.")
       .def("sample", &clip_sample, py::arg("time"), py::arg("loop") = false,
-           "The rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical "
+           "Returns the rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical "
            "interpolation.\n\n"
            "time: 0 is the first pose, P - 1 the last.\n"
-           "loop: the first pose follows the last, and time wraps at P; otherwise time stops at "
-           "either end.\n"
+           "loop: the first pose follows the last, and time wraps at P; otherwise time is clamped to "
+           "the ends.\n"
            "Raises ValueError for a time that is not finite.");
   module.def("rotation_transforms", &py_rotation_transforms, py::arg("rotations"), py::arg("out") = py::none(),
-             "T(j) of joints that only rotate.\n\n"
+             "Computes T(j) of joints that only rotate.\n\n"
              "rotations: (J, 4), unit quaternions w x y z.\n"
              "out: where to write, (J, 4, 4) float64, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");

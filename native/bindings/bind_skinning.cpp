@@ -147,7 +147,7 @@ void bind_skinning(py::module_& module) {
 
   module.def("group_influences", &influences_of_groups, py::arg("offsets"), py::arg("groups"), py::arg("weights"),
              py::arg("joint_of_group"),
-             "Weights of vertex groups as influences, as Blender's Armature modifier counts them.\n\n"
+             "Converts weights of vertex groups to influences, as Blender's Armature modifier does.\n\n"
              "offsets: (V + 1,) integers; vertex v has the entries offsets[v] up to offsets[v + 1].\n"
              "groups: (M,) integers, the group of each entry; one that does not exist moves nothing.\n"
              "weights: (M,).\n"

@@ -1,5 +1,5 @@
-# What the Python package holds beside its metadata (pyproject.toml): the module and its stub. For a module that is
-# one file PEP 561 knows no py.typed, but a package of stubs.
+# The contents of the Python package besides its metadata (pyproject.toml): the module and its stub. For a module that
+# is a single file, PEP 561 has no py.typed, only a package of stubs.
 if(SINEW_MODULE)
   install(FILES ${SINEW_MODULE} DESTINATION .)
 else()

@@ -1,4 +1,4 @@
-/// Long computations that Ctrl C ends.
+/// Long computations that Ctrl C cancels.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -15,9 +15,9 @@ namespace sinew::bindings {
 
 constexpr std::chrono::milliseconds kBetweenSignals(50);
 
-/// What compute(progress) returns. It runs in a thread of its own, without the GIL, while the calling thread has Python
-/// handle signals. If a handler raises, as that of Ctrl C does, the computation is cancelled, and the error is raised
-/// here once it has ended.
+/// Returns the result of compute(progress). It runs in a thread of its own, without the GIL, while the calling thread
+/// lets Python handle signals. If a handler raises, as that of Ctrl C does, the computation is cancelled, and the error
+/// is raised here once it has ended.
 template <class Compute>
 auto interruptible(std::shared_ptr<Progress> progress, const Compute& compute) {
   namespace py = pybind11;
@@ -30,7 +30,7 @@ auto interruptible(std::shared_ptr<Progress> progress, const Compute& compute) {
     std::future<Result> computation;
     try {
       computation = std::async(std::launch::async, [&] { return compute(progress.get()); });
-    } catch (const std::system_error&) {  // no thread is to be had
+    } catch (const std::system_error&) {  // no thread can be started
       result = compute(progress.get());
     }
     while (!result && !raised && computation.wait_for(kBetweenSignals) != std::future_status::ready) {

@@ -20,7 +20,7 @@ void bind_deformer(pybind11::module_& module);
 
 namespace {
 
-/// pybind11's own message would be "std::bad_alloc".
+/// Replaces pybind11's own message, "std::bad_alloc".
 void translate_no_memory(std::exception_ptr thrown) {
   try {
     std::rethrow_exception(thrown);
@@ -29,11 +29,11 @@ void translate_no_memory(std::exception_ptr thrown) {
   }
 }
 
-/// cls.__new__(cls) returns an object without its C++ half, for which pybind11 would hand out memory that no
-/// constructor has seen.
+/// cls.__new__(cls) returns an object without its C++ half, for which pybind11 would allocate memory that no
+/// constructor has initialised.
 void* refuse_to_allocate(std::size_t) { throw pybind11::type_error("__init__ was not called; call the class itself"); }
 
-/// Has the classes of a module or submodule refuse such objects.
+/// Makes the classes of a module or submodule refuse to create such objects.
 void refuse_unmade_objects(const pybind11::object& module) {
   for (const auto& [name, member] : pybind11::dict(module.attr("__dict__"))) {
     if (!PyType_Check(member.ptr())) continue;
@@ -60,7 +60,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_stages(module);
   sinew::bindings::bind_deformer(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
-             "Let later calls use at most `count` threads, the calling one included, and never more "
+             "Lets later calls use at most `count` threads, the calling one included, and never more "
              "than the machine has; 0 means as many as it has. Results never depend on it. Raises "
              "ValueError for a "
              "negative number.");
@@ -69,8 +69,8 @@ PYBIND11_MODULE(sinew_native, module) {
   module.def("instruction_set", &sinew::instruction_set, "The instruction set in use.");
   module.def("set_instruction_set", &sinew::set_instruction_set, pybind11::arg("name"),
              pybind11::call_guard<pybind11::gil_scoped_release>(),
-             "Use this instruction set from now on, or the best for \"auto\". Results of two sets "
-             "agree to rounding, not to the bit. Waits until calls that skin in other threads have ended. Raises "
+             "Uses this instruction set from now on, or the best for \"auto\". Results of two sets "
+             "agree to rounding, not to the bit. Waits until skinning calls in other threads have ended. Raises "
              "ValueError for an unknown name.");
   module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use, at least 1.");
   refuse_unmade_objects(module);

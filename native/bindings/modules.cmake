@@ -1,12 +1,12 @@
 # The Python module, once for the Python that builds it and once for that of each folder in
-# SINEW_PYTHON_ROOTS. All go to python/ of the build folder, told apart by their suffix.
+# SINEW_PYTHON_ROOTS. All are written to python/ in the build folder and differ in their suffix.
 
 find_package(Python3 QUIET COMPONENTS Interpreter Development.Module)
 if(NOT Python3_FOUND)
   message(FATAL_ERROR "The headers of ${Python3_EXECUTABLE} were not found. On Debian and Ubuntu install those of the "
     "system's Python with: apt install python3-dev.")
 endif()
-set(PYBIND11_NOPYTHON ON)  # its headers alone, which are the same for all
+set(PYBIND11_NOPYTHON ON)  # only its headers, which are the same for all
 find_package(pybind11 2.13 REQUIRED)  # knows numpy 2
 
 add_custom_target(modules)  # all of them
@@ -27,17 +27,17 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
   target_link_libraries(${target} PRIVATE sinew)
   if(UNIX AND NOT APPLE)
-    # Nothing of a static TBB or Highway is to be seen from outside, or to be taken from another add-on's.
+    # The symbols of a static TBB or Highway must be neither visible outside nor taken from another add-on.
     target_link_options(${target} PRIVATE -Wl,--exclude-libs,ALL $<$<CONFIG:Release>:-s>)
   elseif(MINGW)
-    target_link_options(${target} PRIVATE -static $<$<CONFIG:Release>:-s>)  # no compiler's DLL beside it
+    target_link_options(${target} PRIVATE -static $<$<CONFIG:Release>:-s>)  # so that it needs no DLL of the compiler
   endif()
   target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
   set(extension .so)
   if(WIN32)
     set(extension .pyd)
   endif()
-  # As one source, for most of the time goes into pybind11's templates, which all of them share.
+  # Compiled as one source, since most of the time goes into pybind11's templates, which all files share.
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0
     PREFIX "" OUTPUT_NAME sinew_native SUFFIX .${soabi}${extension}
     LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/python)
@@ -59,7 +59,7 @@ foreach(root IN LISTS SINEW_PYTHON_ROOTS)
   endif()
   get_filename_component(name ${includes} NAME)  # python3.13
   string(REPLACE "python3." "3" digits ${name})
-  # The release's headers without its C library's.
+  # The release's Python headers, without those of its C library.
   set(picked ${CMAKE_BINARY_DIR}/headers/${name})
   set(triple ${CMAKE_LIBRARY_ARCHITECTURE})
   file(MAKE_DIRECTORY ${picked}/${triple})

@@ -1,7 +1,7 @@
 """Skeletal deformation: forward kinematics, skinning, shape keys, smoothing and the files of a rig folder.
 
 Letters: V vertices, J joints, P poses, F frames, N influences of all vertices together. Matrices are
-indexed m[..., row, column] and move column vectors. Mistakes raise ValueError with one sentence.
+indexed m[..., row, column] and move column vectors. A mistake raises ValueError with a one-sentence message.
 tests/python/test_stub.py compares this file with the compiled module.
 """
 
@@ -84,7 +84,7 @@ class PoseClip:
     """P poses of J joint rotations. Immutable."""
 
     def __init__(self, rotations: _Reals) -> None:
-        """rotations (P, J, 4): quaternions w x y z, brought to unit length."""
+        """rotations (P, J, 4): quaternions w x y z; they are normalized."""
     @property
     def joint_count(self) -> int:
         """J."""
@@ -95,9 +95,9 @@ class PoseClip:
     def rotations(self) -> _Float64:
         """(P, J, 4): w x y z, unit. A copy."""
     def sample(self, time: float, loop: bool = False) -> _Float64:
-        """The rotations (J, 4) at a time counted in poses, by spherical interpolation.
+        """Returns the rotations (J, 4) at a time counted in poses, by spherical interpolation.
 
-        loop: the first pose follows the last; otherwise time stops at either end.
+        loop: the first pose follows the last; otherwise time is clamped to the ends.
         """
 
 class Rig:
@@ -130,7 +130,7 @@ class Rig:
         """Read-only: vertex numbers, face after face."""
     @property
     def face_materials(self) -> _Int32:
-        """(faces,), read-only: index into material_names, or -1. Empty if nothing was said."""
+        """(faces,), read-only: index into material_names, or -1. Empty if the file has no materials."""
     @property
     def material_names(self) -> list[str]:
         """In order of first use."""
@@ -144,7 +144,7 @@ class Rig:
         """(V, columns), read-only."""
     @property
     def clamped_weights(self) -> int:
-        """How many weights of the file were below 0 or above 1, see read_rig."""
+        """How many weights in the file were below 0 or above 1, see read_rig."""
     @property
     def poses(self) -> PoseClip | None: ...
     @property
@@ -152,7 +152,7 @@ class Rig:
         """(F, J, 4, 4), read-only: skinning matrices."""
 
 class Skin:
-    """The mesh at rest and what moves each vertex. Immutable but for set_rest_positions."""
+    """The mesh at rest and the joints that move each vertex. Immutable except for set_rest_positions."""
 
     def __init__(
         self, rest_positions: _Reals, offsets: _Integers, joints: _Integers, weights: _Reals, joint_count: int
@@ -162,7 +162,7 @@ class Skin:
         """
     @staticmethod
     def from_dense(rest_positions: _Reals, weights: _Reals) -> Skin:
-        """rest_positions (V, 3); weights (V, J), of which the zeros are left out."""
+        """Makes a skin from a table. rest_positions (V, 3); weights (V, J), whose zeros are left out."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -174,13 +174,13 @@ class Skin:
         """N."""
     @property
     def most_influences(self) -> int:
-        """The most influences that a vertex has."""
+        """The largest number of influences of a vertex."""
     @property
     def unweighted_count(self) -> int:
-        """How many vertices nothing moves."""
+        """How many vertices no joint moves."""
     @property
     def largest_sum_error(self) -> float:
-        """The largest |sum of weights - 1| of a vertex that something moves."""
+        """The largest |sum of weights - 1| of a vertex that has a weight."""
     @property
     def rest_positions(self) -> _Float32:
         """(V, 3), read-only."""
@@ -194,34 +194,34 @@ class Skin:
     def weights(self) -> _Float32:
         """(N,), read-only."""
     def set_rest_positions(self, positions: _Reals) -> None:
-        """The same influences on another shape, (V, 3). Not while another thread skins with it."""
+        """Gives the same influences another shape, (V, 3). Not while another thread skins with this object."""
 
 class MethodData:
-    """What a method has of its own for each vertex: the base of BlendShares, RotationCenters and DirectDeltaMush.
+    """A method's own data for each vertex: the base class of BlendShares, RotationCenters and DirectDeltaMush.
     Immutable."""
 
     @property
     def method(self) -> str:
-        """The one method that takes it."""
+        """The one method that uses this data."""
     @property
     def vertex_count(self) -> int:
         """V."""
 
 class BlendShares(MethodData):
-    """How much of dual quaternion skinning each vertex has, for the method "blended"."""
+    """The share of dual quaternion skinning of each vertex, for the method "blended"."""
 
     def __init__(self, shares: _Reals) -> None:
-        """shares (V,), each from 0, linear skinning, to 1, dual quaternion skinning."""
+        """shares (V,), each from 0 (linear skinning) to 1 (dual quaternion skinning)."""
     @property
     def shares(self) -> _Float32:
         """(V,), read-only."""
 
 class Progress:
-    """How far a long computation has come, and how to end it: made by one thread, handed to a computation in
-    another."""
+    """The progress of a long computation, and a way to cancel it. Make it in one thread and pass it to a computation
+    in another."""
 
     def __init__(self) -> None:
-        """For one computation at a time."""
+        """Use it for one computation at a time."""
     @property
     def fraction(self) -> float:
         """0 to 1."""
@@ -229,13 +229,13 @@ class Progress:
     def is_cancelled(self) -> bool:
         """Whether cancel() was called."""
     def cancel(self) -> None:
-        """The computation ends within about 0.1 s and returns None."""
+        """Ends the computation within about 0.1 s; it then returns None."""
 
 class RotationCenters(MethodData):
-    """Optimised centres of rotation (Le and Hodgins 2016), for the method "rotation_centers"."""
+    """Optimized centers of rotation (Le and Hodgins 2016), for the method "rotation_centers"."""
 
     def __init__(self, centers: _Reals, has_center: _Bool) -> None:
-        """Those that compute() has made before: centers (V, 3), has_center (V,)."""
+        """Restores what compute() made before: centers (V, 3), has_center (V,)."""
     @staticmethod
     def compute(
         skin: Skin,
@@ -244,10 +244,10 @@ class RotationCenters(MethodData):
         sigma: float = 0.1,
         progress: Progress | None = None,
     ) -> RotationCenters | None:
-        """face_offsets (faces + 1,); face_vertices, face after face. None if progress was cancelled."""
+        """face_offsets (faces + 1,); face_vertices, face after face. Returns None if progress was cancelled."""
     @property
     def centers(self) -> _Float32:
-        """(V, 3), zeros where there is none. A copy."""
+        """(V, 3), zeros for vertices without a center. A copy."""
     @property
     def has_center(self) -> _Bool:
         """(V,). A copy."""
@@ -256,7 +256,7 @@ class RotationCenters(MethodData):
         """How many vertices have a center."""
 
 class DirectDeltaMush(MethodData):
-    """Direct delta mush (Le and Lewis 2019): a skin made ready for skin_direct_delta_mush and for the method
+    """Direct delta mush (Le and Lewis 2019): a skin prepared for skin_direct_delta_mush and for the method
     "direct_delta_mush". Immutable."""
 
     def __init__(
@@ -288,9 +288,9 @@ class DirectDeltaMush(MethodData):
         prune: float = 1e-5,
         progress: Progress | None = None,
     ) -> DirectDeltaMush | None:
-        """The same of a Skin, for a thread of its own. None if progress was cancelled."""
+        """The same from a Skin, to be run in a thread of its own. Returns None if progress was cancelled."""
     def arrays(self) -> dict[str, Any]:
-        """What was computed, to be kept, for from_arrays."""
+        """Returns what was computed, to be saved and passed to from_arrays."""
     @staticmethod
     def from_arrays(
         skin: Skin,
@@ -302,7 +302,7 @@ class DirectDeltaMush(MethodData):
         centers: _Reals,
         scales: _Reals,
     ) -> DirectDeltaMush:
-        """What arrays() gave, for a Skin with the same rest positions and joints."""
+        """Restores what arrays() returned, for a Skin with the same rest positions and joints."""
     @property
     def variant(self) -> int:
         """0 to 5."""
@@ -311,13 +311,14 @@ class DirectDeltaMush(MethodData):
         """N, pairs of a vertex and a joint."""
     @property
     def bytes(self) -> int:
-        """What it takes in memory beside its skin."""
+        """How many bytes of memory it takes, without its skin."""
     @property
     def pruned(self) -> float:
-        """How far a vertex is off, at most, because joints were left out."""
+        """The largest error of a vertex because joints were left out, as a fraction of the spread of its joints'
+        motions."""
 
 class Bends:
-    """Influences of bones with segments, split over the segments where a vertex is. Immutable."""
+    """Influences of bones with segments, split between the ends of the segment that a vertex is at. Immutable."""
 
     def __init__(
         self,
@@ -329,8 +330,8 @@ class Bends:
         segments: _Integers,
         axes: _Reals,
     ) -> None:
-        """vertices (N,), ascending; offsets (N + 1,); bones and weights (M,): their influences, whole;
-        first_joints and segments (B,); axes (B, 4): p is at share axes[:3] . p + axes[3] of a bone."""
+        """vertices (N,), ascending; offsets (N + 1,); bones and weights (M,): their influences, not yet split;
+        first_joints and segments (B,); axes (B, 4): p is at share axes[:3] . p + axes[3] of a bone's length."""
     @property
     def vertex_count(self) -> int:
         """N."""
@@ -339,7 +340,7 @@ class Bends:
         """M."""
 
 class Layer:
-    """What one armature does to a mesh. Immutable, but for what is done to its skin."""
+    """What one armature does to a mesh. Immutable, except for changes to its skin."""
 
     def __init__(
         self,
@@ -354,8 +355,8 @@ class Layer:
         data: MethodData | None = None,
     ) -> None:
         """rest_frames (J, 4, 4), relative to the armature; mask and share (V,). The first layer of a
-        deformer has no share, every other one has one. split_space (4, 4): in which the skin's own
-        weights were split, where bends are given. data: of a method that has some for each vertex."""
+        deformer has no share, and every other layer has one. split_space (4, 4): the space in which the
+        skin's own weights were split, if there are bends. data: the method's own data for each vertex."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -382,13 +383,13 @@ class ShapeKeys:
         """V."""
     @property
     def delta_count(self) -> int:
-        """How many vertices of all keys differ."""
+        """How many vertices are stored because they differ, summed over all keys."""
     @property
     def base(self) -> _Float32:
         """(V, 3), read-only: the first key."""
 
 class Topology:
-    """Which vertices edges join, and the faces around each. Immutable."""
+    """Which vertices are joined by edges, and the faces around each. Immutable."""
 
     def __init__(
         self,
@@ -413,10 +414,10 @@ class Stage:
     """What a CorrectiveSmooth, a Smooth or a Hook does in one frame. Immutable."""
 
     def apply(self, positions: _Float32) -> None:
-        """positions (V, 3), C-contiguous, in place."""
+        """Works on positions (V, 3), C-contiguous, in place."""
 
 class CorrectiveSmooth:
-    """Blender's Corrective Smooth modifier. Immutable but for set_rest_positions."""
+    """Blender's Corrective Smooth modifier. Immutable except for set_rest_positions."""
 
     def __init__(
         self,
@@ -427,13 +428,13 @@ class CorrectiveSmooth:
         pin_boundary: bool = False,
         corner_angle: _CornerAngle = "polynomial",
     ) -> None:
-        """rest_positions (V, 3), None for only_smooth; weights (V,); corner_angle: "polynomial" as in
+        """rest_positions (V, 3), or None for only_smooth; weights (V,); corner_angle: "polynomial" as in
         Blender 4.1 and later, "arc_cosine" as before."""
     @property
     def vertex_count(self) -> int:
         """V."""
     def set_rest_positions(self, positions: _Reals) -> None:
-        """Another rest shape, (V, 3). Not while another thread uses the object."""
+        """Sets another rest shape, (V, 3). Not while another thread uses the object."""
     def stage(
         self,
         factor: float = 0.5,
@@ -442,7 +443,7 @@ class CorrectiveSmooth:
         smooth_type: _SmoothType = "simple",
         only_smooth: bool = False,
     ) -> Stage:
-        """With the modifier's settings in a frame."""
+        """Returns a stage with the modifier's settings in a frame."""
 
 class Smooth:
     """Blender's Smooth modifier, to the bit. Immutable."""
@@ -455,15 +456,15 @@ class Smooth:
     def stage(
         self, factor: float = 0.5, iterations: int = 1, use_x: bool = True, use_y: bool = True, use_z: bool = True
     ) -> Stage:
-        """With the modifier's settings in a frame."""
+        """Returns a stage with the modifier's settings in a frame."""
 
 class Hook:
-    """Blender's Hook modifier, but for the curve. Immutable."""
+    """Blender's Hook modifier, except for a custom falloff curve. Immutable."""
 
     def __init__(
         self, vertex_count: int, vertices: _Integers | None = None, weights: _Reals | None = None, invert: bool = False
     ) -> None:
-        """vertices: those that are hooked, None for all that have a weight; weights (V,)."""
+        """vertices: the hooked vertices, None for all that have a weight; weights (V,)."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -476,17 +477,17 @@ class Hook:
         center: Sequence[float] = (0, 0, 0),
         uniform: _Reals | None = None,
     ) -> Stage:
-        """matrix (4, 4), space of the mesh; uniform (3, 3): distances are measured after it."""
+        """matrix (4, 4), in mesh space; uniform (3, 3): distances are measured after this transform."""
 
 class Deformer:
-    """All that happens to one mesh in a frame: shape keys, skinning layers, their masks and their mix,
-    stages after them. Immutable; several threads may use one at once."""
+    """Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks and mix,
+    and the stages after them. Immutable; several threads may use one object at once."""
 
     def __init__(
         self, layers: Sequence[Layer] = [], keys: ShapeKeys | None = None, vertex_count: int | None = None
     ) -> None:
-        """layers: mixed in this order; none at all if there are keys. vertex_count in place of both:
-        for stages alone."""
+        """layers: mixed in this order; may be empty if there are keys. vertex_count: in place of both, for
+        stages alone."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -499,32 +500,33 @@ class Deformer:
         stages: Sequence[Stage] = (),
         milliseconds: _Float64 | None = None,
     ) -> None:
-        """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; out (V, 3); key_values
-        (K,); rest_positions (V, 3) in place of the skin's own and of the keys; stages work on the result
-        in this order; milliseconds (S + 1,), out: of keys and layers, then of each stage."""
+        """Deforms one frame. poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; out
+        (V, 3); key_values (K,); rest_positions (V, 3) in place of those of the skin and of the keys; stages
+        work on the result in this order; milliseconds (S + 1,), out: the time of keys and layers, then of
+        each stage."""
 
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
 ) -> npt.NDArray[_Float]:
-    """F(j) = F(parent) R(j) T(j). local and out: (J, 4, 4) or (F, J, 4, 4), any strides; out may be
+    """Computes F(j) = F(parent) R(j) T(j). local and out: (J, 4, 4) or (F, J, 4, 4), any strides; out may be
     local itself and is returned."""
 
 def skinning_matrices(skeleton: Skeleton, world: _Float32 | _Float64, out: _Float32 | None = None) -> _Float32:
-    """F(j) A(j)^-1. world and out: (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
+    """Computes F(j) A(j)^-1. world and out: (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
 
 def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
-    """T(j) of joints that only turn. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
+    """Computes T(j) of joints that only rotate. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
 
 def group_influences(
     offsets: _Integers, groups: _Integers, weights: _Reals, joint_of_group: _Integers
 ) -> tuple[_Int64, _Int32, _Float32, int, int]:
-    """Weights of vertex groups, (V + 1,), (M,) and (M,), as influences: divided by the sum of those whose group has a
-    joint. joint_of_group (G,), -1: none. Returns offsets (V + 1,), joints (N,), weights (N,), as Skin takes them; how
-    many vertices no joint moves; and of how many the weights do not sum to 1."""
+    """Converts weights of vertex groups, (V + 1,), (M,) and (M,), to influences: divided by the sum of those whose
+    group has a joint. joint_of_group (G,), -1 for none. Returns offsets (V + 1,), joints (N,) and weights (N,), as Skin
+    takes them; the number of vertices that no joint moves; and the number of those whose weights do not sum to 1."""
 
 def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
-    """v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out (V, 3) or
-    (F, V, 3), C-contiguous. Returns out."""
+    """Linear blend skinning: v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out
+    (V, 3) or (F, V, 3), C-contiguous. Returns out."""
 
 def skin_dual_quaternion(
     skin: Skin,
@@ -533,8 +535,8 @@ def skin_dual_quaternion(
     stretch: _Stretch = "polar",
     rest_frames: _Reals | None = None,
 ) -> _Float32:
-    """Dual quaternion skinning (Kavan et al. 2008). The first arguments as of skin_linear; stretch:
-    what becomes of scale and shear; rest_frames (J, 4, 4), for all but "polar"."""
+    """Dual quaternion skinning (Kavan et al. 2008). The first arguments are as in skin_linear; stretch:
+    what happens to scale and shear; rest_frames (J, 4, 4), for all except "polar"."""
 
 def skin_blended(
     skin: Skin,
@@ -544,15 +546,15 @@ def skin_blended(
     stretch: _Stretch = "polar",
     rest_frames: _Reals | None = None,
 ) -> _Float32:
-    """v' = linear + share (dual quaternion - linear). The other arguments as of skin_dual_quaternion."""
+    """v' = linear + share (dual quaternion - linear). The other arguments are as in skin_dual_quaternion."""
 
 def skin_rotation_centers(
     skin: Skin, centers: RotationCenters, matrices: _Float32, out: _Float32 | None = None
 ) -> _Float32:
-    """v' = R (v - p) + sum_j w_j M(j) p. The other arguments as of skin_linear."""
+    """v' = R (v - p) + sum_j w_j M(j) p. The other arguments are as in skin_linear."""
 
 def skin_direct_delta_mush(ddm: DirectDeltaMush, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
-    """v' = R v + q - R p. matrices and out as of skin_linear."""
+    """v' = R v + q - R p. matrices and out are as in skin_linear."""
 
 def skin_all(
     jobs: Sequence[
@@ -561,20 +563,20 @@ def skin_all(
         | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals | None, MethodData | None]
     ],
 ) -> None:
-    """Several skins at once, with all threads at work on all of them. A job is (skin, matrices, out,
-    method[, stretch, rest_frames[, data]]), as Layer and skin_dual_quaternion take them."""
+    """Skins several meshes at once, with all threads working on all of them. A job is (skin, matrices, out,
+    method[, stretch, rest_frames[, data]]), as in Layer and skin_dual_quaternion."""
 
 def read_dmat(path: _Path) -> _Float64:
-    """A .dmat file, text or binary: (rows, columns)."""
+    """Reads a .dmat file, text or binary: (rows, columns)."""
 
 def write_dmat(path: _Path, array: _Reals, binary: bool = False) -> None:
-    """Writes what read_dmat reads back bit for bit. array (rows, columns)."""
+    """Writes a file that read_dmat reads back bit for bit. array (rows, columns)."""
 
 def read_skeleton(path: _Path, convention: _Convention | None = None) -> RigSkeleton:
-    """A .bf or .tgf file. convention overrides what a .bf file says of itself."""
+    """Reads a .bf or .tgf file. convention overrides the one that a .bf file indicates."""
 
 def write_skeleton(path: _Path, skeleton: RigSkeleton) -> None:
-    """.bf or .tgf, by the path's ending."""
+    """Writes .bf or .tgf, depending on the path's ending."""
 
 def read_rig(
     folder: _Path,
@@ -586,22 +588,22 @@ def read_rig(
     convention: _Convention | None = None,
     quaternion_order: Literal["wxyz", "xyzw"] = "wxyz",
 ) -> Rig:
-    """A rig folder. Files have their usual names, or are named relative to it."""
+    """Reads a rig folder. Files have their usual names, or the given names relative to the folder."""
 
 def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> None:
-    """Into an existing folder. skeleton: its file's name, ending in .bf or .tgf."""
+    """Writes into an existing folder. skeleton: the name of its file, ending in .bf or .tgf."""
 
 def set_thread_count(count: int) -> None:
-    """Later calls use at most count threads; 0 means as many as the machine has."""
+    """Lets later calls use at most count threads; 0 means as many as the machine has."""
 
 def thread_count() -> int:
-    """The number of threads that the next call may use."""
+    """Returns the number of threads that the next call may use."""
 
 def instruction_sets() -> list[str]:
-    """The names of the instruction sets that this machine can run, best first."""
+    """Returns the names of the instruction sets that this machine can run, best first."""
 
 def instruction_set() -> str:
-    """The instruction set in use."""
+    """Returns the name of the instruction set in use."""
 
 def set_instruction_set(name: str) -> None:
-    """Use this instruction set from now on, or the best for "auto". Waits until calls that skin have ended."""
+    """Uses this instruction set from now on, or the best for "auto". Waits until running skinning calls have ended."""

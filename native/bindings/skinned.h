@@ -1,4 +1,4 @@
-/// What the functions that skin have in common.
+/// Shared by the skinning functions.
 #pragma once
 
 #include <memory>
@@ -9,14 +9,14 @@
 
 namespace sinew::bindings {
 
-/// (V, 3), or (F, V, 3) if the matrices have an axis of frames.
+/// Returns the result's shape: (V, 3), or (F, V, 3) if the matrices have an axis of frames.
 inline std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matrices) {
   std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
   if (matrices.ndim() == 4) shape.insert(shape.begin(), matrices.shape(0));
   return shape;
 }
 
-/// Calls skin(matrices, positions) without the GIL and returns what was written.
+/// Calls skin(matrices, positions) without the GIL and returns the positions.
 template <class Call>
 py::array skinned(const Skin& skin, const py::array& matrices, const py::object& out, const Call& call) {
   const auto stack = matrix_stack<const float>("matrices", matrices);

@@ -63,7 +63,7 @@ CASES = {
     ),
     "columns without end": (
         write("weights.dmat", "9223372036854775807 0\n"),
-        "weights.dmat says 9,223,372,036,854,775,807 columns x 0 rows",
+        "weights.dmat declares 9,223,372,036,854,775,807 columns x 0 rows",
     ),
     "UTF-16": (
         lambda folder: (folder / "weights.dmat").write_text("1 1\n1\n", "utf-16"),

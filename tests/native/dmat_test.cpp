@@ -136,10 +136,10 @@ TEST_F(Dmat, RefusesAHeaderThatPromisesTooMuch) {
 
 TEST_F(Dmat, RefusesAHeaderThatPromisesNothingTooOften) {
   EXPECT_EQ(said("9223372036854775807 0\n"),
-            "a.dmat says 9,223,372,036,854,775,807 columns x 0 rows; expected at most "
+            "a.dmat declares 9,223,372,036,854,775,807 columns x 0 rows; expected at most "
             "2,147,483,647 of either");
   EXPECT_EQ(said("0 0\n0 2147483648\n"),
-            "a.dmat says 0 columns x 2,147,483,648 rows; expected at most 2,147,483,647 of either");
+            "a.dmat declares 0 columns x 2,147,483,648 rows; expected at most 2,147,483,647 of either");
   EXPECT_EQ(read("2147483647 0\n").cols(), 2147483647);
 }
 

@@ -30,7 +30,7 @@ TEST(GroupInfluences, RefusesSizesThatDoNotFit) {
   EXPECT_EQ(said({0, 1}, {0}, {1, 1}), "groups has 1 entries and weights has 2; expected as many of each");
   EXPECT_EQ(said({}, {}, {}), "offsets does not run from 0 to 0, the number of entries");
   EXPECT_EQ(said({0, 2}, {0}, {1}), "offsets does not run from 0 to 1, the number of entries");
-  EXPECT_EQ(said({0, 2, 1, 2}, {0, 0}, {1, 1}), "offsets falls at vertex 1");
+  EXPECT_EQ(said({0, 2, 1, 2}, {0, 0}, {1, 1}), "offsets decreases at vertex 1 (from 2 to 1)");
 }
 
 }  // namespace

@@ -224,7 +224,7 @@ TEST_F(TrivialGraph, RefusesGraphsThatAreNone) {
 
 TEST_F(TrivialGraph, RefusesTheJointConvention) {
   EXPECT_EQ(complaint([&] { read(kJoints + "#\n1 2\n", Convention::joint, "a.tgf"); }),
-            "a.tgf is in the bone convention, like every .tgf file; the joint convention was asked for");
+            "a.tgf is in the bone convention, like every .tgf file; the joint convention was requested");
 }
 
 TEST_F(TrivialGraph, RefusesToWriteWhatItCannotHold) {

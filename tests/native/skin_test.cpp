@@ -82,7 +82,7 @@ TEST(Skin, RefusesWhatIsWrong) {
             "offsets runs from 1 to 2; expected 0 to 2, the number of influences");
   EXPECT_EQ(said(kTwo, {0, 1, 3}, {0, 1}, {1, 1}, 2),
             "offsets runs from 0 to 3; expected 0 to 2, the number of influences");
-  EXPECT_EQ(said(kTwo, {0, 3, 2}, {0, 1}, {1, 1}, 2), "offsets falls at vertex 1");
+  EXPECT_EQ(said(kTwo, {0, 3, 2}, {0, 1}, {1, 1}, 2), "offsets decreases at vertex 1 (from 3 to 2)");
   EXPECT_EQ(said({1, 2, 3, 4, kNan, 6}, one_each, {0, 1}, {1, 1}, 2), "the rest position of vertex 1 is not finite");
   EXPECT_EQ(said(kTwo, one_each, {0, 2}, {1, 1}, 2), "influence 1 names joint 2; there are 2 joints");
   EXPECT_EQ(said(kTwo, one_each, {-1, 0}, {1, 1}, 2), "influence 0 names joint -1; there are 2 joints");

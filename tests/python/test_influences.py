@@ -110,7 +110,7 @@ def test_sizes_of_groups_that_do_not_fit():
     assert said([0, 1], [0], [1, 1]) == "groups has 1 entries and weights has 2; expected as many of each"
     for offsets in ([], [0], [1, 1], [0, 2]):
         assert said(offsets, [0], [1]) == "offsets does not run from 0 to 1, the number of entries"
-    assert said([0, 2, 1, 2], [0, 0], [1, 1]) == "offsets falls at vertex 1"
+    assert said([0, 2, 1, 2], [0, 0], [1, 1]) == "offsets decreases at vertex 1 (from 2 to 1)"
 
 
 def test_entries_keep_their_order():

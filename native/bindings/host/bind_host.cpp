@@ -6,10 +6,10 @@
 #include "arrays.h"
 #include "host/memory.h"
 
-// Blender keeps weights, poses and shape keys in lists of its own structs, which its Python API
-// hands over one by one. These functions read them whole, by address. Where a member lies is the
-// caller's to know (addon/sinew/host/contract.py, which checks it against Blender's own description); what is
-// checked here is only what the structs say of themselves.
+// Blender stores weights, poses and shape keys in lists of its own structs. Its Python API returns their entries one by
+// one; these functions read them in one go, by address. The caller supplies the member offsets
+// (addon/sinew/host/contract.py, which checks them against Blender's own description). Only what the structs say about
+// themselves is checked here.
 
 namespace sinew::bindings {
 namespace {
@@ -48,7 +48,7 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
                         given_away(std::move(weights), {entries}));
 }
 
-/// layout: offsets in a pose bone of the next one's address, its motion, its count of segments, and
+/// layout: offsets in a pose bone of the next one's address, its motion, its number of segments, and
 /// the address of the segments' motions.
 void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
                const py::array_t<std::int32_t>& joint_counts, const std::array<std::ptrdiff_t, 4>& layout,
@@ -106,28 +106,28 @@ void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_
 void bind_shortcut(py::module_& host);
 
 void bind_host(py::module_& parent) {
-  py::module_ module = parent.def_submodule("host", "Blender's own memory, for the add-on: no use outside Blender.");
+  py::module_ module = parent.def_submodule("host", "Blender's own memory, for the add-on; of no use outside Blender.");
   module.def("read_weights", &read_weights, py::arg("vertices"), py::arg("count"),
-             "Weights of a mesh of Blender's.\n\n"
+             "Reads the weights of one of Blender's meshes.\n\n"
              "vertices: address of its array of deform vertices; count: V.\n"
              "Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the "
              "order in which Blender stores them.");
   module.def("read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"), py::arg("joint_counts"),
              py::arg("layout"), py::arg("out"),
-             "Motions of the bones of a pose of Blender's, from rest to pose, armature space.\n\n"
-             "bone: address of its first bone; first_joints, joint_counts: (B,) int32, of each bone "
-             "where its matrices go in out, -1 for nowhere, and how many they are: 1, or one more "
-             "than a B-bone has segments.\n"
+             "Reads the motions of the bones of one of Blender's poses, from rest to pose, armature space.\n\n"
+             "bone: address of its first bone; first_joints, joint_counts: (B,) int32, for each bone the "
+             "index of its first matrix in out, -1 for none, and how many matrices it has: 1, or for a B-bone "
+             "the number of its segments + 1.\n"
              "layout: byte offsets in a bone of the next one's address, its motion, its number of "
              "segments, the address of the segments' motions.\n"
-             "out: (J, 4, 4) float32, column by column as Blender has them, C-contiguous.\n"
-             "Raises ValueError if the pose has other bones or segments.");
+             "out: (J, 4, 4) float32, column by column as in Blender, C-contiguous.\n"
+             "Raises ValueError if the pose has different bones or segments.");
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
-             "Addresses, int64, of the structs of a list of Blender's, at most count of them: each "
+             "Returns the addresses, int64, of at most count structs of one of Blender's lists, in which each "
              "begins with the address of the next.");
   module.def("silence_keys", &silence_keys, py::arg("keys"), py::arg("layout"),
-             "Mutes evaluated shape keys and remembers in free bits of theirs what was muted.\n\n"
-             "keys: (K,) int64, addresses, the reference key first, which is left alone; layout: "
+             "Mutes evaluated shape keys and remembers in unused bits of their flags which ones were muted.\n\n"
+             "keys: (K,) int64, addresses, first the reference key, which is not changed; layout: "
              "byte offsets in a key of its flags and its value.\n"
              "Returns (K,) float32: their values, 0 for the reference and for what the user has "
              "muted.");

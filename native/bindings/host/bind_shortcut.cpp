@@ -11,14 +11,14 @@
 #include "sinew/deformer.h"
 #include "stages.h"
 
-// A frame in which nothing but the pose has changed, in one call. Behind the evaluation of a rig of
-// hundreds of bones the caches are cold, and what Python would do in a few microseconds takes a
-// hundred: each of its objects is a miss.
+// A frame in which only the pose has changed, in one call. After the evaluation of a rig with hundreds
+// of bones the caches are cold, and what Python would otherwise do in a few microseconds takes a
+// hundred: each of its objects is a cache miss.
 
 namespace sinew::bindings {
 namespace {
 
-/// Memory that has to be as it was when it was first looked at.
+/// Memory that must still be as it was when this object was made.
 class Watched {
  public:
   explicit Watched(const std::vector<std::pair<Address, std::size_t>>& regions) {
@@ -29,8 +29,8 @@ class Watched {
     }
   }
 
-  /// One after the other, and no further than the first that has changed: it may be what says that
-  /// the next one's memory is still there.
+  /// Whether the memory is unchanged. Checks one region after the other and stops at the first that has
+  /// changed: a region may be what shows that the next one's memory still exists.
   bool holds() const {
     for (const Region& region : regions_) {
       if (std::memcmp(reinterpret_cast<const void*>(region.address), seen_.data() + region.first, region.size) != 0) {
@@ -51,7 +51,7 @@ class Watched {
 
 bool is_flat(const Matrix4<float>& place) { return place.cast<double>().determinant() == 0; }
 
-/// From the armature's space to the mesh's; nothing if they are one.
+/// Returns the transform from armature space to mesh space; nullopt if they are the same.
 std::optional<Matrix4<double>> space_between(const Matrix4<float>& mesh, const Matrix4<float>& armature) {
   if (mesh == armature) return std::nullopt;
   return mesh.cast<double>().inverse() * armature.cast<double>();
@@ -88,15 +88,15 @@ struct PoseSource {
     }
   }
 
-  Address at;  ///< of the address of the pose
+  Address at;  ///< where the address of the pose is stored
   std::ptrdiff_t bone_count;
   std::vector<Bone> bones;
   std::vector<float> matrices;  ///< those of bones that do not deform stay the identity
 };
 
-/// Where the members of a pose lie, in bytes.
+/// Offsets of the members of a pose, in bytes.
 struct PoseLayout {
-  std::ptrdiff_t list, array;  ///< of its bones: first and last; addresses in that order
+  std::ptrdiff_t list, array;  ///< of its bones: the first and last; the addresses in list order
   PoseBoneLayout bone;
 };
 
@@ -105,25 +105,25 @@ struct Switch {
   std::int32_t clear, set;
 };
 
-/// Where the shape keys of an evaluated mesh lie; the deformed shape goes into the first one's numbers.
+/// The shape keys of an evaluated mesh; the deformed shape is written into the first key's numbers.
 struct KeySource {
   std::vector<Address> keys;
-  std::array<std::ptrdiff_t, 4> layout;  ///< of a key's flags, value, address of its numbers, how many these are
+  std::array<std::ptrdiff_t, 4> layout;  ///< of a key's flags, value, address of its numbers and their count
   std::vector<float> values;
 
-  /// Has Blender add none of them, and takes their values.
+  /// Reads the keys' values and mutes the keys, so that Blender adds none of them.
   void take() {
     for (std::size_t k = 1; k < keys.size(); ++k) values[k] = silence_key(keys[k], layout[0], layout[1]);
   }
 
-  /// Null if the first key has another number of points.
+  /// Returns null if the first key has another number of points.
   float* points(std::ptrdiff_t count) const {
     if (read<std::int32_t>(keys[0] + layout[3]) != count) return nullptr;
     return reinterpret_cast<float*>(read<Address>(keys[0] + layout[2]));
   }
 };
 
-/// The addresses of two matrices from an object's space to the world's, as Blender has them: of the mesh and of an
+/// The addresses of two matrices from object space to world space, as stored by Blender: of the mesh and of an
 /// armature.
 using Places = std::pair<Address, Address>;
 
@@ -206,7 +206,7 @@ class Shortcut {
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   };
 
-  /// The change of space of layer i; false if an object is flat.
+  /// Sets the change of space of layer i. Returns false if an object is flat.
   bool place(std::size_t i) {
     const Matrix4<float> mesh = matrix_at(places_[i].first), armature = matrix_at(places_[i].second);
     if (is_flat(mesh) || is_flat(armature)) return false;
@@ -218,7 +218,7 @@ class Shortcut {
     const auto pose = read<Address>(source.at);
     const auto bones = pose == 0 ? 0 : read<Address>(pose + layout_.array);
     const auto bone = [&](std::ptrdiff_t number) { return read<Address>(bones + number * sizeof(Address)); };
-    // Both ends of the list tell that the array is that of these bones.
+    // If both ends of the list match, the array is that of these bones.
     if (bones == 0 || bone(0) != read<Address>(pose + layout_.list) ||
         bone(source.bone_count - 1) != read<Address>(pose + layout_.list + sizeof(Address))) {
       throw InputError("the pose has other bones than the skin was made for; make the skin again");
@@ -252,8 +252,8 @@ class Shortcut {
 
 void bind_shortcut(py::module_& host) {
   py::class_<Shortcut>(host, "Shortcut",
-                       "A frame in which nothing but the pose and the values of shape keys has changed. Of one "
-                       "evaluated object: for one thread at a time.")
+                       "A frame in which only the pose and the values of shape keys have changed. For one "
+                       "evaluated object and one thread at a time.")
       .def(py::init<py::object, const std::vector<std::pair<Address, std::size_t>>&,
                     const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
                     const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
@@ -264,31 +264,31 @@ void bind_shortcut(py::module_& host) {
            py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
            py::arg("rest_positions") = py::none(),
            "deformer: a Deformer.\n"
-           "watched: (address, size) of memory that says that all is as now, looked at in this "
+           "watched: (address, size) of memory that must stay as it is now for the shortcut to hold, checked in this "
            "order.\n"
-           "poses: a layer each, (address at which the address of the pose stands, first_joints, "
-           "joint_counts), these as in read_pose.\n"
+           "poses: for each layer, (address at which the address of the pose is stored, first_joints, "
+           "joint_counts), the last two as in read_pose.\n"
            "layout: byte offsets in a pose of its list of bones and its array of their addresses, "
            "then what read_pose takes.\n"
-           "places: a layer each, the addresses of 16 float32, column by column: from the mesh's space to the world's, "
-           "and from the armature's.\n"
+           "places: for each layer, the addresses of two matrices of 16 float32, column by column: from mesh space to "
+           "world space and from armature space to world space.\n"
            "switches: (address of an int32, bits to clear, bits to set).\n"
-           "stages: as Deformer.deform has them.\n"
+           "stages: as in Deformer.deform.\n"
            "keys: (addresses of the shape keys, byte offsets in a key of its flags, its value, the address of its "
-           "points and their number), or None. The shape goes into the first key's points.\n"
-           "rest_positions: (V, 3) float32, as Deformer.deform has them, or None.\n"
+           "points and their number), or None. The shape is written into the first key's points.\n"
+           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
            "Raises ValueError for sizes that do not fit.")
-      .def("holds", &Shortcut::holds, "Whether what is watched is as it was.")
+      .def("holds", &Shortcut::holds, "Whether the watched memory is unchanged.")
       .def("deform", &Shortcut::deform, py::arg("out") = 0,
            "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"
-           "out: address of V x 3 float32, C-contiguous, for the shape; not used where there are keys.\n"
-           "Returns False, having done nothing, if it does not hold, if the first key has another number of points, "
+           "out: address of V x 3 float32, C-contiguous, for the shape; not used if there are keys.\n"
+           "Returns False, and does nothing, if it does not hold, if the first key has another number of points, "
            "or if an object's scale is 0 along an axis.\n"
-           "Raises ValueError, with the switches as they were, if a pose has other bones or "
+           "Raises ValueError, without changing the switches, if a pose has different bones or "
            "segments.")
       .def_property_readonly(
           "milliseconds", [](py::object self) { return view_list(self.cast<const Shortcut&>().milliseconds(), self); },
-          "(S + 2,) float64, read-only, of the last frame: reading the pose, keys and layers, each stage.");
+          "(S + 2,) float64, read-only, times in the last frame: reading the pose, keys and layers, each stage.");
   host.def(
       "space_between",
       [](const py::array& mesh, const py::array& armature) -> std::optional<py::array> {
@@ -299,9 +299,9 @@ void bind_shortcut(py::module_& host) {
         return result;
       },
       py::arg("mesh"), py::arg("armature"),
-      "From the space of an armature to that of a mesh.\n\n"
-      "mesh, armature: (4, 4) float32, from their space to the world's; the mesh's has an inverse.\n"
-      "Returns (4, 4) float64, or None if the two are equal: what a Shortcut computes, to the bit.");
+      "Computes the transform from armature space to mesh space.\n\n"
+      "mesh, armature: (4, 4) float32, from their space to world space; the mesh's must have an inverse.\n"
+      "Returns (4, 4) float64, or None if the two are equal: to the bit what a Shortcut computes.");
 }
 
 }  // namespace sinew::bindings

@@ -1,4 +1,4 @@
-/// Blender's own memory, read and written by address. Unaligned is fine.
+/// Reads and writes Blender's own memory by address, which need not be aligned.
 #pragma once
 
 #include <cstddef>
@@ -23,13 +23,13 @@ void write(Address at, T value) {
 
 constexpr std::size_t kMatrix = 16 * sizeof(float);
 
-/// Where the members of a pose bone lie, in bytes.
+/// Offsets of the members of a pose bone, in bytes.
 struct PoseBoneLayout {
   std::ptrdiff_t next, motion, segment_count, segments;
 };
 
-/// Copies the motions of one pose bone: one matrix, or those of the ends of its segments. False if
-/// it has other segments.
+/// Copies the motions of one pose bone: one matrix, or those of the ends of its segments. Returns false
+/// if its number of segments is different.
 inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_t count, char* to) {
   if (count == 1) {
     std::memcpy(to, reinterpret_cast<const void*>(bone + layout.motion), kMatrix);
@@ -37,16 +37,16 @@ inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_
   }
   const auto bent = read<Address>(bone + layout.segments);
   if (bent == 0 || read<std::int32_t>(bone + layout.segment_count) + 1 != count) return false;
-  // The first of these matrices leads into the bone's own space; the motions come after it.
+  // The first of these matrices transforms to the bone's own space; the motions come after it.
   std::memcpy(to, reinterpret_cast<const void*>(bent + kMatrix), count * kMatrix);
   return true;
 }
 
-// Bits of a shape key's flags. Blender has the first; the others are free, and lost when Blender
-// copies the key anew.
+// Bits of a shape key's flags. The first is Blender's; the others are unused by it, and are lost when
+// Blender copies the key again.
 constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
 
-/// Mutes a key of an evaluated copy. Returns its value, 0 if the user has muted it.
+/// Mutes a key of an evaluated copy. Returns its value, or 0 if the user has muted it.
 inline float silence_key(Address key, std::ptrdiff_t flags_at, std::ptrdiff_t value_at) {
   auto flags = read<std::uint16_t>(key + flags_at);
   const bool muted = flags & (flags & kSeen ? kMutedByUser : kMuted);

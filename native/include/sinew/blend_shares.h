@@ -1,4 +1,4 @@
-/// How much of dual quaternion skinning each vertex has.
+/// The share of dual quaternion skinning of each vertex.
 #pragma once
 
 #include <cstdint>
@@ -9,11 +9,11 @@
 
 namespace sinew {
 
-/// What the method `blended` has for each vertex. Immutable.
+/// The data of the method `blended` for each vertex. Immutable.
 class BlendShares final : public MethodData {
  public:
-  /// shares  V, each from 0, linear skinning, to 1, dual quaternion skinning. Copied.
-  /// Throws InputError, naming the vertex, for a share that is not.
+  /// shares  V, each from 0 (linear skinning) to 1 (dual quaternion skinning). Copied.
+  /// Throws InputError, naming the vertex, for a share outside of 0 to 1.
   explicit BlendShares(std::span<const float> shares);
 
   SkinningMethod method() const override { return SkinningMethod::blended; }
@@ -21,17 +21,15 @@ class BlendShares final : public MethodData {
   /// V.
   std::span<const float> shares() const { return {shares_.data(), static_cast<std::size_t>(vertex_count_)}; }
 
-  /// Those of 16 consecutive vertices, b being the first one's number divided by 16. Behind the last
-  /// vertex they are repeated.
+  /// The shares of the 16 vertices from 16 b on. After the last vertex, its share repeats.
   const float* of_block(std::size_t b) const;
-  /// The method that all vertices of the block share: linear, dual_quaternion or, where they do not,
-  /// blended.
+  /// linear or dual_quaternion if that is the method of every vertex in the block, otherwise blended.
   SkinningMethod method_of_block(std::size_t b) const { return methods_[b]; }
 
  private:
   std::ptrdiff_t vertex_count_;
   std::vector<float> shares_;            // whole blocks
-  std::vector<SkinningMethod> methods_;  // one a block
+  std::vector<SkinningMethod> methods_;  // one per block
 };
 
 }  // namespace sinew

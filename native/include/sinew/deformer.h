@@ -1,4 +1,4 @@
-/// All that happens to one mesh in a frame.
+/// Everything that happens to one mesh in a frame.
 #pragma once
 
 #include <memory>
@@ -15,26 +15,26 @@
 
 namespace sinew {
 
-/// What one armature does to a mesh. Immutable, but for what is done to its skin.
+/// What one armature does to a mesh. Immutable, except for changes to its skin.
 class Layer {
  public:
   /// skin    V vertices, J joints; several layers may share it.
-  /// rule    of dual quaternions; its rest frames (J) are relative to the space in which the
+  /// rule    for dual quaternions; its rest frames (J) are relative to the space in which the
   ///         matrices move points, the armature's. Copied.
-  /// mask    V: how much of the motion each vertex takes part in, p + mask (skinned(p) - p);
-  ///         nothing: all of it.
-  /// share   V: of a layer that is mixed in, shape + share (own - shape), shape being the outcome
-  ///         of the layers before it. The first layer has none, every other one has one.
-  /// bends   or null: those of the skin's influences that are to follow a vertex. The skin has them
-  ///         split as they are at its rest positions (or the base of the keys) and in split_space.
-  ///         A vertex that is elsewhere in a frame is split anew: one that shape keys move, and all
-  ///         of them on other rest positions or in another space than split_space.
-  /// split_space  mesh_from_armature of LayerPose when the skin was split; without bends it says
-  ///         nothing. Compared number by number.
-  /// data    of a method that has some, null for the others.
-  /// Throws InputError for bends that name a vertex or a joint that the skin does not have, for
-  /// data of another method or number of vertices, and for a number of rest frames, masks or shares
-  /// that does not fit, and for one that is not finite.
+  /// mask    V: how much of the motion each vertex gets, p + mask (skinned(p) - p); nullopt: all of
+  ///         it.
+  /// share   V: how a layer is mixed in, shape + share (own - shape), where shape is the result of the
+  ///         layers before it. The first layer has no share, and every other layer has one.
+  /// bends   or null: those of the skin's influences whose split follows the vertex. In the skin they
+  ///         are split as at its rest positions (or at the base of the keys) and in split_space.
+  ///         Vertices that are elsewhere in a frame are split again: those that shape keys move, and
+  ///         all of them with other rest positions or in a space other than split_space.
+  /// split_space  mesh_from_armature of LayerPose when the skin was split; has no effect without
+  ///         bends. Compared number by number.
+  /// data    the method's own data; null for a method that has none.
+  /// Throws InputError for bends that name a vertex or a joint that the skin does not have, for data
+  /// of another method or for another number of vertices, for a number of rest frames, masks or
+  /// shares that does not fit, and if one of them is not finite.
   Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const StretchRule& rule = {},
         std::optional<std::span<const float>> mask = std::nullopt,
         std::optional<std::span<const float>> share = std::nullopt, std::shared_ptr<const Bends> bends = nullptr,
@@ -44,7 +44,7 @@ class Layer {
   const Skin& skin() const { return *skin_; }
   SkinningMethod method() const { return method_; }
   StretchRule rule() const { return {stretch_, rest_frames_}; }
-  /// V, or nothing.
+  /// V, or nullopt.
   const std::optional<std::vector<float>>& mask() const { return mask_; }
   const std::optional<std::vector<float>>& share() const { return share_; }
   /// Or null.
@@ -67,45 +67,45 @@ class Layer {
 
 /// A layer's armature in one frame.
 struct LayerPose {
-  MatrixStack<const float> matrices;  ///< 1 x J skinning matrices, space of the armature
-  /// From there to the space of the mesh; nothing: they are one. A linear layer, and dual
-  /// quaternions if this only turns, moves and scales uniformly, is skinned in the space of the
-  /// mesh with C M C^-1. Otherwise points go through C^-1, are skinned in the armature's space and
-  /// come back through C. As in Blender, a C without an inverse has zeros for one.
+  MatrixStack<const float> matrices;  ///< 1 x J skinning matrices, in armature space
+  /// C, from armature space to mesh space; nullopt if they are the same. A linear layer is skinned in
+  /// mesh space with C M C^-1; so are dual quaternions if C only turns, moves and scales uniformly.
+  /// Otherwise points are transformed by C^-1, skinned in armature space and transformed back by C. As
+  /// in Blender, a C that has no inverse gets zeros in its place.
   std::optional<Matrix4<double>> mesh_from_armature{};
 };
 
-/// Input (the first skin's rest positions, or shape keys, or what the caller has) -> layers, all of
-/// that same input, each in its space and with its mask -> mixed by their shares -> stages, one
-/// after the other -> output.
+/// Input (the first skin's rest positions, or shape keys, or the caller's positions) -> layers, all
+/// applied to that same input, each in its space and with its mask -> mixed by their shares ->
+/// stages, one after the other -> output.
 ///
-/// Immutable and without a state: several threads may deform with one object at once.
+/// Immutable and stateless: several threads may deform with one object at once.
 class Deformer {
  public:
-  /// layers  may be none if there are keys, whose sum is then what the stages get.
+  /// layers  may be empty if there are keys, whose sum the stages then get.
   /// keys    or null.
-  /// Throws InputError if two have different numbers of vertices, for a first layer with a share, a
-  /// later one without, or if there is nothing at all.
+  /// Throws InputError if two of them have different numbers of vertices, if the first layer has a
+  /// share, if another layer has none, or if there are neither layers nor keys.
   explicit Deformer(std::vector<std::shared_ptr<const Layer>> layers, std::shared_ptr<const ShapeKeys> keys = nullptr);
-  /// For stages alone: rest_positions are what they get. vertex_count  V.
+  /// For stages alone, which get the rest_positions. vertex_count is V.
   explicit Deformer(std::ptrdiff_t vertex_count);
 
   /// V.
   std::ptrdiff_t vertex_count() const { return vertex_count_; }
   const std::vector<std::shared_ptr<const Layer>>& layers() const { return layers_; }
 
-  /// poses           one a layer.
-  /// positions       out, V x 3, space of the mesh.
-  /// key_values      K, how much of each key, 0 for those that are muted; empty: 0 for all.
-  /// rest_positions  V x 3 in place of the skin's own and of the keys; empty: these.
-  /// stages          each of V vertices, in the order in which they work.
-  /// milliseconds    out, one more than there are stages: what keys and layers took, then each
-  ///                 stage; empty: nobody wants to know.
+  /// poses           one per layer.
+  /// positions       out, V x 3, in mesh space.
+  /// key_values      K, the value of each key, 0 for those that are muted; empty: 0 for all.
+  /// rest_positions  V x 3, in place of those of the skin and of the keys; empty: use those.
+  /// stages          each of V vertices, in the order in which they are applied.
+  /// milliseconds    out, the number of stages + 1: the time of keys and layers, then that of each
+  ///                 stage; empty: not measured.
   ///
-  /// One parallel region for keys and layers, some for each stage. Allocates nothing once each
-  /// thread has seen layers of this size. The same bits for any number of threads. Throws
-  /// InputError, having written nothing, if a shape does not fit, for a stage's settings that are
-  /// wrong, for key values without keys or with rest positions, and if positions and rest_positions
+  /// Uses one parallel region for keys and layers and a few for each stage. Allocates nothing once
+  /// each thread has seen layers of this size. The result has the same bits for any number of threads.
+  /// Throws InputError, and writes nothing, if a shape does not fit, if a stage's settings are invalid,
+  /// for key values without keys or together with rest positions, and if positions and rest_positions
   /// overlap.
   void deform(std::span<const LayerPose> poses, std::span<float> positions, std::span<const float> key_values = {},
               std::span<const float> rest_positions = {}, std::span<const Stage> stages = {},

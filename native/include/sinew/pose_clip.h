@@ -9,32 +9,32 @@
 
 namespace sinew {
 
-/// In which order a file stores the four numbers of a quaternion.
+/// The order in which a file stores the four numbers of a quaternion.
 enum class QuaternionOrder { wxyz, xyzw };
 
-/// Immutable: P poses of J rotations, each on top of the joint's rest transform.
+/// P poses of J rotations, each on top of the joint's rest transform. Immutable.
 class PoseClip {
  public:
-  /// rotations  P x J, pose after pose; brought to unit length. Throws InputError for no pose, a
-  /// number that is not finite or a quaternion of length 0.
+  /// rotations  P x J, pose after pose; they are normalised. Throws InputError if there is no pose,
+  /// for a number that is not finite and for a quaternion of length 0.
   PoseClip(std::ptrdiff_t joint_count, std::vector<Eigen::Quaterniond> rotations);
 
-  /// From the table of a pose.dmat, a column a pose: 4 J rows are quaternions, 3 J rows are Euler
-  /// angles in degrees, applied X, then Y, then Z.
+  /// Converts the table of a pose.dmat, one column per pose: 4 J rows are quaternions, 3 J rows are
+  /// Euler angles in degrees, applied X, then Y, then Z.
   static PoseClip from_table(const Eigen::MatrixXd& table, std::ptrdiff_t joint_count,
                              QuaternionOrder order = QuaternionOrder::wxyz);
 
-  /// The same as a table of quaternions, 4 J x P, w x y z.
+  /// Returns the clip as a table of quaternions, 4 J x P, w x y z.
   Eigen::MatrixXd to_table() const;
 
   std::ptrdiff_t joint_count() const { return joint_count_; }
   std::ptrdiff_t pose_count() const { return pose_count_; }
   const std::vector<Eigen::Quaterniond>& rotations() const { return rotations_; }
 
-  /// Spherical interpolation between the poses on both sides of `time`.
+  /// Interpolates spherically between the poses on both sides of `time`.
   ///
   /// time       in poses: 0 is the first pose, P - 1 the last.
-  /// loop       the first pose follows the last: time wraps at P. Otherwise it stops at either end.
+  /// loop       the first pose follows the last: time wraps at P. Otherwise it is clamped to the ends.
   /// rotations  J, out, unit quaternions.
   /// Throws InputError if time is not finite or the shape does not fit.
   void sample(double time, bool loop, std::span<Eigen::Quaterniond> rotations) const;
@@ -45,7 +45,7 @@ class PoseClip {
   std::vector<Eigen::Quaterniond> rotations_;
 };
 
-/// T(j) of joints that only turn.
+/// Computes T(j) of joints that only turn.
 ///
 /// rotations  J unit quaternions.
 /// local      1 x J, out.

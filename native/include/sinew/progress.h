@@ -1,4 +1,4 @@
-/// How far a long computation has come, and how to end it.
+/// The progress of a long computation, and a way to cancel it.
 #pragma once
 
 #include <algorithm>
@@ -7,10 +7,10 @@
 
 namespace sinew {
 
-/// Shared by the thread that computes and those that watch. Any of them may call anything at any time.
+/// Shared by the thread that computes and those that watch. Any of them may call any function at any time.
 class Progress {
  public:
-  /// 0 to 1; never falls while one computation runs.
+  /// 0 to 1; never decreases during a computation.
   double fraction() const {
     const auto total = total_.load(std::memory_order_relaxed);
     if (total == 0) return 0;
@@ -18,11 +18,11 @@ class Progress {
     return std::min(1.0, static_cast<double>(done) / static_cast<double>(total));
   }
 
-  /// Asks the computation, or the next one, to stop soon and to give no result.
+  /// Asks the running computation, or the next one, to stop soon without a result.
   void cancel() { cancelled_.store(true, std::memory_order_relaxed); }
   bool is_cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
 
-  /// For the computation: so many steps are ahead; some have been taken.
+  /// For the computation: start() sets the number of steps ahead, advance() counts those that are done.
   void start(std::int64_t steps) {
     done_.store(0, std::memory_order_relaxed);
     total_.store(steps, std::memory_order_relaxed);

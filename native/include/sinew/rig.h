@@ -11,13 +11,13 @@
 
 namespace sinew {
 
-/// Skinning matrices given outright, frame by frame: no forward kinematics is left to do.
+/// Ready-made skinning matrices, frame by frame, which need no forward kinematics.
 struct MatrixClip {
   std::ptrdiff_t frames = 0;
   std::vector<Matrix4<double>> matrices;  ///< F x J
 };
 
-/// What a rig folder says. `weights` is V x columns; column c belongs to the joint whose
+/// The contents of a rig folder. `weights` is V x columns; column c belongs to the joint whose
 /// weight_columns() entry is c. `clamped_weights`: see read_rig.
 struct Rig {
   PolygonMesh mesh;
@@ -28,7 +28,7 @@ struct Rig {
   std::ptrdiff_t clamped_weights = 0;
 };
 
-/// Where the parts lie; an empty path is a part that is not there.
+/// The files of the parts; an empty path means that the part is missing.
 struct RigPaths {
   std::filesystem::path mesh;
   std::filesystem::path skeleton;
@@ -37,26 +37,27 @@ struct RigPaths {
   std::filesystem::path animation;
 };
 
-/// The parts of a folder by their usual names: mesh.obj, skeleton.bf or skeleton.tgf, weights.dmat,
-/// and, if they exist, pose.dmat and anim.dmat. Throws InputError if there is no such folder.
+/// Finds the parts of a folder by their usual names: mesh.obj, skeleton.bf or skeleton.tgf,
+/// weights.dmat and, if they exist, pose.dmat and anim.dmat. Throws InputError if there is no such
+/// folder.
 RigPaths find_rig(const std::filesystem::path& folder);
 
-/// Checks that the parts fit each other: faces that name vertices, a row of weights for each
-/// vertex, a column for each joint that asks for one and none besides, poses and animation for as
-/// many joints. Throws InputError with the files' names, or their usual names where `paths` is
-/// empty.
+/// Checks that the parts fit each other: faces name vertices that exist, there is a row of weights
+/// for each vertex and a column for each joint that has a weight column, and no other, and poses and
+/// animation have the same number of joints. Throws InputError with the files' names, or their usual
+/// names where `paths` is empty.
 void check_rig(const Rig& rig, const RigPaths& paths = {});
 
-/// Reads and checks all parts. Weights come out as the vertex groups of modelling programs hold
-/// them: those below 0 or above 1 become 0 or 1, and the weights of such a vertex are divided by
-/// their sum. `clamped_weights` counts them, less those that were off by a rounding of float32
-/// only. Throws InputError.
+/// Reads and checks all parts. Weights are returned as the vertex groups of modelling programs can
+/// hold them: those below 0 or above 1 become 0 or 1, and the weights of such a vertex are divided by
+/// their sum. `clamped_weights` counts them, except those that were off by no more than a rounding of
+/// float32. Throws InputError.
 Rig read_rig(const RigPaths& paths, std::optional<Convention> convention = std::nullopt,
              QuaternionOrder order = QuaternionOrder::wxyz);
 
-/// Writes mesh, skeleton and weights, and those of poses and animation that the rig has and that
-/// have a path. Poses are written as quaternions, w x y z. All files go to their places together,
-/// when they are written: a failure leaves those that were there. Throws InputError.
+/// Writes mesh, skeleton and weights, and poses and animation if the rig has them and they have a
+/// path. Poses are written as quaternions, w x y z. The files replace existing ones together, once all
+/// are written: a failure leaves the existing files as they were. Throws InputError.
 void write_rig(const RigPaths& paths, const Rig& rig);
 
 }  // namespace sinew

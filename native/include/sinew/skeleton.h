@@ -9,7 +9,7 @@
 namespace sinew {
 
 /// Immutable. Joints keep the caller's numbering, in which a parent may come after its child; the
-/// order in which they must be visited is worked out once, here.
+/// order in which they must be visited is computed once, by the constructor.
 class Skeleton {
  public:
   /// parents  J, the parent of each joint or -1 for a root.
@@ -21,7 +21,7 @@ class Skeleton {
   std::ptrdiff_t joint_count() const { return static_cast<std::ptrdiff_t>(parents_.size()); }
   std::span<const std::int32_t> parents() const { return parents_; }
 
-  /// R(j), in the scalar type that the computation runs in.
+  /// R(j), in the scalar type of the computation.
   template <class T>
   std::span<const Matrix4<T>> rest() const;
 
@@ -31,18 +31,18 @@ class Skeleton {
   /// A(j)^-1.
   std::span<const Matrix4<double>> inverse_rest() const { return inverse_rest_; }
 
-  /// All joints, parents before children: by number, if the caller's numbers allow it.
+  /// All joints, parents before children; in order of their numbers if that is possible.
   std::span<const std::int32_t> order() const { return order_; }
 
   /// Another such order, for threads: first the trunk, whose joints each have more descendants than
   /// a group holds, then groups of whole subtrees. No joint of a group has its parent in another
-  /// one, so that groups can be posed at once when the trunk is done. Group g is
-  /// grouped_order()[group_begin()[g]] up to grouped_order()[group_begin()[g + 1]]; the trunk lies
+  /// group, so all groups can be posed in parallel once the trunk is done. Group g is
+  /// grouped_order()[group_begin()[g]] up to grouped_order()[group_begin()[g + 1]]; the trunk comes
   /// before group 0.
   std::span<const std::int32_t> grouped_order() const { return grouped_order_; }
   std::span<const std::int32_t> group_begin() const { return group_begin_; }
 
-  /// The most joints of a group: some ten microseconds of work.
+  /// The most joints in a group: about ten microseconds of work.
   static constexpr std::int32_t kLargestGroup = 512;
 
  private:

@@ -1,4 +1,4 @@
-/// The mesh at rest and which joints move each of its vertices.
+/// The mesh at rest, and the joints that move each of its vertices.
 #pragma once
 
 #include <memory>
@@ -11,32 +11,32 @@ namespace sinew {
 
 struct BlockedSkin;
 
-/// What fits a packed skin, whose numbers have 32 bits; and joints need some bytes each, used or
-/// not.
+/// The limits of a packed skin, whose numbers have 32 bits. (Each joint takes a few bytes, even if it
+/// is unused.)
 constexpr std::int64_t kMostJoints = 1 << 24, kMostNumbers = (std::int64_t{1} << 31) - 1;
 
-/// Throws InputError if a skin has more: to be called before numbers are copied for it.
+/// Throws InputError if a count is above its limit. Call it before copying numbers for a skin.
 void check_counts(std::int64_t vertices, std::int64_t influences, std::int64_t joints);
 
-/// Moved rather than copied; immutable but for set_rest_positions. Every influence that comes in is
-/// kept, in the order in which it came, and weights are used as they are: nothing is normalised,
-/// clamped or dropped (but see from_dense). A vertex that has no influence, or whose weights are
-/// all zero, stays at its rest position.
+/// Can be moved but not copied; immutable except for set_rest_positions. Every influence is kept, in
+/// the order given, and weights are used as they are: nothing is normalised, clamped or dropped (but
+/// see from_dense). A vertex that has no influence, or whose weights are all zero, stays at its rest
+/// position.
 class Skin {
  public:
-  /// rest_positions  V x 3, space of the mesh.
+  /// rest_positions  V x 3, in mesh space.
   /// offsets         V + 1: the influences of vertex v are those from offsets[v] to offsets[v + 1].
   /// joints          N, each in 0..joint_count-1.
   /// weights         N, finite; for each vertex they should sum to 1 (see largest_sum_error).
-  /// joint_count     J, the number of matrices a frame that the skinning functions expect; 2^24 at
-  ///                 most. Vertices and influences may be 2^31 - 1.
-  /// Throws InputError, naming the vertex or the entry, when one of these does not hold.
+  /// joint_count     J, the number of matrices per frame that the skinning functions expect.
+  /// V and N are at most 2^31 - 1, J at most 2^24.
+  /// Throws InputError, naming the vertex or the entry, if any of these conditions is violated.
   Skin(std::span<const float> rest_positions, std::span<const std::int64_t> offsets,
        std::span<const std::int32_t> joints, std::span<const float> weights, std::ptrdiff_t joint_count);
 
-  /// From a dense V x J table: column j belongs to joint j. Entries that are exactly zero are left
-  /// out; all others stay, in ascending order of joints. `row_stride` and `column_stride` count
-  /// elements.
+  /// Makes a skin from a dense V x J table: column j belongs to joint j. Entries that are exactly zero
+  /// are left out; all others are kept, in ascending order of joints. `row_stride` and `column_stride`
+  /// count elements.
   static Skin from_dense(std::span<const float> rest_positions, const double* weights, std::ptrdiff_t rows,
                          std::ptrdiff_t columns, std::ptrdiff_t row_stride, std::ptrdiff_t column_stride);
 
@@ -53,20 +53,20 @@ class Skin {
   std::span<const std::int32_t> joints() const { return joints_; }
   std::span<const float> weights() const { return weights_; }
 
-  /// The most influences that a vertex has.
+  /// The largest number of influences that a vertex has.
   std::ptrdiff_t most_influences() const { return most_influences_; }
   /// How many vertices stay at rest because nothing moves them.
   std::ptrdiff_t unweighted_count() const { return unweighted_count_; }
-  /// The largest |sum of weights - 1| over the vertices that something moves.
+  /// The largest |sum of weights - 1| over the vertices that have a weight.
   double largest_sum_error() const { return largest_sum_error_; }
 
-  /// The same influences on another shape, as shape keys change it: costs a copy of the positions.
-  /// V x 3. No skinning with this object may be under way. Throws InputError, and changes nothing,
+  /// Gives the same influences another shape, V x 3, such as shape keys make; costs a copy of the
+  /// positions. No skinning with this object may be running. Throws InputError, and changes nothing,
   /// for another number of vertices or a number that is not finite.
   void set_rest_positions(std::span<const float> positions);
 
-  /// The packed form for the kernels of the instruction set in use, which must not change meanwhile: made with the
-  /// object, and once more if a set with other registers is chosen later.
+  /// Returns the packed form for the kernels of the instruction set in use, which must not change meanwhile. It is made
+  /// with the object, and again if a set with another register width is chosen later.
   const BlockedSkin& blocked() const;
 
  private:

@@ -19,35 +19,35 @@ constexpr SkinningMethod kSkinningMethods[] = {SkinningMethod::linear, SkinningM
                                                SkinningMethod::blended, SkinningMethod::rotation_centers,
                                                SkinningMethod::direct_delta_mush};
 
-/// As Python has it: "dual_quaternion".
+/// Returns the method's name in Python, such as "dual_quaternion".
 const char* name_of(SkinningMethod method);
 
-/// What a method has of its own for each vertex, made before the first frame. Immutable.
+/// A method's own data for each vertex, made before the first frame. Immutable.
 class MethodData {
  public:
   virtual ~MethodData() = default;
-  /// The one method that takes it, and does not go without.
+  /// The one method that uses this data, and cannot do without it.
   virtual SkinningMethod method() const = 0;
   /// V.
   virtual std::ptrdiff_t vertex_count() const = 0;
 };
 
-/// How dual quaternion skinning takes joints that scale or shear apart into a stretch and a rigid
-/// motion, and when the stretch is applied. Joints that only turn and move are the same in all of
-/// these.
+/// How dual quaternion skinning splits the motion of joints that scale or shear into a stretch and a
+/// rigid motion, and when the stretch is applied. For joints that only turn and move, all are the
+/// same.
 enum class Stretch {
   /// Polar decomposition: the symmetric stretch. Stretches are blended linearly and applied first.
   polar,
-  /// Along the axes of the joint's rest frame, of which Y keeps its direction, as a bone does.
+  /// Along the axes of the joint's rest frame, whose Y axis keeps its direction, as a bone does.
   /// Blended linearly and applied first. What Blender 3.4 does to preserve volume.
   frame,
-  /// Split like `frame`; each joint then moves the point that it has stretched itself. What Blender
+  /// Split as in `frame`; each joint then moves the point that it has stretched itself. What Blender
   /// 4.3 and 5.2 do.
   frame_each,
 };
 
-/// Stretch and, but for `polar`, the rest transform of each joint relative to the space in which
-/// the matrices move points: J matrices that only turn and move.
+/// The Stretch and, except for `polar`, the rest transform of each joint relative to the space in
+/// which the matrices move points: J matrices that only turn and move.
 struct StretchRule {
   Stretch stretch = Stretch::polar;
   std::span<const Matrix4<double>> rest_frames{};

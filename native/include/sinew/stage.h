@@ -1,4 +1,4 @@
-/// What comes after skinning: whole-mesh stages, in any order and number.
+/// Stages: what is applied to the whole mesh after skinning, in any order and number.
 #pragma once
 
 #include <variant>
@@ -9,8 +9,8 @@
 
 namespace sinew {
 
-/// A stage in one frame: what was built once, and how it works now. Kind::apply(settings,
-/// positions) works in place.
+/// A stage in one frame: the object that was built once, and its settings in this frame.
+/// Kind::apply(settings, positions) works in place.
 template <class Kind>
 struct Staged {
   const Kind* stage;

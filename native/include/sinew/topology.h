@@ -1,4 +1,4 @@
-/// How a mesh hangs together.
+/// The connectivity of a mesh.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace sinew {
 
-/// Which vertices edges join, and what stands beside each vertex in its faces. Immutable.
+/// Which vertices are joined by edges, and the neighbours of each vertex in its faces. Immutable.
 class Topology {
  public:
   /// A face's corner at a vertex: the vertices before and after it around the face.
@@ -19,8 +19,8 @@ class Topology {
   };
 
   /// vertex_count     V.
-  /// edges            E x 2, vertices. Sums over neighbours are taken in this order, as Blender
-  ///                  takes them. Edges without a face are fine.
+  /// edges            E x 2, vertices. Sums over neighbours are taken in this order, as in Blender.
+  ///                  Edges without a face are allowed.
   /// face_offsets     faces + 1, where the corners of each face begin; empty: there are no faces.
   /// corner_vertices  C, vertices around each face, face after face.
   /// Throws InputError for a vertex out of range, for offsets that do not fit, for a face with
@@ -43,7 +43,7 @@ class Topology {
   std::span<const Corner> corners(std::size_t v) const {
     return std::span(corners_).subspan(corner_begin_[v], corner_begin_[v + 1] - corner_begin_[v]);
   }
-  /// Whether a vertex is at an end of an edge of exactly one face.
+  /// Whether the vertex is on an edge that belongs to exactly one face.
   bool is_boundary(std::size_t v) const { return is_boundary_[v]; }
 
  private:

@@ -4,17 +4,17 @@
 ///               K shape keys.
 /// Vectors       columns: a transform moves a point by M * p. The translation is the last column.
 /// Positions     V x 3 float32, row by row (x y z x y z ...), in the space of the rest mesh.
-/// Matrices      4x4. Eigen's own are column-major; a caller's may lie in any layout and are
-///               reached through MatrixStack, indexed [frame, joint, row, column].
+/// Matrices      4x4. Eigen's own are column-major; a caller's may have any layout and are
+///               accessed through MatrixStack, indexed [frame, joint, row, column].
 /// Rest pose     the pose in which the mesh was bound. R(j) is joint j's rest transform relative to
 ///               its parent, A(j) the same relative to the world: A(j) = A(parent) R(j).
 /// Pose          T(j), joint j's own transform on top of its rest transform.
 /// Skinning matrix of joint j: F(j) A(j)^-1, where F(j) = F(parent) R(j) T(j).
-/// Parents       -1 marks a root. Several roots are fine.
+/// Parents       -1 marks a root. There may be several roots.
 ///
-/// Two kinds of failure: a caller's mistake throws InputError (ValueError in Python), always. Our
-/// own bug is an assert. Loose input is checked once, when an object is built; the functions that
-/// run on each frame trust those objects and check shapes alone.
+/// There are two kinds of failure: a caller's mistake always throws InputError (ValueError in Python);
+/// a bug of our own is caught by an assert. Raw input is checked once, when an object is built; the
+/// functions that run in each frame trust those objects and check only shapes.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,7 +25,7 @@
 
 namespace sinew {
 
-/// A mistake in what the caller passed or in a file. The message is one sentence for people.
+/// A mistake in the caller's arguments or in a file. The message is one readable sentence.
 class InputError : public std::invalid_argument {
  public:
   using std::invalid_argument::invalid_argument;
@@ -35,8 +35,7 @@ template <class T>
 using Matrix4 = Eigen::Matrix<T, 4, 4>;
 
 /// A view of F x J 4x4 matrices in the caller's memory. Strides count elements, not bytes, and may
-/// be anything: row-major, column-major (as Blender delivers them) and slices are all read in
-/// place.
+/// have any value: row-major, column-major (as in Blender) and slices are all read in place.
 template <class T>
 struct MatrixStack {
   T* data = nullptr;
@@ -52,15 +51,15 @@ struct MatrixStack {
   using Element = std::conditional_t<std::is_const_v<T>, const Matrix4<Scalar>, Matrix4<Scalar>>;
   using ElementMap = Eigen::Map<Element, Eigen::Unaligned, Strides>;
 
-  /// The matrix of one joint in one frame, as an Eigen expression that reads and writes in place.
+  /// Returns the matrix of one joint in one frame, as an Eigen expression that reads and writes in place.
   ElementMap at(std::ptrdiff_t frame, std::ptrdiff_t joint) const {
     return ElementMap(data + frame * frame_stride + joint * joint_stride, Strides(column_stride, row_stride));
   }
 
-  /// Whether each matrix is 16 numbers in a row, column after column.
+  /// Whether each matrix is 16 consecutive numbers, column after column.
   bool is_packed() const { return row_stride == 1 && column_stride == 4; }
 
-  /// A stack over contiguous column-major matrices, frame after frame.
+  /// Makes a stack of contiguous column-major matrices, frame after frame.
   static MatrixStack of(Element* first, std::ptrdiff_t frames, std::ptrdiff_t joints) {
     return {first->data(), frames, joints, 16 * joints, 16, 1, 4};
   }

@@ -1,4 +1,4 @@
-/// How much each vertex takes part in something.
+/// Weights that scale an effect for each vertex.
 #pragma once
 
 #include <optional>
@@ -7,9 +7,9 @@
 namespace sinew {
 
 struct VertexGroup {
-  /// V; nothing: all take part fully.
+  /// V; nullopt: every vertex has the full effect.
   std::optional<std::span<const float>> weights{};
-  /// 1 - weight in place of each weight. Without weights it has no effect.
+  /// Uses 1 - weight instead of each weight. Has no effect without weights.
   bool invert = false;
 };
 

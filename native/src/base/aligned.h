@@ -1,4 +1,4 @@
-/// Memory that begins where a register may be loaded.
+/// Memory aligned for loading SIMD registers.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ struct AlignedFree {
 template <class T>
 using Aligned = std::unique_ptr<T[], AlignedFree>;
 
-/// Memory for `count` T, which may be none; what it holds is not said. Throws bad_alloc.
+/// Allocates uninitialised memory for `count` T; count may be 0. Throws bad_alloc.
 template <class T>
 Aligned<T> aligned(std::size_t count) {
   return Aligned<T>(static_cast<T*>(detail::allocate_aligned(count, sizeof(T))));

@@ -1,4 +1,4 @@
-/// How a caller's mistake becomes one sentence.
+/// Error messages: turns a caller's mistake into one sentence.
 #pragma once
 
 #include <sstream>
@@ -9,7 +9,7 @@
 
 namespace sinew {
 
-/// Throws InputError with the parts written one after the other, as UTF-8 whatever they hold.
+/// Throws InputError with the parts written one after the other. The message is UTF-8 whatever they hold.
 template <class... Parts>
 [[noreturn]] void fail(const Parts&... parts) {
   std::ostringstream message;
@@ -17,7 +17,7 @@ template <class... Parts>
   throw InputError(printable(message.str()));
 }
 
-/// A number as people write it: 29960 -> "29,960".
+/// Formats a number with thousands separators: 29960 -> "29,960".
 inline std::string grouped(long long number) {
   std::string digits = std::to_string(number);
   const std::size_t first = digits.front() == '-' ? 1 : 0;
@@ -28,8 +28,8 @@ inline std::string grouped(long long number) {
   return digits;
 }
 
-/// "1 row", "29,960 rows"; "entry" gives "entries" ("key" does not), "vertex" and "matrix"
-/// "vertices", "matrices".
+/// Returns count and noun: "1 row", "29,960 rows"; "entry" becomes "entries" (but "key" "keys"),
+/// "vertex" and "matrix" become "vertices" and "matrices".
 inline std::string plural(long long number, std::string noun) {
   if (number != 1) {
     if (noun.ends_with("y") && !noun.ends_with("ey")) {

@@ -1,4 +1,4 @@
-/// Memory that is kept from call to call.
+/// Memory that is reused from call to call.
 #pragma once
 
 #include <memory>
@@ -8,11 +8,11 @@
 
 namespace sinew {
 
-/// Lends a T to each call that runs; there are as many as have ever run at once.
+/// A pool: each running call borrows one T; it grows to the largest number of concurrent calls.
 template <class T>
 class Kept {
  public:
-  /// Gives back what it has when it goes.
+  /// Returns its T to the pool when destroyed.
   class Loan {
    public:
     Loan(Kept& owner, std::unique_ptr<T> value) : owner_(owner), value_(std::move(value)) {}
@@ -29,7 +29,7 @@ class Kept {
     std::unique_ptr<T> value_;
   };
 
-  /// make  returns a unique_ptr<T>, if none is idle.
+  /// Borrows a T. make  called if none is idle; returns a unique_ptr<T>.
   template <class Make>
   Loan take(const Make& make) {
     {
@@ -42,7 +42,7 @@ class Kept {
     }
     auto made = make();
     const std::lock_guard lock(mutex_);
-    idle_.reserve(++made_);  // so that giving back does not throw
+    idle_.reserve(++made_);  // so that returning it does not throw
     return Loan(*this, std::move(made));
   }
 

@@ -24,16 +24,16 @@ namespace {
 
 int machine_threads() { return oneapi::tbb::info::default_concurrency(); }
 
-// An arena of our own: neither its size nor its work mixes with other users of TBB in the process,
-// Blender among them. Never more threads than the machine has: TBB has no more workers, warns on
-// stderr and takes memory for each.
+// An arena of our own, so that neither its size nor its work mixes with other users of TBB in the
+// process, such as Blender. It never has more threads than the machine: TBB has no more workers, would
+// warn on stderr and would take memory for each.
 class Pool {
  public:
   explicit Pool(int threads) : threads_(threads), arena_(threads) {}
   int threads() const { return threads_; }
 
-  /// To be asked before run: when a worker cannot be started TBB throws, with tasks left behind that refer to what is
-  /// gone by then.
+  /// Whether workers can be started. Call it before run: if a worker cannot be started, TBB throws and leaves tasks
+  /// behind that refer to objects already destroyed.
   bool has_workers() {
     if (!has_workers_) has_workers_ = detail::can_start(threads_ - 1);
     return has_workers_;
@@ -52,13 +52,13 @@ class Pool {
 };
 
 std::mutex pool_mutex;
-std::shared_ptr<Pool> pool;  // guarded by pool_mutex; a call in flight keeps its own reference
+std::shared_ptr<Pool> pool;  // guarded by pool_mutex; a running call keeps its own reference
 
-// Workers go to sleep some time after they find nothing more to do.
+// Workers go to sleep about this long after they run out of work.
 constexpr std::chrono::microseconds kAwakeFor(100);
 
-// What one thread does in this time is done no later by two, measured on two cores of a virtual
-// machine: linear skinning on one thread, on two awake; after a sleep of 3 ms, on one and on two:
+// Work that takes one thread this long takes two threads no longer. Measured on two cores of a virtual
+// machine: linear skinning on one thread, on two that are awake; after a sleep of 3 ms, on one and on two:
 //   34,522 vertices     56   38    112   116 us
 //   138,530            220  130    361   370 us
 //   553,826            960  530   1220  1120 us
@@ -97,7 +97,7 @@ bool threads_pay(double microseconds) {
 }
 
 bool detail::can_start(int count) {
-#ifdef _WIN32  // where a thread's stack is not asked for like this
+#ifdef _WIN32  // where stacks are not allocated like this
   try {
     std::thread([] {}).join();
     return true;

@@ -1,4 +1,4 @@
-/// What a thread keeps from call to call.
+/// Objects that a thread keeps from call to call.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 namespace sinew {
 
-/// The calling thread's own T, made when it first asks and destroyed when it ends. T: a type that nobody else
-/// asks for.
+/// Returns the calling thread's own T, which is made at its first call and destroyed when the thread ends. Each T must
+/// have only one user.
 template <class T>
 T& per_thread() {
 #ifdef __MINGW32__

@@ -1,12 +1,12 @@
-/// Calls that must not see the instruction set change.
+/// For calls during which the instruction set must not change.
 #pragma once
 
 #include <shared_mutex>
 
 namespace sinew {
 
-/// As long as one exists the instruction set stays as it is: a BlockedSkin can be read only with as many lanes as it
-/// was packed for. A thread makes one at a time; what it runs in parallel needs none.
+/// While one exists, the instruction set does not change: a BlockedSkin can be read only with the number of lanes that
+/// it was packed for. A thread makes only one at a time; the work that it runs in parallel needs none.
 class SteadyInstructionSet {
  public:
   SteadyInstructionSet();

@@ -7,7 +7,7 @@
 #include <limits>
 #include <system_error>
 
-#ifndef __cpp_lib_to_chars  // LLVM's library reads no such numbers yet; the systems that have it know this
+#ifndef __cpp_lib_to_chars  // LLVM's library cannot parse such numbers yet; the systems that use it have this
 #include <locale.h>
 #include <stdlib.h>
 #ifdef __APPLE__
@@ -26,7 +26,7 @@ std::string shown(const Path& path) {
 
 namespace {
 
-/// Whether a decimal number, not zero, is less than one, whatever its sign.
+/// Whether the absolute value of a decimal number that is not zero is less than one.
 bool is_below_one(std::string_view word) {
   const std::size_t end = std::min(word.find_first_of("eE"), word.size());
   const auto point = static_cast<std::int64_t>(std::min(word.find('.'), end));
@@ -38,7 +38,7 @@ bool is_below_one(std::string_view word) {
       return digits.front() == '-';
     }
   }
-  const std::int64_t place = first < point ? point - first - 1 : point - first;  // of the first digit: 0 is the ones
+  const std::int64_t place = first < point ? point - first - 1 : point - first;  // of the first digit; 0: units
   return exponent < -place;
 }
 
@@ -49,7 +49,7 @@ bool parse_real(std::string_view word, Real& number) {
   const char* const end = word.data() + word.size();
   const auto [parsed_to, error] = std::from_chars(word.data(), end, number);
   if (parsed_to != end) return false;
-  if (error == std::errc::result_out_of_range) {  // which does not say on which side
+  if (error == std::errc::result_out_of_range) {  // too large or too small
     number = is_below_one(word) ? 0 : std::numeric_limits<Real>::infinity();
     if (word.starts_with('-')) number = -number;
     return true;
@@ -61,7 +61,7 @@ bool parse_real(std::string_view word, Real& number) {
 
 template <class Real>
 bool parse_real(std::string_view word, Real& number) {
-  // What is not decimal, blanks in front and a plus are more than a number may have.
+  // Numbers that are not decimal, leading blanks and a plus sign are not accepted.
   if (word.starts_with('+') || word.find_first_not_of("0123456789.eE+-") != word.npos) return false;
   static const locale_t kPointIsDot = newlocale(LC_ALL_MASK, "C", nullptr);
   const std::string text(word);

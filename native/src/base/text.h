@@ -1,4 +1,4 @@
-/// Reading text and binary files with errors that say where.
+/// Reading text and binary files, with errors that tell where.
 #pragma once
 
 #include <charconv>
@@ -15,13 +15,13 @@ namespace sinew {
 
 using Path = std::filesystem::path;
 
-/// The path for a message, as UTF-8 on every system.
+/// Returns the path for a message, as UTF-8 on every system.
 std::string shown(const Path& path);
 
-/// The whole file as bytes. Throws InputError, naming the file, if it cannot be read.
+/// Reads the whole file as bytes. Throws InputError, naming the file, if it cannot be read.
 std::string read_file(const Path& path);
 
-/// Rethrows what `build()` finds wrong with the file's name in front.
+/// Rethrows an InputError of `build()` with the file's name in front.
 template <class Build>
 auto naming(const Path& path, const Build& build) {
   try {
@@ -31,7 +31,7 @@ auto naming(const Path& path, const Build& build) {
   }
 }
 
-/// Shortest decimal form that reads back as the same number.
+/// Returns the shortest decimal form that reads back as the same number.
 template <class T>
 void append_number(std::string& text, T number) {
   char buffer[32];
@@ -41,17 +41,17 @@ void append_number(std::string& text, T number) {
 
 inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-/// Takes off what some editors put before UTF-8 text. Throws InputError, naming the file, if what
-/// they put says UTF-16.
+/// Removes the byte order mark that some editors put before UTF-8 text. Throws InputError, naming the
+/// file, if the mark is that of UTF-16.
 void skip_byte_order_mark(const Path& path, std::string_view& text);
 
-/// Without the blanks at both ends.
+/// Returns the text without the blanks at both ends.
 std::string_view trimmed(std::string_view text);
 
-/// Splits off the next word of `text`; empty at the end. Line feeds separate words too.
+/// Splits off the next word of `text`; empty at the end. Line feeds separate words, too.
 std::string_view next_word(std::string_view& text);
 
-/// A text file, line by line and word by word, as UTF-8: what is not is taken for Latin-1.
+/// Reads a text file line by line and word by word, as UTF-8; text that is not UTF-8 is taken as Latin-1.
 class LineReader {
  public:
   explicit LineReader(const Path& path);
@@ -63,10 +63,10 @@ class LineReader {
   std::string_view line() const { return line_; }
   /// The next word of the current line; empty at its end.
   std::string_view word() { return next_word(rest_); }
-  /// What is left of the current line.
+  /// The rest of the current line.
   std::string_view rest() const { return rest_; }
 
-  /// The next word as a number; `what` says in the message what it should have been.
+  /// Returns the next word as a number; `what` describes the expected number in error messages.
   template <class T>
   T number(const char* what);
 
@@ -87,13 +87,13 @@ class LineReader {
   std::int64_t line_number_ = 0;
 };
 
-/// Parses the whole word, which has no plus in front. False if it is no number; one out of range is
-/// zero or infinite. For float and double.
+/// Parses the whole word, which must not begin with a plus sign. Returns false if it is not a number;
+/// a number out of range becomes zero or infinite. For float and double.
 template <class Real>
 bool parse_real(std::string_view word, Real& number);
 
-/// Parses the whole word. False if it is no number of this type, or not a finite one. A number too
-/// small for the type is zero.
+/// Parses the whole word. Returns false if it is not a number of this type, or not finite. A number
+/// too small for the type becomes zero.
 template <class T>
 bool parse_number(std::string_view word, T& number) {
   if (word.starts_with('+')) {

@@ -12,7 +12,7 @@ bool is_ascii(char c) { return static_cast<unsigned char>(c) < 0x80; }
 
 bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; }
 
-/// How many bytes the first letter has, 1 to 4; 0 if the text does not begin with a letter.
+/// Returns how many bytes the first character has, 1 to 4; 0 if the text does not begin with one.
 std::size_t letter_length(std::string_view text) {
   if (text.empty()) return 0;
   if (is_ascii(text[0])) return 1;

@@ -1,4 +1,4 @@
-/// Numbers that callers give for each vertex, checked.
+/// Checks the numbers that callers pass for each vertex.
 #pragma once
 
 #include <cmath>
@@ -11,7 +11,7 @@
 
 namespace sinew {
 
-/// One number a vertex, all of them finite. owner  who has the vertices: "the skin".
+/// Throws InputError unless there is one number per vertex and all are finite. owner  of the vertices: "the skin".
 inline void check_vertex_numbers(const char* name, std::span<const float> numbers, std::ptrdiff_t vertices,
                                  const char* owner) {
   if (std::ssize(numbers) != vertices) {
@@ -22,7 +22,7 @@ inline void check_vertex_numbers(const char* name, std::span<const float> number
   }
 }
 
-/// V x 3 numbers, whatever they are.
+/// Throws InputError unless there are V x 3 numbers, whatever their values.
 inline void check_position_count(const char* name, std::span<const float> positions, std::ptrdiff_t vertices) {
   if (std::ssize(positions) == 3 * vertices) return;
   fail(name, " has ", plural(std::ssize(positions), "number"), "; expected ", grouped(3 * vertices), " (", vertices,
@@ -33,7 +33,7 @@ inline void check_setting(const char* name, double value) {
   if (!std::isfinite(value)) fail(name, " is ", value, "; expected a finite number");
 }
 
-/// V, as Blender reckons them.
+/// Returns V weights, computed as in Blender.
 inline std::vector<float> weights_of(const VertexGroup& group, std::ptrdiff_t vertices) {
   if (!group.weights) return std::vector<float>(static_cast<std::size_t>(vertices), 1);
   check_vertex_numbers("weights", *group.weights, vertices, "the mesh");

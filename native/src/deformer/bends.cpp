@@ -24,7 +24,9 @@ void check_vertices(std::span<const std::int64_t> vertices, std::span<const std:
          ", the number of influences");
   }
   for (std::size_t i = 0; i < vertices.size(); ++i) {
-    if (offsets[i] > offsets[i + 1]) fail("offsets falls at entry ", i);
+    if (offsets[i] > offsets[i + 1]) {
+      fail("offsets decreases at entry ", i, " (from ", offsets[i], " to ", offsets[i + 1], ")");
+    }
   }
 }
 
@@ -105,7 +107,7 @@ void Bends::split(std::size_t i, const Eigen::Vector3d& point, Split& split) con
       continue;
     }
     const double share = bone.axis.head<3>().dot(point.transpose()) + bone.axis[3];
-    // In this order, a share that is no number gives 1.
+    // In this order, a share that is NaN gives 1.
     const double place = std::max(0.0, std::min(1.0, share)) * bone.segments;
     const auto index = std::min(static_cast<std::int32_t>(place), bone.segments - 1);
     const double blend = place - index;

@@ -17,23 +17,22 @@
 namespace sinew {
 namespace {
 
-// What adding one vertex of a key costs one thread, about, and what one vertex of a tile costs that
-// only passes through.
+// The approximate cost on one thread of adding one vertex of a key, and of one vertex that is only
+// copied through a tile.
 constexpr double kMicrosecondsKey = 0.5e-3, kMicrosecondsCopy = 0.3e-3;
-// And what one vertex costs that is split anew: 33 ns linear, 58 ns by dual quaternions, of three
-// bones.
+// And of one vertex that is split again: 33 ns linear, 58 ns with dual quaternions, with three bones.
 constexpr double kMicrosecondsBend = 40e-3;
 
-/// What a thread needs besides; a tile's own.
+/// A thread's memory for the tile that it works on.
 struct Scratch {
-  alignas(64) float input[3 * kTile];       ///< shape keys added
+  alignas(64) float input[3 * kTile];       ///< with shape keys added
   alignas(64) float points[3 * kTile];      ///< the input, packed
   alignas(64) float own[3 * kTile];         ///< a layer that is mixed in
   alignas(64) std::uint8_t touched[kTile];  ///< by shape keys
   LayerScratch layer;
 };
 
-/// One frame, as its tiles see it.
+/// The part of a frame that its tiles share.
 struct Frame {
   std::span<const PosedLayer> layers;
   const ShapeKeys* keys;  ///< or null
@@ -42,8 +41,8 @@ struct Frame {
   const BlockedSkin* packed;  ///< has the input in packed form, or null
   std::size_t vertices;
   float* positions;  ///< out, V x 3
-  bool has_bends;    ///< of some layer
-  bool all_moved;    ///< none of them is where it was split
+  bool has_bends;    ///< whether some layer has
+  bool all_moved;    ///< no vertex is where it was split
 
   void run_tile(std::size_t t) const {
     const std::size_t first = t * kTile, count = std::min(kTile, vertices - first);
@@ -108,7 +107,7 @@ void check_stage(const Stage& stage, std::ptrdiff_t vertices, std::size_t i) {
       stage);
 }
 
-/// Writes the milliseconds since it was made, or since the last were written.
+/// Writes the milliseconds since it was made, or since it last wrote.
 class Watch {
  public:
   explicit Watch(std::span<double> milliseconds) : out_(milliseconds) {}
@@ -202,8 +201,8 @@ void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions
   const SteadyInstructionSet steady;
   const auto vertices = static_cast<std::size_t>(vertex_count_);
 
-  // Kept from call to call, and never fewer than were used before: a frame allocates nothing. What
-  // runs in parallel does not come back here, so a thread needs one list.
+  // Kept from call to call, and never shrunk, so that a frame allocates nothing. Work that runs in
+  // parallel never re-enters this function, so a thread needs only one list.
   auto& posed = per_thread<std::vector<PosedLayer>>();
   if (posed.size() < layers_.size()) posed.resize(layers_.size());
   for (std::size_t i = 0; i < layers_.size(); ++i) posed[i].take(*layers_[i], poses[i]);

@@ -116,12 +116,12 @@ void run_vertex(std::size_t v, const Influences& influences, SkinningMethod meth
     case SkinningMethod::rotation_centers:
       return rotation_center_vertex(v, influences, static_cast<const RotationCenters&>(*data), palette, rest, out);
     case SkinningMethod::direct_delta_mush:
-      return;  // was made of other influences
+      return;  // was made with other influences
   }
 }
 
 double microseconds_a_vertex(SkinningMethod method) {
-  // AVX2, four influences at most; between joints that stretch, half of them, and joints that do not.
+  // AVX2, at most four influences; a compromise between half of the joints stretching and none.
   switch (method) {
     case SkinningMethod::linear:
       return 1.5e-3;

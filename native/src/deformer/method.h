@@ -1,5 +1,5 @@
-/// The skinning methods as one interface: what is prepared once a frame, what runs on a tile, and
-/// what that costs. Whatever loops over frames and tiles stands above it.
+/// One interface to all skinning methods: preparing a frame, running on a tile, and the cost of that.
+/// The loops over frames and tiles are in its callers.
 #pragma once
 
 #include <string>
@@ -10,34 +10,34 @@
 
 namespace sinew {
 
-/// Throws InputError, its message beginning with `where`, if there is not a matrix for each joint.
+/// Throws InputError, with a message that begins with `where`, unless there is one matrix per joint.
 void check_matrices(const Skin& skin, MatrixStack<const float> matrices, const std::string& where);
 
-/// Likewise, if there are rest frames that the rule does not want, or too few.
+/// Likewise, if there are rest frames that the rule does not use, or too few.
 void check_rest_frames(const StretchRule& rule, std::ptrdiff_t joints, const std::string& where);
 
-/// Likewise, for data of another method or other vertices, or none where the method has some.
+/// Likewise, for data of another method or for other vertices, and if the method needs data but has none.
 void check_data(const Skin& skin, SkinningMethod method, const MethodData* data, const std::string& where);
 
-/// Into another space than the one in which matrices and rest frames are given.
+/// A conversion to a space other than the one in which matrices and rest frames are given.
 struct Carried {
   const Space& space;
   MatrixStack<const float> matrices;  ///< the same, in that space
 };
 
-/// carried: or null.
+/// Prepares the palette of a frame. carried: may be null.
 void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
              MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette,
              const Carried* carried = nullptr);
 
 void run(const BlockedSkin& skin, SkinningMethod method, const Palette& palette, const Tile& tile);
 
-/// Vertex v at `rest`, x y z, that has other influences than the skin says; direct delta mush has none, and leaves
-/// it where it is.
+/// Moves vertex v, at `rest`, x y z, with influences other than those in the skin. Direct delta mush, which uses no
+/// influences, leaves it where it is.
 void run_vertex(std::size_t v, const Influences& influences, SkinningMethod method, const MethodData* data,
                 const Palette& palette, const float* rest, float* out);
 
-/// What a vertex costs one thread, about.
+/// Returns the approximate time that one thread takes per vertex.
 double microseconds_a_vertex(SkinningMethod method);
 
 }  // namespace sinew

@@ -6,13 +6,13 @@
 #include "deformer/method.h"
 #include "skinning/kernels.h"
 
-// CMakeLists.txt has this file compiled without fused multiply-adds: what is mixed is then the same
-// on every machine.
+// CMakeLists.txt has this file compiled without fused multiply-adds, so that mixing gives the same
+// result on every machine.
 
 namespace sinew {
 namespace {
 
-/// out may be in. 3 x vertices numbers.
+/// Transforms 3 x vertices numbers. out may be in.
 void transform(const Matrix4<double>& matrix, const float* in, std::size_t vertices, float* out) {
   const Eigen::Matrix3d linear = matrix.topLeftCorner<3, 3>();
   const Eigen::Vector3d offset = matrix.topRightCorner<3, 1>();
@@ -26,7 +26,7 @@ void transform(const Matrix4<double>& matrix, const float* in, std::size_t verti
 
 void mix(const float* from, const float* to, const float* part, std::size_t vertices, float* out) {
   for (std::size_t v = 0; v < vertices; ++v) {
-    // What is not a number does not get in by a part of 0.
+    // A part of 0 keeps NaN in `to` out of the result.
     for (std::size_t i = 3 * v; i < 3 * v + 3; ++i)
       out[i] = part[v] == 0 ? from[i] : from[i] + part[v] * (to[i] - from[i]);
   }
@@ -77,9 +77,9 @@ void PosedLayer::run(const TileInput& input, LayerScratch& scratch, float* own) 
   }
 }
 
-/// Skins those bends again that have moved, split at where they are.
-/// rest  the input as the layer skins it: space of the mesh or of the armature.
-/// own   out, in that same space.
+/// Skins the bends' vertices that have moved again, with their influences split at their current place.
+/// rest  the input in the space in which the layer skins it: mesh or armature space.
+/// own   out, in the same space.
 void PosedLayer::bend(const TileInput& input, const float* rest, float* own) const {
   auto& split = per_thread<Bends::Split>();
   const bool all = input.moved.all || split_elsewhere;

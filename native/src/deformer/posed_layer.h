@@ -1,4 +1,4 @@
-/// A layer in one frame, as a deformer's tiles see it.
+/// A layer in one frame, for a deformer's tiles.
 #pragma once
 
 #include <cstdint>
@@ -12,40 +12,40 @@
 
 namespace sinew {
 
-/// Which vertices of a tile are not where the skin's influences were split over segments.
+/// Which vertices of a tile are no longer where the skin's influences were split between segments.
 struct Moved {
   bool all;
-  const std::uint8_t* touched;  ///< one byte a vertex, or null: none
+  const std::uint8_t* touched;  ///< one byte per vertex; null: none
 };
 
 /// A tile's input.
 struct TileInput {
   std::size_t tile;
   std::size_t count;    ///< of vertices
-  const float* rest;    ///< x y z a vertex
+  const float* rest;    ///< x y z per vertex
   const float* points;  ///< the same, packed
   Moved moved;
 };
 
-/// What a layer needs besides, for one tile.
+/// A layer's temporary memory for one tile.
 struct LayerScratch {
-  alignas(64) float moved[3 * kTile];  ///< the input in an armature's space
+  alignas(64) float moved[3 * kTile];  ///< the input in armature space
   alignas(64) float moved_points[3 * kTile];
 };
 
 struct PosedLayer {
   const Layer* layer;
   const BlockedSkin* skin;
-  std::optional<Space> space;  ///< points go through it and back
+  std::optional<Space> space;  ///< points are transformed by it and back
   std::optional<Matrix4<double>> armature_from_mesh;
   bool split_elsewhere;  ///< the skin was split in another space
   Palette palette;
-  /// In the space of the mesh, where matrices are skinned there but given in the armature's.
+  /// The matrices in mesh space, if the layer is skinned there but they are given in armature space.
   std::vector<Matrix4<float>> matrices;
 
   void take(const Layer& own, const LayerPose& pose);
 
-  /// own  out, the input as the layer alone deforms it, x y z a vertex.
+  /// own  out, the input deformed by this layer alone, x y z per vertex.
   void run(const TileInput& input, LayerScratch& scratch, float* own) const;
 
  private:

@@ -13,10 +13,10 @@
 namespace sinew {
 namespace {
 
-// What comparing a vertex of a key with another's costs one thread, about.
+// The approximate cost on one thread of comparing a vertex of two keys.
 constexpr double kMicroseconds = 1e-3;
 
-// So many vertices are compared at once; in most of a character's keys most of these are alike.
+// How many vertices are compared at once; in most of a character's keys, most such groups are equal.
 constexpr std::size_t kCompared = 64;
 
 constexpr std::uint32_t kNoWeights = ~std::uint32_t{0};
@@ -29,7 +29,7 @@ struct Run {
   std::uint32_t weight;  ///< where their weights begin, or kNoWeights
 };
 
-/// Without a branch in the loop, which becomes vector code.
+/// Has no branch in the loop, so that it is vectorised.
 bool differ(const float* a, const float* b, std::size_t numbers) {
   int any = 0;
   for (std::size_t i = 0; i < numbers; ++i) any |= a[i] != b[i];
@@ -66,7 +66,7 @@ void check(std::span<const std::span<const float>> positions, std::span<const st
 
 }  // namespace
 
-/// What all keys do to kTile vertices.
+/// The changes of all keys to kTile vertices.
 struct ShapeKeys::Tile {
   std::vector<std::uint32_t> run_begin{0};  ///< K + 1, in runs
   std::vector<Run> runs;

@@ -14,10 +14,10 @@
 namespace sinew {
 namespace {
 
-// More are skinned in parts, so that their prepared matrices stay within some megabytes.
+// More matrices are processed in parts, so that the prepared ones take only a few megabytes.
 constexpr std::ptrdiff_t kMatricesAtOnce = 1 << 16;
 
-// Preparing a palette takes some microseconds.
+// Preparing a palette takes a few microseconds.
 constexpr std::ptrdiff_t kPalettesPerTask = 32;
 
 void check_shapes(const SkinningJob& job, const std::string& where) {
@@ -53,7 +53,7 @@ void check(std::span<const SkinningJob> jobs) {
   }
 }
 
-/// Some frames of one job, as a piece of a batch.
+/// Some frames of one job, as part of a batch.
 struct Part {
   const SkinningJob* job;
   const BlockedSkin* skin;
@@ -61,15 +61,15 @@ struct Part {
   std::ptrdiff_t frames;
   std::ptrdiff_t first_palette;  ///< in the batch
   std::ptrdiff_t first_task;     ///< in the batch
-  std::ptrdiff_t tiles;          ///< a frame
+  std::ptrdiff_t tiles;          ///< per frame
 
   std::ptrdiff_t tasks() const { return frames * tiles; }
 };
 
-/// What is skinned in one parallel region.
+/// The work of one parallel region.
 struct Batch {
   std::vector<Part> parts;
-  std::vector<Palette> palettes;  ///< never fewer than were used before: they keep their memory
+  std::vector<Palette> palettes;  ///< never shrunk, so that they keep their memory
   std::ptrdiff_t palette_count = 0;
   std::ptrdiff_t task_count = 0;
   std::ptrdiff_t matrices = 0;
@@ -105,7 +105,7 @@ struct Batch {
   }
 
  private:
-  /// The last part that begins at `number` or before.
+  /// Returns the last part that begins at `number` or before.
   const Part& part_of(std::ptrdiff_t number, std::ptrdiff_t Part::*first) const {
     return *std::prev(std::ranges::upper_bound(parts, number, {}, first));
   }
@@ -116,7 +116,7 @@ struct Batch {
             part.first_frame + number - part.first_palette, palettes[number]);
   }
 
-  /// All frames of one tile come first, then the next tile: they find it in the cache.
+  /// All frames of one tile come first, then the next tile, so that the tile stays in the cache.
   void run_task(std::ptrdiff_t number) const {
     const Part& part = part_of(number, &Part::first_task);
     const BlockedSkin& skin = *part.skin;
@@ -135,8 +135,8 @@ struct Batch {
 void skin_all(std::span<const SkinningJob> jobs) {
   check(jobs);
   const SteadyInstructionSet steady;
-  // Kept from call to call, so that a frame allocates nothing. What runs in parallel does not come
-  // back here, so a thread needs one.
+  // Kept from call to call, so that a frame allocates nothing. Work that runs in parallel never
+  // re-enters this function, so a thread needs only one.
   auto& batch = per_thread<Batch>();
   batch.clear();
   for (const SkinningJob& job : jobs) {

@@ -12,7 +12,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "binary .dmat is read and written as the machine's own float64");
 
-// Of columns and of rows: what other parts of a rig can count.
+// The most columns, and the most rows: as many as other parts of a rig can count.
 constexpr long long kMostOfEither = (1LL << 31) - 1;
 
 struct Header {
@@ -20,7 +20,7 @@ struct Header {
   long long rows;
 };
 
-/// Takes the header line off `unread`, its line feed included: what follows may be binary.
+/// Removes the header line from `unread`, including its line feed: what follows may be binary.
 Header take_header(const std::string& name, std::string_view& unread) {
   const std::size_t end = std::min(unread.find('\n'), unread.size());
   const std::string_view whole = trimmed(unread.substr(0, end));
@@ -46,17 +46,17 @@ std::size_t count_words(std::string_view text) {
   return count;
 }
 
-/// Refuses a header that what is left of the file cannot fulfil, before memory is asked for.
+/// Rejects a header that promises more than the rest of the file can hold, before memory is allocated.
 void check_size(const std::string& name, Header header, std::string_view unread, bool binary) {
   // The shortest text entry is a digit and a separator, which the last may lack.
   const std::size_t most = binary ? unread.size() / sizeof(double) : (unread.size() + 1) / 2;
   if (header.rows != 0 && header.columns > static_cast<long long>(most) / header.rows) {
     ends_early(name, header, binary ? most : count_words(unread));
   }
-  // A matrix without rows may have any number of columns, and the other way round.
+  // A matrix without rows may have any number of columns, and vice versa.
   const long long longest = std::max(header.columns, header.rows);
   if (longest > kMostOfEither) {
-    fail(name, " says ", plural(header.columns, "column"), " x ", plural(header.rows, "row"), "; expected at most ",
+    fail(name, " declares ", plural(header.columns, "column"), " x ", plural(header.rows, "row"), "; expected at most ",
          grouped(kMostOfEither), " of either");
   }
 }
@@ -117,7 +117,7 @@ std::string dmat_bytes(const Path& path, const Eigen::Ref<const Eigen::MatrixXd>
   std::string bytes;
   if (binary) append_header(bytes, 0, 0);
   append_header(bytes, matrix.cols(), matrix.rows());
-  const Eigen::Index columns = matrix.rows() == 0 ? 0 : matrix.cols();  // of nothing there may be billions
+  const Eigen::Index columns = matrix.rows() == 0 ? 0 : matrix.cols();  // empty columns may be billions
   for (Eigen::Index column = 0; column < columns; ++column) {
     for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
       const double number = matrix(row, column);

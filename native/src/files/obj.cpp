@@ -8,7 +8,7 @@
 namespace sinew {
 namespace {
 
-/// The numbers of the materials by their names, as they stand in the file.
+/// The numbers of the materials by their names in the file.
 using MaterialNumbers = std::unordered_map<std::string_view, std::int32_t>;
 
 std::int32_t material_index(PolygonMesh& mesh, MaterialNumbers& numbers, std::string_view name) {

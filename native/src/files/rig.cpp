@@ -69,9 +69,9 @@ void check_weights(const Rig& rig, const RigPaths& paths) {
   }
 }
 
-/// Brings weights into 0 to 1; see read_rig. Returns how many were out of it.
+/// Clamps weights to 0 to 1; see read_rig. Returns how many were outside.
 std::ptrdiff_t clamp_weights(Eigen::MatrixXd& weights) {
-  constexpr double kRounding = 1e-7;  // of float32, about
+  constexpr double kRounding = 1e-7;  // about that of float32
   std::ptrdiff_t count = 0;
   for (Eigen::Index v = 0; v < weights.rows(); ++v) {
     auto row = weights.row(v);
@@ -87,7 +87,8 @@ std::ptrdiff_t bone_count(const RigSkeleton& skeleton) {
   return std::ranges::count_if(skeleton.weight_columns(), [](auto column) { return column >= 0; });
 }
 
-/// A joint without weights has a matrix too, of which the file says nothing: a small file could ask for any memory.
+/// A joint without weights also gets a matrix, which is not in the file: a small file could require any amount of
+/// memory.
 void check_animation_size(const Path& path, std::ptrdiff_t frames, std::ptrdiff_t bones, std::ptrdiff_t joints) {
   constexpr std::ptrdiff_t kMostJointsPerBone = 16, kAlwaysFits = 1 << 20;
   if (joints <= kMostJointsPerBone * bones || frames <= kAlwaysFits / joints) return;
@@ -96,7 +97,7 @@ void check_animation_size(const Path& path, std::ptrdiff_t frames, std::ptrdiff_
 }
 
 /// `skeleton` has passed check_rig: its weight columns are 0 to bones - 1, each once.
-/// A frame is, column-major, a (4 * bones) x 3 matrix that stacks the transposed 3x4 matrices.
+/// A frame is a column-major (4 * bones) x 3 matrix that stacks the transposed 3x4 matrices.
 MatrixClip unpack_animation(const Path& path, const Eigen::MatrixXd& table, const RigSkeleton& skeleton) {
   const auto& columns = skeleton.weight_columns();
   const std::ptrdiff_t bones = bone_count(skeleton);

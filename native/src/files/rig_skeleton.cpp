@@ -11,7 +11,7 @@
 namespace sinew {
 namespace {
 
-/// R(j) of joints that have no rest rotation: a translation from the parent's head to the own.
+/// Returns R(j) of joints without a rest rotation: a translation from the parent's head to the joint's own.
 std::vector<Matrix4<double>> rest_from_heads(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads) {
   const auto count = static_cast<std::int32_t>(parents.size());
   if (heads.rows() != count) {
@@ -20,7 +20,7 @@ std::vector<Matrix4<double>> rest_from_heads(std::span<const std::int32_t> paren
   std::vector<Matrix4<double>> rest(count, Matrix4<double>::Identity());
   for (std::int32_t j = 0; j < count; ++j) {
     Eigen::Vector3d offset = heads.row(j);
-    // A parent out of range is for Skeleton to report.
+    // Skeleton reports a parent that is out of range.
     if (parents[j] >= 0 && parents[j] < count) offset -= heads.row(parents[j]);
     rest[j].topRightCorner<3, 1>() = offset;
   }
@@ -35,8 +35,8 @@ std::vector<std::string> usable_names(std::vector<std::string> names, std::size_
   return names;
 }
 
-/// What may stand after the fifth field of a .bf line and be read back as a joint's name: text that
-/// is neither a sixth number nor a comment.
+/// Whether text after the fifth field of a .bf line is read back as a joint's name: it must be neither
+/// a sixth number nor a comment.
 bool is_name(std::string_view text) {
   if (text != trimmed(text) || text.find('\n') != text.npos || text.starts_with('#')) return false;
   const std::string_view first = next_word(text);
@@ -78,7 +78,8 @@ Convention detected(std::span<const std::int32_t> parents, std::span<const std::
   return Convention::joint;
 }
 
-/// Where a joint's bone is drawn to when only joints are known: to the children, or on past a leaf.
+/// Returns where each joint's bone is drawn to when only joints are known: the mean of the children, or for a leaf a
+/// point farther on.
 Eigen::MatrixX3d tails_from_children(std::span<const std::int32_t> parents, const Eigen::MatrixX3d& heads) {
   Eigen::MatrixX3d tails = Eigen::MatrixX3d::Zero(heads.rows(), 3);
   std::vector<int> children(parents.size(), 0);
@@ -103,7 +104,7 @@ RigSkeleton read_bone_forest(const Path& path, std::optional<Convention> wanted)
   LineReader file(path);
   BoneForest forest = read_rows(file);
   return naming(path, [&] {
-    // Skeleton checks the parents, after which positions can be summed down the tree.
+    // Skeleton checks the parents; then positions can be summed down the tree.
     std::vector<Matrix4<double>> rest(forest.count(), Matrix4<double>::Identity());
     for (std::int32_t j = 0; j < forest.count(); ++j) {
       rest[j].topRightCorner<3, 1>() = forest.offsets[j];
@@ -190,7 +191,7 @@ void append_row(std::string& text, const Eigen::RowVector3d& point) {
 }
 
 /// In the bone convention a bone starts where its parent's ends; a file that stores each joint once
-/// can say nothing else.
+/// cannot represent anything else.
 void check_connected(const Path& path, const RigSkeleton& skeleton) {
   for (std::ptrdiff_t j = 0; j < skeleton.joint_count(); ++j) {
     const auto parent = skeleton.parents()[j];
@@ -238,7 +239,7 @@ std::string trivial_graph_text(const Path& path, const RigSkeleton& skeleton) {
   }
   check_connected(path, skeleton);
   const auto count = static_cast<std::int32_t>(skeleton.joint_count());
-  // Joint number of each bone's end; the joints that roots start from come first.
+  // Joint number of each bone's end; the joints at which root bones start come first.
   std::vector<Eigen::RowVector3d> joints;
   std::vector<std::int32_t> start(count);
   for (std::int32_t bone = 0; bone < count; ++bone) {
@@ -309,7 +310,7 @@ RigSkeleton read_skeleton(const Path& path, std::optional<Convention> convention
   if (ending(path) == ".bf") return read_bone_forest(path, convention);
   if (convention == Convention::joint) {
     fail(shown(path.filename()),
-         " is in the bone convention, like every .tgf file; the joint convention was asked for");
+         " is in the bone convention, like every .tgf file; the joint convention was requested");
   }
   return read_trivial_graph(path);
 }

@@ -1,4 +1,4 @@
-/// Writing files so that a failure leaves what was there: whole files, and several of them together.
+/// Writes one or several files completely or not at all: a failure leaves the existing files as they were.
 #pragma once
 
 #include <filesystem>
@@ -12,8 +12,8 @@ namespace sinew {
 
 struct PolygonMesh;
 
-/// Each is written to a neighbour with a name of its own, so that two programs may write the same file, and goes to
-/// its place when all are written. What has not gone there is removed at the end.
+/// Each file is first written beside its destination under a unique name, so that two programs may write the same file,
+/// and is moved to its destination when all are written. The destructor removes files that have not been moved.
 class FilesToWrite {
  public:
   FilesToWrite() = default;
@@ -23,7 +23,7 @@ class FilesToWrite {
   /// Throws InputError, naming `path`, if it cannot be written or is a folder.
   void add(const std::filesystem::path& path, std::string_view bytes);
 
-  /// Throws InputError, naming the file that could not go to its place.
+  /// Moves the files to their destinations. Throws InputError, naming the file that could not be moved.
   void replace();
 
  private:
@@ -33,10 +33,10 @@ class FilesToWrite {
   std::vector<File> files_;
 };
 
-/// One file.
+/// Writes one file.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
-// What the files hold. Throw InputError, naming the file, for what its format cannot hold.
+// These return the contents of files. They throw InputError, naming the file, for what its format cannot hold.
 std::string dmat_bytes(const std::filesystem::path& path, const Eigen::Ref<const Eigen::MatrixXd>& matrix, bool binary);
 std::string obj_text(const PolygonMesh& mesh);
 std::string skeleton_text(const std::filesystem::path& path, const RigSkeleton& skeleton);

@@ -1,4 +1,4 @@
-/// Faces that callers give, checked.
+/// Checks and visits the faces that callers pass.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ inline void check_vertices(const char* name, std::span<const std::int32_t> numbe
   }
 }
 
-/// Where each face's corners begin, and where the last one's end; empty if there are none.
+/// Checks where each face's corners begin, and where the last face's end; empty if there are no faces.
 inline void check_face_offsets(std::span<const std::int32_t> offsets, std::ptrdiff_t corners) {
   if (offsets.empty() && corners == 0) return;
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners) {

@@ -8,10 +8,10 @@
 namespace sinew {
 namespace {
 
-// A point's place counted in floats, four a point, has to fit 32 bits; some points are for padding.
+// A point's index in floats, four per point, has to fit in 32 bits; some points are padding.
 constexpr std::ptrdiff_t kMostVertices = std::ptrdiff_t{1} << 29;
 
-/// How often each of `vertices` numbers occurs, summed up: where each one's entries begin.
+/// Returns where the entries of each of `vertices` vertices begin: running sums of how often each number occurs.
 std::vector<std::uint32_t> beginnings(std::span<const std::int32_t> numbers, std::ptrdiff_t vertices) {
   std::vector<std::uint32_t> begin(static_cast<std::size_t>(vertices) + 1);
   for (const std::int32_t v : numbers) ++begin[v + 1];
@@ -72,8 +72,8 @@ void Topology::take_faces(std::span<const std::int32_t> face_offsets, std::span<
 
 void Topology::find_boundary(std::span<const std::int32_t> edges, std::span<const std::int32_t> face_offsets,
                              std::span<const std::int32_t> corner_vertices) {
-  // An edge is found at that of its ends which has fewer of them.
-  std::vector<std::uint32_t> edge_at(edges.size());  // beside neighbours_
+  // An edge is looked up at the end that has fewer edges.
+  std::vector<std::uint32_t> edge_at(edges.size());  // parallel to neighbours_
   std::vector<std::uint32_t> at(neighbour_begin_.begin(), neighbour_begin_.end() - 1);
   for (std::size_t i = 0; i < edges.size(); ++i) {
     edge_at[at[edges[i]]++] = static_cast<std::uint32_t>(i / 2);

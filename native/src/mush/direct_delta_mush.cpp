@@ -49,7 +49,7 @@ void check_arrays(const Skin& skin, const MushArrays& arrays) {
   check_count("centers", arrays.centers.size(), 3 * vertices);
   check_count("scales", arrays.scales.size(), vertices);
   if (!std::ranges::is_sorted(arrays.offsets) || arrays.offsets.front() != 0 || arrays.offsets.back() != entries) {
-    fail("offsets does not rise from 0 to ", grouped(entries), ", the number of joints");
+    fail("offsets does not increase from 0 to ", grouped(entries), ", the number of joints");
   }
   for (const std::int32_t joint : arrays.joints) {
     if (joint >= 0 && joint < skin.joint_count()) continue;

@@ -31,8 +31,8 @@ struct Group {
   std::uint32_t joint_count;
 };
 
-/// Sums over the joints of a group. Points are relative to what the first joint makes of the center, so that what
-/// all joints do alike costs no digits.
+/// Sums over the joints of a group. Points are relative to the center as moved by the first joint, so that motion that
+/// all joints share costs no precision.
 template <int variant>
 struct Sums {
   static constexpr bool kFull = variant < 2, kColumn = variant < 4, kMatrix = variant == 3 || variant == 5;
@@ -59,7 +59,7 @@ struct Sums {
 
   Floats center[3];
   Floats place[3];   ///< q
-  Floats matrix[9];  ///< A - q p^T, up to a factor; or the joints' matrices, or quaternions (w x y z), blended
+  Floats matrix[9];  ///< A - q p^T, up to a factor; or the blended matrices or quaternions (w x y z) of the joints
 
  private:
   HWY_INLINE Floats moved(const float* row) const {
@@ -94,7 +94,7 @@ struct Sums {
     }
   }
 
-  /// With the sign that brings it to the side of the sum so far.
+  /// Adds a rotation with the sign that puts it on the same side as the sum so far.
   HWY_INLINE void add_rotation(const DualQuaternion& joint, const float* omega) {
     Floats parts[4], dot = hn::Zero(kTag);
     for (int i = 0; i < 4; ++i) {
@@ -109,7 +109,7 @@ struct Sums {
   Floats origin[3], first[3];
 };
 
-/// Lanes that are not sure, one by one.
+/// Computes the lanes that are not sure, one by one.
 HWY_INLINE void turn_slowly(Mask sure, const Floats* matrix, const Floats* vector, Floats* out) {
   HWY_ALIGN float matrices[9 * kLanes];
   HWY_ALIGN float vectors[3 * kLanes];
@@ -168,7 +168,7 @@ HWY_INLINE Mask turn_by_inverse_transpose(const Floats* matrix, const float* ver
   return hn::And(hn::Gt(size, hn::Set(kTag, 1e-24f)), hn::Gt(squares, hn::Set(kTag, 1e-30f)));
 }
 
-/// rest, positions  kLanes points, x y z a vertex.
+/// rest, positions  kLanes points, x y z per vertex.
 template <int variant>
 HWY_INLINE void run_group(const Group& group, const MatrixRows* palette, const DualQuaternion* rotations,
                           const float* rest, float* positions) {
@@ -191,7 +191,7 @@ HWY_INLINE void run_group(const Group& group, const MatrixRows* palette, const D
   } else {
     const Quaternions<Floats> q{sums.matrix[0], sums.matrix[1], sums.matrix[2], sums.matrix[3]};
     turn(normalized(kTag, q), offset, turned);
-    // Rotations that cancel: no direction is right.
+    // Where rotations cancel, no direction is right.
     const Floats norm2 = hn::MulAdd(q.w, q.w, sum_of_products(q.x, q.x, q.y, q.y, q.z, q.z));
     const Mask usable = hn::Gt(norm2, hn::Set(kTag, 1e-30f));
     for (int axis = 0; axis < 3; ++axis) turned[axis] = hn::IfThenElse(usable, turned[axis], offset[axis]);

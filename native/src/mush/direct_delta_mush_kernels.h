@@ -1,4 +1,4 @@
-/// Direct delta mush, a frame and a tile at a time.
+/// Direct delta mush, one frame and one tile at a time.
 #pragma once
 
 #include "mush/packed_mush.h"
@@ -11,8 +11,8 @@ namespace sinew {
 void direct_delta_mush_blocks(const DirectDeltaMush::Packed& mush, const Tile& tile, const MatrixRows* palette,
                               const DualQuaternion* rotations);
 
-/// vector, turned by the rotation nearest to `matrix`, 3 x 3, row by row; by none if that is nothing. The slow way,
-/// for any matrix.
+/// Turns `vector` by the rotation nearest to `matrix`, 3 x 3, row by row; does not turn it if the matrix is 0. Slow,
+/// but works for any matrix.
 void turn_by_nearest_rotation(const float* matrix, const float* vector, float* out);
 
 }  // namespace sinew

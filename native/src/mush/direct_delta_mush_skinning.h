@@ -1,4 +1,4 @@
-/// Direct delta mush, a frame and a tile at a time.
+/// Direct delta mush, one frame and one tile at a time.
 #pragma once
 
 #include "sinew/direct_delta_mush.h"
@@ -12,7 +12,7 @@ namespace sinew {
 void prepare_direct_delta_mush(const BlockedSkin& skin, const DirectDeltaMush& mush, MatrixStack<const float> matrices,
                                std::ptrdiff_t frame, Palette& palette);
 
-/// Of the tile's data.
+/// Uses the tile's data.
 void run_direct_delta_mush(const Palette& palette, const Tile& tile);
 
 }  // namespace sinew

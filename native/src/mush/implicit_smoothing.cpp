@@ -19,7 +19,7 @@ std::vector<double> chebyshev_coefficients(double strength, int iterations, doub
     const double x = std::cos((static_cast<double>(m) + 0.5) * std::numbers::pi / n);
     values[m] = std::pow(1 + strength * largest / 2 * (1 + x), -iterations);
   }
-  // cos(k (m + 1/2) pi / n), of which there are 4 n.
+  // cos(k (m + 1/2) pi / n), which takes at most 4 n different values.
   std::vector<double> cosines(4 * count);
   for (std::size_t i = 0; i < cosines.size(); ++i) {
     cosines[i] = std::cos(static_cast<double>(i) * std::numbers::pi / (2 * n));
@@ -39,7 +39,7 @@ std::vector<double> smoothing_polynomial(double strength, int iterations, double
     auto coefficients = chebyshev_coefficients(strength, iterations, largest, count);
     const auto half = coefficients.begin() + static_cast<std::ptrdiff_t>(count / 2);
     if (std::any_of(half, coefficients.end(), [](double c) { return std::abs(c) > kTail; })) continue;
-    // Nothing may have been looked at where it is steep: a constant has to stay one.
+    // The samples may have missed the steep part, so check that a constant field stays constant.
     double constant = 0;
     for (std::size_t k = 0; k < count; ++k) constant += k % 2 == 0 ? coefficients[k] : -coefficients[k];
     if (std::abs(constant - 1) > 1e-11) continue;

@@ -9,7 +9,7 @@
 namespace sinew {
 namespace {
 
-/// L, entry by entry; what has the same row and column is added up.
+/// L, entry by entry; entries with the same row and column are added up.
 class Entries {
  public:
   explicit Entries(std::size_t vertices) : diagonal_(vertices) {}
@@ -21,7 +21,7 @@ class Entries {
     entries_.push_back({b, a, value});
   }
 
-  /// once  entries of the same edge count as one.
+  /// Returns D^-1 L. once  entries of the same edge count as one.
   Laplacian normalised(bool once) {
     std::ranges::stable_sort(
         entries_, [](const Entry& a, const Entry& b) { return a.row != b.row ? a.row < b.row : a.column < b.column; });
@@ -64,8 +64,8 @@ class Entries {
       result.columns.resize(first);
       result.values.resize(first);
     } else {
-      // Gershgorin; and what each triangle adds has no eigenvalue beyond 3 relative to its own diagonal, for three
-      // that are not negative add up to 3.
+      // Gershgorin; and a triangle's contribution has no eigenvalue above 3 relative to its own diagonal, since its
+      // three eigenvalues are not negative and add up to 3.
       result.largest = std::max(result.largest, std::min(sum, 3.0));
     }
     result.begin.push_back(static_cast<std::uint32_t>(result.columns.size()));
@@ -75,9 +75,9 @@ class Entries {
   std::vector<Entry> entries_;
 };
 
-/// A Gram matrix of the sides: -cot / 2 off the diagonal. Written so, it keeps its sign however thin the triangle.
+/// Adds a Gram matrix of the sides: -cot / 2 off the diagonal. Written so, it keeps its sign however thin the triangle.
 void add_triangle(std::span<const float> positions, const std::array<std::int32_t, 3>& corners, Entries& entries) {
-  constexpr double kNoArea = 1e-12;  // over the longest side squared
+  constexpr double kNoArea = 1e-12;  // relative to the longest side squared
   Eigen::Vector3d points[3], sides[3];
   for (int i = 0; i < 3; ++i) points[i] = Eigen::Map<const Eigen::Vector3f>(&positions[3 * corners[i]]).cast<double>();
   double longest = 0;

@@ -1,4 +1,4 @@
-/// The Laplacian of a mesh, for smoothing what its vertices carry.
+/// The Laplacian of a mesh, for smoothing values at its vertices.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace sinew {
 
-/// D^-1 L, row by row: L is symmetric with rows that sum to zero, D its positive diagonal. On the diagonal
-/// there is 1. A vertex without faces has an empty row, zero on the diagonal too.
+/// D^-1 L, row by row: L is symmetric with rows that sum to zero, D its positive diagonal. The diagonal is 1,
+/// but a vertex without faces has an empty row, whose diagonal is 0, too.
 struct Laplacian {
   std::vector<std::uint32_t> begin;    ///< V + 1: where the entries of each row begin
   std::vector<std::uint32_t> columns;  ///< ascending in each row, without the diagonal
@@ -21,9 +21,9 @@ struct Laplacian {
   bool has_neighbours(std::size_t v) const { return begin[v] != begin[v + 1]; }
 };
 
-/// positions, face_offsets, face_vertices  as DirectDeltaMush takes them, checked.
-/// Cotangents: of the triangles into which the fan around its first corner cuts a polygon. A triangle without an
-/// area counts as an equilateral one.
+/// positions, face_offsets, face_vertices  as in DirectDeltaMush, already checked.
+/// Cotangents are those of the triangles in the fan around a polygon's first corner. A triangle without area counts as
+/// an equilateral one.
 Laplacian laplacian(std::span<const float> positions, std::span<const std::int32_t> face_offsets,
                     std::span<const std::int32_t> face_vertices, LaplacianKind kind);
 

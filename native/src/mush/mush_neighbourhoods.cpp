@@ -7,7 +7,7 @@
 namespace sinew {
 namespace {
 
-// What is smoothed fades out with the distance; where it has come down to this it is cut off.
+// A smoothed field fades out with the distance; below this it is cut off.
 constexpr double kFaded = 1e-9;
 
 Eigen::Vector3d point_of(const Skin& skin, std::size_t v) {
@@ -37,12 +37,12 @@ MushNeighbourhoods::MushNeighbourhoods(const Skin& skin, const Laplacian& laplac
       laplacian_(laplacian),
       shape_(smoothing_polynomial(settings.smoothing, settings.iterations, laplacian.largest)),
       weights_(smoothing_polynomial(settings.weight_smoothing, settings.iterations, laplacian.largest)) {
-  // Smoothing is a walk of so many steps; it gets some times the root of their number far.
+  // Smoothing is a random walk of this many steps; it reaches a few times the square root of their number.
   const double steps = std::max(settings.smoothing, settings.weight_smoothing) * settings.iterations;
   rings_ = static_cast<std::size_t>(8 + 5 * std::sqrt(steps));
 }
 
-/// The vertices of the field and `rings` rings of neighbours. False if there are no more.
+/// Collects the vertices of the field and `rings` rings of neighbours. Returns false if there are no more beyond.
 bool MushNeighbourhoods::grow(Space& space, const WeightField& field, std::size_t rings) const {
   auto& found = space.vertices;
   found = field.vertices;

@@ -1,4 +1,4 @@
-/// The neighbourhoods that direct delta mush smooths over, joint by joint.
+/// The neighbourhoods over which direct delta mush smooths, joint by joint.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,14 +14,14 @@
 
 namespace sinew {
 
-/// A joint's share in a vertex's neighbourhood: a field of weights w and of w u u^T, smoothed.
+/// A joint's share in a vertex's neighbourhood: the smoothed fields of weights w and of w u u^T.
 struct Moments {
-  Eigen::Matrix3d second;  ///< about the origin that was asked for
+  Eigen::Matrix3d second;  ///< about the current origin
   Eigen::Vector3d first;
   double weight;           ///< by MushSettings::smoothing
   double smoothed_weight;  ///< by weight_smoothing
 
-  /// about  relative to the origin so far.
+  /// Returns the moments about another origin. about  relative to the current origin.
   Moments moved_to(const Eigen::Vector3d& about) const;
 };
 
@@ -31,7 +31,7 @@ struct WeightField {
   std::vector<double> weights;
 };
 
-/// Smooths one field after the other; several threads may use one at once.
+/// Smooths one field after the other; several threads may use one object at once.
 class MushNeighbourhoods {
  public:
   MushNeighbourhoods(const Skin& skin, const Laplacian& laplacian, const MushSettings& settings);
@@ -39,13 +39,13 @@ class MushNeighbourhoods {
   struct Smoothed {
     std::span<const std::uint32_t> vertices;  ///< ascending: those that the field reaches
     Eigen::Vector3d origin;
-    const double* fields;  ///< kFields a vertex
+    const double* fields;  ///< kFields per vertex
 
     Moments at(std::size_t i) const;
   };
 
-  /// Calls take(Smoothed) with what becomes of a field.
-  /// progress  advanced by a step for each vertex of the field; or null.
+  /// Smooths a field and calls take(Smoothed) with the result.
+  /// progress  advanced by one step per vertex of the field; or null.
   template <class Take>
   void smooth(const WeightField& field, Progress* progress, const Take& take) {
     const auto space = spaces_.take([&] { return std::make_unique<Space>(skin_.vertex_count()); });
@@ -53,7 +53,7 @@ class MushNeighbourhoods {
   }
 
  private:
-  /// What one smoothing needs.
+  /// The memory for one smoothing.
   struct Space {
     explicit Space(std::ptrdiff_t count) : number_of(static_cast<std::size_t>(count), -1) {}
     std::vector<std::int32_t> number_of;  ///< -1 between smoothings

@@ -13,29 +13,29 @@
 namespace sinew {
 namespace {
 
-// Less of all weights than this, and nothing says how a vertex moves.
+// If a vertex gets less than this of all weights, its motion is undetermined.
 constexpr double kReached = 1e-6;
-// A neighbourhood of which the shorter two of three extents are less than this part of all is a line.
+// A neighbourhood is a line if the two shorter of its three extents are less than this fraction of the whole.
 constexpr double kLine = 1e-4;
-// What a line gets of a ball in addition, or a point in place of nothing; and all that has to have an inverse.
+// The share of a ball that is added to a line, or to a point, which has no extent; and to any that must be inverted.
 constexpr double kBall = 1e-3;
-// A neighbourhood no longer than this is a point: the first moment over the second would be too large for a float.
+// A neighbourhood no larger than this is a point: the first moment over the second would be too large for a float.
 constexpr double kSmallest = std::numeric_limits<float>::min();
-// Of MushSettings::prune: an entry that is not even worth a closer look.
+// Fraction of MushSettings::prune below which an entry is dropped at once.
 constexpr double kNothing = 1e-3;
 
-/// What a vertex's neighbourhood is when all joints are taken together.
+/// A vertex's neighbourhood with all joints taken together.
 struct Whole {
   bool is_reached = false;
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< p
   double weight = 0;                                 ///< of the moments
   double share = 0;                                  ///< the last entry of the sum of Omega
-  double extent = 0;                                 ///< trace of the second moment about p, over the weight
+  double extent = 0;                                 ///< trace of the second moment about p, divided by weight
   bool is_point = false, is_line = false;
   double leverage = 0;  ///< how far a turn of the neighbourhood by its own extent moves the vertex
 };
 
-/// One joint's in one vertex, in the units of its Whole.
+/// One joint's share in one vertex's neighbourhood, in the units of its Whole.
 struct Entry {
   std::uint32_t vertex;
   std::int32_t joint;
@@ -66,7 +66,7 @@ class Precomputation {
     for (const WeightField& field : fields) work += field.vertices.size();
     if (progress_) progress_->start(static_cast<std::int64_t>(work));
     measure_wholes();
-    // The largest first, so that no thread is left with one at the end.
+    // The largest first, so that no thread still has a large one to do at the end.
     std::vector<std::size_t> order(fields.size());
     std::iota(order.begin(), order.end(), 0);
     std::ranges::stable_sort(order, std::greater(), [&](std::size_t j) { return fields[j].vertices.size(); });
@@ -182,7 +182,7 @@ class Precomputation {
     return second;
   }
 
-  /// How far, at most, the vertex is off without this entry, as a part of how far joints move it apart.
+  /// Returns the largest error of the vertex without this entry, as a fraction of the spread of its joints' motions.
   double importance_of(const Entry& entry) const {
     const double leverage = wholes_[entry.vertex].leverage;
     const double first = Eigen::Map<const Eigen::Vector3f>(entry.first).cast<double>().norm();
@@ -224,7 +224,7 @@ class Precomputation {
   Progress* progress_;
   MushNeighbourhoods neighbourhoods_;
   std::vector<Whole> wholes_;
-  std::vector<std::atomic<std::uint64_t>> dropped_;  // importance of what was dropped of each vertex so far
+  std::vector<std::atomic<std::uint64_t>> dropped_;  // per vertex: the importance of what was dropped so far
   double diagonal_ = 0;
 };
 
@@ -242,7 +242,7 @@ void Precomputation::take_vertex(std::size_t v, std::span<const Entry*> entries,
   std::ranges::sort(kept, {}, &Entry::joint);
   arrays.pruned = std::max(arrays.pruned, dropped);
 
-  // What is left has a center and a sum of its own.
+  // The remaining entries have a center and a sum of their own.
   double weight = 0, share = 0;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Entry* entry : kept) {

@@ -1,4 +1,4 @@
-/// What direct delta mush computes before the first frame.
+/// The computation that direct delta mush does before the first frame.
 #pragma once
 
 #include "mush/laplacian.h"
@@ -8,7 +8,7 @@
 
 namespace sinew {
 
-/// settings  checked. Throws as DirectDeltaMush does.
+/// settings  already checked. Throws as DirectDeltaMush does.
 MushArrays precompute_mush(const Skin& skin, const Laplacian& laplacian, const MushSettings& settings,
                            Progress* progress);
 

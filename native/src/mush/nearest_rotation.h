@@ -15,7 +15,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// w x y z a lane.
+/// w x y z per lane.
 template <class V>
 struct Quaternions {
   V w, x, y, z;
@@ -31,7 +31,7 @@ HWY_INLINE V difference_of_products(V a, V b, V c, V d) {  // a b - c d
   return hn::MulSub(a, b, hn::Mul(c, d));
 }
 
-/// a, row by row -> its cofactors; adj(a) transposed.
+/// Computes the cofactors of a, row by row: adj(a) transposed.
 template <class V>
 HWY_INLINE void cofactors(const V* a, V* out) {
   for (int i = 0; i < 3; ++i) {
@@ -42,7 +42,7 @@ HWY_INLINE void cofactors(const V* a, V* out) {
   }
 }
 
-/// t q of a unit quaternion, t being a vector: t + 2 (w r x t + r x (r x t)).
+/// Turns a vector t by a unit quaternion q: t + 2 (w r x t + r x (r x t)).
 template <class V>
 HWY_INLINE void turn(const Quaternions<V>& q, const V* t, V* out) {
   const V ux = difference_of_products(q.y, t[2], q.z, t[1]), uy = difference_of_products(q.z, t[0], q.x, t[2]),
@@ -62,8 +62,8 @@ HWY_INLINE Quaternions<V> normalized(D d, const Quaternions<V>& q) {
   return {hn::Mul(q.w, scale), hn::Mul(q.x, scale), hn::Mul(q.y, scale), hn::Mul(q.z, scale)};
 }
 
-/// The largest root of the characteristic polynomial of Horn's matrix, of a with norm 1: the trace of R^T a. Newton's
-/// iteration from above, which cannot miss it.
+/// Returns the largest root of the characteristic polynomial of Horn's matrix, for a with norm 1: the trace of R^T a.
+/// Uses Newton's iteration from above, which cannot miss it.
 template <class D, class V>
 HWY_INLINE V largest_trace(D d, const V* a) {
   V c[9];
@@ -81,13 +81,13 @@ HWY_INLINE V largest_trace(D d, const V* a) {
     const V value = hn::Add(hn::MulSub(square, less, hn::Mul(eight_det, root)), constant);
     const V slope = hn::MulSub(hn::Mul(four, root), hn::Sub(square, one), eight_det);
     const V step = hn::Div(value, slope);
-    // Two roots that are one: the slope is nothing, and so is the value.
+    // At a double root the slope is 0, and so is the value.
     root = hn::Sub(root, hn::IfThenElseZero(hn::Gt(slope, hn::Set(d, 1e-6f)), step));
   }
   return root;
 }
 
-/// The eigenvector of Horn's matrix: a column of the adjugate of what is left without the eigenvalue, the longest.
+/// Returns the eigenvector of Horn's matrix: the longest column of the adjugate of the matrix minus the eigenvalue.
 template <class D, class V>
 HWY_INLINE Quaternions<V> eigenvector(D d, const V* a, V value) {
   const V n00 = hn::Sub(hn::Add(a[0], hn::Add(a[4], a[8])), value);
@@ -123,14 +123,15 @@ HWY_INLINE Quaternions<V> eigenvector(D d, const V* a, V value) {
   take(b11, {b01, b11, b12, b13});
   take(b22, {b02, b12, b22, b23});
   take(b33, {b03, b13, b23, b33});
-  // Brought to a length whose square is a number, however near the eigenvalues are.
+  // Scaled so that the squared length does not underflow, however near the eigenvalues are.
   const V scale = hn::Div(hn::Set(d, 1.0f), hn::Max(longest, hn::Set(d, 1e-30f)));
   return normalized(d,
                     Quaternions<V>{hn::Mul(q.w, scale), hn::Mul(q.x, scale), hn::Mul(q.y, scale), hn::Mul(q.z, scale)});
 }
 
-/// One step of Newton's iteration for the largest trace of R^T a, on the tangent space of the rotations. Lanes are
-/// sure where it was small, to the square of what is left, and where R^T a is that of a maximum, of which there is one.
+/// Does one step of Newton's iteration for the largest trace of R^T a, on the tangent space of the rotations. Lanes are
+/// sure if the step was small, so that its square is left as the error, and if R^T a is at a maximum, of which there is
+/// only one.
 template <class D, class V>
 HWY_INLINE hn::Mask<D> refine(D d, const V* a, float small, Quaternions<V>& q) {
   V s[9];  // R^T a, column by column: q conjugated turns each column of a
@@ -169,8 +170,8 @@ HWY_INLINE hn::Mask<D> refine(D d, const V* a, float small, Quaternions<V>& q) {
   return hn::And(positive, hn::Lt(step2, hn::Set(d, small)));
 }
 
-/// q turns as the rotation nearest to a, 3 x 3, row by row. Lanes that are not sure have to be looked at with more
-/// digits: a is nearly of rank one, nearly a reflection or nothing at all.
+/// Computes q, the rotation nearest to a, 3 x 3, row by row. Lanes that are not sure have to be computed with more
+/// digits: there a is nearly of rank one, nearly a reflection, or 0.
 template <class D, class V>
 HWY_INLINE hn::Mask<D> nearest_rotation(D d, const V* a, Quaternions<V>& q) {
   V squares = hn::Zero(d);

@@ -1,4 +1,4 @@
-/// Direct delta mush as its kernels read it.
+/// Direct delta mush in the form that its kernels read.
 #pragma once
 
 #include <cstdint>
@@ -10,9 +10,10 @@
 
 namespace sinew {
 
-/// Vertices in blocks as in BlockedSkin, each number of a block's sixteen vertices together, in their order.
+/// Vertices in blocks as in BlockedSkin; the same number of a block's sixteen vertices is stored together, in their
+/// order.
 struct DirectDeltaMush::Packed {
-  /// arrays  checked.
+  /// arrays  already checked.
   Packed(const MushArrays& arrays, std::ptrdiff_t joint_count);
 
   struct Block {
@@ -23,19 +24,19 @@ struct DirectDeltaMush::Packed {
 
   MushArrays arrays() const;
   std::size_t bytes() const;
-  /// Of a block's part of `vertices`: center, scale; and with variant 1 the sum of the second moments.
+  /// How many numbers of `vertices` a vertex has: center, scale; and with variant 1 the sum of the second moments.
   std::size_t vertex_width() const { return variant == 1 ? 10 : 4; }
 
   bool blends_quaternions() const { return variant == 2 || variant == 4; }
 
   int variant;
-  std::uint32_t identity_joint;  ///< moves what nothing moves
+  std::uint32_t identity_joint;  ///< of vertices that no joint moves
   std::ptrdiff_t vertex_count;
   std::vector<Block> blocks;
-  /// The block's, first the one that moves its vertices most: the sums are taken relative to it.
+  /// Each block's joints, first the one that moves its vertices most: the sums are relative to it.
   std::vector<std::uint32_t> joints;
-  Aligned<float> omega;     ///< a block and joint: width_of(variant) x 16
-  Aligned<float> vertices;  ///< a block: vertex_width() x 16
+  Aligned<float> omega;     ///< per block and joint: width_of(variant) x 16
+  Aligned<float> vertices;  ///< per block: vertex_width() x 16
 
  private:
   void take_block(const MushArrays& arrays, std::size_t b);

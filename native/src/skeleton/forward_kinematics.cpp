@@ -7,13 +7,13 @@
 namespace sinew {
 namespace {
 
-// A range of work should outweigh the few microseconds that it costs to hand it to another thread.
+// A range of work should outweigh the few microseconds that handing it to another thread takes.
 constexpr std::ptrdiff_t kJointsPerTask = 1024;
 
-// What a joint costs one thread, about.
+// The approximate cost of a joint on one thread.
 constexpr double kMicroseconds = 0.011;
 
-// With so many frames for each thread, frames alone keep all of them busy.
+// With this many frames per thread, frames alone keep all threads busy.
 constexpr std::ptrdiff_t kFramesAThread = 4;
 
 std::ptrdiff_t grain_of(std::ptrdiff_t joints_an_item) {
@@ -32,8 +32,8 @@ void check_shapes(const Skeleton& skeleton, MatrixStack<const T> in, std::ptrdif
   }
 }
 
-/// One matrix of a stack; `Packed`: its numbers lie column after column without gaps, which the
-/// compiler can use.
+/// Returns one matrix of a stack. `Packed`: its numbers are column after column without gaps, which the
+/// compiler can exploit.
 template <bool Packed, class T>
 auto element(MatrixStack<T> stack, std::ptrdiff_t frame, std::ptrdiff_t joint) {
   if constexpr (Packed) {
@@ -44,7 +44,7 @@ auto element(MatrixStack<T> stack, std::ptrdiff_t frame, std::ptrdiff_t joint) {
   }
 }
 
-/// These joints of one frame; those of their parents that are not among them are done.
+/// Poses these joints of one frame; parents that are not among them must already be posed.
 template <bool Packed, class T>
 void pose_joints(const Skeleton& skeleton, MatrixStack<const T> local, MatrixStack<T> world, std::ptrdiff_t frame,
                  std::span<const std::int32_t> joints) {
@@ -87,7 +87,7 @@ void forward_kinematics(const Skeleton& skeleton, MatrixStack<const T> local, Ma
   } else if (frames_suffice || groups == 1) {
     pose_frames(skeleton.order(), grain_of(joints));
   } else {
-    // The trunk of each frame first; all groups of all frames are then independent.
+    // First the trunk of each frame; then all groups of all frames are independent.
     const auto trunk = order.first(begins.front());
     pose_frames(trunk, grain_of(std::ssize(trunk)));
     const std::ptrdiff_t grain = grain_of(joints / groups);

@@ -19,7 +19,7 @@ void check_parents(std::span<const std::int32_t> parents) {
   }
 }
 
-/// Children of every joint as one list with offsets; entry 0 holds the roots, entry j + 1 the
+/// The children of every joint as one list with offsets; entry 0 holds the roots, entry j + 1 the
 /// children of joint j, each in ascending order.
 struct Children {
   std::vector<std::int32_t> begin;
@@ -83,14 +83,14 @@ void Skeleton::put_in_order() {
   for (auto i = children.begin[0]; i < children.begin[1]; ++i) {
     append_subtree(children, children.joints[i], all);
   }
-  if (all.size() < parents_.size()) {  // what no root leads to hangs on a cycle
+  if (all.size() < parents_.size()) {  // joints not reached from a root depend on a cycle
     std::vector<bool> reached(parents_.size(), false);
     for (const std::int32_t j : all) reached[j] = true;
     const auto lost = std::ranges::find(reached, false) - reached.begin();
     fail("joint ", lost, " is its own ancestor: its chain of parents is a cycle");
   }
 
-  std::vector<std::int32_t> size(parents_.size(), 1);  // of the subtree, itself included
+  std::vector<std::int32_t> size(parents_.size(), 1);  // of the subtree, including the joint itself
   for (auto j = all.rbegin(); j != all.rend(); ++j) {
     if (parents_[*j] >= 0) size[parents_[*j]] += size[*j];
   }
@@ -114,7 +114,7 @@ void Skeleton::put_in_order() {
     order_ = std::move(all);
     return;
   }
-  // By number: matrices then lie in memory in the order of their use.
+  // In order of their numbers, so that matrices are used in the order in which they are in memory.
   order_.resize(parents_.size());
   std::iota(order_.begin(), order_.end(), 0);
   std::int32_t begin = 0;

@@ -10,15 +10,15 @@
 namespace sinew {
 namespace {
 
-// A block multiplies by all its joints for every vertex, a single vertex by its own alone but at a
-// fourth of the speed. Blocks of few joints are the faster in any case.
+// In a block, every vertex is multiplied by all of the block's joints; a single vertex only by its own
+// joints, but at a quarter of the speed. Blocks of few joints are faster in any case.
 constexpr std::size_t kAlwaysBlocked = 12;
 constexpr std::size_t kJointsAnInfluence = 4;
 
 constexpr std::size_t kBlocksPerTask = 512;
-constexpr double kFill = 0.2, kFillPositions = 0.01;  // microseconds a block
+constexpr double kFill = 0.2, kFillPositions = 0.01;  // microseconds per block
 
-/// The joint sets of a skin, each of which is stored once.
+/// The joint sets of a skin; each is stored once.
 class SetTable {
  public:
   explicit SetTable(BlockedSkin& skin) : skin_(skin), known_(64, Hash{&skin}, Equal{&skin}) {}
@@ -60,12 +60,12 @@ class SetTable {
   std::unordered_set<std::uint32_t, Hash, Equal> known_;
 };
 
-/// Finds each block's joints; remembers which joints it has seen, so that a look is one read.
+/// Finds each block's joints; marks those already seen, so that each check is one read.
 class JointGatherer {
  public:
   explicit JointGatherer(const BlockedSkin& skin) : skin_(skin), last_block_(skin.identity_joint + 1, 0) {}
 
-  /// The distinct joints of vertices first..last, ascending; empty if there are too many.
+  /// Returns the distinct joints of vertices first..last, ascending; empty if there are too many.
   const std::vector<std::uint32_t>& joints_of(std::size_t first, std::size_t last) {
     joints_.clear();
     ++block_;
@@ -90,7 +90,7 @@ class JointGatherer {
   }
 
   const BlockedSkin& skin_;
-  std::vector<std::size_t> last_block_;  // a joint: the last block that has it, counted from 1
+  std::vector<std::size_t> last_block_;  // per joint: the last block that has it, counted from 1
   std::size_t block_ = 0;
   std::vector<std::uint32_t> joints_;
 };
@@ -104,7 +104,7 @@ bool is_rigid(const BlockedSkin& skin, std::size_t first, std::size_t last) {
   return true;
 }
 
-/// How many numbers a block's packed weights are.
+/// Returns how many numbers a block's packed weights take.
 std::size_t weights_of(const BlockedSkin& skin, const Block& block) {
   const JointSet set = skin.sets[block.joint_set];
   return set.is_rigid ? 0 : kBlock * set.count;
@@ -130,7 +130,7 @@ void fill_weights(BlockedSkin& skin, std::size_t b, std::vector<std::uint32_t>& 
   }
 }
 
-/// Calls use(begin, end) for ranges of blocks. `microseconds`: what a block takes, about.
+/// Calls use(begin, end) for ranges of blocks. `microseconds`: the approximate time per block.
 template <class Use>
 void for_blocks(const BlockedSkin& skin, double microseconds, const Use& use) {
   const std::size_t count = skin.blocks.size();

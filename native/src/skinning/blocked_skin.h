@@ -1,4 +1,4 @@
-/// A skin as the SIMD kernels read it.
+/// A skin in the form that the SIMD kernels read.
 #pragma once
 
 #include <algorithm>
@@ -12,17 +12,17 @@
 
 namespace sinew {
 
-/// Sixteen *consecutive* vertices, so that results are written in full lines, in the caller's
+/// Sixteen *consecutive* vertices, so that results are written as full cache lines, in the caller's
 /// order; the last block of a mesh may hold fewer. Its joints are the union of its vertices'
-/// joints, with weight zero where a vertex lacks one: few more than one vertex has, since
+/// joints, with weight zero where a vertex lacks one: few more than a single vertex has, since
 /// neighbours share theirs.
 struct Block {
-  std::uint64_t weights;    ///< in BlockedSkin::packed_weights: 16 a joint
+  std::uint64_t weights;    ///< in BlockedSkin::packed_weights: 16 per joint
   std::uint32_t joint_set;  ///< in BlockedSkin::sets
 };
 
 /// The joints of one or more blocks: joints[begin] up to joints[begin + count]. A count of zero
-/// marks blocks whose vertices have so little in common that they are blended one by one.
+/// marks blocks whose vertices share so few joints that they are blended one by one.
 struct JointSet {
   std::uint32_t begin;
   std::uint32_t count : 31;
@@ -30,7 +30,7 @@ struct JointSet {
   std::uint32_t is_rigid : 1;
 };
 
-/// What moves one vertex, in stored order.
+/// The joints that move one vertex, with their weights, in stored order.
 struct Influences {
   std::span<const std::int32_t> joints;
   std::span<const float> weights;
@@ -38,11 +38,11 @@ struct Influences {
 
 using JointPair = std::pair<std::uint32_t, std::uint32_t>;
 
-/// Block b holds vertices 16 b up to 16 b + 15. Immutable once built, but for the positions.
+/// Block b holds vertices 16 b to 16 b + 15. Immutable once built, except for the positions.
 ///
-/// Points and weights lie apart, so that the same weights may move other points: those of
-/// `pack_points`. Within each group of `lanes` vertices, vertex i lies in lane 3 i mod lanes, from
-/// where three registers x, y, z become x y z x y z ... by two rotations and six blends.
+/// Points and weights are separate, so that the same weights can move other points, packed by
+/// `pack_points`. Within each group of `lanes` vertices, vertex i is in lane 3 i mod lanes, so that
+/// three registers x, y, z become x y z x y z ... by two rotations and six blends.
 struct BlockedSkin {
   /// rest (V, 3), offsets (V + 1), joints and weights (N) as in Skin; joint_count J. Packed for the
   /// instruction set in use.
@@ -56,34 +56,34 @@ struct BlockedSkin {
     return {joints.data() + sets[set].begin, sets[set].count};
   }
 
-  /// The skin's own, of vertex v.
+  /// The skin's own influences of vertex v.
   Influences influences_of(std::size_t v) const {
     const auto first = static_cast<std::size_t>(offsets[v]);
     const auto count = static_cast<std::size_t>(offsets[v + 1]) - first;
     return {influence_joints.subspan(first, count), weights.subspan(first, count)};
   }
 
-  /// The vertices of blocks begin..end end before this one.
+  /// One more than the last vertex of the blocks before block `end`.
   std::size_t vertex_after(std::size_t end) const { return std::min(vertex_count(), end * kBlock); }
 
-  /// Packs `rest`, whose numbers were changed, once more. Only under the instruction set that the
-  /// skin was packed for, or one with as many lanes.
+  /// Packs `rest` again after its numbers have changed. Only with the instruction set that the skin was
+  /// packed for, or one with the same number of lanes.
   void take_rest_positions();
 
   int lanes;  ///< of the kernel's registers
-  /// A vertex that nothing moves hangs on this joint, one past the skin's: its matrix is the
-  /// identity.
+  /// The joint of vertices that no joint moves: one past the skin's last, with the identity as its
+  /// matrix.
   std::uint32_t identity_joint;
   std::vector<Block> blocks;
   std::vector<JointSet> sets;
   std::vector<std::uint32_t> joints;
-  /// Every two joints that some block has together, each pair once.
+  /// All pairs of joints that occur together in a block, each pair once.
   std::vector<JointPair> neighbours;
-  /// Those of them that span the graph of neighbours: each second joint is reached from a first
-  /// that came before.
+  /// A spanning forest of the graph of neighbours: each pair leads from a joint already reached to a new
+  /// one.
   std::vector<JointPair> spanning;
   bool has_negative_weights = false;
-  Aligned<float> points;  ///< kBlockFloats a block
+  Aligned<float> points;  ///< kBlockFloats per block
   Aligned<float> packed_weights;
   // The skin's own influences, for blocks that are blended vertex by vertex.
   std::span<const float> rest;

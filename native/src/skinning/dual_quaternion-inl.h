@@ -1,4 +1,4 @@
-// Dual quaternions, blended and applied. Included once for each instruction set.
+// Blends and applies dual quaternions. Included once for each instruction set.
 #if defined(SINEW_DUAL_QUATERNION_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef SINEW_DUAL_QUATERNION_INL_H
 #undef SINEW_DUAL_QUATERNION_INL_H
@@ -13,7 +13,7 @@ namespace sinew {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Below it a quotient is no number to reckon with.
+// Dividing by less than this gives no usable result.
 constexpr float kLeastNormal = 1.17549435e-38f;
 
 /// Calls add(joint, weight) for each joint of a group.
@@ -27,7 +27,7 @@ HWY_INLINE void for_joints(const Group& group, const std::uint32_t* joints, Join
   }
 }
 
-/// The joints' dual quaternions, summed: real then dual, each w x y z.
+/// Sums the joints' dual quaternions: real part, then dual part, each w x y z.
 template <bool fetch>
 HWY_INLINE void sum_quaternions(const Group& group, const std::uint32_t* joints, JointSet set,
                                 const DualQuaternion* palette, Floats* sum) {
@@ -57,7 +57,7 @@ HWY_INLINE void sum_stretching_quaternions(const Points<1>& point, const Group& 
   });
 }
 
-/// Moves points, or directions, by the mean of what the joints' stretches move them by.
+/// Moves points, or directions, by the mean of the displacements by the joints' stretches.
 template <bool are_points, bool fetch>
 HWY_INLINE void stretch(const Group& group, const std::uint32_t* joints, JointSet set, const MatrixRows* displacements,
                         Points<1>& points) {
@@ -81,8 +81,8 @@ HWY_INLINE void stretch(const Group& group, const std::uint32_t* joints, JointSe
   points.z[0] = hn::MulAdd(scale, sum[2], points.z[0]);
 }
 
-/// 2 / |r|^2 of a real part w x y z that is not normalised; 0 where rotations cancel or weights are
-/// nearly nothing: no direction is right, nothing turns.
+/// Returns 2 / |r|^2 for a real part w x y z that is not normalised; 0 where rotations cancel or
+/// weights are nearly 0: then no direction is right, and nothing turns.
 HWY_INLINE Floats two_over_norm2(const Floats* real) {
   const Floats norm2 = hn::MulAdd(
       real[0], real[0], hn::MulAdd(real[1], real[1], hn::MulAdd(real[2], real[2], hn::Mul(real[3], real[3]))));
@@ -93,7 +93,7 @@ HWY_INLINE Floats two_over_norm2(const Floats* real) {
 /// a d - c b
 HWY_INLINE Floats cross(Floats a, Floats b, Floats c, Floats d) { return hn::NegMulAdd(c, b, hn::Mul(a, d)); }
 
-/// Summed dual quaternions applied as Kavan 2008, algorithm 1, on a real part that is not yet
+/// Applies summed dual quaternions as in Kavan 2008, algorithm 1, with a real part that is not yet
 /// normalised: p + 2 / |r|^2 (r x (r x p + w p + d) + w d - d_w r).
 HWY_INLINE void apply_dual_quaternions(const Floats* sum, Floats px, Floats py, Floats pz, Floats& x, Floats& y,
                                        Floats& z) {
@@ -113,8 +113,8 @@ HWY_INLINE void apply_dual_quaternions(const Floats* sum, Floats px, Floats py, 
 /// Which joints stretch, and when.
 enum class Stretching { none, first, each };
 
-/// Calls run<stretching>() for the way of a set that does not go one by one. Loops of their own, so that those of rigid
-/// joints keep their registers.
+/// Calls run<stretching>() for a set whose vertices are not blended one by one. Each kind of stretching gets its own
+/// loop, so that the loop for rigid joints keeps its registers.
 template <class Run>
 HWY_INLINE void with_stretching(SetWay way, const QuaternionJoints& palette, const Run& run) {
   if (way == SetWay::rigid) return run.template operator()<Stretching::none>();
@@ -122,7 +122,7 @@ HWY_INLINE void with_stretching(SetWay way, const QuaternionJoints& palette, con
   run.template operator()<Stretching::first>();
 }
 
-/// A group's points moved by the blended motions of its joints.
+/// Moves a group's points by the blended motions of its joints.
 template <Stretching stretching, bool fetch>
 HWY_INLINE void move_by_dual_quaternions(Points<1> points, const Group& group, const std::uint32_t* joints,
                                          JointSet set, const QuaternionJoints& palette, Floats& x, Floats& y,

@@ -11,10 +11,10 @@ using Rows = Eigen::Matrix<float, 3, 4, Eigen::RowMajor>;
 using DualRows = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
 using Parts = Eigen::Map<const Eigen::Vector4f>;
 
-/// Summed dual quaternions applied to a point as Kavan 2008, algorithm 1, does it, on parts that are not yet normalised.
+/// Applies summed dual quaternions to a point as in Kavan 2008, algorithm 1, with parts that are not yet normalised.
 Eigen::Vector3f applied(const Eigen::Vector4f& real, const Eigen::Vector4f& dual, const Eigen::Vector3f& point) {
   const float norm2 = real.squaredNorm();
-  // Opposite rotations that cancel, or weights of nearly nothing: no direction is right.
+  // Opposite rotations cancel, or weights are nearly 0: no direction is right.
   if (norm2 < std::numeric_limits<float>::min()) return point;
   const Eigen::Vector3f r = real.tail<3>(), d = dual.tail<3>();
   const Eigen::Vector3f rotated = point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real[0] * point));
@@ -37,8 +37,8 @@ Eigen::Vector4f sum_rotations(const Influences& influences, const Palette& palet
   return real;
 }
 
-/// A vertex whose joints each stretch it by themselves. What they make of the dual part is summed first and applied to
-/// the point once.
+/// Moves a vertex that each joint stretches by itself. Their contributions to the dual part are summed first and
+/// applied to the point once.
 Eigen::Vector3f blend_each_stretched(const Influences& influences, const Palette& palette,
                                      const Eigen::Vector3f& rest) {
   Eigen::Vector4f rows[4];
@@ -52,7 +52,7 @@ Eigen::Vector3f blend_each_stretched(const Influences& influences, const Palette
   return applied(real, dual, rest);
 }
 
-/// A vertex that is stretched first, by the mean of its joints' stretches.
+/// Moves a vertex that is first stretched by the mean of its joints' stretches.
 Eigen::Vector3f blend_stretched(const Influences& influences, const Palette& palette, const Eigen::Vector3f& rest) {
   const Eigen::Vector4f homogeneous = rest.homogeneous();
   Eigen::Vector4f dual = Eigen::Vector4f::Zero();
@@ -73,7 +73,7 @@ float dot(const DualQuaternion& a, const DualQuaternion& b) {
   return sum;
 }
 
-/// Gives each joint the sign that puts it on the side of its neighbours.
+/// Gives each joint the sign that puts it on the same side as its neighbours.
 void choose_signs(const BlockedSkin& skin, std::vector<DualQuaternion>& joints) {
   for (const auto& [from, to] : skin.spanning) {
     if (dot(joints[from], joints[to]) >= 0) continue;
@@ -82,9 +82,9 @@ void choose_signs(const BlockedSkin& skin, std::vector<DualQuaternion>& joints) 
   }
 }
 
-/// Where any two joints of a set agree in sign, and no weight is negative, every sum so far agrees
-/// with every joint: the signs that the stored order asks for are these (or all of them turned, which
-/// is the same motion), and a block need not look.
+/// Chooses how each set is blended. Where any two joints of a set agree in sign, and no weight is
+/// negative, every partial sum agrees with every joint: these signs are the ones that the stored order
+/// would give (or all of them reversed, which is the same motion), and the kernel need not check them.
 void choose_ways(const BlockedSkin& skin, Palette& palette) {
   const auto& joints = palette.dual_quaternions;
   const auto agree = [&](const JointPair& pair) { return dot(joints[pair.first], joints[pair.second]) >= 0; };
@@ -105,7 +105,7 @@ void choose_ways(const BlockedSkin& skin, Palette& palette) {
   for (std::uint32_t set = 0; set < skin.sets.size(); ++set) palette.ways.push_back(way_of(set));
 }
 
-/// What a joint adds to the dual part: half of real * (0, v) for a point that its stretch has moved by v before.
+/// Returns a joint's dual part, to which half of real * (0, v) is added for a point that its stretch has moved by v.
 DualPartRows dual_part_of(const DualQuaternion& joint, const MatrixRows& displacement, bool is_stretched) {
   const float *const q = joint.real, *const d = joint.dual;
   DualPartRows result{};
@@ -142,7 +142,7 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
   const Matrix4<float> at_rest = Matrix4<float>::Identity();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
     const Matrix4<float> matrix = matrices.at(frame, j);
-    // Most joints of a large rig may be at rest, or move no vertex of this mesh: no need to take them apart.
+    // Most joints of a large rig may be at rest, or move no vertex of this mesh: no need to split them.
     if (matrix == at_rest) {
       add_joint({}, palette);
       continue;

@@ -1,4 +1,4 @@
-/// Dual quaternion skinning, a frame and a tile at a time.
+/// Dual quaternion skinning, one frame and one tile at a time.
 #pragma once
 
 #include "sinew/skinning_method.h"
@@ -7,13 +7,13 @@
 
 namespace sinew {
 
-/// matrices: F x J, of which this is frame `frame`. space: a similarity into which the motions are carried, or null.
+/// matrices: F x J, of which this is frame `frame`. space: a similarity to which the motions are converted, or null.
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
                              std::ptrdiff_t frame, const Space* space, Palette& palette);
 
 void run_dual_quaternion(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
 
-/// One vertex, at `rest`, with influences of its own.
+/// Moves one vertex, at `rest`, with influences of its own.
 void dual_quaternion_vertex(const Influences& influences, const Palette& palette, const float* rest, float* out);
 
 }  // namespace sinew

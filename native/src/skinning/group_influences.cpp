@@ -7,7 +7,7 @@
 namespace sinew {
 namespace {
 
-// Blender's modifier leaves a vertex alone whose weights sum to no more than this.
+// Blender's modifier does not move a vertex whose weights sum to no more than this.
 constexpr double kSmallestSum = 1e-4;
 // Blender's own automatic weights sum to 0.97 or more.
 constexpr double kNormalizedWithin = 0.05;
@@ -22,7 +22,9 @@ void check(std::span<const std::int64_t> offsets, std::size_t groups, std::size_
     fail("offsets does not run from 0 to ", grouped(total), ", the number of entries");
   }
   for (std::size_t v = 0; v + 1 < offsets.size(); ++v) {
-    if (offsets[v] > offsets[v + 1]) fail("offsets falls at vertex ", v);
+    if (offsets[v] > offsets[v + 1]) {
+      fail("offsets decreases at vertex ", v, " (from ", offsets[v], " to ", offsets[v + 1], ")");
+    }
   }
 }
 

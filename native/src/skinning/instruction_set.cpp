@@ -11,13 +11,13 @@
 namespace sinew {
 namespace {
 
-/// Those of the machine, whichever one is in use.
+/// The sets that the machine has, whichever one is in use.
 const std::vector<std::int64_t>& all_targets() {
   static const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
   return targets;
 }
 
-/// In one step: kernels that run meanwhile, of other threads, find the old choice or the new one.
+/// Changes the choice in one step: kernels running in other threads see either the old one or the new one.
 void choose(std::int64_t targets) { hwy::GetChosenTarget().Update(targets); }
 
 void choose_best() {
@@ -26,11 +26,11 @@ void choose_best() {
   choose(all);
 }
 
-// When the library is loaded: a kernel that found nothing chosen would choose for itself, and might undo what
+// Chooses when the library is loaded: a kernel that found no choice would make one itself, and might undo what
 // set_instruction_set chooses at the same time.
 [[maybe_unused]] const bool is_chosen = (choose_best(), true);
 
-std::mutex turn;           // of a call that waits for the one below: others do not overtake it
+std::mutex turn;           // held while waiting for the one below, so that others cannot overtake
 std::shared_mutex in_use;  // shared by calls that need a steady set
 
 }  // namespace

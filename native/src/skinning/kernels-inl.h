@@ -1,4 +1,4 @@
-// What the kernels that move points have in common. Included once for each instruction set.
+// Shared by the kernels that move points. Included once for each instruction set.
 #if defined(SINEW_KERNELS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef SINEW_KERNELS_INL_H
 #undef SINEW_KERNELS_INL_H
@@ -25,20 +25,20 @@ using Floats = hn::Vec<Tag>;
 constexpr Tag kTag;
 constexpr int kLanes = static_cast<int>(hn::MaxLanes(kTag));
 
-// How far ahead of their use numbers are fetched: enough to hide memory, few enough to stay in L1.
-// Every line is asked for: fetching some of them costs more than none, since it misleads the
-// machine's own prefetcher (2.4, 2.0 and 1.6 ns a vertex of a large mesh for one line a block, none
-// and all).
+// How far ahead of their use numbers are fetched: enough to hide memory latency, few enough to stay in
+// L1. Every cache line is fetched: fetching only some of them costs more than fetching none, since it
+// misleads the hardware prefetcher (2.4, 2.0 and 1.6 ns per vertex of a large mesh for one line per
+// block, none and all).
 constexpr std::size_t kPrefetchFloats = 1024;
 
-/// Fetches the line of memory that lies kPrefetchFloats ahead of `in`, of group n, unless group
-/// n - 1 has fetched it.
+/// Fetches the cache line kPrefetchFloats ahead of `in`, which belongs to group n, unless group n - 1
+/// has fetched it.
 HWY_INLINE void fetch_ahead(const float* in, int n) {
   if (n * kLanes % kBlock == 0) hwy::Prefetch(in + kPrefetchFloats);
 }
 
-/// One group of kLanes vertices: where its x begin (y and z follow kBlock apart), where the weights
-/// of its first joint do (those of the others follow kBlock apart), and where its positions go.
+/// One group of kLanes vertices: the start of its x (y and z follow kBlock apart), the start of its
+/// first joint's weights (those of the others follow kBlock apart), and where its positions are written.
 struct Group {
   const float* points;
   const float* weights;
@@ -75,7 +75,7 @@ class Interleaver {
   HWY_INLINE void store(Floats x, Floats y, Floats z, float* out) const {
     y = hn::TableLookupLanes(y, by_one_);
     z = hn::TableLookupLanes(z, by_two_);
-    // Number f of the output is coordinate f mod 3; a register begins at a multiple of kLanes.
+    // Output number f is coordinate f mod 3; a register begins at a multiple of kLanes.
     store_third<0>(x, y, z, out);
     store_third<1>(x, y, z, out);
     store_third<2>(x, y, z, out);
@@ -110,7 +110,7 @@ class Interleaver {
   template <int rest>
   HWY_INLINE Floats take_third(Floats a, Floats b) const {
 #if HWY_TARGET == HWY_AVX2
-    // With the mask in the instruction any of four pipes can run it, not just those that multiply.
+    // With the mask in the instruction, any of four pipes can run it, not only those that multiply.
     return Floats{_mm256_blend_ps(b.raw, a.raw, 0b01001001 << rest & 0xff)};
 #else
     return hn::IfThenElse(third_[rest], a, b);
@@ -137,7 +137,7 @@ struct Points {
       for (int axis = 0; axis < 3; ++axis) fetch_ahead(groups[n].points + axis * kBlock, n);
     }
   }
-  /// Those of group n alone.
+  /// Those of group n only.
   HWY_INLINE Points<1> of(int n) const {
     Points<1> one;
     one.x[0] = x[n];
@@ -148,7 +148,7 @@ struct Points {
   Floats x[N], y[N], z[N];
 };
 
-/// N groups, moved.
+/// The moved points of N groups.
 template <int N>
 struct Moved {
   HWY_INLINE void store(const Group* groups, const Interleaver& interleaver) const {
@@ -157,8 +157,8 @@ struct Moved {
   Floats x[N], y[N], z[N];
 };
 
-/// moved = row . (x y z 1). One number of the row is in a register at a time: with two groups of
-/// AVX2 and their sums all sixteen registers are taken.
+/// moved = row . (x y z 1). Only one number of the row is in a register at a time: with two groups on
+/// AVX2, the points and their sums take all sixteen registers.
 template <int N>
 HWY_INLINE void transform(const float* row, const Points<N>& points, Floats* moved) {
   for (int n = 0; n < N; ++n) moved[n] = hn::Set(kTag, row[3]);
@@ -178,7 +178,7 @@ HWY_INLINE void add_transformed(const float* row, const Points<N>& points, const
   for (int n = 0; n < N; ++n) sum[n] = hn::MulAdd(moved[n], hn::Load(kTag, weight[n]), sum[n]);
 }
 
-/// N groups with the same joints, linearly: transform by each joint, then blend; 12 multiply-adds a joint.
+/// Moves N groups with the same joints linearly: transforms by each joint, then blends; 12 multiply-adds per joint.
 template <int N>
 HWY_INLINE void move_linearly(const Points<N>& points, const Group* groups, const std::uint32_t* joints, JointSet set,
                               const MatrixRows* palette, Moved<N>& moved) {
@@ -207,13 +207,13 @@ HWY_INLINE void move_linearly(const Points<N>& points, const Group* groups, cons
 }
 
 /// Calls run<groups_at_once>(groups) for one block, b, or for two with the same joints. They write
-/// straight into the tile's positions, but for the last block of a mesh if it is not full.
+/// directly into the tile's positions, except for the last block of a mesh if it is not full.
 template <int groups_at_once, class Run>
 HWY_INLINE void run_block(const BlockedSkin& skin, const Tile& tile, std::size_t b, int blocks, const Run& run) {
   constexpr int kGroups = kBlock / kLanes;
   Group groups[2 * kGroups];
   HWY_ALIGN float buffer[kBlockFloats];
-  float* partial = nullptr;  // where the block goes that is not full
+  float* partial = nullptr;  // destination of the block that is not full
   for (int i = 0; i < blocks; ++i) {
     const std::size_t at = (b + i - tile.begin) * kBlockFloats;
     float* out = tile.positions + at;

@@ -52,10 +52,10 @@ void linear_blocks(const BlockedSkin& skin, const Tile& tile, const MatrixRows* 
       move_linearly<N>(Points<N>(groups), groups, joints, set, palette, moved);
       moved.store(groups, interleaver);
     };
-    // Two blocks with the same joints are half the loads a block, and AVX-512 has registers for
-    // them: 0.79 ns a vertex in the caches with pairs of neighbours, 0.89 without. Sorting blocks
-    // by their joints, as it was before, made it 0.74; but then memory was read in no order, and
-    // out of the caches it took 1.35 in place of 1.06, where AVX2 takes 1.15.
+    // Two blocks with the same joints need half the loads per block, and AVX-512 has enough registers:
+    // 0.79 ns per vertex in cache with pairs of neighbours, 0.89 without. Sorting blocks by their
+    // joints, as was done before, took 0.74; but then memory was read out of order, and out of cache
+    // it took 1.35 instead of 1.06, where AVX2 takes 1.15.
     const bool pair = b + 1 < tile.end && block[1].joint_set == block->joint_set;
     if (kLanes == kBlock && !pair) {
       run_block<1>(skin, tile, b, 1, run);

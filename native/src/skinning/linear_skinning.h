@@ -1,4 +1,4 @@
-/// Linear blend skinning, a frame and a tile at a time.
+/// Linear blend skinning, one frame and one tile at a time.
 #pragma once
 
 #include "sinew/types.h"

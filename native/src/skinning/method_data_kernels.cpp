@@ -14,7 +14,7 @@ namespace sinew {
 namespace HWY_NAMESPACE {
 namespace {
 
-/// One number a vertex into the lanes in which the vertices lie.
+/// Loads one number per vertex into the vertices' lanes.
 class Lanes {
  public:
   Lanes() {
@@ -32,7 +32,7 @@ HWY_INLINE bool are_between_0_and_1(Floats shares) {
   return hn::AllTrue(kTag, hn::And(hn::Gt(shares, hn::Zero(kTag)), hn::Lt(shares, hn::Set(kTag, 1.0f))));
 }
 
-/// from + share (to - from). to_the_bit: `to` where share is 1, from where it is 0.
+/// from + share (to - from). to_the_bit: exactly `to` where share is 1, exactly `from` where it is 0.
 template <bool to_the_bit>
 HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
   const Floats mixed = hn::MulAdd(share, hn::Sub(to, from), from);
@@ -41,11 +41,11 @@ HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
   return hn::IfThenElse(hn::Eq(share, hn::Set(kTag, 1.0f)), to, low);
 }
 
-// Groups of a block that are moved together: they share the loads of a joint's matrix.
+// How many groups of a block are moved together; they share the loads of a joint's matrix.
 constexpr int kAtOnce = kLanes == kBlock ? 1 : 2;
 
-/// Calls move<stretching>(groups, joints, set, vertex) for all groups, kAtOnce of them each time; vertex: the first
-/// one's first, counted from the tile's.
+/// Calls move<stretching>(groups, joints, set, vertex) for all groups, kAtOnce at a time; vertex: the first vertex of
+/// the first group, counted from the tile's first.
 template <class Move>
 HWY_INLINE void for_groups(const BlockedSkin& skin, const Tile& tile, const QuaternionJoints& quaternions,
                            const Move& move) {
@@ -62,7 +62,7 @@ HWY_INLINE void for_groups(const BlockedSkin& skin, const Tile& tile, const Quat
   }
 }
 
-/// Points moved linearly and real parts summed, in one pass over the weights.
+/// Moves points linearly and sums real parts, in one pass over the weights.
 template <int N>
 HWY_INLINE void move_and_sum(const Points<N>& points, const Group* groups, const std::uint32_t* joints, JointSet set,
                              const MatrixRows* matrices, const DualQuaternion* quaternions, Moved<N>& moved,

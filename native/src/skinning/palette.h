@@ -1,4 +1,4 @@
-/// One frame's joints as the kernels read them.
+/// One frame's joints in the form that the kernels read.
 #pragma once
 
 #include <optional>
@@ -10,24 +10,24 @@
 
 namespace sinew {
 
-/// The frame loop keeps it from call to call, so that its memory is not asked for on each frame.
+/// The frame loop keeps it from call to call, so that its memory is not allocated in each frame.
 struct Palette {
-  /// One for each joint set: some joint's matrix is not finite. Empty: all are. A kernel multiplies a
-  /// block by each joint of its set, and 0 times NaN is NaN, so such blocks are blended one vertex at a
-  /// time: only those spoil that the joint moves.
+  /// For each joint set, whether some joint's matrix is not finite. Empty: all are finite. A kernel
+  /// multiplies a block by each joint of its set, and 0 times NaN is NaN, so the vertices of such blocks
+  /// are blended one at a time, and only those that the joint moves are spoilt.
   std::vector<std::uint8_t> is_spoilt;
   // Linear:
   std::vector<MatrixRows> matrices;  ///< J + 1, the last the identity
   // Dual quaternions, J + 1 of each, the last the identity:
   std::vector<DualQuaternion> dual_quaternions;  ///< signs chosen
-  std::vector<MatrixRows> displacements;         ///< by the stretches, which come first
+  std::vector<MatrixRows> displacements;         ///< by the stretches, which are applied first
   std::vector<DualPartRows> dual_parts;          ///< with Stretch::frame_each
   std::vector<std::uint8_t> is_stretched;
   std::vector<SetWay> ways;   ///< one for each joint set
   bool stretch_each = false;  ///< Stretch::frame_each
 
   // Centres of rotation:
-  std::optional<Matrix4<double>> from_mesh{};  ///< into the space of the matrices, if that is another one
+  std::optional<Matrix4<double>> from_mesh{};  ///< to the space of the matrices, if they differ
 
   QuaternionJoints quaternion_joints() const {
     return {dual_quaternions.data(), displacements.data(), stretch_each ? dual_parts.data() : nullptr, ways.data()};

@@ -3,8 +3,8 @@
 #include <Eigen/SVD>
 #include <cmath>
 
-// CMakeLists.txt has this file compiled without fused multiply-adds: what is split along a frame then comes out as
-// Blender's on every machine.
+// CMakeLists.txt has this file compiled without fused multiply-adds: splitting along a frame then gives Blender's
+// result on every machine.
 
 namespace sinew {
 namespace {
@@ -25,7 +25,7 @@ bool is_rotation(const Eigen::Matrix3f& linear) {
   return linear.determinant() > 0;
 }
 
-/// real: of length 1.
+/// real: has length 1.
 RigidAndStretch motion(const Eigen::Quaterniond& real, const Eigen::Vector3d& translation) {
   const Eigen::Vector3d half = 0.5 * translation;
   RigidAndStretch result;
@@ -41,7 +41,7 @@ RigidAndStretch stretched(RigidAndStretch motion, const Eigen::Matrix<double, 3,
   return motion;
 }
 
-/// The rotation nearest to a matrix, by singular values; to one that mirrors, or is flat, one of the nearest.
+/// Returns the rotation nearest to a matrix, by singular values; if it mirrors or is flat, one of the nearest.
 Eigen::Matrix3d nearest_rotation_to_any(const Eigen::Matrix3d& linear) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d sign = Eigen::Vector3d::Ones();
@@ -49,7 +49,7 @@ Eigen::Matrix3d nearest_rotation_to_any(const Eigen::Matrix3d& linear) {
   return svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
 }
 
-/// Likewise, by Newton's iteration where the matrix is neither: some steps in place of a decomposition. Higham,
+/// Likewise, by Newton's iteration if the matrix does neither: a few steps instead of a decomposition. Higham,
 /// "Computing the polar decomposition with applications", SIAM J. Sci. Stat. Comput. 7(4), 1986, section 3.
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& linear) {
   constexpr double kFlat = 1e-3, kConverged = 1e-8;  // a step of 1e-8 leaves an error of its square
@@ -77,11 +77,11 @@ RigidAndStretch split_polar(const Matrix4<float>& matrix) {
   return stretched(motion(Eigen::Quaterniond(rotation).normalized(), translation), stretch);
 }
 
-// A joint that is scaled to nothing along an axis, or mirrored, turns as rounding decides; and whether a joint is
-// rigid, and which rotation is meant where its axes are not quite orthogonal, is Blender's choice too. To decide and
-// turn as Blender does, a joint takes the same steps in float32, sums in the same order.
+// The rotation of a joint that is scaled to 0 along an axis, or mirrored, depends on rounding; and whether a joint is
+// rigid, and which rotation to use if its axes are not quite orthogonal, is Blender's choice, too. To get the same
+// results, this code takes the same steps in float32, with sums in the same order.
 
-/// Of length 1; zeros if it is too short to tell.
+/// Returns the vector with length 1; zeros if it is too short to have a direction.
 Eigen::Vector3f direction(const Eigen::Vector3f& vector) {
   const float square = dot(vector, vector);
   if (!(square > 1e-35f)) return Eigen::Vector3f::Zero();
@@ -98,9 +98,9 @@ Matrix4<float> product(const Matrix4<float>& a, const Matrix4<float>& b) {
   return result;
 }
 
-/// Of axes that are normalised here and may be zero: no rotation where nothing is left. Day,
-/// "Converting a rotation matrix to a quaternion", Insomniac Games: of the four sums under the root
-/// one that cannot be small.
+/// Returns the rotation of axes, which are normalised here and may be zero; no rotation if all are. Day,
+/// "Converting a rotation matrix to a quaternion", Insomniac Games: of the four possible sums, takes the
+/// root of one that cannot be small.
 Eigen::Quaternionf quaternion_of(const Eigen::Matrix3f& axes) {
   Eigen::Matrix3f m;
   m << direction(axes.col(0)), direction(axes.col(1)), direction(axes.col(2));
@@ -131,9 +131,8 @@ Eigen::Vector3f lengths_of_columns(const Eigen::Matrix3f& linear) {
   return lengths;
 }
 
-/// Orthogonal axes as long as the given ones, of which Y has the direction of the given one. The
-/// two comparisons look at numbers that are not normalised; they are Blender's, and so is the
-/// choice that follows.
+/// Returns orthogonal axes as long as the given ones; Y keeps its direction. The two comparisons use
+/// numbers that are not normalised; they are Blender's, and so is the choice that follows.
 Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
   const Eigen::Vector3f given_x = linear.col(0), given_z = linear.col(2);
   const Eigen::Vector3f y = direction(linear.col(1));
@@ -151,13 +150,13 @@ Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
   return axes * lengths_of_columns(linear).asDiagonal();
 }
 
-/// The motion of a matrix whose columns are of length 1, or nearly.
+/// Returns the motion of a matrix whose columns have length 1, or nearly.
 RigidAndStretch motion_of(const Matrix4<float>& matrix) {
   return motion(quaternion_of(matrix.topLeftCorner<3, 3>()).cast<double>(),
                 matrix.topRightCorner<3, 1>().cast<double>());
 }
 
-/// Of a matrix whose last row is 0 0 0 1.
+/// For a matrix whose last row is 0 0 0 1.
 Matrix4<double> inverse_of_affine(const Matrix4<double>& matrix) {
   return Eigen::Affine3d(matrix).inverse(Eigen::Affine).matrix();
 }

@@ -1,4 +1,4 @@
-/// A joint's matrix taken apart into a stretch and a rigid motion.
+/// Splits a joint's matrix into a stretch and a rigid motion.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -19,10 +19,11 @@ struct RigidAndStretch {
   bool is_rigid = true;  ///< the stretch moves nothing
 };
 
-/// matrix: that of joint j.
+/// matrix: of joint j.
 RigidAndStretch taken_apart(const Matrix4<float>& matrix, const StretchRule& rule, std::ptrdiff_t j);
 
-/// C M C^-1 of what M was taken apart into: what is rigid is decided where the rest frames are. space: a similarity.
+/// Returns C M C^-1 for an M that has been split: whether it is rigid is decided in the space of the rest frames.
+/// space: a similarity.
 RigidAndStretch carried(const RigidAndStretch& own, const Space& space);
 
 }  // namespace sinew

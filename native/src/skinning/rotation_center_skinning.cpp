@@ -12,7 +12,7 @@ namespace {
 
 using Point = Eigen::Vector3f;
 
-/// R S (v - p) + sum_j w_j M(j) p, S the blended stretch: what one joint alone does is M(j) v then.
+/// R S (v - p) + sum_j w_j M(j) p, S the blended stretch; with a single joint this is M(j) v.
 Point move_about(const Point& center, const Influences& influences, const Palette& palette, const Point& rest) {
   Point moved;
   linear_vertex(influences, center.data(), palette.matrices.data(), moved.data());
@@ -36,19 +36,19 @@ Point move_about(const Point& center, const Influences& influences, const Palett
   return moved + d + 2 / norm2 * r.cross(Point(r.cross(d) + real[0] * d));
 }
 
-/// In the space in which the matrices move points.
+/// Returns the center in the space in which the matrices move points.
 Point center_of(const float* center, const Palette& palette) {
   const Point point = Eigen::Map<const Point>(center);
   if (!palette.from_mesh) return point;
   return (palette.from_mesh->topRows<3>() * point.cast<double>().homogeneous()).cast<float>();
 }
 
-/// What a thread keeps for the centers of a tile.
+/// A thread's memory for the centers of a tile.
 struct MovedCenters {
   float points[3 * kTile];
 };
 
-/// Those of a tile, in the space in which the matrices move points.
+/// Returns the centers of a tile, in the space in which the matrices move points.
 const float* centers_of(const RotationCenters& data, const Palette& palette, const Tile& tile) {
   const float* const centers = data.centers().data() + tile.begin * kBlockFloats;
   if (!palette.from_mesh) return centers;

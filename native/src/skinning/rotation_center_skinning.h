@@ -1,4 +1,4 @@
-/// Skinning about optimised centres of rotation, a tile at a time.
+/// Skinning about optimised centres of rotation, one tile at a time.
 #pragma once
 
 #include "sinew/rotation_centers.h"
@@ -9,7 +9,7 @@ namespace sinew {
 /// palette: prepared for linear and dual quaternion skinning. tile.data: RotationCenters.
 void run_rotation_centers(const BlockedSkin& skin, const Palette& palette, const Tile& tile);
 
-/// Vertex v, at `rest`, with influences of its own.
+/// Moves vertex v, at `rest`, with influences of its own.
 void rotation_center_vertex(std::size_t v, const Influences& influences, const RotationCenters& centers,
                             const Palette& palette, const float* rest, float* out);
 

@@ -14,7 +14,7 @@ namespace sinew {
 namespace {
 
 constexpr std::size_t kVerticesPerTask = 64;
-// Of Progress: a triangle is one.
+// In steps of Progress; a triangle is one step.
 constexpr std::int64_t kStepsAVertex = 8;
 
 }  // namespace

@@ -11,11 +11,11 @@
 namespace sinew {
 namespace {
 
-// Triangles whose weights differ by less than this part of sigma are taken together.
+// Triangles whose weights differ by less than this fraction of sigma are treated as one.
 constexpr double kCellsASigma = 16;
-// What is left out is less than this part of the whole.
+// What is left out is less than this fraction of the whole.
 constexpr double kNegligible = 1e-5;
-// Less than this is not told from nothing: exp(-70), or two weights of 1e-15.
+// Anything less than this counts as 0: exp(-70), or the product of two weights of 1e-15.
 constexpr double kLeastSimilarity = 1e-30;
 
 using Influence = MergedInfluences::Influence;
@@ -24,7 +24,7 @@ std::uint64_t pair_key(std::int32_t first, std::int32_t second) {
   return static_cast<std::uint64_t>(first) << 32 | static_cast<std::uint32_t>(second);
 }
 
-/// Sorts by joint and adds up what belongs to one.
+/// Sorts by joint and adds up the weights of the same joint.
 void merge(std::vector<Influence>& influences) {
   std::ranges::stable_sort(influences, {}, &Influence::joint);
   std::size_t kept = 0;
@@ -150,7 +150,7 @@ SimilarTriangles::SimilarTriangles(const Skin& skin, const MergedInfluences& inf
   cells_.assign(numbers, 0);
   std::vector<std::size_t> next(pairs_.size());
   for (const Cell& cell : cells) {
-    if (!(cell.mass > 0)) continue;  // too small for a number
+    if (!(cell.mass > 0)) continue;  // underflow
     Pair& pair = pairs_[cell.pair];
     pair.mass += cell.mass;
     float* const at = cells_.data() + pair.begin + next[cell.pair]++;
@@ -168,7 +168,7 @@ std::array<float, 3> SimilarTriangles::center_of(std::span<const Influence> own)
   struct Term {
     const Pair* pair;
     float x, y;
-    double most;  ///< that it can add to the denominator
+    double most;  ///< the most it can add to the denominator
   };
   auto& terms = per_thread<std::vector<Term>>();  // keeps its memory
   terms.clear();

@@ -1,4 +1,4 @@
-/// What the triangles of a mesh are to vertices of similar weights.
+/// Finds the triangles of a mesh whose weights are similar to a vertex's.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace sinew {
 
-/// What moves each vertex: each joint once, ascending, with a weight above 0.
+/// The influences of each vertex: each joint once, ascending, with a weight above 0.
 struct MergedInfluences {
   explicit MergedInfluences(const Skin& skin);
 
@@ -27,18 +27,18 @@ struct MergedInfluences {
   std::vector<Influence> influences;
 };
 
-/// For each two joints the triangles that both move, those of nearly the same weights taken together
-/// in one cell. With X, Y the weights of the two joints, a cell has the mass m = sum a X Y, the mean
-/// weights and the moment sum a X Y c, areas being shares of the mesh's and positions relative to
-/// `origin`.
+/// For each pair of joints, the triangles that both move; those with nearly the same weights are
+/// combined in one cell. With X, Y the weights of the two joints, a cell has the mass m = sum a X Y,
+/// the mean weights and the moment sum a X Y c, where areas are fractions of the mesh's area and
+/// positions are relative to `origin`.
 class SimilarTriangles {
  public:
-  /// faces as RotationCenters::compute takes them, checked. Advances progress by a step a
-  /// triangle; stops, of no use then, when that is cancelled.
+  /// faces as in RotationCenters::compute, already checked. Advances progress by one step per triangle;
+  /// if that is cancelled it stops, and the object must not be used.
   SimilarTriangles(const Skin& skin, const MergedInfluences& influences, std::span<const std::int32_t> face_offsets,
                    std::span<const std::int32_t> face_vertices, double sigma, Progress& progress);
 
-  /// The center of a vertex with these influences: x y z, or not a number.
+  /// Returns the center of a vertex with these influences: x y z, or NaN.
   std::array<float, 3> center_of(std::span<const MergedInfluences::Influence> own) const;
 
  private:

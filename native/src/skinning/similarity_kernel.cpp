@@ -17,7 +17,7 @@ using Tag = hn::CappedTag<float, kCellLanes>;
 using Floats = hn::Vec<Tag>;
 constexpr Tag kTag;
 
-/// exp(x) for x <= 0, to some 2e-7 of the value; 0 below -87.
+/// exp(x) for x <= 0, with a relative error of about 2e-7; 0 below -87.
 HWY_INLINE Floats exponential(Floats x) {
   const auto too_small = hn::Lt(x, hn::Set(kTag, -87.0f));
   x = hn::Max(x, hn::Set(kTag, -87.0f));

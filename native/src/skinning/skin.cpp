@@ -15,7 +15,7 @@ namespace sinew {
 
 namespace {
 
-/// Without a branch in the loop, which becomes vector code.
+/// Has no branch in the loop, so that it is vectorised.
 bool all_finite(std::span<const float> numbers) {
   constexpr std::uint32_t kExponent = 0x7f800000;
   std::uint32_t any = 0;
@@ -114,7 +114,9 @@ void Skin::check() const {
          ", the number of influences");
   }
   for (std::size_t v = 0; v < vertices; ++v) {
-    if (offsets_[v] > offsets_[v + 1]) fail("offsets falls at vertex ", v);
+    if (offsets_[v] > offsets_[v + 1]) {
+      fail("offsets decreases at vertex ", v, " (from ", offsets_[v], " to ", offsets_[v + 1], ")");
+    }
   }
   check_positions(rest_positions_);
   std::uint32_t largest_joint = 0;
@@ -128,8 +130,8 @@ void Skin::check() const {
   }
 }
 
-/// A vertex whose weights are all zero gets no influence at all, so that the frame loop has one
-/// case, not two, for "nothing moves it".
+/// Removes all influences of vertices whose weights are all zero, so that the frame loop has only one
+/// case, not two, of a vertex that nothing moves.
 void Skin::drop_dead_influences() {
   std::int64_t kept = 0;
   std::int64_t begin = 0;

@@ -1,4 +1,4 @@
-/// From a layer's armature to its mesh.
+/// The transform from a layer's armature to its mesh.
 #pragma once
 
 #include <Eigen/LU>
@@ -16,7 +16,7 @@ struct Space {
     if (!has_inverse) back.setZero();
   }
 
-  /// Whether C only turns, moves and scales uniformly, to what float32 makes of such a matrix.
+  /// Whether C only turns, moves and scales uniformly, within the rounding of float32.
   bool is_similarity() const {
     const Eigen::Matrix3d linear = forth.topLeftCorner<3, 3>();
     const Eigen::Matrix3d gram = linear.transpose() * linear;
@@ -25,13 +25,13 @@ struct Space {
            (gram - scale2 * Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= 1e-6 * scale2;
   }
 
-  /// Whether C M C^-1, in the space of the mesh, does what M does in the armature's.
+  /// Whether C M C^-1 in mesh space does what M does in armature space.
   bool is_carried_by(SkinningMethod method) const {
     return has_inverse &&
            (method == SkinningMethod::linear || method == SkinningMethod::direct_delta_mush || is_similarity());
   }
 
-  /// How C turns. Of a C that is a similarity.
+  /// The rotation of C. Only if C is a similarity.
   Eigen::Matrix3d axes() const {
     const Eigen::Matrix3d linear = forth.topLeftCorner<3, 3>();
     return linear / std::cbrt(linear.determinant());

@@ -1,4 +1,4 @@
-/// In what pieces a mesh is worked on.
+/// The pieces in which a mesh is processed.
 #pragma once
 
 #include <cstddef>
@@ -7,23 +7,23 @@ namespace sinew {
 
 class MethodData;
 
-/// Vertices that are computed together. Sixteen fill one AVX-512 register, two of AVX2, four of
-/// SSE.
+/// How many vertices are computed together. Sixteen fill one AVX-512 register, two AVX2 registers or
+/// four SSE registers.
 constexpr int kBlock = 16;
 
 /// A block's points: 16 x, 16 y, 16 z.
 constexpr std::size_t kBlockFloats = 3 * kBlock;
 
-/// Some consecutive blocks of one frame: where their vertices' positions come from and go. All
-/// three begin with the first vertex of block `begin`.
+/// Consecutive blocks of one frame, with the input and output positions of their vertices. All three
+/// arrays begin with the first vertex of block `begin`.
 struct Tile {
   std::size_t begin, end;  ///< blocks of the skin
-  const float* rest;       ///< x y z a vertex, before skinning
+  const float* rest;       ///< x y z per vertex, before skinning
   const float* points;     ///< the same, packed
-  float* positions;        ///< out, x y z a vertex
+  float* positions;        ///< out, x y z per vertex
   const MethodData* data;  ///< the whole mesh's, or null
 
-  /// Some of its blocks.
+  /// Returns a tile of some of its blocks.
   Tile part(std::size_t first, std::size_t last) const;
 };
 
@@ -42,7 +42,7 @@ void for_runs(const Tile& tile, const WayOf& way_of, const Run& run) {
   }
 }
 
-/// A tile's blocks, its vertices: points, weights and results fit the second-level cache.
+/// How many blocks and vertices a tile has: points, weights and results fit in the second-level cache.
 constexpr std::size_t kBlocksPerTile = 256;
 constexpr std::size_t kTile = kBlocksPerTile * kBlock;
 

@@ -10,12 +10,12 @@
 namespace sinew {
 namespace {
 
-// What one vertex costs one thread, about, to take and put back, in an iteration of either type,
-// and to correct.
+// The approximate cost of a vertex on one thread: to copy in and out, per iteration of either type, and
+// to correct.
 constexpr double kMicroseconds = 3.5e-3, kMicrosecondsSimple = 1e-3, kMicrosecondsLength = 1.3e-3,
                  kMicrosecondsCorners = 8e-3;
 
-// So many settings' losses are remembered: those of the viewport and of a render may differ.
+// For how many settings losses are remembered: those of the viewport and of a render may differ.
 constexpr std::size_t kRemembered = 2;
 
 std::vector<float> pinned_weights(const Topology& topology, const VertexGroup& group, bool pin) {
@@ -26,7 +26,7 @@ std::vector<float> pinned_weights(const Topology& topology, const VertexGroup& g
   return weights;
 }
 
-/// What the rest shape loses to smoothing, under some settings.
+/// What the rest shape loses to smoothing with certain settings.
 struct Losses {
   float factor = 0;
   int iterations = 0;
@@ -79,7 +79,7 @@ class CorrectiveSmooth::Body {
   const std::ptrdiff_t vertex_count;
 
  private:
-  /// Counts as a reader while it lives. own  counts it already, or null.
+  /// Counts as a reader during its lifetime. own  already counts it, or is null.
   class Reading {
    public:
     Reading(Body& body, Losses* own) : body_(body), own_(own) {}
@@ -108,7 +108,7 @@ class CorrectiveSmooth::Body {
     });
   }
 
-  /// With one reader more.
+  /// Returns the losses for these settings, with one more reader.
   Losses* take_losses(const Settings& settings) {
     std::unique_ptr<Losses> made;
     {
@@ -118,7 +118,7 @@ class CorrectiveSmooth::Body {
         ++known->readers;
         return known.get();
       }
-      // The one that nobody reads and that was made longest ago is made anew.
+      // Reuses the oldest one that nobody reads.
       const auto idle = std::ranges::find(remembered_, 0, [](const auto& known) { return known->readers; });
       if (remembered_.size() >= kRemembered && idle != remembered_.end()) {
         made = std::move(*idle);

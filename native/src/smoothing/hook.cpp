@@ -12,12 +12,12 @@
 namespace sinew {
 namespace {
 
-// What one vertex costs one thread, about.
+// The approximate cost of a vertex on one thread.
 constexpr double kMicroseconds = 6e-3;
 
 constexpr std::size_t kPiece = 4096;
 
-/// Blender's order of sums.
+/// Returns m * p, summed in Blender's order.
 Eigen::Vector3f times(const Eigen::Ref<const Eigen::Matrix3f>& m, const float* p) {
   Eigen::Vector3f result;
   for (int row = 0; row < 3; ++row) {
@@ -46,7 +46,7 @@ float fallen(Falloff falloff, float radius, float squared_distance) {
   }
 }
 
-/// A hook's settings, ready for vertex after vertex.
+/// A hook's settings, prepared for use on each vertex.
 struct Pull {
   explicit Pull(const Hook::Settings& own)
       : settings(own),

@@ -7,7 +7,7 @@
 namespace sinew {
 namespace {
 
-// What one vertex costs one thread, about, to take and put back and in an iteration.
+// The approximate cost of a vertex on one thread: to copy in and out, and per iteration.
 constexpr double kMicroseconds = 3.5e-3, kMicrosecondsStep = 1e-3;
 
 std::vector<float> positive_weights(const VertexGroup& group, std::ptrdiff_t vertices) {

@@ -1,4 +1,4 @@
-/// What the smoothing stages have in common: points in, iterations in pieces, points out.
+/// Shared by the smoothing stages: points in, iterations in pieces, points out.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace sinew {
 /// One frame's smoothing of one mesh.
 class Smoothing {
  public:
-  /// microseconds  what all of it costs one thread, about.
+  /// microseconds  the approximate time of all of it on one thread.
   Smoothing(const Neighbourhood& around, double microseconds, Kept<SmoothingSpace>& spaces)
       : around_(around),
         threads_(threads_pay(microseconds)),

@@ -21,15 +21,15 @@ using Mask = hn::Mask<Tag>;
 constexpr Tag kTag;
 constexpr int kLanes = static_cast<int>(hn::MaxLanes(kTag));
 
-// Blender's: below this squared length a vector has no direction; sides that differ by less are
-// straight, sums of lengths that are less are none.
+// Blender's limits: a vector with a squared length below kShortest has no direction; sides that differ by
+// less than kEpsilon are straight, and sums of lengths below it count as 0.
 constexpr float kShortest = 1e-35f, kEpsilon = 1.1920929e-6f;
 
-// Corners of a vertex that are kept between adding up their angles and using them. Vertices with
-// more have them computed twice.
+// How many corners of a vertex are kept between summing their angles and using them. For vertices with
+// more, the others are computed twice.
 constexpr std::size_t kKeptCorners = 12;
 
-/// A vector a lane.
+/// One vector per lane.
 struct Vectors {
   Floats x, y, z;
 };
@@ -61,7 +61,7 @@ HWY_INLINE Vectors choose(Mask mask, const Vectors& yes, const Vectors& no) {
 
 HWY_INLINE Vectors nothing() { return {hn::Zero(kTag), hn::Zero(kTag), hn::Zero(kTag)}; }
 
-/// Of length 1, or 0 where there is no direction.
+/// Returns vectors of length 1, or 0 where there is no direction.
 HWY_INLINE Vectors normalized(const Vectors& a) {
   const Floats squared = dot(a, a);
   const Floats inverse = hn::Div(number(1), hn::Sqrt(squared));
@@ -69,13 +69,13 @@ HWY_INLINE Vectors normalized(const Vectors& a) {
 }
 
 #if HWY_TARGET == HWY_SCALAR
-/// The point at a place.
+/// Returns the point at a place.
 HWY_INLINE Vectors points_at(const float* points, const std::uint32_t* places) {
   const float* point = points + places[0];
   return {number(point[0]), number(point[1]), number(point[2])};
 }
 #else
-/// Four floats at each of the places, every fourth of which is taken.
+/// Loads four floats at every fourth of the places.
 template <class D>
 HWY_INLINE hn::Vec<D> every_fourth(D d, const float* points, const std::uint32_t* places) {
   if constexpr (hn::MaxLanes(d) == 4) {
@@ -86,7 +86,7 @@ HWY_INLINE hn::Vec<D> every_fourth(D d, const float* points, const std::uint32_t
   }
 }
 
-/// The points at kLanes places.
+/// Returns the points at kLanes places.
 HWY_INLINE Vectors points_at(const float* points, const std::uint32_t* places) {
   const Floats p0 = every_fourth(kTag, points, places);
   const Floats p1 = every_fourth(kTag, points, places + 1);
@@ -100,7 +100,7 @@ HWY_INLINE Vectors points_at(const float* points, const std::uint32_t* places) {
 
 #endif
 
-/// Points that lie one after the other.
+/// Loads consecutive points.
 HWY_INLINE Vectors points_from(const float* points) {
   Vectors result;
   Floats fourth;
@@ -122,7 +122,7 @@ HWY_INLINE void store_apart(const Vectors& vectors, float* numbers, int stride) 
   hn::Store(vectors.z, kTag, numbers + 2 * stride);
 }
 
-/// Calls run(block, first of kLanes lanes of all).
+/// Calls run(block, number of the first of kLanes lanes, counted over all blocks).
 template <class Run>
 HWY_INLINE void each_group(std::size_t begin, std::size_t end, const Run& run) {
   for (std::size_t i = begin * kBlock; i < end * kBlock; i += kLanes) run(i / kBlock, i);
@@ -191,7 +191,7 @@ void mean_step(const Neighbourhood& around, std::size_t begin, std::size_t end, 
 }
 
 /// A corner: the frame of its two sides, both of which point backwards along the face. Straight
-/// ones have none.
+/// corners have no frame.
 struct Corners {
   Vectors side_in, side_out;
   Vectors x, y, z;
@@ -210,7 +210,7 @@ struct Corners {
   }
 };
 
-/// The inverse of the frame, applied. Of one without an inverse, the transpose.
+/// Applies the inverse of the frame, or its transpose if it has no inverse.
 HWY_INLINE Vectors unframed(const Corners& corners, const Vectors& vector) {
   const Vectors a = cross(corners.y, corners.z), b = cross(corners.z, corners.x), c = cross(corners.x, corners.y);
   const Floats determinant =
@@ -223,7 +223,7 @@ HWY_INLINE Vectors unframed(const Corners& corners, const Vectors& vector) {
   return choose(corners.straight, vector, result);
 }
 
-/// Blender's polynomial, and what it is near to.
+/// Blender's polynomial approximation of the arc cosine.
 HWY_INLINE Floats polynomial_angle(Floats cosine) {
   const Floats size = hn::Abs(cosine), one = number(1);
   const Floats most = hn::IfThenElse(hn::Lt(size, one), hn::Sub(one, hn::Sub(one, size)), one);
@@ -234,7 +234,7 @@ HWY_INLINE Floats polynomial_angle(Floats cosine) {
   return hn::IfThenElse(hn::Lt(cosine, hn::Zero(kTag)), hn::Sub(number(3.14159265f), angle), angle);
 }
 
-/// To a few units in the last place; NaN beyond 1.
+/// Accurate to a few units in the last place; NaN beyond 1.
 HWY_INLINE Floats arc_cosine(Floats cosine) {
   const Floats size = hn::Abs(cosine), one = number(1), half = number(0.5f);
   const Mask is_large = hn::Gt(size, half);
@@ -301,7 +301,7 @@ void restore(const Neighbourhood& around, std::size_t begin, std::size_t end, co
       const Restored one = k < kKeptCorners ? Restored{load_apart(kept[k][0], kLanes), hn::Load(kTag, kept[k][3])}
                                             : restored<kind>(around, first + k, lane, own, smooth, losses);
       const Floats part = hn::Div(one.angle, angles);
-      // Neither for 0 / 0 nor for NaN.
+      // False for both 0 / 0 and NaN.
       const Mask counts = hn::Gt(part, hn::Zero(kTag));
       result = choose(counts, result + one.loss * part * number(scale), result);
     }
