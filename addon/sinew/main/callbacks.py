@@ -5,6 +5,7 @@ import bpy
 
 _handlers = []  # (name of the list in bpy.app.handlers, handler) that belong there
 _timers = []
+_with_file = []  # functions
 
 
 def add(handlers):
@@ -32,6 +33,21 @@ def stop(timer):
     _timers.remove(timer)
     if bpy.app.timers.is_registered(timer):
         bpy.app.timers.unregister(timer)
+
+
+def start_with_file(function):
+    """It is called whenever another file is opened."""
+    _with_file.append(function)
+
+
+def stop_with_file(function):
+    _with_file.remove(function)
+
+
+def another_file():
+    """Another file was opened."""
+    for function in _with_file:
+        function()
 
 
 def put_back():

@@ -23,12 +23,6 @@ SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
 SECONDS_WHILE_ASKED = 0.005  # likewise, while a render asks for poses
 SECONDS_TO_WAIT = 5.0  # at most, for the main thread
 HAS_EVENT_LOOP = not bpy.app.background
-forgotten_with_file = [
-    notice.forget,
-    posing.forget_what_was_said,
-    whole_frames.forget,
-    precomputing.forget,
-]  # called when another file is opened
 _seen_gathering = None  # of bound meshes
 _said = set()  # errors of the timer
 _bone_names = {}  # key of an armature's data -> those of its bones
@@ -106,8 +100,9 @@ def on_depsgraph_update(_scene, depsgraph):
 def on_load(*_):
     global _is_file_unknown
     _is_file_unknown = True
-    for forget_more in forgotten_with_file:
+    for forget_more in (notice.forget, posing.forget_what_was_said, whole_frames.forget, precomputing.forget):
         forget_more()
+    callbacks.another_file()
     forget()
     take_over_open_file()
 

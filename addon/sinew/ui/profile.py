@@ -1,7 +1,6 @@
 """The profile of the open scene in the sidebar: which objects take the time of a frame."""
 
 import bpy
-from bpy.app.handlers import persistent
 from bpy.props import IntProperty, StringProperty
 
 from ..feedback import notice
@@ -141,19 +140,11 @@ CLASSES = (MeasureProfile, AccelerateOne, SidebarProfile)
 register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
-@persistent
-def _forget(*_):
-    costs.last.clear()
-
-
-HANDLERS = (("load_post", _forget),)
-
-
 def register():
     register_classes()
-    callbacks.add(HANDLERS)
+    callbacks.start_with_file(costs.last.clear)
 
 
 def unregister():
-    callbacks.remove(HANDLERS)
+    callbacks.stop_with_file(costs.last.clear)
     unregister_classes()
