@@ -96,7 +96,7 @@ bool threads_pay(double microseconds) {
   return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) < kAwakeFor;
 }
 
-bool detail::can_start(int count) {
+bool detail::can_start([[maybe_unused]] int count) {
 #ifdef _WIN32  // where stacks are not allocated like this
   try {
     std::thread([] {}).join();
