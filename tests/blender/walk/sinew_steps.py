@@ -90,18 +90,22 @@ def own_method(random, ob, twin):
     """For a moment: compared with the modifier's, or with a copy that is bound anew."""
     if not ob.sinew.is_bound or not ob.sinew.modifier or not ob.visible_get() or not ob.data.vertices:
         return
-    addon_module("install.precomputing").drop(ob)  # what was computed before an edit stays until it is asked for anew
     skinning, was = ob.sinew.skinning, ob.sinew.method
-    ob.sinew.method = random.choice(("BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"))
+    method = random.choice(("BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"))
     skinning.share = random.choice((0, 1))
     skinning.iterations, skinning.variant = random.choice((1, 5)), random.choice("015")
+    addon_module("install.precomputing").drop(ob)  # what was computed before an edit stays until it is requested again
+    ob.sinew.method = method
     addon_module("install.bind").prepare_method(ob)
-    compare.assert_close(evaluated(ob), of_another(ob, twin), f"{ob.name}, {ob.sinew.method}")
+    expected = of_another(ob, twin)
+    if expected is not None:
+        compare.assert_close(evaluated(ob), expected, f"{ob.name}, {ob.sinew.method}")
     ob.sinew.method = was
 
 
 def of_another(ob, twin):
-    """The shape of a mesh that is deformed by the method of this one."""
+    """The shape of a mesh that is deformed by the method of this one, or None if no other mesh could be bound as this one
+    was, because its bones or groups have changed since."""
     if ob.sinew.method == "BLENDED":
         modifier = twin.modifiers[ob.sinew.modifier.name]
         was, modifier.use_deform_preserve_volume = modifier.use_deform_preserve_volume, ob.sinew.skinning.share == 1
@@ -113,9 +117,12 @@ def of_another(ob, twin):
     bpy.context.scene.collection.objects.link(copy)
     bind = addon_module("install.bind")
     bind.unbind(copy)
-    bind.bind(copy, ob.sinew.armature, method=ob.sinew.method)
-    shape = evaluated(copy)
-    bind.unbind(copy)
+    try:
+        bind.bind(copy, ob.sinew.armature, method=ob.sinew.method)
+        shape = evaluated(copy)
+        bind.unbind(copy)
+    except bind.BindingError:
+        shape = None
     mesh = copy.data
     bpy.data.objects.remove(copy)
     bpy.data.meshes.remove(mesh)
