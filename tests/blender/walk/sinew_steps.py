@@ -104,8 +104,8 @@ def own_method(random, ob, twin):
 
 
 def of_another(ob, twin):
-    """The shape of a mesh that is deformed by the method of this one. None if no other mesh can be bound as this one was,
-    because its bones or groups have changed since."""
+    """The shape of a mesh that is deformed by the method of this one. None if no other mesh can be bound like it, because
+    its bones or groups have changed since."""
     if ob.sinew.method == "BLENDED":
         modifier = twin.modifiers[ob.sinew.modifier.name]
         was, modifier.use_deform_preserve_volume = modifier.use_deform_preserve_volume, ob.sinew.skinning.share == 1
