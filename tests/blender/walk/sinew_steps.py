@@ -104,7 +104,7 @@ def own_method(random, ob, twin):
 
 
 def of_another(ob, twin):
-    """The shape of a mesh that is deformed by the method of this one. None if no other mesh can be bound like it, because
+    """The shape of a mesh that is deformed by the method of this one. None if no other mesh can be bound like it:
     its bones or groups have changed since."""
     if ob.sinew.method == "BLENDED":
         modifier = twin.modifiers[ob.sinew.modifier.name]
