@@ -152,8 +152,8 @@ def change_armature_data(random):
 
 @kind(0.7)
 def spoil_bone(random):
-    """A place that is not a number, for a moment. Not beside length-weighted smoothing: what it makes of the vertices next
-    to those that are no numbers is rounding of its own."""
+    """A place that is not a number, for a moment. Not beside length-weighted smoothing, where vertices next to those
+    that it spoils are known to differ."""
     armature = one_armature(random)
     smooth = [m for pair in scene.pairs() for m in pair[0].modifiers if m.type == "CORRECTIVE_SMOOTH"]
     if armature and len(armature.pose.bones) and all(m.smooth_type == "SIMPLE" for m in smooth):
