@@ -261,6 +261,25 @@ def test_a_duplicate_keeps_what_the_other_loses(character):
     assert lacks(copy) == "" and np.array_equal(shapes(copy), shape)
 
 
+@pytest.mark.parametrize("method", (CENTERS, MUSH))
+def test_what_is_computed_for_a_duplicate_is_its_own(character, method):
+    """Both have the same arrays until then."""
+    ob, _twin = character
+    ob.sinew.method = method
+    before = shapes(ob)
+    select(ob)
+    bpy.ops.object.duplicate()
+    other = bpy.context.object
+    other.sinew.skinning.sigma, other.sinew.skinning.iterations = 0.5, 1
+    select(other)
+    assert bpy.ops.object.sinew_prepare_method() == {"FINISHED"}
+    assert lacks(other) == ""
+    assert ob.sinew.skinning.data != other.sinew.skinning.data
+    np.testing.assert_array_equal(shapes(ob), before)
+    assert np.abs(shapes(other) - before).max() > 1e-4
+    assert lacks(ob) == ""
+
+
 def test_nothing_to_compute_for_is_said(character):
     ob, _twin = character
     select(ob)
