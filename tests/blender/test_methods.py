@@ -278,6 +278,9 @@ def test_what_is_computed_for_a_duplicate_is_its_own(character, method):
     np.testing.assert_array_equal(shapes(ob), before)
     assert np.abs(shapes(other) - before).max() > 1e-4
     assert lacks(ob) == ""
+    kept = {each.sinew.skinning.data for each in (ob, other)}
+    assert bpy.ops.object.sinew_prepare_method() == {"FINISHED"}  # once more, now in its own
+    assert {each.sinew.skinning.data for each in (ob, other)} == kept == set(bpy.data.texts)
 
 
 def test_nothing_to_compute_for_is_said(character):

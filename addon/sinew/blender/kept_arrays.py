@@ -10,7 +10,7 @@ ARRAYS, MADE_OF = "sinew_arrays", "sinew_made_of"
 def write(text, name, made_of, arrays):
     """Returns the text, a new one for None and for one that a duplicate of its object has too. made_of: any string,
     which tells these arrays from others; arrays: {name: array}."""
-    if text is None or text.library is not None or text.users > 1:
+    if text is None or text.library is not None or len(bpy.data.user_map(subset={text})[text]) > 1:
         text = bpy.data.texts.new(f".sinew {name}")
     text[MADE_OF] = made_of
     text[ARRAYS] = {
