@@ -152,11 +152,11 @@ def change_armature_data(random):
 
 @kind(0.7)
 def spoil_bone(random):
-    """A place that is not a number, for a moment. Not beside length-weighted smoothing, where vertices next to those
-    that it spoils are known to differ."""
+    """A place that is not a number, for a moment. Not with smoothing behind, where vertices next to those that it spoils
+    are known to differ."""
     armature = one_armature(random)
-    smooth = [m for pair in scene.pairs() for m in pair[0].modifiers if m.type == "CORRECTIVE_SMOOTH"]
-    if armature and len(armature.pose.bones) and all(m.smooth_type == "SIMPLE" for m in smooth):
+    types = {modifier.type for ob, _twin in scene.pairs() for modifier in ob.modifiers}
+    if armature and len(armature.pose.bones) and types.isdisjoint({"CORRECTIVE_SMOOTH", "SMOOTH"}):
         bone = random.choice(list(armature.pose.bones))
         before = bone.location.copy()
         bone.location.x = math.nan
