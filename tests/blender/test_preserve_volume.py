@@ -6,7 +6,7 @@ import pytest
 from mathutils import Vector
 
 from characters import accelerate, make_armature, make_mesh, pose
-from helpers import assert_same_shape, select, twin_of
+from helpers import assert_same_shape, select, twin_of, way
 
 ROUNDING = 1e-6  # a share of the diagonal
 START = Vector((3, 2, 1))  # far from the origin, about which an error turns
@@ -49,3 +49,23 @@ def test_bones_whose_axes_are_not_quite_of_length_1(fresh_scene, scaled, segment
     for frame in range(1, 11, 3):
         fresh_scene.frame_set(frame)
         assert_same_shape(ob, twin, ROUNDING)
+
+
+@pytest.mark.parametrize("method", ("", "BLENDED"))
+def test_a_b_bone_by_which_nothing_moves_need_not_be_evaluated(fresh_scene, method):
+    """The mesh does not wait for it, so its segments may be those of before an edit."""
+    armature = make_armature()
+    ob = make_mesh(armature, True)
+    ob.vertex_groups.remove(ob.vertex_groups["bone0"])
+    twin = twin_of(ob)
+    for frame in (1, 4, 7):
+        pose(armature, frame, False)
+    accelerate(ob)
+    if method:
+        ob.sinew.method, ob.sinew.skinning.share = method, 1
+    fresh_scene.frame_set(3)
+    for segments in (4, 2, 1, 3):
+        armature.data.bones["bone0"].bbone_segments = segments
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, twin)
+    assert way(ob) == "ATTRIBUTE"

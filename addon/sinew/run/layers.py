@@ -198,10 +198,11 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
         lambda: transformed(inverse, rest.astype(np.float64)),
         lambda bone, point: armatures.segment_at(armature, bone, point),
     )
+    moves = _moving(own, bones)
     rest_frames = None
     if settings.preserve_volume or method.kind == methods.BLENDED:
         rest_frames = np.tile(np.eye(4), (bones.joint_count + 1, 1, 1))
-        for bone in np.flatnonzero(bones.first_joint >= 0):
+        for bone in np.flatnonzero(moves):  # nobody waits for the others
             first, count = bones.first_joint[bone], bones.joint_counts[bone]
             rest_frames[first : first + count] = bones.rest[bone]
             if count > 1:
@@ -210,7 +211,6 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
                 # and those of bones without segments not.
                 frames[:, :3, :3] /= np.linalg.norm(frames[:, :3, :3], axis=1, keepdims=True)
                 rest_frames[first : first + count] = frames
-    moves = _moving(own, bones)
     skin = sinew_native.Skin(rest, own.offsets, own.joints, own.weights, bones.joint_count + 1)
     how = {"method": "linear"}
     if settings.preserve_volume:
