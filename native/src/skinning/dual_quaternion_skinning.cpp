@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "skinning/sum_rotations.h"
+
 namespace sinew {
 namespace {
 
@@ -19,22 +21,6 @@ Eigen::Vector3f applied(const Eigen::Vector4f& real, const Eigen::Vector4f& dual
   const Eigen::Vector3f r = real.tail<3>(), d = dual.tail<3>();
   const Eigen::Vector3f rotated = point + 2 / norm2 * r.cross(Eigen::Vector3f(r.cross(point) + real[0] * point));
   return rotated + 2 / norm2 * (real[0] * d - dual[0] * r + r.cross(d));
-}
-
-/// Calls add(joint, weight, weight with the sign of its rotation) for each influence; returns the sum of the rotations.
-/// Each sign is chosen against the sum so far, in stored order.
-template <class Add>
-Eigen::Vector4f sum_rotations(const Influences& influences, const Palette& palette, const Add& add) {
-  Eigen::Vector4f real = Eigen::Vector4f::Zero();
-  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
-    const std::int32_t j = influences.joints[i];
-    const Parts joint(palette.dual_quaternions[j].real);
-    const float weight = influences.weights[i];
-    const float sign = joint.dot(real) < 0 ? -weight : weight;
-    real += sign * joint;
-    add(j, weight, sign);
-  }
-  return real;
 }
 
 /// Moves a vertex that each joint stretches by itself. Their contributions to the dual part are summed first and

@@ -6,6 +6,7 @@
 #include "skinning/dual_quaternion_skinning.h"
 #include "skinning/linear_skinning.h"
 #include "skinning/method_data_kernels.h"
+#include "skinning/sum_rotations.h"
 
 namespace sinew {
 namespace {
@@ -18,17 +19,12 @@ Point move_about(const Point& center, const Influences& influences, const Palett
   linear_vertex(influences, center.data(), palette.matrices.data(), moved.data());
   const Point arm = rest - center;
   const Eigen::Vector4f direction(arm.x(), arm.y(), arm.z(), 0);
-  Eigen::Vector4f real = Eigen::Vector4f::Zero();  // w x y z
   Point stretched = Point::Zero();
   float weight_sum = 0;
-  for (std::size_t i = 0; i < influences.joints.size(); ++i) {
-    const std::int32_t j = influences.joints[i];
-    const Eigen::Map<const Eigen::Vector4f> own(palette.dual_quaternions[j].real);
-    const float weight = influences.weights[i];
-    real += (own.dot(real) < 0 ? -weight : weight) * own;
+  const Eigen::Vector4f real = sum_rotations(influences, palette, [&](std::int32_t j, float weight, float) {
     weight_sum += weight;
     if (palette.is_stretched[j]) stretched += weight * palette.displacement(j, direction);
-  }
+  });
   const Point d = weight_sum != 0 ? Point(arm + stretched / weight_sum) : arm;
   const float norm2 = real.squaredNorm();
   if (norm2 < std::numeric_limits<float>::min()) return moved + d;
