@@ -2,6 +2,7 @@
 Blender's API when it is first used. Where it does not hold, Blender's own modifiers deform."""
 
 import dataclasses
+import re
 import sys
 
 import bpy
@@ -114,8 +115,7 @@ def test_another_layout_is_named_and_blender_deforms(host, monkeypatch, spoil, f
     kind, change, clause = SPOILED[spoil]
     structs = changed(host["layout"].structs(), kind, change)
     monkeypatch.setattr(host["layout"], "structs", lambda: structs)
-    with pytest.raises(AssertionError, match=clause):
-        assert not host["contract"].differences(structs)
+    assert re.search(clause, "; ".join(host["contract"].differences(structs)))
     assert_blender_deforms(fresh_scene, bpy.app.version_string)
 
 
@@ -137,7 +137,7 @@ def test_a_layout_that_cannot_be_read_is_asked_for_once(host, monkeypatch, fresh
     assert asked == [1]
 
 
-def assert_blender_deforms(scene, reason, change=None):
+def assert_blender_deforms(scene, reason):
     """A bound character has the right shape on each frame, and says why Blender makes it."""
     armature = make_armature()
     ob = make_mesh(armature, False)

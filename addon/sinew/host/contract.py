@@ -3,6 +3,7 @@
 Offsets are those of the running Blender. What is not in the table cannot be asked for.
 """
 
+import ctypes
 import functools
 from typing import NamedTuple
 
@@ -109,7 +110,7 @@ def differences(structs):
     ]
     found += [f"{kind} has no unused byte" for kind in MARKED if kind in structs and structs[kind].padding() is None]
     if "Object" in structs:
-        place = _place_in(structs)
+        place = _place_in(structs["Object"])
         found += (
             ["Object has no matrix to the world"]
             if place is None
@@ -130,13 +131,12 @@ def _differences_of(struct, kind, name, wanted):
     return []
 
 
-def _place_in(structs):
-    return next((name for name in PLACES if name in structs["Object"].members), None)
+def _place_in(struct):
+    return next((name for name in PLACES if name in struct.members), None)
 
 
 # --- of the running Blender -----------------------------------------------------------------------
 
-_structs = None  # once they were read
 _trouble = None  # a sentence, "" for none; None: nobody has looked yet
 
 
@@ -162,24 +162,19 @@ def distrust(difference):
 
 def forget():
     """For tests: it is looked at again."""
-    global _structs, _trouble
-    _structs = _trouble = None
+    global _trouble
+    _trouble = None
     for function in (offset, size, struct_size, unused_byte, place):
         function.cache_clear()
 
 
 def _look():
-    global _structs, _trouble
+    global _trouble
     try:
-        structs = layout.structs()
+        found = differences(layout.structs())
     except Exception as error:  # a failure is kept: it would be the same for each mesh and frame
-        _trouble = _sentence([f"its description of its data cannot be read: {error}"])
-        return
-    found = differences(structs)
-    if found:
-        _trouble = _sentence(found)
-    else:
-        _structs, _trouble = structs, ""
+        found = [f"its description of its data cannot be read: {error}"]
+    _trouble = _sentence(found) if found else ""
 
 
 def _sentence(found):
@@ -193,7 +188,7 @@ def _sentence(found):
 def _of(kind):
     if trouble():
         raise Broken(_trouble)
-    return _structs[kind]
+    return layout.structs()[kind]
 
 
 @functools.cache
@@ -230,10 +225,15 @@ def place():
     """(name of the member of Object in which its matrix to the world's space is, or whose address leads there; its
     offset in bytes)."""
     found = _of("Object")
-    name = _place_in(_structs)
+    name = _place_in(found)
     return name, found.offset(name)
 
 
 def region(struct, kind, member):
     """(address, size) of a member, in bytes. struct: anything of Blender's with an address; kind: its name there."""
     return struct.as_pointer() + offset(kind, member), size(kind, member)
+
+
+def address_at(address):
+    """The address that is stored there."""
+    return ctypes.c_uint64.from_address(address).value

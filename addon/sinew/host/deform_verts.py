@@ -10,13 +10,9 @@ _MOST_GROUPS = 1 << 20
 _SOME = 64  # vertices that are looked at
 
 
-def _address_at(address):
-    return ctypes.c_uint64.from_address(address).value
-
-
 def group_names(mesh):
     """Names of the vertex groups of that very copy of a mesh."""
-    first = _address_at(contract.region(mesh, "Mesh", "vertex_group_names")[0])
+    first = contract.address_at(contract.region(mesh, "Mesh", "vertex_group_names")[0])
     offset, size = contract.offset("bDeformGroup", "name"), contract.size("bDeformGroup", "name")
     addresses = sinew_native.host.list_addresses(first, _MOST_GROUPS).tolist()
     return tuple(ctypes.string_at(address + offset, size).partition(b"\0")[0].decode() for address in addresses)
@@ -27,12 +23,12 @@ def deform_vertices(mesh):
     if contract.trouble():
         return None
     vertex_data = contract.region(mesh, "Mesh", "vdata")[0]
-    layers = _address_at(vertex_data + contract.offset("CustomData", "*layers"))
+    layers = contract.address_at(vertex_data + contract.offset("CustomData", "*layers"))
     count = ctypes.c_int32.from_address(vertex_data + contract.offset("CustomData", "totlayer")).value
     for number in range(count):
         at = layers + number * contract.struct_size("CustomDataLayer")
         if ctypes.c_int32.from_address(at + contract.offset("CustomDataLayer", "type")).value == _DEFORM_VERTICES:
-            address = _address_at(at + contract.offset("CustomDataLayer", "*data"))
+            address = contract.address_at(at + contract.offset("CustomDataLayer", "*data"))
             return address if _is_where_the_api_says(mesh, address) else None
     return None if _lacks_what_the_api_says(mesh) else 0
 

@@ -31,7 +31,7 @@ def key_positions(address, count):
     address = int(address)
     if ctypes.c_int32.from_address(address + total).value != count:
         return None
-    return vector_arrays.vectors_at(ctypes.c_uint64.from_address(address + data).value, count)
+    return vector_arrays.vectors_at(contract.address_at(address + data), count)
 
 
 def silence_keys(addresses):

@@ -40,14 +40,11 @@ def read(armature, first_joints, joint_counts, out):
 
 
 def _prove(armature, first_joints, joint_counts, found):
-    is_used = first_joints >= 0
-    for what, chosen, motions_of in (
-        ("bones", is_used & (joint_counts == 1), _motion_of),
-        ("segments", is_used & (joint_counts > 1), _motions_of_segments),
-    ):
-        if not proof.is_due(what) or not chosen.any():
+    for what, has_such, motions_of in (("bones", np.equal, _motion_of), ("segments", np.greater, _motions_of_segments)):
+        chosen = np.flatnonzero((first_joints >= 0) & has_such(joint_counts, 1)) if proof.is_due(what) else ()
+        if not len(chosen):
             continue
-        bone = int(np.flatnonzero(chosen)[-1])
+        bone = int(chosen[-1])
         first = first_joints[bone]
         expected = motions_of(armature.pose.bones[bone])
         own = found[first : first + joint_counts[bone]].transpose(0, 2, 1)

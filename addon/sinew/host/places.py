@@ -30,7 +30,7 @@ def place_layout():
 def _place_address(ob, place):
     pointer, offset = place
     start = ob.as_pointer()
-    return (start if pointer is None else ctypes.c_uint64.from_address(start + pointer).value) + offset
+    return (start if pointer is None else contract.address_at(start + pointer)) + offset
 
 
 def _matrix_at(address):

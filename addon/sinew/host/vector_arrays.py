@@ -47,5 +47,5 @@ def bound_count(modifier):
 
 def bound_positions(modifier):
     """(N, 3) float32, a copy of these positions, which the API does not show; None if there are none."""
-    address = ctypes.c_uint64.from_address(contract.region(modifier, _SMOOTH, "(*bind_coords)()")[0]).value
+    address = contract.address_at(contract.region(modifier, _SMOOTH, "(*bind_coords)()")[0])
     return vectors_at(address, bound_count(modifier)).copy() if address else None

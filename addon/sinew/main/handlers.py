@@ -12,7 +12,7 @@ from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..host import contract, places
+from ..host import places
 from ..install import bind, deformed_copies, deformed_copy, old_files, precomputing, shared_group
 from ..plan import ways, wiring
 from ..run import characters, mail
@@ -248,7 +248,6 @@ def take_over_open_file():
     if not _is_file_unknown or not _is_main_thread():
         return
     _is_file_unknown = False
-    contract.trouble()
     places.place_layout()
     for ob in characters.bound_objects():
         if old_files.is_old(ob):
