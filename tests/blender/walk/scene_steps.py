@@ -69,6 +69,10 @@ def rename_bone(random):
     armature = one_armature(random)
     if armature and len(armature.data.bones):
         random.choice(armature.data.bones).name = random.choice(("bone0", "bone1", "elbow", 'the "bone"', "side"))
+        bpy.context.view_layer.update()
+        for pair in scene.pairs():  # Blender may leave a mesh stale that has a group of the new name already
+            for ob in pair:
+                ob.data.update()
 
 
 @kind(2)
