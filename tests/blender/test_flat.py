@@ -82,11 +82,25 @@ def test_flattened_objects(preserve_volume, keys, who, scale):
     assert_followed(ob, twin, keys)
 
 
+SMOOTHING = {
+    "no smoothing": None,
+    "corrective": ("CORRECTIVE_SMOOTH", {}),
+    "corrective by length": ("CORRECTIVE_SMOOTH", {"smooth_type": "LENGTH_WEIGHTED", "iterations": 2}),
+    "only smooth": ("CORRECTIVE_SMOOTH", {"use_only_smooth": True}),
+    "smooth": ("SMOOTH", {"iterations": 3}),
+}
+
+
 @KEYS
 @pytest.mark.parametrize("preserve_volume", (False, True), ids=("linear", "dual quaternion"))
-def test_a_bone_that_is_nowhere(preserve_volume, keys):
+@pytest.mark.parametrize("smoothing", SMOOTHING.values(), ids=SMOOTHING)
+def test_a_bone_that_is_nowhere(preserve_volume, keys, smoothing):
     """What it does not move stays where it was."""
     ob, twin, armature = make_pair(preserve_volume, keys)
+    for each in (ob, twin) if smoothing else ():
+        modifier = each.modifiers.new("Smoothing", smoothing[0])
+        for name, value in smoothing[1].items():
+            setattr(modifier, name, value)
     armature.pose.bones["side"].location.x = np.nan
     bpy.context.view_layer.update()
     ours, theirs = evaluated(ob), evaluated(twin)

@@ -61,11 +61,11 @@ HWY_INLINE Vectors choose(Mask mask, const Vectors& yes, const Vectors& no) {
 
 HWY_INLINE Vectors nothing() { return {hn::Zero(kTag), hn::Zero(kTag), hn::Zero(kTag)}; }
 
-/// Returns vectors of length 1, or 0 where there is no direction.
+/// Returns vectors of length 1, or 0 where there is no direction, also where a number is NaN.
 HWY_INLINE Vectors normalized(const Vectors& a) {
   const Floats squared = dot(a, a);
   const Floats inverse = hn::Div(number(1), hn::Sqrt(squared));
-  return a * hn::IfThenElseZero(hn::Gt(squared, number(kShortest)), inverse);
+  return choose(hn::Gt(squared, number(kShortest)), a * inverse, nothing());
 }
 
 #if HWY_TARGET == HWY_SCALAR

@@ -156,11 +156,9 @@ def change_armature_data(random):
 
 @kind(0.7)
 def spoil_bone(random):
-    """A place that is not a number, for a moment. Not with smoothing behind, where vertices next to those that it
-    spoils are known to differ."""
+    """A place that is not a number, for a moment."""
     armature = one_armature(random)
-    types = {modifier.type for ob, _twin in scene.pairs() for modifier in ob.modifiers}
-    if armature and len(armature.pose.bones) and types.isdisjoint({"CORRECTIVE_SMOOTH", "SMOOTH"}):
+    if armature and len(armature.pose.bones):
         bone = random.choice(list(armature.pose.bones))
         before = bone.location.copy()
         bone.location.x = math.nan
