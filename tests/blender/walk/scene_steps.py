@@ -237,6 +237,7 @@ def evaluate_another_scene(random):
     # The same frame: what keyframes set goes from any scene to the originals that both share, and Blender takes it from
     # there, also into the graph that it makes for applying a modifier that is off in the evaluated object.
     frames = [current.frame_current] * 10
+    other.frame_set(current.frame_current)  # Blender crashes if something is tagged while another thread builds a graph
     thread = threading.Thread(target=lambda: [other.frame_set(frame) for frame in frames])
     thread.start()
     try:
