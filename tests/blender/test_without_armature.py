@@ -139,6 +139,23 @@ def test_a_hook_is_added_behind_an_armature_that_came_later(fresh_scene, left_to
     assert names_but_own(ob) == names_but_own(twin) == ["Hook", "Cast", "Armature", "New"]
 
 
+def test_armatures_that_came_later_are_mixed(fresh_scene, left_to_blender):
+    """Blender mixes with the modifier right before: Sinew's, which stands in between, is moved away."""
+    ob, twin = left_to_blender
+    armatures = [make_armature(), make_armature()]
+    for turn, armature in enumerate(armatures, start=1):
+        pose(armature, turn, False)
+        for each in (ob, twin):
+            modifier = each.modifiers.new(f"Armature {turn}", "ARMATURE")
+            modifier.object, modifier.use_multi_modifier = armature, turn == 2
+        if turn == 1:
+            addon_module("install.bind").adapt(ob)  # it is at the end when the second one is added
+    bpy.context.view_layer.update()
+    addon_module("main.handlers").look_into_the_mail()
+    assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5))
+    assert names_but_own(ob) == names_but_own(twin) and ob.modifiers[-1].type == "NODES"
+
+
 def test_multires_is_added_behind_what_came_later(fresh_scene, left_to_blender):
     ob, twin = left_to_blender
     for each in (ob, twin):

@@ -81,12 +81,14 @@ def _wired(plan, ob):
 
 
 def has_too_much(plan, original):
-    """Whether the file has what is there for the way through an attribute alone."""
+    """Whether the file has what is there for the way through an attribute alone, or Sinew's modifier stands between
+    others: an Armature modifier with Multi Modifier mixes with the one right before it."""
     if plan.own is None or plan.way.kind == ways.ATTRIBUTE:
         return False
     own = original.modifiers[plan.own]
     if plan.hook_path == wiring.path_of(own):
-        return meshes.point_attribute(original.data, nodes.POSITION_ATTRIBUTE) is not None
+        is_last = original.modifiers[-1] == own
+        return not is_last or meshes.point_attribute(original.data, nodes.POSITION_ATTRIBUTE) is not None
     return nodes.is_removable(original, own)
 
 

@@ -36,6 +36,16 @@ def assert_alike():
             assert_free(each, where)
 
 
+def is_mix_split():
+    """Whether Sinew's modifier stands before an Armature modifier that mixes with the one before. Sinew moves it away
+    when it looks into the mail."""
+    return any(
+        addon_module("blender.nodes").is_sinew(modifier) and later.type == "ARMATURE" and later.use_multi_modifier
+        for ob, _twin in scene.pairs()
+        for modifier, later in zip(ob.modifiers, ob.modifiers[1:])
+    )
+
+
 def wiring():
     return addon_module("plan.wiring")
 
