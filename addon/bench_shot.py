@@ -7,9 +7,10 @@ by bones, four garments of 4,000 to 8,000 vertices with their own weights, a Cor
 Armature modifier of one of them, Preserve Volume on body and clothes, and two eyes that are parented to a bone and not
 bound. The set has 3,000 props that do not move; two thirds of them share 200 meshes.
 
-Medians of whole `scene.frame_set` calls over 40 different frames, alternating between the set alone, the set with the
-rigs (the characters' meshes hidden), Blender's modifiers with Sinew's handlers removed, and Sinew. The figure to
-compare is the time that the meshes add to set and rigs. The shapes of all meshes are compared too.
+Medians of whole `scene.frame_set` calls over 40 different frames, in rounds that alternate between Blender's modifiers
+with Sinew's handlers removed, Sinew, and the set with the rigs (the characters' meshes hidden). The figure to compare
+is the time that the meshes add to set and rigs, each round less the rigs before and after it: the median of the rounds.
+The shapes of all meshes are compared too.
 """
 
 import argparse
@@ -24,7 +25,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_playback import FRAMES, ROUNDS, TOLERANCE, difference, frame_times, number, shapes, without_handlers
+from bench_playback import FRAMES, TOLERANCE, difference, frame_times, number, shapes, without_handlers
 from bench_rigs import ADDON, add_keys, animate, drive_by_some_bone, make_generated, make_mesh, select
 
 BODY, BODY_VERTICES, BODY_KEYS = "Body", 30_000, 20
@@ -37,6 +38,7 @@ CLOTHES = {  # the number of vertices, and the bones that the garment covers
 SMOOTHED, THICKNESS = "Coat", 0.27  # slightly thicker than the body
 EYE_BONES = ("MCH-eye.L", "MCH-eye.R")
 PROPS, SHARING_PROPS, SHARED_MESHES, PROP_SIDE = 3_000, 2_000, 200, 10
+SHOT_ROUNDS = 9
 LEFT_OUT = ("keys", "smooth", "preserve-volume", "eyes", "props")  # what --without can leave out
 
 
@@ -156,27 +158,28 @@ def parts_of(meshes, each):
     return parts
 
 
-def measure(characters, without=(), each_part=False, rounds=ROUNDS):
+def measure(characters, without=(), each_part=False, rounds=SHOT_ROUNDS):
     """Returns a list with one row (a dictionary) per part, and the largest difference of the shapes."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
     people = make_shot(characters, without)
     meshes = [ob for person in people for ob in person.meshes]
     parts = parts_of(meshes, each_part)
-    times, worst = {}, 0.0
+    times, worst = {}, 0.0  # the median of each round, by what was on show
 
     def take(what, objects):
         with hidden(objects):
-            times.setdefault(what, []).extend(frame_times())
+            times.setdefault(what, []).append(statistics.median(frame_times()))
 
     def take_parts(who):
         for part, shown in parts.items():
             take((who, part), [ob for ob in meshes if ob not in shown])
 
-    for _ in range(rounds):  # alternating, because the machine's speed drifts
+    with without_handlers():
+        take("set", [ob for person in people for ob in person.objects])
+        take("rigs", meshes)
+    for _ in range(rounds):
         with without_handlers():
-            take("set", [ob for person in people for ob in person.objects])
-            take("rigs", meshes)
             take_parts("modifiers")
             wanted = shapes_at_the_end(meshes)
         select(*meshes)
@@ -185,9 +188,10 @@ def measure(characters, without=(), each_part=False, rounds=ROUNDS):
         worst = max(worst, difference(shapes_at_the_end(meshes), wanted))
         select(*meshes)  # hiding has deselected them
         assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+        with without_handlers():
+            take("rigs", meshes)
     assert worst < TOLERANCE, f"Sinew's shapes are up to {worst:.3g} of the diagonal off the modifiers'"
-    medians = {name: statistics.median(found) for name, found in times.items()}
-    return [row_of(medians, part, shown) for part, shown in parts.items()], worst
+    return [row_of(times, part, shown) for part, shown in parts.items()], worst
 
 
 def shapes_at_the_end(meshes):
@@ -195,22 +199,25 @@ def shapes_at_the_end(meshes):
     return shapes(meshes)
 
 
-def row_of(medians, part, meshes):
-    rigs, modifiers, ours = medians["rigs"], medians["modifiers", part], medians["sinew", part]
-    added, ours_added = modifiers - rigs, ours - rigs
+def row_of(times, part, meshes):
+    """times: {what: its median in each round}; of the rigs also one from before the first."""
+    rigs, modifiers, ours = np.array(times["rigs"]), np.array(times["modifiers", part]), np.array(times["sinew", part])
+    around = (rigs[:-1] + rigs[1:]) / 2  # each round, since the machine's speed drifts
+    added, ours_added = np.median(modifiers - around), np.median(ours - around)
     return {
         "part": part,
         "meshes": len(meshes),
-        "set_ms": medians["set"],
-        "rigs_ms": rigs,
-        "modifiers_ms": modifiers,
-        "sinew_ms": ours,
-        "times_faster": modifiers / ours,
-        "modifiers_add_ms": added,
-        "sinew_adds_ms": ours_added,
-        "adds_times_less": added / ours_added if ours_added > 0 else None,
-        "modifiers_a_mesh_ms": added / len(meshes),
-        "sinew_a_mesh_ms": ours_added / len(meshes),
+        "set_ms": times["set"][0],
+        "rigs_ms": float(np.median(rigs)),
+        "modifiers_ms": float(np.median(modifiers)),
+        "sinew_ms": float(np.median(ours)),
+        "times_faster": float(np.median(modifiers / ours)),
+        "modifiers_add_ms": float(added),
+        "sinew_adds_ms": float(ours_added),
+        "adds_times_less": float(added / ours_added) if ours_added > 0 else None,
+        "modifiers_a_mesh_ms": float(added / len(meshes)),
+        "sinew_a_mesh_ms": float(ours_added / len(meshes)),
+        "rounds": {name: times[name, part] for name in ("modifiers", "sinew")} | {"rigs": times["rigs"]},
     }
 
 
@@ -240,7 +247,7 @@ def main(arguments):
     without = f", without {', '.join(options.without)}" if options.without else ""
     print(
         f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds per frame, "
-        f"medians of {ROUNDS} x {len(FRAMES)} frames\n"
+        f"medians of {SHOT_ROUNDS} x {len(FRAMES)} frames\n"
     )
     print(
         "| meshes | set alone | set and rigs | modifiers | Sinew | faster | modifiers add | Sinew adds | less "
