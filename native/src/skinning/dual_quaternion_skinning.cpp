@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/per_thread.h"
 #include "skinning/sum_rotations.h"
 
 namespace sinew {
@@ -108,12 +109,17 @@ DualPartRows dual_part_of(const DualQuaternion& joint, const MatrixRows& displac
   return result;
 }
 
-void add_joint(const RigidAndStretch& motion, Palette& palette) {
+/// The joints that are not at rest, and their motions.
+struct Moving {
+  std::vector<std::int32_t> joints;
+  std::vector<RigidAndStretch> motions;
+};
+
+void set_joint(const RigidAndStretch& motion, std::size_t j, Palette& palette) {
   const Eigen::Quaternionf &r = motion.real, &d = motion.dual;
-  palette.dual_quaternions.push_back({{r.w(), r.x(), r.y(), r.z()}, {d.w(), d.x(), d.y(), d.z()}});
-  palette.displacements.emplace_back();
-  Eigen::Map<Rows>(palette.displacements.back().row[0]) = motion.displacement;
-  palette.is_stretched.push_back(!motion.is_rigid);
+  palette.dual_quaternions[j] = {{r.w(), r.x(), r.y(), r.z()}, {d.w(), d.x(), d.y(), d.z()}};
+  Eigen::Map<Rows>(palette.displacements[j].row[0]) = motion.displacement;
+  palette.is_stretched[j] = !motion.is_rigid;
 }
 
 }  // namespace
@@ -121,22 +127,29 @@ void add_joint(const RigidAndStretch& motion, Palette& palette) {
 void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, MatrixStack<const float> matrices,
                              std::ptrdiff_t frame, const Space* space, Palette& palette) {
   palette.stretch_each = rule.stretch == Stretch::frame_each;
-  palette.dual_quaternions.clear();
-  palette.displacements.clear();
+  const std::size_t joints = matrices.joints + 1;
+  palette.dual_quaternions.resize(joints);
+  palette.displacements.resize(joints);
+  palette.is_stretched.resize(joints);
   palette.dual_parts.clear();
-  palette.is_stretched.clear();
+  auto& moving = per_thread<Moving>();
+  moving.joints.clear();
   const Matrix4<float> at_rest = Matrix4<float>::Identity();
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
-    const Matrix4<float> matrix = matrices.at(frame, j);
     // Most joints of a large rig may be at rest, or move no vertex of this mesh: no need to split them.
-    if (matrix == at_rest) {
-      add_joint({}, palette);
-      continue;
+    if (matrices.at(frame, j) == at_rest) {
+      set_joint({}, j, palette);
+    } else {
+      moving.joints.push_back(static_cast<std::int32_t>(j));
     }
-    const RigidAndStretch own = taken_apart(matrix, rule, j);
-    add_joint(space ? carried(own, *space) : own, palette);
   }
-  add_joint({}, palette);
+  set_joint({}, matrices.joints, palette);
+  moving.motions.resize(moving.joints.size());
+  take_apart(matrices, frame, rule, moving.joints, moving.motions);
+  for (std::size_t i = 0; i < moving.joints.size(); ++i) {
+    const RigidAndStretch& own = moving.motions[i];
+    set_joint(space ? carried(own, *space) : own, moving.joints[i], palette);
+  }
   choose_signs(skin, palette.dual_quaternions);
   choose_ways(skin, palette);
   if (!palette.stretch_each) return;

@@ -1,10 +1,10 @@
 #include "skinning/rigid_and_stretch.h"
 
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 
-// CMakeLists.txt has this file compiled without fused multiply-adds: splitting along a frame then gives Blender's
-// result on every machine.
+#include "skinning/split_kernel.h"
 
 namespace sinew {
 namespace {
@@ -77,111 +77,54 @@ RigidAndStretch split_polar(const Matrix4<float>& matrix) {
   return stretched(motion(Eigen::Quaterniond(rotation).normalized(), translation), stretch);
 }
 
-// The rotation of a joint that is scaled to 0 along an axis, or mirrored, depends on rounding; and whether a joint is
-// rigid, and which rotation to use if its axes are not quite orthogonal, is Blender's choice, too. To get the same
-// results, this code takes the same steps in float32, with sums in the same order.
-
-/// Returns the vector with length 1; zeros if it is too short to have a direction.
-Eigen::Vector3f direction(const Eigen::Vector3f& vector) {
-  const float square = dot(vector, vector);
-  if (!(square > 1e-35f)) return Eigen::Vector3f::Zero();
-  return vector * (1 / std::sqrt(square));
-}
-
-Matrix4<float> product(const Matrix4<float>& a, const Matrix4<float>& b) {
-  Matrix4<float> result;
-  for (int i = 0; i < 4; ++i) {
-    const Eigen::Vector4f first = a.col(0) * b(0, i) + a.col(1) * b(1, i);
-    const Eigen::Vector4f last = a.col(2) * b(2, i) + a.col(3) * b(3, i);
-    result.col(i) = first + last;
+/// Copies one number of each joint; the last joint fills the places that are left over.
+template <class T, class Read>
+void gather(std::span<const std::int32_t> joints, const Read& read, OfEach<T> (&rows)[3][4]) {
+  for (std::size_t i = 0; i < kSplitTogether; ++i) {
+    const auto& matrix = read(joints[std::min(i, joints.size() - 1)]);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 4; ++column) rows[row][column].joint[i] = matrix(row, column);
+    }
   }
-  return result;
 }
 
-/// Returns the rotation of axes, which are normalised here and may be zero; no rotation if all are. Day,
-/// "Converting a rotation matrix to a quaternion", Insomniac Games: of the four possible sums, takes the
-/// root of one that cannot be small.
-Eigen::Quaternionf quaternion_of(const Eigen::Matrix3f& axes) {
-  Eigen::Matrix3f m;
-  m << direction(axes.col(0)), direction(axes.col(1)), direction(axes.col(2));
-  const float xx = m(0, 0), yy = m(1, 1), zz = m(2, 2);
-  const float yz = m(2, 1) - m(1, 2), zx = m(0, 2) - m(2, 0), xy = m(1, 0) - m(0, 1);
-  const float xy2 = m(1, 0) + m(0, 1), yz2 = m(2, 1) + m(1, 2), zx2 = m(0, 2) + m(2, 0);
-  const auto root = [](float sum, float w) { return w < 0 ? -2 * std::sqrt(sum) : 2 * std::sqrt(sum); };
-  Eigen::Quaternionf q;  // w x y z
-  if (zz < 0 && xx > yy) {
-    const float s = root(1 + xx - yy - zz, yz), t = 1 / s;
-    q = {yz * t, 0.25f * s, xy2 * t, zx2 * t};
-  } else if (zz < 0) {
-    const float s = root(1 - xx + yy - zz, zx), t = 1 / s;
-    q = {zx * t, xy2 * t, 0.25f * s, yz2 * t};
-  } else if (xx < -yy) {
-    const float s = root(1 - xx - yy + zz, xy), t = 1 / s;
-    q = {xy * t, zx2 * t, yz2 * t, 0.25f * s};
-  } else {
-    const float s = root(1 + xx + yy + zz, 1), t = 1 / s;
-    q = {0.25f * s, yz * t, zx * t, xy * t};
+RigidAndStretch motion_of(const SplitMotions& split, std::size_t i) {
+  const auto quaternion = [i](const OfEach<float>(&parts)[4]) {
+    return Eigen::Quaternionf(parts[0].joint[i], parts[1].joint[i], parts[2].joint[i], parts[3].joint[i]);
+  };
+  RigidAndStretch motion{.real = quaternion(split.real), .dual = quaternion(split.dual)};
+  motion.is_rigid = split.is_rigid.joint[i] != 0;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 4; ++column)
+      motion.displacement(row, column) = split.displacement[row][column].joint[i];
   }
-  return q.normalized();
+  return motion;
 }
 
-Eigen::Vector3f lengths_of_columns(const Eigen::Matrix3f& linear) {
-  Eigen::Vector3f lengths;
-  for (int i = 0; i < 3; ++i) lengths[i] = std::sqrt(dot(linear.col(i), linear.col(i)));
-  return lengths;
-}
-
-/// Returns orthogonal axes as long as the given ones; Y keeps its direction. The two comparisons use
-/// numbers that are not normalised; they are Blender's, and so is the choice that follows.
-Eigen::Matrix3f axes_along_y(const Eigen::Matrix3f& linear) {
-  const Eigen::Vector3f given_x = linear.col(0), given_z = linear.col(2);
-  const Eigen::Vector3f y = direction(linear.col(1));
-  Eigen::Vector3f x, z;
-  if (dot(y, given_x) < 1) {
-    z = direction(given_x.cross(y));
-    x = y.cross(z);
-  } else {
-    const bool z_serves = dot(given_x, given_z) < 1;
-    x = direction(y.cross(z_serves ? given_z : Eigen::Vector3f(y.y(), y.z(), y.x())));
-    z = x.cross(y);
+void split_in_frames(MatrixStack<const float> matrices, std::ptrdiff_t frame,
+                     std::span<const Matrix4<double>> rest_frames, std::span<const std::int32_t> joints,
+                     std::span<RigidAndStretch> motions) {
+  MotionsToSplit given;
+  SplitMotions split;
+  for (std::size_t first = 0; first < joints.size(); first += kSplitTogether) {
+    const auto some = joints.subspan(first, std::min(kSplitTogether, joints.size() - first));
+    gather(
+        some, [&](std::int32_t j) { return matrices.at(frame, j); }, given.matrix);
+    gather(
+        some, [&](std::int32_t j) -> const Matrix4<double>& { return rest_frames[j]; }, given.rest);
+    const auto from_rest = [&](std::int32_t j) -> Matrix4<float> { return rest_frames[j].cast<float>().inverse(); };
+    gather(some, from_rest, given.from_rest);
+    split_motions(given, split);
+    for (std::size_t i = 0; i < some.size(); ++i) motions[first + i] = motion_of(split, i);
   }
-  Eigen::Matrix3f axes;
-  axes << x, y, z;
-  return axes * lengths_of_columns(linear).asDiagonal();
-}
-
-/// Returns the motion of a matrix whose columns have length 1, or nearly.
-RigidAndStretch motion_of(const Matrix4<float>& matrix) {
-  return motion(quaternion_of(matrix.topLeftCorner<3, 3>()).cast<double>(),
-                matrix.topRightCorner<3, 1>().cast<double>());
-}
-
-/// For a matrix whose last row is 0 0 0 1.
-Matrix4<double> inverse_of_affine(const Matrix4<double>& matrix) {
-  return Eigen::Affine3d(matrix).inverse(Eigen::Affine).matrix();
-}
-
-/// matrix = rigid motion * stretch, the stretch along the axes of the rest frame: what is left of
-/// (matrix * rest) when its axes are made orthonormal.
-RigidAndStretch split_in_frame(const Matrix4<float>& matrix, const Matrix4<double>& rest) {
-  const Matrix4<float> base = rest.cast<float>();
-  const Matrix4<float> posed = product(matrix, base);
-  const Eigen::Vector3f excess = lengths_of_columns(posed.topLeftCorner<3, 3>()) - Eigen::Vector3f::Ones();
-  if (is_rotation(matrix.topLeftCorner<3, 3>()) && dot(excess, excess) <= 1e-8f) return motion_of(matrix);
-  Matrix4<float> rigid = Matrix4<float>::Identity();
-  rigid.topLeftCorner<3, 3>() =
-      quaternion_of(axes_along_y(posed.topLeftCorner<3, 3>())).cast<double>().toRotationMatrix().cast<float>();
-  rigid.topRightCorner<3, 1>() = posed.topRightCorner<3, 1>();
-  const Matrix4<double> left = inverse_of_affine(rigid.cast<double>()) * posed.cast<double>();
-  const Matrix4<double> stretch = rest * left * inverse_of_affine(rest);
-  return stretched(motion_of(product(rigid, base.inverse())), stretch.topRows<3>());
 }
 
 }  // namespace
 
-RigidAndStretch taken_apart(const Matrix4<float>& matrix, const StretchRule& rule, std::ptrdiff_t j) {
-  if (rule.stretch == Stretch::polar) return split_polar(matrix);
-  return split_in_frame(matrix, rule.rest_frames[j]);
+void take_apart(MatrixStack<const float> matrices, std::ptrdiff_t frame, const StretchRule& rule,
+                std::span<const std::int32_t> joints, std::span<RigidAndStretch> motions) {
+  if (rule.stretch != Stretch::polar) return split_in_frames(matrices, frame, rule.rest_frames, joints, motions);
+  for (std::size_t i = 0; i < joints.size(); ++i) motions[i] = split_polar(matrices.at(frame, joints[i]));
 }
 
 RigidAndStretch carried(const RigidAndStretch& own, const Space& space) {

@@ -3,6 +3,8 @@
 
 #include <Eigen/Geometry>
 #include <cstddef>
+#include <cstdint>
+#include <span>
 
 #include "sinew/skinning_method.h"
 #include "sinew/types.h"
@@ -19,8 +21,9 @@ struct RigidAndStretch {
   bool is_rigid = true;  ///< the stretch moves nothing
 };
 
-/// matrix: of joint j.
-RigidAndStretch taken_apart(const Matrix4<float>& matrix, const StretchRule& rule, std::ptrdiff_t j);
+/// Splits the matrices of some joints in one frame. motions: out, one for each of `joints`.
+void take_apart(MatrixStack<const float> matrices, std::ptrdiff_t frame, const StretchRule& rule,
+                std::span<const std::int32_t> joints, std::span<RigidAndStretch> motions);
 
 /// Returns C M C^-1 for an M that has been split: whether it is rigid is decided in the space of the rest frames.
 /// space: a similarity.

@@ -6,6 +6,7 @@
 // foreach_target.h comes first.
 #include <hwy/highway.h>
 
+#include "base/vectors-inl.h"
 #include "smoothing/smoothing_kernels.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -13,7 +14,6 @@ namespace sinew {
 namespace HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
 using Tag = hn::CappedTag<float, kBlock>;
 using Floats = hn::Vec<Tag>;
 using Mask = hn::Mask<Tag>;
@@ -29,44 +29,13 @@ constexpr float kShortest = 1e-35f, kEpsilon = 1.1920929e-6f;
 // more, the others are computed twice.
 constexpr std::size_t kKeptCorners = 12;
 
-/// One vector per lane.
-struct Vectors {
-  Floats x, y, z;
-};
+using Vectors = VectorsOf<Floats>;
 
 HWY_INLINE Floats number(float value) { return hn::Set(kTag, value); }
 
-HWY_INLINE Vectors operator+(const Vectors& a, const Vectors& b) {
-  return {hn::Add(a.x, b.x), hn::Add(a.y, b.y), hn::Add(a.z, b.z)};
-}
+HWY_INLINE Vectors nothing() { return zeros(kTag); }
 
-HWY_INLINE Vectors operator-(const Vectors& a, const Vectors& b) {
-  return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
-}
-
-HWY_INLINE Vectors operator*(const Vectors& a, Floats f) { return {hn::Mul(a.x, f), hn::Mul(a.y, f), hn::Mul(a.z, f)}; }
-
-HWY_INLINE Floats dot(const Vectors& a, const Vectors& b) {
-  return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
-}
-
-HWY_INLINE Vectors cross(const Vectors& a, const Vectors& b) {
-  return {hn::Sub(hn::Mul(a.y, b.z), hn::Mul(a.z, b.y)), hn::Sub(hn::Mul(a.z, b.x), hn::Mul(a.x, b.z)),
-          hn::Sub(hn::Mul(a.x, b.y), hn::Mul(a.y, b.x))};
-}
-
-HWY_INLINE Vectors choose(Mask mask, const Vectors& yes, const Vectors& no) {
-  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
-}
-
-HWY_INLINE Vectors nothing() { return {hn::Zero(kTag), hn::Zero(kTag), hn::Zero(kTag)}; }
-
-/// Returns vectors of length 1, or 0 where there is no direction, also where a number is NaN.
-HWY_INLINE Vectors normalized(const Vectors& a) {
-  const Floats squared = dot(a, a);
-  const Floats inverse = hn::Div(number(1), hn::Sqrt(squared));
-  return choose(hn::Gt(squared, number(kShortest)), a * inverse, nothing());
-}
+HWY_INLINE Vectors normalized(const Vectors& a) { return directions(kTag, a, kShortest); }
 
 #if HWY_TARGET == HWY_SCALAR
 /// Returns the point at a place.
