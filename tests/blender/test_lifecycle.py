@@ -397,9 +397,10 @@ def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
     accelerate(ob)
     group = ob.modifiers["Sinew"].node_group
     group["sinew_version"] -= 1
-    forget = next(node for node in group.nodes if node.bl_idname == "GeometryNodeRemoveAttribute")
-    group.links.new(forget.inputs["Geometry"].links[0].from_socket, group.nodes["Group Output"].inputs[0])
-    group.nodes.remove(forget)
+    within = next(node.node_tree for node in group.nodes if node.type == "GROUP")
+    forget = next(node for node in within.nodes if node.bl_idname == "GeometryNodeRemoveAttribute")
+    within.links.new(forget.inputs["Geometry"].links[0].from_socket, within.nodes["Group Output"].inputs[0])
+    within.nodes.remove(forget)
     names, path = (ob.name, twin.name), str(tmp_path / "older.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)

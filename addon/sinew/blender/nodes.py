@@ -6,7 +6,8 @@ from . import graph, modifier_types
 
 MODIFIER_NAME = "Sinew"
 NODE_GROUP_NAME = "Sinew"
-NODE_GROUP_VERSION = 4
+PLACING_GROUP_NAME = "Sinew Placing"  # within that one
+NODE_GROUP_VERSION = 5
 VERSION_PROPERTY = "sinew_version"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
 
@@ -100,21 +101,29 @@ def _move(ob, modifier, index):
 
 
 def node_group():
-    """The node group that Sinew's modifiers share, made if there is none."""
+    """The node group that Sinew's modifiers share, made if there is none. It does all in a group within: for each
+    geometry between nodes of the outer group, Blender notes the names of all vertex groups, for the spreadsheet."""
     group = graph.find_group(VERSION_PROPERTY, NODE_GROUP_VERSION)
     if group is not None:
         if not group.use_fake_user:
             group.use_fake_user = True
         return group
-    group = bpy.data.node_groups.new(NODE_GROUP_NAME, "GeometryNodeTree")
+    group, source, target = _new_group(NODE_GROUP_NAME)
     group[VERSION_PROPERTY] = NODE_GROUP_VERSION
     group.use_fake_user = True
-    for direction in ("INPUT", "OUTPUT"):
-        graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
-    source = group.nodes.new("NodeGroupInput")
+    within = group.nodes.new("GeometryNodeGroup")
+    within.node_tree = _placing_group()
+    _link(group, source, within, target)
+    return group
+
+
+def _placing_group():
+    """A new group that moves the vertices to where the attribute says, and removes the attribute."""
+    group, source, target = _new_group(PLACING_GROUP_NAME)
     attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
     attribute.data_type = "FLOAT_VECTOR"
     attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    attribute.location = (200, -200)
     if bpy.app.version >= (4, 0, 0):
         # The same as Set Position, in less time.
         place = group.nodes.new("GeometryNodeStoreNamedAttribute")
@@ -127,17 +136,28 @@ def node_group():
     # Else a Subdivision Surface behind it would interpolate it.
     forget = group.nodes.new("GeometryNodeRemoveAttribute")
     forget.inputs["Name"].default_value = POSITION_ATTRIBUTE
-    target = group.nodes.new("NodeGroupOutput")
-    group.links.new(source.outputs[0], place.inputs["Geometry"])
     group.links.new(attribute.outputs["Attribute"], value)
     # A mesh that has lost the attribute keeps its own shape.
     if "Exists" in attribute.outputs:
         group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
-    group.links.new(place.outputs[0], forget.inputs["Geometry"])
-    group.links.new(forget.outputs[0], target.inputs[0])
-    for column, node in enumerate((source, attribute, place, forget, target)):
-        node.location = (200 * column, -120 if not node.inputs else 0)
+    _link(group, source, place, forget, target)
     return group
+
+
+def _new_group(name):
+    """(a group that takes a geometry and gives one, its input node, its output node)"""
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
+    return group, group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+
+
+def _link(group, *nodes):
+    """Hands the geometry from node to node."""
+    for column, node in enumerate(nodes):
+        node.location = (200 * column, 0)
+    for one, next_one in zip(nodes, nodes[1:]):
+        group.links.new(one.outputs[0], next_one.inputs["Geometry"])
 
 
 def let_groups_go():
@@ -150,7 +170,9 @@ def forget_unused_groups():
     """Also those of older versions."""
     for group in _own_groups():
         if group.users == group.use_fake_user:
+            within = {node.node_tree for node in group.nodes if node.type == "GROUP" and node.node_tree is not None}
             bpy.data.node_groups.remove(group)
+            bpy.data.batch_remove([each for each in within if each.users == 0])
 
 
 def _own_groups():
