@@ -6,6 +6,9 @@ lint() {
   local ruff
   ruff=$(.ci/pypi ruff)/bin/ruff
   "$ruff" format --check . && "$ruff" check . || return 1
+  say "mypy"
+  install_packages python3-numpy
+  PYTHONPATH=$(.ci/pypi mypy) $PYTHON -m mypy || return 1
   install_packages clang-format clang-tidy shellcheck
   say "shellcheck"
   shellcheck --severity=warning --external-sources --check-sourced dev .ci/bare_root .ci/blender .ci/libraries \
