@@ -498,7 +498,7 @@ def test_a_file_whose_mesh_had_the_shape_itself(fresh_scene, tmp_path):
     for frame in (1, 10):
         pose(armature, frame, False)
     accelerate(ob)
-    addon_module("install.bind").remove_own_modifier(ob)
+    addon_module("install.mending").remove_own_modifier(ob)
     rest = own_positions(ob)
     ob.data.attributes.new("rest_position", "FLOAT_VECTOR", "POINT").data.foreach_set("vector", rest.reshape(-1))
     ob.data.vertices.foreach_set("co", 2 * rest.reshape(-1))

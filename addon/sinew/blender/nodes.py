@@ -35,11 +35,14 @@ def add_modifier(ob, index):
     return modifier
 
 
+def has_old_group(modifier):
+    """Whether Sinew's modifier has the node group of an older version, of this file."""
+    return modifier.node_group[VERSION_PROPERTY] < NODE_GROUP_VERSION and modifier.node_group.library is None
+
+
 def renew_group(modifier):
-    """Of a file of an older Sinew."""
-    if modifier.node_group[VERSION_PROPERTY] < NODE_GROUP_VERSION and modifier.node_group.library is None:
-        modifier.node_group = node_group()
-        forget_unused_groups()
+    modifier.node_group = node_group()
+    forget_unused_groups()
 
 
 def is_removable(ob, modifier):

@@ -6,10 +6,10 @@ from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..plan import runs, ways, wiring
+from ..plan import runs, wiring
 from ..plan.bindable import BindingError, check_bindable, modifiers_to_take
 from ..run import characters, mail, methods
-from . import deformed_copies, deformed_copy, old_files, precomputing, shared_group
+from . import deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from .deformed_copy import OutputError
 
 MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
@@ -60,7 +60,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     settings.is_bound = True
     characters.forget_object(ob)
     shared_group.see_to()
-    adapt(ob)
+    mending.adapt(ob)
     if is_shown:
         show(ob)
         prepare_method(ob)
@@ -101,121 +101,12 @@ def bind_anew(ob):
         notice.show(f"{error} (it was bound by Sinew 0.1; until you bind it again, Blender's own modifier deforms it)")
 
 
-_adapting = set()  # keys of objects: before 3.5 moving a modifier has Blender evaluate, and so deliver mail
-
-
-def adapt(ob):
-    """Sees to it that the .blend has what the mesh's way needs, and no more."""
-    key = values.key_of(ob)
-    if not ob.sinew.is_bound or ob.library is not None or key in _adapting:
-        return
-    _adapting.add(key)
-    try:
-        _adapt(ob)
-    finally:
-        _adapting.discard(key)
-
-
-def _adapt(ob):
-    carrier = wiring.carrier_of(ob)
-    entry = characters.of(ob)
-    entry.look_again()
-    entry.look(ob)
-    if carrier is not None:
-        wiring.wire(ob, carrier, runs.hooks(ob, entry.run), waits=entry.way.kind != ways.BLENDER)
-    needs_attribute = entry.way.kind == ways.ATTRIBUTE
-    if ob.sinew.needs_attribute != needs_attribute:
-        ob.sinew.needs_attribute = needs_attribute
-    displaced = displaced_modifiers(ob, entry.newcomers)
-    if needs_attribute:
-        for modifier in displaced:
-            nodes.move_behind_deforming(ob, modifier)
-        try:
-            put_own_modifier_first(ob, entry)
-        except ValueError as error:
-            characters.report(ob, str(error))
-            return
-        if meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None:
-            meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
-    else:
-        if carrier is not None and nodes.is_sinew(carrier):  # out of the way
-            nodes.move_modifier_back(ob, carrier)
-            remove_attribute(ob)
-        else:
-            remove_own_modifier(ob)
-        for modifier in displaced:
-            nodes.move_behind_deforming(ob, modifier)
-    entry.newcomers = frozenset()
-    entry.look(ob)
-
-
-def put_own_modifier_first(ob, entry):
-    """Sinew's, before all that it stands in for. Raises ValueError where Blender does not let it go there."""
-    own = nodes.find_modifier(ob)
-    index = ob.modifiers.find(entry.taken[0]) if entry.taken else 0
-    if own is None:
-        nodes.add_modifier(ob, index)
-        return
-    nodes.renew_group(own)
-    try:
-        nodes.move_modifier(ob, own, min(index, ob.modifiers.find(own.name)))
-    except ValueError:
-        if not runs.is_in_place(ob, own.name, entry.taken, entry.run):
-            raise
-
-
-def displaced_modifiers(ob, newcomers):
-    """Those that people have added, and Blender has put before Sinew's modifier and so before what deforms behind it,
-    since it lets them stand behind deforming ones alone: Multires and Soft Body, and from 5.0 on Hooks. They may well
-    have been moved there, but for those that have just come, and those that cannot stand before Sinew's while that
-    comes first. newcomers: as nodes.identity has them."""
-    own = nodes.find_modifier(ob)
-    if own is None:
-        return []
-    before = list(ob.modifiers)[: ob.modifiers.find(own.name)]
-    came_first = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None
-    found = [modifier for modifier in before if came_first and modifier.type in ways.WANTS_DEFORM_ONLY]
-    kinds = {"HOOK", *ways.WANTS_DEFORM_ONLY} if values.VERSION >= (5, 0, 0) else ways.WANTS_DEFORM_ONLY
-    while before and before[-1].type in kinds and nodes.identity(before[-1]) in newcomers:
-        newcomer = before.pop()
-        last = before[-1] if before else None
-        is_copy = last is not None and nodes.identity(last) not in newcomers and _is_copy(newcomer, last)
-        if newcomer not in found and not is_copy:
-            found.insert(0, newcomer)
-    return found
-
-
-def _is_copy(modifier, of):
-    """Blender puts the copy of a modifier right behind it."""
-    names = "object", "subtarget", "strength", "falloff_type", "falloff_radius", "vertex_group"
-    return modifier.type == of.type == "HOOK" and all(getattr(modifier, name) == getattr(of, name) for name in names)
-
-
-def remove_own_modifier(ob):
-    """Sinew's, and its attribute."""
-    nodes.remove_modifiers(ob)
-    remove_attribute(ob)
-
-
-def remove_attribute(ob):
-    """Unless another object with the same mesh needs it."""
-    if not any(other.sinew.is_bound and nodes.find_modifier(other) for other in sharers(ob)):
-        meshes.remove_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
-
-
-def sharers(ob):
-    """Other mesh objects with the same mesh."""
-    if ob.data.users < 2:
-        return []
-    return [other for other in bpy.data.objects if other.type == "MESH" and other != ob and other.data == ob.data]
-
-
 def rewire(key):
     """Of the object with that key, after somebody has edited it."""
     ob = characters.find(key)
-    if ob is None or key in _adapting or release_if_undone(ob):
+    if ob is None or mending.is_adapting(key) or release_if_undone(ob):
         return
-    adapt(ob)
+    mending.adapt(ob)
     entry = characters.of(ob)
     entry.give_up_on_what_lacks()
     ob.update_tag()
@@ -246,7 +137,7 @@ def unbind(ob):
         deformed_copy.remove(ob)
     taken = wiring.taken_modifiers(ob)
     wiring.unwire(ob)
-    remove_own_modifier(ob)
+    mending.remove_own_modifier(ob)
     if settings.has_added_modifier:
         settings.has_added_modifier = False
         for modifier in taken[:1]:
@@ -324,7 +215,7 @@ def make_single_user(ob):
     """Give the object a copy of the mesh that it shares with others; bound or not, it looks the same."""
     ob.data = ob.data.copy()
     characters.gather_again()
-    adapt(ob)
+    mending.adapt(ob)
     ob.update_tag()
 
 

@@ -13,7 +13,7 @@ from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
 from ..host import places
-from ..install import bind, deformed_copies, deformed_copy, old_files, precomputing, shared_group
+from ..install import bind, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import ways, wiring
 from ..run import characters, mail
 from . import callbacks, exporters, whole_frames, write_lock
@@ -211,7 +211,7 @@ def receive_strangers(edits):
                 "deform it until you bind it too"
             )
         elif _has_stray_attribute(ob.data):
-            bind.remove_attribute(ob)
+            mending.remove_attribute(ob)
 
 
 def _has_stray_attribute(mesh):
@@ -254,7 +254,7 @@ def take_over_open_file():
             bind.bind_anew(ob)
         else:
             wiring.revive(ob)
-            bind.adapt(ob)
+            mending.adapt(ob)
     shared_group.see_to()
     for ob in characters.with_copy():
         mail.post(bind.follow_when_evaluated, values.key_of(ob))  # no handler is told of a file's first evaluation

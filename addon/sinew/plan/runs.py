@@ -32,7 +32,7 @@ def of(ob, taken):
     start = original.modifiers.find(taken[-1]) + 1 if taken else 0
     stages, end = [], ("", "")
     for modifier in list(original.modifiers)[start:]:
-        if nodes.is_sinew(modifier) or _does_nothing(modifier):
+        if nodes.is_sinew(modifier) or wiring.does_nothing(modifier):
             continue
         if like is None:
             like, shown = modifier.name, wiring.shown_of(ob, modifier)
@@ -44,17 +44,6 @@ def of(ob, taken):
             break
         stages.append(modifier.name)
     return Run(tuple(stages), *end, shown)
-
-
-def is_in_place(ob, own, taken, run):
-    """Whether Sinew's modifier of that name, which puts the shape in place, has nothing before it but what Sinew
-    stands in for. ob: original; taken: names of Armature modifiers; run: the Run behind them."""
-    before = list(ob.modifiers)[: ob.modifiers.find(own)]
-    return all(modifier.name in taken or modifier.name in run.stages or _does_nothing(modifier) for modifier in before)
-
-
-def _does_nothing(modifier):
-    return not wiring.is_shown(modifier) or modifier.type in {"ARMATURE", "HOOK"} and modifier.object is None
 
 
 def _why_not(ob, modifier, like, shown):

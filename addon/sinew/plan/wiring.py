@@ -87,6 +87,11 @@ def is_shown(modifier):
     return modifier.show_viewport or modifier.show_render
 
 
+def does_nothing(modifier):
+    """Whether a modifier is switched off or lacks the object without which it changes nothing."""
+    return not is_shown(modifier) or modifier.type in {"ARMATURE", "HOOK"} and modifier.object is None
+
+
 SHOWS = ("show_viewport", "show_render")
 OFF = (False, False)
 

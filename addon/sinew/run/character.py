@@ -6,14 +6,14 @@ or bones. What was read belongs to the dependency graph from whose copies it was
 
 import threading
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..blender import meshes, nodes, values
 from ..host import marks
-from ..plan import plans
+from ..plan import mends, plans
 from . import mail, methods, stages
 from .graph_copies import GraphCopy, OlderThanOriginal, Shared
 
@@ -76,6 +76,7 @@ class Character:
     key: int  # of its object
     name: tuple  # of its object, and the path of its library or None
     plan: plans.Plan = plans.Plan()  # as its object was last looked at, in whichever graph
+    mends: tuple = ()  # mends.Mend: what the file lacks for that plan
     looks: int = 0  # how often that was asked for anew, see look_again
     error: str = ""
     timings: Timings = field(default_factory=Timings)
@@ -172,14 +173,12 @@ class Character:
         self._modifiers = modifiers
         if self.sharer_count is None:
             self.sharer_count = meshes.count_sharers(original)
-        plan = self.plan = plans.make(ob, self.sharer_count, self.moves_against_armature)
-        lacks = (
-            plan.way.in_pass != plan.is_wired
-            or plans.has_too_much(plan, original)
-            or plans.has_displaced(plan, original, self.newcomers)
-        )
-        self._lacks = (plan.way, plan.taken, values.key_of(original.data)) if lacks else None
-        if lacks and self._lacks != self._given_up:
+        plan = plans.make(ob, self.sharer_count, self.moves_against_armature)
+        self.mends = mends.needed(plan, original, self.newcomers)
+        is_wired = plan.way.in_pass and not any(mend.is_blocking for mend in self.mends)
+        plan = self.plan = replace(plan, is_wired=is_wired)
+        self._lacks = (plan.way, plan.taken, values.key_of(original.data)) if self.mends else None
+        if self.mends and self._lacks != self._given_up:
             self.ask_to_rewire()
         return plan
 

@@ -10,7 +10,7 @@ from mathutils.kdtree import KDTree
 from ..bake import mesh_cache
 from ..blender import materials, meshes
 from ..clips import clip_store
-from ..install import bind, deformed_copies
+from ..install import bind, deformed_copies, mending
 from ..plan import runs, ways
 from ..run import characters
 from . import display
@@ -205,7 +205,7 @@ class KeepGenerated(bpy.types.Operator):
         ob = context.active_object
         ob.shape_key_add(name="Basis", from_mix=False)
         if ob.sinew.is_bound:
-            bind.adapt(ob)
+            mending.adapt(ob)
         return {"FINISHED"}
 
 

@@ -1,0 +1,105 @@
+"""Applies the mends that the file needs for the plan of a bound mesh. In the main thread."""
+
+import bpy
+
+from ..blender import meshes, nodes, values
+from ..plan import mends, runs, ways, wiring
+from ..run import characters
+
+_adapting: set[int] = set()  # keys of objects; before 3.5, moving a modifier evaluates, which delivers mail
+
+
+def is_adapting(key: int) -> bool:
+    """Whether the object with that key is being adapted, up the stack."""
+    return key in _adapting
+
+
+def adapt(ob: bpy.types.Object) -> None:
+    """Gives the file what the plan of a bound mesh needs, and no more."""
+    key = values.key_of(ob)
+    if not ob.sinew.is_bound or ob.library is not None or key in _adapting:
+        return
+    _adapting.add(key)
+    try:
+        _adapt(ob)
+    finally:
+        _adapting.discard(key)
+
+
+def _adapt(ob):
+    carrier = wiring.carrier_of(ob)
+    entry = characters.of(ob)
+    entry.look_again()
+    plan = entry.look(ob)
+    if carrier is not None:  # also without the mend: which bones it waits for depends on the weights
+        wiring.wire(ob, carrier, runs.hooks(ob, plan.run), waits=plan.way.kind != ways.BLENDER)
+    needs_attribute = plan.way.kind == ways.ATTRIBUTE
+    if ob.sinew.needs_attribute != needs_attribute:
+        ob.sinew.needs_attribute = needs_attribute
+    try:
+        for mend in entry.mends:
+            _apply(mend, plan, ob)
+    except ValueError as error:
+        characters.report(ob, str(error))
+        return
+    entry.newcomers = frozenset()
+    entry.look(ob)
+
+
+def _apply(mend, plan, ob):
+    """Raises ValueError where Blender does not allow it."""
+    if mend.what == mends.TAKE_OWN_AWAY:
+        _take_own_away(plan, ob)
+    elif mend.what == mends.MOVE_DISPLACED:
+        for name in mend.modifiers:
+            nodes.move_behind_deforming(ob, ob.modifiers[name])
+    elif mend.what == mends.PUT_OWN_FIRST:
+        _put_own_first(plan, ob)
+    elif mend.what == mends.RENEW_GROUP:
+        nodes.renew_group(ob.modifiers[plan.own])
+    elif mend.what == mends.ADD_ATTRIBUTE:
+        meshes.write_attribute(ob.data, nodes.POSITION_ATTRIBUTE, meshes.read_positions(ob.data))
+
+
+def _put_own_first(plan, ob):
+    """Adds Sinew's modifier, or moves it, before everything that the plan takes over."""
+    own = nodes.find_modifier(ob)
+    index = ob.modifiers.find(plan.taken[0]) if plan.taken else 0
+    if own is None:
+        nodes.add_modifier(ob, index)
+        return
+    if nodes.has_old_group(own):
+        nodes.renew_group(own)
+    try:
+        nodes.move_modifier(ob, own, min(index, ob.modifiers.find(own.name)))
+    except ValueError:
+        if not mends.is_in_place(plan, ob):
+            raise
+
+
+def _take_own_away(plan, ob):
+    own = ob.modifiers[plan.own]
+    if plan.hook_path == wiring.path_of(own):
+        nodes.move_modifier_back(ob, own)
+        remove_attribute(ob)
+    else:
+        remove_own_modifier(ob)
+
+
+def remove_own_modifier(ob: bpy.types.Object) -> None:
+    """Removes Sinew's modifier and its attribute."""
+    nodes.remove_modifiers(ob)
+    remove_attribute(ob)
+
+
+def remove_attribute(ob: bpy.types.Object) -> None:
+    """Removes the attribute of deformed positions, unless another object with the same mesh needs it."""
+    if not any(other.sinew.is_bound and nodes.find_modifier(other) for other in _sharers(ob)):
+        meshes.remove_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
+
+
+def _sharers(ob):
+    """Returns the other mesh objects with the same mesh."""
+    if ob.data.users < 2:
+        return []
+    return [other for other in bpy.data.objects if other.type == "MESH" and other != ob and other.data == ob.data]
