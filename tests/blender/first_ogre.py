@@ -95,7 +95,7 @@ def play(ob):
     window that is drawn by the processor."""
     rate, seen = yield from playing(120, FRAMES)
     assert len(seen) >= FRAMES and set(seen) >= set(range(5, 30)), seen
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""
     armature = ob.sinew.armature
     with window():
         select(ob)

@@ -50,7 +50,7 @@ def steps():
         check(ob, before, *after)
         assert_same_shape(ob, twin)
         assert way(ob) == ("KEYS" if keys else "ATTRIBUTE")
-        assert addon_module("run.characters").character(ob).error == ""
+        assert addon_module("run.characters").character(ob).status.error == ""
         print(f"window: painted weights {'with' if keys else 'without'} shape keys as on the twin")
         for each in meshes:
             bpy.data.objects.remove(each)

@@ -68,7 +68,7 @@ def steps():
     ours, theirs = map(np.array, pictures)
     assert np.abs(ours - theirs).mean() < 0.5 / 255, "F12 renders another shape than the modifier's"
     assert np.abs(ours[0] - ours[12]).mean() > 1 / 255
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""
     print(f"window: F12 rendered {len(FRAMES)} frames as the modifier does")
 
 

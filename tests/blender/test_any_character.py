@@ -455,7 +455,7 @@ def test_armatures_moved_in_all_ways(fresh_scene, method, under):
         assert_same_shape(ob, twin)
         shapes.append(evaluated(ob))
     assert np.abs(shapes[0] - shapes[-1]).max() > 0.05
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""
 
 
 @pytest.mark.parametrize("update", (True, False), ids=("live", "with the next frame"))

@@ -163,7 +163,7 @@ def test_chain_on_twenty_frames(fresh_scene, make, before, behind, volume):
     assert_same_on_all_frames(fresh_scene, ob, twin)
     assert way(ob) == ("KEYS" if before == add_shape_keys else "ATTRIBUTE")
     assert stages(ob) == [m.name for m in ob.modifiers if m.type not in {"ARMATURE", "NODES"}] and end(ob) == ("", "")
-    timings = addon_module("run.characters").character(ob).timings.last
+    timings = addon_module("run.characters").character(ob).status.timings.last
     assert len(timings.stages) == len(stages(ob)) and timings.total >= sum(timings.stages)
     # It is the chain that was compared: the smoothing and the hooks do something.
     with_all = evaluated(ob)

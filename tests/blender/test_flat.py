@@ -47,7 +47,7 @@ def assert_followed(ob, twin, keys, tolerance=1e-5):
     size = np.maximum(np.ptp(theirs, axis=0), diagonal(own_positions(ob)))  # Blender's may be no more than a point
     assert (np.abs(ours - theirs) < tolerance * size).all()
     assert way(ob) == ("KEYS" if keys else "ATTRIBUTE")
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""
 
 
 @KEYS
@@ -122,4 +122,4 @@ def test_a_flat_mesh_with_a_hook_alone(axis):
         each.scale[axis] = 0
     bpy.context.view_layer.update()
     assert np.abs(evaluated(ob) - evaluated(twin)).max() < 1e-5 * diagonal(own_positions(ob))
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""

@@ -69,7 +69,7 @@ def test_switching_the_output(fresh_scene):
         assert np.array_equal(own_positions(ob), rest)
         copy = ob.sinew.deformed
         assert copy is None if output == "MODIFIER" else np.array_equal(own_positions(copy), shape)
-        assert addon_module("run.characters").character(ob).error == ""
+        assert addon_module("run.characters").character(ob).status.error == ""
     assert [other.name for other in bpy.data.objects if "deformed" in other.name] == []
 
 

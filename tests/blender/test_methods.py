@@ -196,7 +196,7 @@ def test_an_edit_makes_it_out_of_date(character, method, edit):
     shapes(ob)
     edit(ob)
     shapes(ob)
-    assert lacks(ob) == "STALE" and not addon_module("run.characters").character(ob).error
+    assert lacks(ob) == "STALE" and not addon_module("run.characters").character(ob).status.error
     select(ob)
     assert bpy.ops.object.sinew_prepare_method() == {"FINISHED"}
     shapes(ob)

@@ -373,25 +373,25 @@ def test_times_are_those_of_ordinary_frames(fresh_scene):
         edit()
         ob.data.update_tag()
         bpy.context.view_layer.update()  # Sinew reads the mesh anew: such a frame is dearer than others
-        assert entry.timings.recent() is None
+        assert entry.status.timings.recent() is None
         assert {said_of(name) for name in PARTS} == {"not played yet"}
         fresh_scene.frame_set(4)
         assert all(said_of(name).endswith(" ms") for name in PARTS)
 
 
 def test_times_shown_are_medians_of_the_last_frames():
-    timings = addon_module("run.character").Timings()
+    timings = addon_module("run.status").Timings()
     assert timings.recent() is None and timings.last.total == 0
     for each in (1.0, 3.0, 2.0):
-        timings.take(np.array([each, each, 0.5]))
+        timings.add(np.array([each, each, 0.5]))
     recent = timings.recent()
     assert (recent.pose, recent.skin, recent.stages, recent.total) == (2.0, 2.0, (0.5,), 4.5)
     numbers = np.array([5.0, 1.0, 1.0])
     for _ in range(20):
-        timings.take(numbers)
+        timings.add(numbers)
     numbers[:] = 0.0  # the next frame's
     assert timings.recent().pose == timings.last.pose == 5.0
-    timings.take(np.array([7.0, 1.0]))  # a modifier less
+    timings.add(np.array([7.0, 1.0]))  # a modifier less
     assert timings.recent() == timings.last == (7.0, 1.0, ())
     timings.forget()
     assert timings.recent() is None

@@ -198,7 +198,7 @@ def test_soak(fresh_scene, tmp_path):
         bpy.context.scene.frame_set(2 + round_number % 9)
         for ob, twin in zip(*objects_now()):
             assert_same_shape(ob, twin)
-            assert addon_module("run.characters").character(ob).error == ""
+            assert addon_module("run.characters").character(ob).status.error == ""
     assert rendered == 500
 
 

@@ -241,7 +241,7 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
     def check():
         for each in shown:
             ob, twin, _ = parts(each)
-            assert addon_module("run.characters").character(ob).error == ""
+            assert addon_module("run.characters").character(ob).status.error == ""
             assert_same_shape(ob, twin)
 
     def parts(each):
@@ -531,7 +531,7 @@ def test_through_a_mode_and_back(fresh_scene, character, mode, output):
     assert_same_shape(ob, twin)
     fresh_scene.frame_set(8)
     assert_same_shape(ob, twin)
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""
 
 
 def test_armature_in_edit_mode_and_edited(fresh_scene, character):
@@ -595,7 +595,7 @@ def test_mesh_that_is_not_shown(fresh_scene, character):
     ob.hide_viewport = False
     fresh_scene.frame_set(7)
     assert_same_shape(ob, twin)
-    assert addon_module("run.characters").character(ob).error == ""
+    assert addon_module("run.characters").character(ob).status.error == ""
 
 
 HIDINGS = {
@@ -743,7 +743,7 @@ def test_an_error_in_one_mesh_leaves_the_others_alone(fresh_scene, character, ca
         assert_same_shape(broken, twin)
     said = [record for record in caplog.records if broken.name in record.getMessage()]
     assert len(said) == 1
-    assert "told to fail" in addon_module("run.characters").character(broken).error
+    assert "told to fail" in addon_module("run.characters").character(broken).status.error
     select(broken)
     bpy.ops.object.sinew_unbind()
     fresh_scene.frame_set(8)

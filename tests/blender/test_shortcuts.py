@@ -310,7 +310,7 @@ def test_another_pose_than_was_thought(in_use):
     shortcut._native = Wrong()
     scene.frame_set(5)
     assert_same_shape(ob, twin)
-    assert "other bones" in entry.error
+    assert "other bones" in entry.status.error
     play(scene, 6)
-    assert entry.error == "" and goes_it(ob)
+    assert entry.status.error == "" and goes_it(ob)
     assert_same_shape(ob, twin)

@@ -200,7 +200,7 @@ def test_a_hook_of_nothing_is_added_behind_others_that_only_deform(make, kind):
 
 def assert_it_is_sinew(ob):
     entry = addon_module("run.characters").character(ob)
-    assert entry.is_deforming and entry.error == ""
+    assert entry.is_deforming and entry.status.error == ""
 
 
 @pytest.mark.parametrize(

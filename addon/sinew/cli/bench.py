@@ -120,8 +120,8 @@ def measure(contest):
         ours += play(contest.scenes[0], block, entries)
         theirs += play_without_sinew(contest.scenes[1], block)
     for entry in entries:
-        if entry.error:
-            raise ValueError(f"{entry.name[0]} is not deformed: {entry.error}")
+        if entry.status.error:
+            raise ValueError(f"{entry.name[0]} is not deformed: {entry.status.error}")
     sinew, *stages = np.median(ours, axis=0).tolist()
     return {"sinew": sinew, "modifier": float(np.median(theirs)), **dict(zip(STAGES, stages))}
 
@@ -134,7 +134,7 @@ def play(scene, frames, entries=()):
     for milliseconds in frame_times(scene, frames):
         row = [milliseconds]
         if entries:
-            row += [sum(getattr(entry.timings.last, stage) for entry in entries) for stage in STAGES]
+            row += [sum(getattr(entry.status.timings.last, stage) for entry in entries) for stage in STAGES]
         rows.append(row)
     return rows
 

@@ -98,7 +98,7 @@ def problem_of(ob):
     except bindable.BindingError as error:
         return str(error)
     entry = characters.character(ob)
-    problem = entry and (entry.error or entry.way.reason)
+    problem = entry and (entry.status.error or entry.way.reason)
     if not was_bound:
         bind.unbind(ob)
     return problem or None

@@ -107,8 +107,7 @@ def rewire(key):
     if ob is None or mending.is_adapting(key) or release_if_undone(ob):
         return
     mending.adapt(ob)
-    entry = characters.of(ob)
-    entry.give_up_on_what_lacks()
+    characters.of(ob).planning.give_up_on_what_lacks()
     ob.update_tag()
     if ob.sinew.installed_output == "MESH":
         mail.post(follow_when_evaluated, key)

@@ -26,7 +26,7 @@ def follow(objects, depsgraph, changed):
         return
     for ob in objects:
         entry = characters.of(ob)
-        if not entry.is_copy_known or values.key_of(ob) in changed:
+        if not entry.status.is_copy_known or values.key_of(ob) in changed:
             try:
                 _follow_one(entry, ob, depsgraph)
             except Exception as error:
@@ -63,7 +63,7 @@ def why_it_stays(ob):
         return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
     if not ob.visible_get():
         return f"while {ob.name} is hidden, because Blender does not evaluate it then"
-    if characters.of(ob).copy_stays:
+    if characters.of(ob).status.copy_stays:
         return f"while Blender's own modifier deforms {ob.name} among others, because Blender keeps no shape in between"
     return ""
 
@@ -72,7 +72,7 @@ def _follow_one(entry, ob, depsgraph):
     copy = deformed_copy.find(ob)
     if copy is None:
         if not ob.users_collection:  # it was deleted
-            entry.is_copy_known = True  # as none: to find out is a walk through the file
+            entry.status.is_copy_known = True  # as none: to find out is a walk through the file
             return
         copy = deformed_copy.make(ob)
     deformed_copy.keep_in_place(copy, ob)
@@ -81,14 +81,14 @@ def _follow_one(entry, ob, depsgraph):
         return
     seen = entry.copy_of(evaluated)
     shape = _shape_of(seen, ob, evaluated)
-    entry.copy_stays = shape is None
+    entry.status.copy_stays = shape is None
     if shape is None:
         return
     # What is painted may wait: vertices are where they were.
     is_stale = copy.sinew.copied_edition != seen.edition and ob.mode == "OBJECT"
     if is_stale or copy.data.library is not None or len(copy.data.vertices) != len(shape):
         deformed_copy.renew(copy, ob, seen.edition)
-    entry.is_copy_known = True
+    entry.status.is_copy_known = True
     meshes.write_positions(copy.data, shape)
 
 

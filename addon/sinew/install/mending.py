@@ -37,12 +37,12 @@ def _adapt(ob):
     if ob.sinew.needs_attribute != needs_attribute:
         ob.sinew.needs_attribute = needs_attribute
     try:
-        for mend in entry.mends:
+        for mend in entry.planning.mends:
             _apply(mend, plan, ob)
     except ValueError as error:
         characters.report(ob, str(error))
         return
-    entry.newcomers = frozenset()
+    entry.planning.newcomers = frozenset()
     entry.look(ob)
 
 

@@ -55,7 +55,7 @@ def start(ob):
     bpy.context.view_layer.update()
     entry = characters.of(ob)
     if entry.method.kind not in methods.PRECOMPUTED or not entry.layers:
-        reason = entry.error or entry.way.reason or "no armature deforms it by such a method"
+        reason = entry.status.error or entry.way.reason or "no armature deforms it by such a method"
         raise Impossible(f"Nothing can be computed for {ob.name}: {reason}")
     job = Job(ob, entry.layers[0], entry.method)
     if bpy.app.background:

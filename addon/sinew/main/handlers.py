@@ -181,14 +181,14 @@ def _note_edits(objects, affected, edits, may_lack):
             characters.see(ob)
         entry = characters.of(ob)
         if entry.way.kind == ways.BLENDER and key in affected:
-            sharer_count = entry.sharer_count  # others see to that: counting is a walk through the file
+            sharer_count = entry.planning.sharer_count  # others see to that: counting is a walk through the file
             entry.look_again()
-            entry.sharer_count = sharer_count
+            entry.planning.sharer_count = sharer_count
             entry.look(ob)
         elif entry.is_wired and (
-            entry.is_given_up(ob)
+            entry.planning.should_revive(ob)
             or (may_lack or is_edited and edits.of_collections)
-            and not entry.waits_for_targets(ob)
+            and not entry.plan.waits_for_targets(ob)
         ):
             mail.post(bind.rewire, key)
 

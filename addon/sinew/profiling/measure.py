@@ -190,7 +190,7 @@ class _Subject:
     def _add_own(self):
         entry = characters.character(self.ob)
         self.cost.is_bound = True
-        self.cost.reason = entry.error or entry.way.reason if entry else ""
+        self.cost.reason = entry.status.error or entry.way.reason if entry else ""
         if entry and not self.cost.reason:
             self.is_deformed_by_sinew = True
             self._own = (Part("Sinew", "SINEW", None, OWN_CLOCK), [])
@@ -243,7 +243,7 @@ class _Subject:
             return
         try:
             with absences.bound_for_now(self.ob) as entry:
-                self.cost.reason = entry.error or entry.way.reason
+                self.cost.reason = entry.status.error or entry.way.reason
         except bindable.BindingError as error:
             self.cost.reason = str(error)
         if not self.cost.reason:
@@ -258,7 +258,7 @@ class _Subject:
             times.append(1e3 * modifier.execution_time if was_evaluated and modifier is not None else 0.0)
         if self._own:
             entry = characters.character(self.ob)
-            self._own[1].append(entry.timings.last.total if was_evaluated and entry else 0.0)
+            self._own[1].append(entry.status.timings.last.total if was_evaluated and entry else 0.0)
 
     def conclude(self):
         for part, times in (*self._clocked.values(), *([self._own] if self._own else ())):

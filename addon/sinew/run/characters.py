@@ -76,7 +76,7 @@ def character(ob):
 
 
 def _new(key, name):
-    return Character(key, name, edition=_editions.get(key, 0))
+    return Character(key, name, _editions.get(key, 0))
 
 
 def forget(is_undo=False):
@@ -85,7 +85,7 @@ def forget(is_undo=False):
     with _gathering:
         _editions.clear()
         if is_undo:
-            _editions.update((key, entry.edition) for key, entry in _characters.items())
+            _editions.update((key, entry.data.edition) for key, entry in _characters.items())
         _characters, _file, _is_stale = {}, _File(), True
     layers.forget_editions()
     shortcuts.forget()
@@ -216,7 +216,7 @@ def _gather():
         file.sort_in(key, ob, armatures)
         file.users_of[key] = ob.data.users
         entries[key].name = _name(ob)
-        entries[key].take_sharer_count(meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ())))
+        entries[key].planning.set_sharer_count(meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ())))
     _file = file
     _gathering_number += 1
 
@@ -239,8 +239,8 @@ def _has_copy(ob):
 def keep_error(entry, error):
     """An error in one mesh is kept with it and said once, until a frame succeeds."""
     sentence = str(error)
-    if sentence != entry.error:
-        entry.error = sentence
+    if sentence != entry.status.error:
+        entry.status.error = sentence
         mail.post(_say, entry.name[0], error)
     entry.forget_shape()
 
@@ -252,6 +252,6 @@ def _say(name, error):
 
 def report(ob, message):
     """Show a sentence with the object in the panel, until it is edited."""
-    of(ob).error = message
+    of(ob).status.error = message
     log.error("%s: %s", ob.name, message)
     notice.show(f"{ob.name}: {message}")

@@ -65,9 +65,9 @@ class GraphCopy:
     def __init__(self, character):
         self.character = character
         self.plan = None  # plans.Plan of this copy of the object
-        self.looks = -1  # character.looks when it was made
+        self.looks = -1  # character.planning.looks when it was made
         self.mesh_address = self.keys_address = 0  # of the evaluated copies that were read
-        self.edition = character.edition  # a number that no other edition of this mesh has had; 0: not known
+        self.edition = character.data.edition  # a number that no other edition of this mesh has had; 0: not known
         self.weights = None  # layers.Weights
         self.rest = None  # (V, 3)
         self.keys = None  # shape_keys.Keys, of a mesh that has them
@@ -134,7 +134,7 @@ class GraphCopy:
         self.mesh_address = mesh.as_pointer()
         self._frame_before = (None, None)
         if is_edited or not self.edition:
-            self.edition = self.character.edition = new_edition()
+            self.edition = self.character.data.edition = new_edition()
         self.stages.look_again()
         self._is_method_known, self._faces = False, ""
         self.read_weights(mesh)
@@ -142,15 +142,15 @@ class GraphCopy:
     def read_weights(self, mesh):
         found = layers.Weights.of(mesh, deform_verts.group_names(mesh), meshes.read_weights)
         if not found.same_as(self.weights):
-            shared = self.character.shared
+            shared = self.character.data.shared
             self.weights = shared.equal_to(layers.Weights, found.same_as) or shared.add(found)
             self.deformer = None
 
-    def take_rest(self, found):
+    def set_rest(self, found):
         """found (V, 3): the rest shape, of shape keys the reference."""
         if self.rest is not None and np.array_equal(found, self.rest):
             return
-        shared = self.character.shared
+        shared = self.character.data.shared
         known = shared.equal_to(np.ndarray, lambda each: np.array_equal(each, found))
         self.rest = shared.add(found) if known is None else known
         self.deformer = None
@@ -164,7 +164,7 @@ class GraphCopy:
             self.method = methods.Method.of(ob.original.sinew, lambda: self._digest_of_faces(mesh))
             self._is_method_known = True
             if self.method.kind not in methods.PRECOMPUTED:
-                self.character.kept = methods.Kept()
+                self.character.data.kept = methods.Kept()
 
     def _digest_of_faces(self, mesh):
         self._faces = self._faces or methods.digest(*meshes.read_faces(mesh)[:2])
@@ -211,10 +211,16 @@ class GraphCopy:
         self._rebuilds += old is not None
         # First: of a bone for which nobody has waited Blender may have nothing to read yet.
         self._check_wires(armature, settings, old is not None and old.made_of != made_of)
-        shared = self.character.shared
+        shared = self.character.data.shared
         layer = shared.equal_to(layers.Layer, holds) or shared.add(
             layers.make_layer(
-                self.weights, self.rest, armature, space, made_of, ob.original.sinew.skinning.data, self.character.kept
+                self.weights,
+                self.rest,
+                armature,
+                space,
+                made_of,
+                ob.original.sinew.skinning.data,
+                self.character.data.kept,
             )
         )
         self.layers[number : number + 1] = [layer]
@@ -226,17 +232,17 @@ class GraphCopy:
         names = None if settings.use_envelopes else self.weights.used_names
         is_missed = not wiring.is_waiting_for(self.plan.waits_for, armature, names)
         if were_edited or is_missed:
-            self.character.ask_to_rewire()
+            self.character.planning.ask_to_rewire()
         if is_missed:
             raise NotYetWired
 
     def check_it_pays(self):
         """What would have to be worked out anew on each frame is left to Blender from the next evaluation on."""
         depends_on_shape = any(layer.influences.depend_on_shape for layer in self.layers)
-        character = self.character
-        character.moves_against_armature |= depends_on_shape and self._rebuilds > MOST_REBUILDS
-        if depends_on_shape and (character.moves_against_armature or self.keys is not None):
-            character.ask_to_rewire()
+        planning = self.character.planning
+        planning.moves_against_armature |= depends_on_shape and self._rebuilds > MOST_REBUILDS
+        if depends_on_shape and (planning.moves_against_armature or self.keys is not None):
+            planning.ask_to_rewire()
 
     def stage_names(self, ob):
         return stages.names(ob, self.plan.run)

@@ -48,11 +48,11 @@ def _deform(entry, copy, ob):
         milliseconds[0] = 1e3 * (perf_counter() - start)
         # Other threads of Python go on meanwhile.
         deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
-        entry.error = ""
+        entry.status.error = ""
         if shortcuts.learn(copy, ob):
-            entry.timings.take(milliseconds)
+            entry.status.timings.add(milliseconds)
         else:
-            entry.timings.forget()
+            entry.status.timings.forget()
     copy.is_deforming = work is not None
     copy.plan.switch(ob, copy.is_deforming)
     if work is None:
@@ -85,7 +85,7 @@ def _prepare(copy, ob):
         key_values = key_blocks.silence_keys(addresses)
     elif is_fresh:
         copy.forget_keys()
-        copy.take_rest(meshes.read_positions(mesh))
+        copy.set_rest(meshes.read_positions(mesh))
     copy.read_method(ob, mesh)
     count = len(mesh.vertices)
     poses = copy.poses(
@@ -114,7 +114,7 @@ def _read_keys(copy, ob, mesh):
     copy.keys_address = keys.as_pointer()
     source = keys if fresh else ob.original.data.shape_keys
     copy.keys = shape_keys.read(source, len(mesh.vertices), copy.weights)
-    copy.take_rest(copy.keys.base)
+    copy.set_rest(copy.keys.base)
     copy.deformer = None
 
 

@@ -69,7 +69,7 @@ class Shortcut:
         copy = self.copy
         return (
             not contract.is_broken()
-            and copy.looks == copy.character.looks
+            and copy.looks == copy.character.planning.looks
             and not character.stands_aside()
             and all(layers.is_edition(*edition) for edition in self._editions)
         )
@@ -98,7 +98,7 @@ def take(ob):
             _known.pop(address, None)
             shortcut.copy.note_other_frame()
     if has_run:
-        shortcut.copy.character.timings.take(shortcut.milliseconds)
+        shortcut.copy.character.status.timings.add(shortcut.milliseconds)
     return has_run
 
 

@@ -28,8 +28,8 @@ def warnings(ob):
     """Returns the warnings about a bound mesh, worst first."""
     entry, armature = characters.character(ob), ob.sinew.armature
     found = []
-    if entry is not None and entry.error:
-        found.append(Warning(entry.error, (), True))
+    if entry is not None and entry.status.error:
+        found.append(Warning(entry.status.error, (), True))
     elif entry is not None and entry.way.reason and not mesh_cache.is_on(ob):
         if armature is None and ob.sinew.modifiers:
             found.append(Warning(entry.way.reason, (), True))

@@ -216,7 +216,7 @@ def draw_influence(layout, ob):
 
 def draw_chain(layout, ob, entry):
     """Draws what Sinew replaces, stage by stage, and the modifier at which Blender takes over."""
-    timings, column = entry.timings.recent(), layout.column(align=True)
+    timings, column = entry.status.timings.recent(), layout.column(align=True)
     before, behind = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken, entry.stage_names(ob)
     draw_value(column, "Pose" if entry.taken else "Settings", time_text(timings and timings.pose))
     if before:
@@ -237,7 +237,7 @@ def time_text(milliseconds):
 
 
 def draw_statistics(layout, scene, entry):
-    timings = entry.timings.recent()
+    timings = entry.status.timings.recent()
     column = layout.column(align=True)
     draw_value(column, "Vertices", f"{entry.deformer.vertex_count:,}")
     for layer in entry.layers[:1]:

@@ -1,0 +1,80 @@
+"""When the plan of a bound mesh is made, and when the main thread is asked for the mends that the file needs."""
+
+from dataclasses import replace
+
+import bpy
+
+from ..blender import meshes, nodes, values
+from ..plan import mends, plans
+from . import mail
+
+# Blender disables a driver that names something that is gone. It is made anew, but not for ever if that does not help.
+MOST_REVIVALS = 100
+
+
+class Planning:
+    """The plan of one bound mesh, from whichever dependency graph its object was last looked at."""
+
+    def __init__(self, key: int) -> None:
+        """key: of the object."""
+        self._key = key
+        self.plan = plans.Plan()
+        self.mends: tuple[mends.Mend, ...] = ()  # what the file lacks for that plan
+        self.looks = 0  # how many times a new plan was asked for, see look_again
+        self.newcomers: frozenset[int] = frozenset()  # nodes.identity of modifiers added since mends were last applied
+        self.sharer_count: int | None = None  # objects that have the mesh; None: to be counted
+        self.moves_against_armature = False  # frame by frame
+        self._modifiers: frozenset[int] | None = None  # nodes.identity of all modifiers at the last look
+        self._lacks: tuple | None = None  # the situation in which the file lacks something
+        self._given_up: tuple | None = None  # the situation that cannot be mended
+        self._revivals = 0  # of the hook
+
+    def look(self, ob: bpy.types.Object) -> plans.Plan:
+        """Makes a plan for the object, original or evaluated, and returns it. The main thread is asked for the mends
+        that the file needs; until the blocking ones are applied, Blender's own modifier deforms."""
+        original = ob.original
+        modifiers = frozenset(map(nodes.identity, original.modifiers))
+        if self._modifiers is not None:
+            self.newcomers |= modifiers - self._modifiers
+        self._modifiers = modifiers
+        if self.sharer_count is None:
+            self.sharer_count = meshes.count_sharers(original)
+        plan = plans.make(ob, self.sharer_count, self.moves_against_armature)
+        self.mends = mends.needed(plan, original, self.newcomers)
+        is_wired = plan.way.in_pass and not any(mend.is_blocking for mend in self.mends)
+        self.plan = replace(plan, is_wired=is_wired)
+        self._lacks = (plan.way, plan.taken, values.key_of(original.data)) if self.mends else None
+        if self.mends and self._lacks != self._given_up:
+            self.ask_to_rewire()
+        return self.plan
+
+    def look_again(self) -> None:
+        """Has the next evaluation make a new plan. The caller has Blender evaluate."""
+        self.looks += 1
+        self.sharer_count = None
+
+    def ask_to_rewire(self) -> None:
+        """Asks the main thread to apply the mends."""
+        mail.post(mail.REWIRE, self._key)
+
+    def give_up_on_what_lacks(self) -> None:
+        """Notes that the main thread has done what it could: it is not asked again in the same situation."""
+        self._given_up = self._lacks
+
+    def should_revive(self, original: bpy.types.Object) -> bool:
+        """Whether Blender has disabled the hook, so that it has to be made anew. Counts. (Before 3.5 the hook of a mesh
+        without vertices cannot be helped.)"""
+        hook = self.plan.hook_of(original)
+        if hook is None or hook.driver.is_valid or self._revivals >= MOST_REVIVALS or not original.data.vertices:
+            return False
+        self._revivals += 1
+        return True
+
+    def set_sharer_count(self, count: int) -> None:
+        """Sets how many objects have the mesh. If that has changed, it may need another plan."""
+        if count == self.sharer_count:
+            return
+        self.sharer_count = count
+        if self._modifiers is not None:  # it was looked at
+            self.looks += 1
+            self.ask_to_rewire()
