@@ -1,5 +1,5 @@
-/// Converts between numpy arrays and the library's views. Arguments of the frame functions are never
-/// copied or converted; what an object is built from is copied anyway, so any real dtype is accepted.
+/// Converts between numpy arrays and the library's views. Arguments of the functions that are called each frame are
+/// never copied or converted. Constructors copy their arguments anyway, so they accept any real dtype.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -43,15 +43,15 @@ void require_dtype(const char* name, const py::array& array) {
   }
 }
 
-/// Requires what numpy calls aligned: the first number's address and every stride are multiples of a number's size.
+/// Requires an array that is aligned in numpy's sense: its address and strides are multiples of the item size.
 inline void require_aligned(const char* name, const py::array& array) {
   if (!(array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_)) {
     throw InputError(std::string(name) + " is not aligned in memory; pass " + std::string(name) + ".copy()");
   }
 }
 
-/// Returns an object that must already be an array: of a list, pybind11 would make a copy, and the
-/// caller would never see what is written to it.
+/// Casts an object, which must already be an array. pybind11 would copy a list, and the caller would not see what is
+/// written to the copy.
 inline py::array given_array(const char* name, const py::object& object) {
   if (!py::isinstance<py::array>(object)) {
     throw InputError(std::string(name) + " is a " + std::string(py::str(py::type::of(object).attr("__name__"))) +
@@ -87,7 +87,7 @@ MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
   return stack;
 }
 
-/// Returns numbers of any real dtype as T, for building an object.
+/// Copies numbers of any real dtype as T, for a constructor.
 template <class T>
 std::vector<T> copied(const char* name, const py::array& array) {
   const char kind = array.dtype().kind();
@@ -117,8 +117,7 @@ std::vector<T> copied(const char* name, const py::array& array) {
   }
 }
 
-/// Numbers of any real dtype as T: the array's own memory if it holds consecutive T, otherwise a
-/// converted copy.
+/// Numbers of any real dtype as T: the array's own memory if it contains consecutive T, otherwise a converted copy.
 template <class T>
 class Numbers {
  public:
@@ -149,7 +148,7 @@ Numbers<T> list_of(const char* name, const py::array& array) {
   return {name, array};
 }
 
-/// (V,) of any real dtype, or None.
+/// (V,) numbers of any real dtype, or None.
 class OptionalNumbers {
  public:
   OptionalNumbers(const char* name, const std::optional<py::array>& array) {
@@ -164,14 +163,14 @@ class OptionalNumbers {
   std::optional<Numbers<float>> numbers_;
 };
 
-/// (V, 3) points, row by row.
+/// Returns (V, 3) points as T, row by row.
 template <class T>
 Numbers<T> points_of(const char* name, const py::array& array) {
   if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(V, 3)");
   return {name, array};
 }
 
-/// Returns the flat numbers of an array that will be written to.
+/// Returns the numbers of an array, flattened, for writing.
 template <class T>
 std::span<T> written_span(const char* name, const py::array& array, const std::vector<py::ssize_t>& shape) {
   require_dtype<T>(name, array);
@@ -186,7 +185,7 @@ std::span<T> written_span(const char* name, const py::array& array, const std::v
   return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()), static_cast<std::size_t>(array.size())};
 }
 
-/// Returns numbers that a frame function reads in place: float32, C-contiguous. `expected`: the shape, for messages.
+/// Returns numbers that are read in place each frame: float32, C-contiguous. `expected`: the shape, for messages.
 inline std::span<const float> numbers_span(const char* name, const py::array& array, py::ssize_t axes,
                                            const char* expected) {
   if (array.ndim() != axes || (axes == 2 && array.shape(1) != 3)) {
@@ -200,7 +199,7 @@ inline std::span<const float> numbers_span(const char* name, const py::array& ar
   return {static_cast<const float*>(array.data()), static_cast<std::size_t>(array.size())};
 }
 
-/// (J, 4, 4) or (F, J, 4, 4) matrices.
+/// Copies (J, 4, 4) or (F, J, 4, 4) matrices.
 inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::array& array, py::ssize_t axes) {
   if (array.ndim() != axes || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
     wrong_shape(name, array, axes == 3 ? "(J, 4, 4)" : "(F, J, 4, 4)");
@@ -223,7 +222,7 @@ py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ss
   return array;
 }
 
-/// Returns a list of numbers as an array that Python owns.
+/// Moves a list of numbers into an array that Python owns.
 template <class T>
 py::array given_away(std::vector<T> numbers, std::vector<py::ssize_t> shape) {
   auto* const kept = new std::vector<T>(std::move(numbers));
@@ -236,7 +235,7 @@ py::array view_list(const Numbers& numbers, const py::object& owner) {
   return view(std::data(numbers), {static_cast<py::ssize_t>(std::size(numbers))}, {1}, owner);
 }
 
-/// Returns an array (J, 4, 4) over column-major matrices.
+/// Returns a read-only (J, 4, 4) array over column-major matrices.
 inline py::array view_matrices(std::span<const Matrix4<double>> matrices, const py::object& owner) {
   const double* data = matrices.empty() ? nullptr : matrices.front().data();
   return view(data, {static_cast<py::ssize_t>(matrices.size()), 4, 4}, {16, 1, 4}, owner);

@@ -65,7 +65,7 @@ std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, co
       const std::string name = "weights[" + std::to_string(k) + "]";
       group_spans.push_back(groups.emplace_back(name.c_str(), (*weights)[k]));
     }
-    // To the library, an empty list means something else.
+    // For the library, an empty list means that no key has weights.
     if (groups.empty()) throw InputError("weights has 0 entries; expected one per key, or None");
   }
   const auto numbers = py::array::ensure(relative_to);  // may be a list
@@ -107,7 +107,7 @@ LayerPose pose_of(const py::handle& given, std::size_t i) {
 void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
             const std::optional<py::array>& key_values, const std::optional<py::array>& rest_positions,
             const py::sequence& stages, const std::optional<py::array>& milliseconds) {
-  // Lists may change while the GIL is released; their elements have to stay alive.
+  // Lists may change while the GIL is released, but their elements must stay alive.
   const py::tuple kept_poses(poses), kept_stages(stages);
   std::vector<LayerPose> layer_poses;
   for (const py::handle pose : kept_poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));

@@ -37,7 +37,7 @@ Eigen::MatrixX3d copied_row_points(const char* name, const py::array& array) {
   return copied_table(name, array);
 }
 
-/// Returns a matrix as an array that numpy owns.
+/// Moves a matrix into an array that numpy owns.
 py::array moved(Eigen::MatrixXd&& matrix) {
   auto* owned = new Eigen::MatrixXd(std::move(matrix));
   const py::capsule owner(owned, [](void* p) { delete static_cast<Eigen::MatrixXd*>(p); });

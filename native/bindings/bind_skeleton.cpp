@@ -14,7 +14,7 @@ py::array empty_like_stack(const MatrixStack<const T>& stack, bool has_frames, p
   return py::array(dtype, shape);
 }
 
-/// Calls compute(in, out) on views of the arrays; out is made if it is None.
+/// Calls compute(in, out) on views of the arrays and returns out, which is created if it is None.
 template <class In, class Out, class Compute>
 py::array into(const char* name, const py::array& in, const py::object& out, const Compute& compute) {
   const auto source = matrix_stack<const In>(name, in);
@@ -28,7 +28,7 @@ py::array into(const char* name, const py::array& in, const py::object& out, con
   return result;
 }
 
-/// For functions that compute in the dtype of their argument.
+/// Checks the dtype for functions that compute in the dtype of their argument.
 void require_float_or_double(const char* name, const py::array& array) {
   if (!py::isinstance<py::array_t<float>>(array) && !py::isinstance<py::array_t<double>>(array)) {
     throw InputError(std::string(name) + " is " + dtype_text(array) + "; expected float32 or float64");
@@ -49,7 +49,7 @@ py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
   return into<double, float>("world", world, out, run);
 }
 
-/// (..., J, 4) numbers w x y z.
+/// Copies (..., J, 4) numbers, w x y z, into quaternions.
 std::vector<Eigen::Quaterniond> copied_rotations(const py::array& array, py::ssize_t axes) {
   if (array.ndim() != axes || array.shape(axes - 1) != 4) {
     wrong_shape("rotations", array, axes == 3 ? "(P, J, 4)" : "(J, 4)");

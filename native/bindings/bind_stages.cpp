@@ -55,7 +55,7 @@ std::shared_ptr<Hook> make_hook(std::ptrdiff_t vertex_count, const std::optional
   return std::make_shared<Hook>(vertex_count, named, VertexGroup{group, invert});
 }
 
-/// (rows, columns) numbers of any real dtype.
+/// Copies (rows, columns) numbers of any real dtype into a matrix.
 template <int rows, int columns>
 Eigen::Matrix<float, rows, columns> matrix_of(const char* name, const py::array& array) {
   if (array.ndim() != 2 || array.shape(0) != rows || array.shape(1) != columns) {

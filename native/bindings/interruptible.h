@@ -1,4 +1,4 @@
-/// Long computations that Ctrl C cancels.
+/// Runs long computations so that Ctrl C cancels them.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -15,9 +15,9 @@ namespace sinew::bindings {
 
 constexpr std::chrono::milliseconds kBetweenSignals(50);
 
-/// Returns the result of compute(progress). It runs in a thread of its own, without the GIL, while the calling thread
-/// lets Python handle signals. If a handler raises, as that of Ctrl C does, the computation is cancelled, and the error
-/// is raised here once it has ended.
+/// Returns the result of compute(progress). Runs it in a separate thread, without the GIL, while the calling thread
+/// lets Python handle signals. If a handler raises, as the one for Ctrl C does, the computation is cancelled, and the
+/// error is raised here after it has ended.
 template <class Compute>
 auto interruptible(std::shared_ptr<Progress> progress, const Compute& compute) {
   namespace py = pybind11;

@@ -1,4 +1,4 @@
-/// The names of methods and other choices in Python.
+/// Maps the names of methods and other options in Python to enumerators.
 #pragma once
 
 #include <string>

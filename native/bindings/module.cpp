@@ -29,11 +29,11 @@ void translate_no_memory(std::exception_ptr thrown) {
   }
 }
 
-/// cls.__new__(cls) returns an object without its C++ half, for which pybind11 would allocate memory that no
-/// constructor has initialised.
+/// Replaces pybind11's allocation. An object from cls.__new__(cls) has no C++ instance, and pybind11 would allocate
+/// memory for one that no constructor has initialized.
 void* refuse_to_allocate(std::size_t) { throw pybind11::type_error("__init__ was not called; call the class itself"); }
 
-/// Makes the classes of a module or submodule refuse to create such objects.
+/// Applies refuse_to_allocate to the classes of a module or submodule.
 void refuse_unmade_objects(const pybind11::object& module) {
   for (const auto& [name, member] : pybind11::dict(module.attr("__dict__"))) {
     if (!PyType_Check(member.ptr())) continue;

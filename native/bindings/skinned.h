@@ -1,4 +1,4 @@
-/// Shared by the skinning functions.
+/// Helpers that the bindings of the skinning functions share.
 #pragma once
 
 #include <memory>
@@ -9,7 +9,7 @@
 
 namespace sinew::bindings {
 
-/// Returns the result's shape: (V, 3), or (F, V, 3) if the matrices have an axis of frames.
+/// Returns the shape of the result: (V, 3), or (F, V, 3) if the matrices have a frame axis.
 inline std::vector<py::ssize_t> positions_shape(const Skin& skin, const py::array& matrices) {
   std::vector<py::ssize_t> shape{skin.vertex_count(), 3};
   if (matrices.ndim() == 4) shape.insert(shape.begin(), matrices.shape(0));

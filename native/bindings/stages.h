@@ -1,4 +1,4 @@
-/// A stage and its settings, as held by Python.
+/// Defines the Python object for a stage and its settings.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -22,7 +22,7 @@ struct StageOfPython {
   std::shared_ptr<const void> owner;
 };
 
-/// Returns the stages of Stage objects, which have to outlive the result.
+/// Returns the stages of Stage objects, which must outlive the result.
 inline std::vector<Stage> stages_of(const pybind11::tuple& objects) {
   std::vector<Stage> stages;
   for (const pybind11::handle stage : objects) {

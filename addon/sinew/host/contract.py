@@ -1,11 +1,12 @@
-"""What Sinew relies on in Blender's memory: each struct and member that is read or written, with its type and size.
+"""The parts of Blender's memory that Sinew relies on: each struct and member that it reads or writes, with type and
+size.
 
-Offsets are those of the running Blender. What is not in the table cannot be asked for.
+Offsets are those of the running Blender. A member that is not in the table cannot be requested.
 """
 
 import ctypes
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import bpy
 
@@ -13,27 +14,28 @@ from . import layout
 
 
 class Member(NamedTuple):
-    """type, size in bytes: as Blender describes them, None for any. offset: where it has to be, None for anywhere."""
+    """Describes a member of a struct. type, size: as in Blender's description, size in bytes, None for any. offset: the
+    required offset in bytes, None for any."""
 
     type: str | None
-    size: int
+    size: int | None
     offset: int | None = None
 
 
-def _pointer(kind=None, offset=None):
+def _pointer(kind: str | None = None, offset: int | None = None) -> Member:
     return Member(kind, layout.POINTER, offset)
 
 
 _NAME = Member("char", 64)  # of a vertex group
 
-# A pointer's name begins with "*". Types of pointers are left open where Blender has changed them between versions.
-CONTRACT = {
+# A pointer's name begins with "*". The type of a pointer is omitted if it differs between Blender versions.
+CONTRACT: dict[str, dict[str, Member]] = {
     "ID": {"*orig_id": _pointer("ID")},
     "Object": {"mode": Member("int", 4), "*data": _pointer(), "*pose": _pointer("bPose")},
     "Mesh": {"*key": _pointer("Key"), "vdata": Member("CustomData", 248), "vertex_group_names": Member("ListBase", 16)},
     "Key": {},
     "bArmature": {"flag": Member("int", 4)},
-    # Structs of lists begin with the address of the next one.
+    # A struct in a list begins with the address of the next one.
     "ListBase": {"*first": _pointer("void", 0), "*last": _pointer("void", 8)},
     "bDeformGroup": {"*next": _pointer("bDeformGroup", 0), "name": _NAME},
     "KeyBlock": {
@@ -45,7 +47,7 @@ CONTRACT = {
     },
     "CustomData": {"*layers": _pointer("CustomDataLayer"), "totlayer": Member("int", 4)},
     "CustomDataLayer": {"type": Member("int", 4), "*data": _pointer("void")},
-    # Read by native code, which has these offsets and sizes in it.
+    # Read by native code, in which these offsets and sizes are hard-coded.
     "MDeformVert": {"*dw": _pointer("MDeformWeight", 0), "totweight": Member("int", 4, 8)},
     "MDeformWeight": {"def_nr": Member("int", 4, 0), "weight": Member("float", 4, 4)},
     "bPose": {"chanbase": Member("ListBase", 16), "**chan_array": _pointer("bPoseChannel")},
@@ -81,21 +83,21 @@ CONTRACT = {
         "defgrp_name": _NAME,
     },
 }
-# Whose sizes count, for arrays of them are read.
+# The sizes in bytes of structs that are read from arrays.
 SIZES = {"MDeformVert": 16, "MDeformWeight": 8}
-# With a byte that Blender leaves alone, for a mark.
+# Structs with a byte that Blender does not use, for a mark.
 MARKED = ("Object", "Mesh", "Key", "bArmature")
-# Where an object's matrix to the world's space is: in the first of these that there is. Before 4.1 the matrix itself,
-# later the address of a struct that Blender does not describe.
+# The members that may lead to an object's matrix to world space; the first that exists is used. Before 4.1 it is the
+# matrix itself, since then the address of a struct that Blender does not describe.
 PLACES = {"obmat": Member("float", 64), "object_to_world": Member("float", 64), "*runtime": _pointer()}
 
 
 class Broken(RuntimeError):
-    """Blender keeps its data in another way than Sinew knows."""
+    """Raised if Blender's data layout is not the one that Sinew expects."""
 
 
-def differences(structs):
-    """What of the contract does not hold, a list of clauses. structs: as layout.structs gives them."""
+def differences(structs: dict[str, layout.Struct]) -> list[str]:
+    """Returns the parts of the contract that do not hold, as clauses. structs: as returned by layout.structs."""
     found = []
     for kind, members in CONTRACT.items():
         if kind not in structs:
@@ -119,7 +121,7 @@ def differences(structs):
     return found
 
 
-def _differences_of(struct, kind, name, wanted):
+def _differences_of(struct: layout.Struct, kind: str, name: str, wanted: Member) -> list[str]:
     if name not in struct.members:
         return [f"{kind} has no {name}"]
     offset, of_type, size = struct.members[name]
@@ -131,53 +133,53 @@ def _differences_of(struct, kind, name, wanted):
     return []
 
 
-def _place_in(struct):
+def _place_in(struct: layout.Struct) -> str | None:
     return next((name for name in PLACES if name in struct.members), None)
 
 
 # --- of the running Blender -----------------------------------------------------------------------
 
-_trouble = None  # a sentence, "" for none; None: nobody has looked yet
+_trouble: str | None = None  # a sentence, "" for none; None: not checked yet
 
 
-def trouble():
-    """Why Blender's own modifiers have to deform, a sentence for people; "" if nothing is wrong. To be called from the
-    main thread first: it has Blender write a file."""
+def trouble() -> str:
+    """Returns why Blender's own modifiers must deform, as a sentence for users; "" if nothing is wrong. The first call
+    must come from the main thread, because it makes Blender write a file."""
     if _trouble is None:
         _look()
-    return _trouble
+    return _trouble  # type: ignore[return-value]  # _look has set it
 
 
-def is_broken():
-    """The same as a truth value. From any thread; false as long as nobody has looked."""
+def is_broken() -> bool:
+    """Whether there is trouble. False if nothing has been checked yet. Can be called from any thread."""
     return bool(_trouble)
 
 
-def distrust(difference):
-    """From now on nothing of Blender's memory is read or written. difference: a clause. Returns the error to raise."""
+def distrust(difference: str) -> Broken:
+    """Stops all access to Blender's memory from now on. difference: a clause. Returns the error to raise."""
     global _trouble
     _trouble = _trouble or _sentence([difference])
     return Broken(_trouble)
 
 
-def forget():
-    """For tests: it is looked at again."""
+def forget() -> None:
+    """Discards the result of the check, so that the next use checks again. For tests."""
     global _trouble
     _trouble = None
     for function in (offset, size, struct_size, unused_byte, place):
         function.cache_clear()
 
 
-def _look():
+def _look() -> None:
     global _trouble
     try:
         found = differences(layout.structs())
-    except Exception as error:  # a failure is kept: it would be the same for each mesh and frame
+    except Exception as error:  # kept, because it would fail again for each mesh and frame
         found = [f"its description of its data cannot be read: {error}"]
     _trouble = _sentence(found) if found else ""
 
 
-def _sentence(found):
+def _sentence(found: list[str]) -> str:
     more = f", and {len(found) - 1} more" if len(found) > 1 else ""
     return (
         f"Blender {bpy.app.version_string} keeps its data in another way than this version of Sinew knows ({found[0]}"
@@ -185,55 +187,56 @@ def _sentence(found):
     )
 
 
-def _of(kind):
+def _of(kind: str) -> layout.Struct:
     if trouble():
         raise Broken(_trouble)
     return layout.structs()[kind]
 
 
 @functools.cache
-def offset(kind, member):
-    """Of a member in its struct, in bytes. Raises KeyError for one that is not in the contract."""
+def offset(kind: str, member: str) -> int:
+    """Returns the offset of a member in its struct, in bytes. Raises KeyError if it is not in the contract."""
     CONTRACT[kind][member]
     return _of(kind).offset(member)
 
 
 @functools.cache
-def size(kind, member):
-    """Of a member, in bytes."""
+def size(kind: str, member: str) -> int:
+    """Returns the size of a member, in bytes."""
     CONTRACT[kind][member]
     return _of(kind).members[member][2]
 
 
 @functools.cache
-def struct_size(kind):
-    """In bytes."""
+def struct_size(kind: str) -> int:
+    """Returns the size of a struct, in bytes."""
     CONTRACT[kind]
     return _of(kind).size
 
 
 @functools.cache
-def unused_byte(kind):
-    """Offset of a byte that Blender leaves alone, in bytes."""
+def unused_byte(kind: str) -> int:
+    """Returns the offset in a struct of a byte that Blender does not use."""
     if kind not in MARKED:
         raise KeyError(kind)
-    return _of(kind).padding()
+    return _of(kind).padding()  # type: ignore[return-value]  # not None: differences() checks it
 
 
 @functools.cache
-def place():
-    """(name of the member of Object in which its matrix to the world's space is, or whose address leads there; its
-    offset in bytes)."""
+def place() -> tuple[str, int]:
+    """Returns the name of the member of Object that contains its matrix to world space, or the address that leads to
+    it; and the member's offset in bytes."""
     found = _of("Object")
-    name = _place_in(found)
+    name: Any = _place_in(found)  # a str: differences() checks that there is one
     return name, found.offset(name)
 
 
-def region(struct, kind, member):
-    """(address, size) of a member, in bytes. struct: anything of Blender's with an address; kind: its name there."""
+def region(struct: bpy.types.bpy_struct, kind: str, member: str) -> tuple[int, int]:
+    """Returns the address of a member and its size in bytes. struct: any of Blender's structs; kind: its name in
+    Blender's description."""
     return struct.as_pointer() + offset(kind, member), size(kind, member)
 
 
-def address_at(address):
-    """The address that is stored there."""
+def address_at(address: int) -> int:
+    """Returns the address that is stored at an address."""
     return ctypes.c_uint64.from_address(address).value

@@ -1,25 +1,28 @@
-"""A mesh's vertex groups and weights, read whole."""
+"""Reads all vertex groups and weights of a mesh at once."""
 
 import ctypes
+from typing import Any
+
+import numpy as np
 
 from ..native import sinew_native
 from . import contract
 
-_DEFORM_VERTICES = 2  # Blender's number for that kind of data on vertices
+_DEFORM_VERTICES = 2  # CD_MDEFORMVERT, Blender's number for weights in CustomDataLayer.type
 _MOST_GROUPS = 1 << 20
-_SOME = 64  # vertices that are looked at
+_SOME = 64  # about how many vertices are checked
 
 
-def group_names(mesh):
-    """Names of the vertex groups of that very copy of a mesh."""
+def group_names(mesh: Any) -> tuple[str, ...]:
+    """Returns the names of the vertex groups of this copy of a mesh."""
     first = contract.address_at(contract.region(mesh, "Mesh", "vertex_group_names")[0])
     offset, size = contract.offset("bDeformGroup", "name"), contract.size("bDeformGroup", "name")
     addresses = sinew_native.host.list_addresses(first, _MOST_GROUPS).tolist()
     return tuple(ctypes.string_at(address + offset, size).partition(b"\0")[0].decode() for address in addresses)
 
 
-def deform_vertices(mesh):
-    """Address of the mesh's array of weights; 0 if it has none, None if it cannot be found."""
+def deform_vertices(mesh: Any) -> int | None:
+    """Returns the address of the mesh's array of weights; 0 if it has none, None if it cannot be found."""
     if contract.trouble():
         return None
     vertex_data = contract.region(mesh, "Mesh", "vdata")[0]
@@ -33,17 +36,18 @@ def deform_vertices(mesh):
     return None if _lacks_what_the_api_says(mesh) else 0
 
 
-def read(address, count):
-    """offsets (V + 1,) int64, groups (N,) int32, weights (N,) float32 of the array of weights there. count: V."""
+def read(address: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reads the array of weights at an address. Returns offsets (V + 1,) int64, groups (N,) int32, weights (N,)
+    float32. count: V."""
     return sinew_native.host.read_weights(address, count)
 
 
-_weights_are_known = False  # to lie where they are looked for
+_weights_are_known = False  # whether their address was confirmed
 
 
-def _is_where_the_api_says(mesh, address):
-    """Whether some vertices' weights are there. Looked at until some were, and never again: asking for them, later
-    versions copy the weights of the whole mesh."""
+def _is_where_the_api_says(mesh: Any, address: int) -> bool:
+    """Whether the weights of a few vertices at that address match the API. Checked only until some weights have been
+    compared, because reading them through the API makes later versions copy the weights of the whole mesh."""
     global _weights_are_known
     if _weights_are_known:
         return True
@@ -59,8 +63,8 @@ def _is_where_the_api_says(mesh, address):
     return True
 
 
-def _lacks_what_the_api_says(mesh):
-    """Whether Blender has weights of a mesh in which none were found: then they have moved to another storage."""
+def _lacks_what_the_api_says(mesh: Any) -> bool:
+    """Whether the API shows weights of a mesh in which none were found: then Blender stores them elsewhere."""
     count = len(mesh.vertices)
     some = range(0, count, max(1, count // _SOME))
     return not _weights_are_known and any(len(mesh.vertices[index].groups) for index in some)

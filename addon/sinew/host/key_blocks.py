@@ -1,7 +1,8 @@
-"""Shape keys of evaluated meshes: their values and numbers."""
+"""Reads the shape keys of evaluated meshes, their values and coordinates, and mutes them."""
 
 import ctypes
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +11,13 @@ from . import contract, proof, vector_arrays
 
 
 @functools.cache
-def key_layout():
-    """Byte offsets in a key of its flags, its value, the address of its points, and their number."""
+def key_layout() -> tuple[int, ...]:
+    """Returns the byte offsets in a key of its flags, its value, the address of its points, and their number."""
     return tuple(contract.offset("KeyBlock", name) for name in ("flag", "curval", "*data", "totelem"))
 
 
-def key_addresses(keys):
-    """(K,) of an evaluated key data-block's keys."""
+def key_addresses(keys: Any) -> np.ndarray:
+    """Returns the addresses of the keys of an evaluated key data-block, (K,) int64."""
     blocks = keys.key_blocks
     count = len(blocks)
     addresses = sinew_native.host.list_addresses(blocks[0].as_pointer(), count) if count else np.empty(0, np.int64)
@@ -25,8 +26,8 @@ def key_addresses(keys):
     return addresses
 
 
-def key_positions(address, count):
-    """(count, 3) float32: a key's numbers themselves, or None if it has another number of them."""
+def key_positions(address: int, count: int) -> np.ndarray | None:
+    """Returns a view of a key's coordinates, (count, 3) float32, or None if it has a different number of points."""
     _flag, _value, data, total = key_layout()
     address = int(address)
     if ctypes.c_int32.from_address(address + total).value != count:
@@ -34,21 +35,22 @@ def key_positions(address, count):
     return vector_arrays.vectors_at(contract.address_at(address + data), count)
 
 
-def silence_keys(addresses):
-    """Has Blender add nothing to the reference key in an evaluated copy. Returns (K,) float32, the keys' values, 0
-    for what the user has muted."""
+def silence_keys(addresses: np.ndarray) -> np.ndarray:
+    """Mutes the keys of an evaluated copy, so that Blender adds nothing to the reference key. Returns the keys' values,
+    (K,) float32, 0 for those that the user has muted."""
     return sinew_native.host.silence_keys(addresses, key_layout()[:2])
 
 
-def give_keys_back(addresses):
+def give_keys_back(addresses: np.ndarray) -> None:
+    """Undoes silence_keys."""
     sinew_native.host.give_keys_back(addresses, key_layout()[0])
 
 
 _MUTED = 1  # a bit of a key's flags
 
 
-def _prove(blocks, addresses):
-    """Compares each key's place, value and whether it is muted, and the numbers of the last one."""
+def _prove(blocks: Any, addresses: np.ndarray) -> None:
+    """Compares each key's address, value and mute flag with the API, and the coordinates of the last key."""
     flag, value, _data, _total = key_layout()
     is_same = [block.as_pointer() for block in blocks] == addresses.tolist() and all(
         np.array_equal(ctypes.c_float.from_address(address + value).value, block.value, equal_nan=True)

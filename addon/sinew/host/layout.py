@@ -1,7 +1,7 @@
-"""Where the members of Blender's structs lie in memory, read from Blender's own description.
+"""Reads the memory layout of Blender's structs from Blender's own description.
 
-Every .blend file begins with a description (the "DNA") of the structs of the Blender that wrote it. An empty
-library written by the running Blender thus tells the layout of this very build: no offset stands in our code.
+Every .blend file contains a description (the "DNA") of the structs of the Blender that wrote it. A nearly empty library
+written by the running Blender therefore contains the layout of exactly this build, and no offset is hard-coded here.
 """
 
 import contextlib
@@ -10,33 +10,37 @@ import functools
 import os
 import struct
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bpy
 
-POINTER = 8
+POINTER = 8  # bytes
 
 
 @dataclass(frozen=True)
 class Struct:
-    size: int
-    members: dict  # name -> (offset, type, size in bytes); a pointer's name begins with "*"
+    """Describes the layout of one of Blender's structs."""
 
-    def offset(self, name):
+    size: int  # in bytes
+    members: dict[str, tuple[int, str, int]]  # name: (offset, type, size), in bytes; a pointer's name begins with "*"
+
+    def offset(self, name: str) -> int:
+        """Returns the offset of a member, in bytes."""
         return self.members[name][0]
 
-    def padding(self):
-        """Offset of a byte that Blender leaves alone, or None."""
+    def padding(self) -> int | None:
+        """Returns the offset of a byte that Blender does not use, or None."""
         spare = [offset for name, (offset, _type, _size) in self.members.items() if name.lstrip("*").startswith("_pad")]
         return spare[0] if spare else None
 
 
 @contextlib.contextmanager
-def temporary_data():
-    """Data apart from those of the open file, which go with the context.
+def temporary_data() -> Iterator[bpy.types.BlendData]:
+    """Provides temporary data, separate from the open file's, which Blender removes when the context ends.
 
-    Blender's own context (3.4 to 5.2) gives away the one reference that it has to them, and lets go of it again when
-    it is freed. The name behind `as` would then stand for freed memory, and the next object there would be damaged.
+    Blender's own context manager (3.4 to 5.2) hands out its only reference to the data and releases it again when it is
+    freed. The name after `as` would then refer to freed memory, and the next object there would be damaged.
     """
     with bpy.data.temp_data() as data:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(data))
@@ -44,8 +48,9 @@ def temporary_data():
 
 
 @functools.lru_cache(maxsize=1)
-def structs():
-    """{name: Struct} of the running Blender. To be called from the main thread first: it writes a file."""
+def structs() -> dict[str, Struct]:
+    """Returns {name: Struct} for the running Blender. The first call must come from the main thread, because it makes
+    Blender write a file."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "layout.blend")
         with temporary_data() as data:
@@ -54,14 +59,14 @@ def structs():
             return parse(file.read())
 
 
-def parse(data):
-    """{name: Struct} from the bytes of an uncompressed .blend file of a little-endian machine."""
+def parse(data: bytes) -> dict[str, Struct]:
+    """Returns {name: Struct} from the bytes of an uncompressed .blend file of a little-endian machine."""
     place = data.index(b"SDNA", data.index(b"DNA1"))
 
-    def after(tag):
+    def after(tag: bytes) -> int:
         return data.index(tag, place) + len(tag)
 
-    def words(place):
+    def words(place: int) -> tuple[list[str], int]:
         (count,) = struct.unpack_from("<I", data, place)
         parts = data[place + 4 :].split(b"\0", count)[:count]
         return [part.decode() for part in parts], place + 4 + sum(map(len, parts)) + count

@@ -1,29 +1,30 @@
-"""Marks on evaluated data-blocks: a byte that Blender does not use. It is lost when Blender copies the block anew, so a
-copy without it has been edited since it was seen."""
+"""Sets and reads marks: a byte that Blender does not use, in evaluated data-blocks. A mark is lost when Blender copies
+the block again, so a copy without one has been edited since it was last seen."""
 
 import ctypes
+from typing import Any
 
 from . import contract
 
-_SEEN = 0x53  # what a mark is
+_SEEN = 0x53  # the value of a mark
 _STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature"}
 
 
-def mark_region(block, kind):
-    """(address, size) of the mark, in bytes. kind: "OBJECT", "MESH", "KEY" or "ARMATURE"."""
+def mark_region(block: Any, kind: str) -> tuple[int, int]:
+    """Returns the address of a data-block's mark and its size in bytes. kind: "OBJECT", "MESH", "KEY" or "ARMATURE"."""
     return block.as_pointer() + contract.unused_byte(_STRUCT_OF[kind]), 1
 
 
-def _mark(block, kind):
+def _mark(block: Any, kind: str) -> ctypes.c_uint8:
     return ctypes.c_uint8.from_address(mark_region(block, kind)[0])
 
 
-def take_mark(block, kind):
-    """Whether an evaluated data-block is the copy that was seen last; it counts as seen from now on. The mark is a
-    byte that Blender does not use, so it goes when Blender copies the block anew: after an edit.
+def take_mark(block: Any, kind: str) -> bool:
+    """Whether an evaluated data-block is the copy that was seen last; marks it as seen. The mark is lost when Blender
+    copies the block again, which it does after an edit.
 
-    An original has none, unless it was made from an evaluated copy (`evaluated.data.copy()`) or comes from a file: all
-    its copies would be marked from the beginning. It is healed."""
+    An original has no mark, unless it was made from an evaluated copy (`evaluated.data.copy()`) or loaded from a file.
+    Then all its copies would be marked from the beginning, so its mark is cleared."""
     byte, of_original = _mark(block, kind), _mark(block.original, kind)
     seen = byte.value == _SEEN and of_original.value == 0
     of_original.value = 0
@@ -31,9 +32,9 @@ def take_mark(block, kind):
     return seen
 
 
-def is_marked(block, kind):
+def is_marked(block: Any, kind: str) -> bool:
     return not contract.trouble() and _mark(block, kind).value == _SEEN
 
 
-def clear_mark(block, kind):
+def clear_mark(block: Any, kind: str) -> None:
     _mark(block, kind).value = 0

@@ -1,29 +1,31 @@
-"""The first time that something is read or written by address, it is compared with what Blender's API says of it.
+"""Tracks which kinds of data have been compared with Blender's API, the first time they are read or written by address.
 
-So a Blender that has moved its data, or given a bit another meaning, is noticed before it makes a wrong shape.
+If a version of Blender has moved its data or changed the meaning of a bit, this is detected before a shape is wrong.
 """
 
 import threading
+from collections.abc import Hashable
 
 from . import contract
 
-_proved = set()  # what was compared and found equal
+_proved: set[Hashable] = set()  # what was compared and found equal
 _lock = threading.Lock()
 
 
-def is_due(what):
-    """Whether that has not been compared yet."""
+def is_due(what: Hashable) -> bool:
+    """Whether something has not been compared yet. what: its name, or any other key."""
     return what not in _proved
 
 
-def give(what, is_equal=True, difference=""):
-    """Notes the outcome of a comparison. difference: a clause that says what differs. Raises contract.Broken."""
+def give(what: Hashable, is_equal: bool = True, difference: str = "") -> None:
+    """Records the result of a comparison. difference: a clause that describes what differs. Raises contract.Broken if
+    it is not equal."""
     if not is_equal:
         raise contract.distrust(difference)
     with _lock:
         _proved.add(what)
 
 
-def forget():
-    """For tests."""
+def forget() -> None:
+    """Discards all results, so that everything is compared again. For tests."""
     _proved.clear()

@@ -1,7 +1,8 @@
-"""Arrays of vectors: of attributes, and those that a Corrective Smooth was bound with."""
+"""Reads arrays of vectors: attributes, and the bind coordinates of Corrective Smooth modifiers."""
 
 import ctypes
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -9,19 +10,20 @@ from . import contract, proof
 
 
 @functools.lru_cache(maxsize=64)
-def _floats(count):
+def _floats(count: int) -> Any:
     return ctypes.c_float * count
 
 
-def vectors_at(address, count):
-    """(count, 3) float32 at that address, to be used at once and forgotten."""
+def vectors_at(address: int, count: int) -> np.ndarray:
+    """Returns a view of the vectors at an address, (count, 3) float32. Use it at once and do not keep it."""
     return np.frombuffer(_floats(3 * count).from_address(address), np.float32).reshape(count, 3)
 
 
-def attribute_vectors(attribute, count):
-    """(count, 3) float32: the numbers of a vector attribute themselves, or None if they cannot be had. Asking for
-    their address makes Blender give the mesh numbers of its own, no longer shared with other copies, as any write
-    through its API does; but it does not see what is written here."""
+def attribute_vectors(attribute: Any, count: int) -> np.ndarray | None:
+    """Returns a view of the values of a vector attribute, (count, 3) float32, or None if they are not available.
+
+    Getting their address makes Blender give the mesh its own values, no longer shared with other copies, as any write
+    through its API does. But Blender does not notice what is written into the view."""
     data = attribute.data
     if count == 0 or len(data) != count:
         return None
@@ -40,12 +42,13 @@ def attribute_vectors(attribute, count):
 _SMOOTH = "CorrectiveSmoothModifierData"
 
 
-def bound_count(modifier):
-    """Of how many vertices a Corrective Smooth keeps the positions."""
+def bound_count(modifier: Any) -> int:
+    """Returns the number of vertices whose positions a Corrective Smooth modifier was bound with."""
     return ctypes.c_uint32.from_address(contract.region(modifier, _SMOOTH, "bind_coords_num")[0]).value
 
 
-def bound_positions(modifier):
-    """(N, 3) float32, a copy of these positions, which the API does not show; None if there are none."""
+def bound_positions(modifier: Any) -> np.ndarray | None:
+    """Returns a copy of the positions that a Corrective Smooth modifier was bound with, (N, 3) float32; None if there
+    are none. The API does not show them."""
     address = contract.address_at(contract.region(modifier, _SMOOTH, "(*bind_coords)()")[0])
     return vectors_at(address, bound_count(modifier)).copy() if address else None

@@ -1,10 +1,12 @@
-"""What has to be as it was for a frame that takes the shorter way: regions of memory, in an order in which none is read
-before those that say that it is still there."""
+"""Lists the regions of memory that must be unchanged for the shorter way. They are ordered: a region comes after those
+that show that it still exists."""
+
+from typing import Any
 
 from . import contract, key_blocks, marks, places
 
 _ARMATURE_MODIFIER = "deformflag", "multi", "defgrp_name", "*object"
-# By type of modifier: its struct, and what decides on its stage.
+# For each type of modifier: its struct, and the members that its stage depends on.
 _STAGES = {
     "CORRECTIVE_SMOOTH": (
         "CorrectiveSmoothModifierData",
@@ -14,14 +16,14 @@ _STAGES = {
 }
 
 
-def can_watch(modifier_type):
-    """Whether all that decides on the stage of a modifier of that type can be watched."""
+def can_watch(modifier_type: str) -> bool:
+    """Whether everything that the stage of a modifier of this type depends on can be watched."""
     return modifier_type in _STAGES
 
 
-def of_object(ob, target, mesh, has_keys):
-    """[(address, size)] of an evaluated object. target: of the hook's variable "mesh"; mesh: what it names, as it is
-    before all modifiers."""
+def of_object(ob: Any, target: Any, mesh: Any, has_keys: bool) -> list[tuple[int, int]]:
+    """Returns [(address, size)] of an evaluated object. target: the driver target of the hook's variable "mesh"; mesh:
+    the mesh that it refers to, before all modifiers."""
     found = [
         marks.mark_region(ob, "OBJECT"),
         contract.region(ob, "ID", "*orig_id"),
@@ -35,8 +37,8 @@ def of_object(ob, target, mesh, has_keys):
     return found
 
 
-def of_armature(modifier):
-    """[(address, size)] of an evaluated Armature modifier and of its armature."""
+def of_armature(modifier: Any) -> list[tuple[int, int]]:
+    """Returns [(address, size)] of an evaluated Armature modifier and of its armature."""
     armature = modifier.object
     return [
         *(contract.region(modifier, "ArmatureModifierData", name) for name in _ARMATURE_MODIFIER),
@@ -48,12 +50,12 @@ def of_armature(modifier):
     ]
 
 
-def of_stage(modifier):
-    """[(address, size)] of an evaluated modifier of a type that can be watched."""
+def of_stage(modifier: Any) -> list[tuple[int, int]]:
+    """Returns [(address, size)] of an evaluated modifier of a type that can be watched."""
     struct, members = _STAGES[modifier.type]
     return [contract.region(modifier, struct, name) for name in members]
 
 
-def key_source(block):
-    """What `sinew_native.host.Shortcut` takes of an evaluated key data-block."""
+def key_source(block: Any) -> tuple[list[int], tuple[int, ...]]:
+    """Returns the `keys` of `sinew_native.host.Shortcut` for an evaluated key data-block: addresses and layout."""
     return key_blocks.key_addresses(block).tolist(), key_blocks.key_layout()

@@ -6,10 +6,10 @@
 #include "arrays.h"
 #include "host/memory.h"
 
-// Blender stores weights, poses and shape keys in lists of its own structs. Its Python API returns their entries one by
-// one; these functions read them in one go, by address. The caller supplies the member offsets
-// (addon/sinew/host/contract.py, which checks them against Blender's own description). Only what the structs say about
-// themselves is checked here.
+// Blender stores weights, poses and shape keys in arrays and linked lists of its own structs. Its Python API returns
+// their entries one by one; these functions read all of them at once, by address. The caller passes the member offsets
+// (addon/sinew/host/contract.py, which checks them against Blender's own description). Here, only the counts and
+// pointers in the structs are checked.
 
 namespace sinew::bindings {
 namespace {
@@ -19,7 +19,7 @@ py::array_t<T> array_of(const std::vector<T>& values) {
   return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
-/// A vertex: {Entry* entries; int count; int flag}, an entry: {unsigned group; float weight}.
+/// A vertex is {Entry* entries; int count; int flag}, an entry is {unsigned group; float weight}.
 py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
   constexpr std::ptrdiff_t kVertex = 16, kEntry = 8;
   if (count < 0) throw InputError("count is " + std::to_string(count) + "; expected 0 or more");
@@ -48,8 +48,8 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
                         given_away(std::move(weights), {entries}));
 }
 
-/// layout: offsets in a pose bone of the next one's address, its motion, its number of segments, and
-/// the address of the segments' motions.
+/// layout: offsets in a pose bone of the address of the next bone, its motion, its number of segments, and the address
+/// of the segments' motions.
 void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
                const py::array_t<std::int32_t>& joint_counts, const std::array<std::ptrdiff_t, 4>& layout,
                const py::array& out) {

@@ -11,14 +11,14 @@
 #include "sinew/deformer.h"
 #include "stages.h"
 
-// A frame in which only the pose has changed, in one call. After the evaluation of a rig with hundreds
-// of bones the caches are cold, and what Python would otherwise do in a few microseconds takes a
-// hundred: each of its objects is a cache miss.
+// Deforms a frame in which only the pose has changed, in one call. After Blender has evaluated a rig with hundreds of
+// bones, the caches are cold. Python code that otherwise takes a few microseconds then takes a hundred, because each
+// object is a cache miss.
 
 namespace sinew::bindings {
 namespace {
 
-/// Memory that must still be as it was when this object was made.
+/// Memory that must be unchanged since this object was created.
 class Watched {
  public:
   explicit Watched(const std::vector<std::pair<Address, std::size_t>>& regions) {
@@ -29,8 +29,8 @@ class Watched {
     }
   }
 
-  /// Whether the memory is unchanged. Checks one region after the other and stops at the first that has
-  /// changed: a region may be what shows that the next one's memory still exists.
+  /// Returns whether the memory is unchanged. Checks the regions in order and stops at the first that has changed: a
+  /// region may show whether the memory of the next one still exists.
   bool holds() const {
     for (const Region& region : regions_) {
       if (std::memcmp(reinterpret_cast<const void*>(region.address), seen_.data() + region.first, region.size) != 0) {
@@ -64,7 +64,7 @@ Matrix4<float> placed(const char* name, const py::array& array) {
   return Matrix4<float>::Map(numbers.data()).transpose();
 }
 
-/// The bones of one armature that move a layer.
+/// The bones of an armature that move a layer.
 struct PoseSource {
   struct Bone {
     std::int32_t number, first_joint, joint_count;
@@ -91,12 +91,12 @@ struct PoseSource {
   Address at;  ///< where the address of the pose is stored
   std::ptrdiff_t bone_count;
   std::vector<Bone> bones;
-  std::vector<float> matrices;  ///< those of bones that do not deform stay the identity
+  std::vector<float> matrices;  ///< identity for bones that do not deform
 };
 
 /// Offsets of the members of a pose, in bytes.
 struct PoseLayout {
-  std::ptrdiff_t list, array;  ///< of its bones: the first and last; the addresses in list order
+  std::ptrdiff_t list, array;  ///< list of bones: first and last; array of their addresses, in the same order
   PoseBoneLayout bone;
 };
 
@@ -105,10 +105,10 @@ struct Switch {
   std::int32_t clear, set;
 };
 
-/// The shape keys of an evaluated mesh; the deformed shape is written into the first key's numbers.
+/// The shape keys of an evaluated mesh. The deformed shape is written into the coordinates of the first key.
 struct KeySource {
   std::vector<Address> keys;
-  std::array<std::ptrdiff_t, 4> layout;  ///< of a key's flags, value, address of its numbers and their count
+  std::array<std::ptrdiff_t, 4> layout;  ///< offsets of a key's flags, value, address of its points and their number
   std::vector<float> values;
 
   /// Reads the keys' values and mutes the keys, so that Blender adds none of them.
@@ -116,15 +116,14 @@ struct KeySource {
     for (std::size_t k = 1; k < keys.size(); ++k) values[k] = silence_key(keys[k], layout[0], layout[1]);
   }
 
-  /// Returns null if the first key has another number of points.
+  /// Returns the coordinates of the first key, or null if its number of points is not count.
   float* points(std::ptrdiff_t count) const {
     if (read<std::int32_t>(keys[0] + layout[3]) != count) return nullptr;
     return reinterpret_cast<float*>(read<Address>(keys[0] + layout[2]));
   }
 };
 
-/// The addresses of two matrices from object space to world space, as stored by Blender: of the mesh and of an
-/// armature.
+/// The addresses of two matrices from object space to world space, as stored by Blender: the mesh's and an armature's.
 using Places = std::pair<Address, Address>;
 
 Matrix4<float> matrix_at(Address at) { return Matrix4<float>::Map(reinterpret_cast<const float*>(at)); }
@@ -167,7 +166,8 @@ class Shortcut {
 
   bool holds() const { return watched_.holds(); }
 
-  /// out  address of V x 3 floats; unused where there are keys.
+  /// Returns false if the full code must compute this frame.
+  /// out: address of V x 3 floats; unused if there are keys.
   bool deform(Address out) {
     const py::gil_scoped_release release;
     const Watch watch;
@@ -206,7 +206,7 @@ class Shortcut {
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   };
 
-  /// Sets the change of space of layer i. Returns false if an object is flat.
+  /// Sets the transform from armature space to mesh space of layer i. Returns false if an object's matrix is singular.
   bool place(std::size_t i) {
     const Matrix4<float> mesh = matrix_at(places_[i].first), armature = matrix_at(places_[i].second);
     if (is_flat(mesh) || is_flat(armature)) return false;
@@ -218,7 +218,7 @@ class Shortcut {
     const auto pose = read<Address>(source.at);
     const auto bones = pose == 0 ? 0 : read<Address>(pose + layout_.array);
     const auto bone = [&](std::ptrdiff_t number) { return read<Address>(bones + number * sizeof(Address)); };
-    // If both ends of the list match, the array is that of these bones.
+    // If both ends of the list match, the array contains the same bones.
     if (bones == 0 || bone(0) != read<Address>(pose + layout_.list) ||
         bone(source.bone_count - 1) != read<Address>(pose + layout_.list + sizeof(Address))) {
       throw InputError("the pose has other bones than the skin was made for; make the skin again");
@@ -237,7 +237,7 @@ class Shortcut {
   Watched watched_;
   PoseLayout layout_;
   std::vector<Places> places_;
-  py::tuple stage_owners_;  // a list may change
+  py::tuple stage_owners_;  // not a list, which may change
   std::vector<Stage> stages_;
   std::optional<py::array> rest_owner_;
   std::span<const float> rest_;

@@ -28,8 +28,8 @@ struct PoseBoneLayout {
   std::ptrdiff_t next, motion, segment_count, segments;
 };
 
-/// Copies the motions of one pose bone: one matrix, or those of the ends of its segments. Returns false
-/// if its number of segments is different.
+/// Copies the motions of a pose bone: one matrix, or one for each end of its segments. Returns false if the number of
+/// segments does not match count.
 inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_t count, char* to) {
   if (count == 1) {
     std::memcpy(to, reinterpret_cast<const void*>(bone + layout.motion), kMatrix);
@@ -37,13 +37,13 @@ inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_
   }
   const auto bent = read<Address>(bone + layout.segments);
   if (bent == 0 || read<std::int32_t>(bone + layout.segment_count) + 1 != count) return false;
-  // The first of these matrices transforms to the bone's own space; the motions come after it.
+  // The first of these matrices transforms to the bone's own space; the motions follow it.
   std::memcpy(to, reinterpret_cast<const void*>(bent + kMatrix), count * kMatrix);
   return true;
 }
 
-// Bits of a shape key's flags. The first is Blender's; the others are unused by it, and are lost when
-// Blender copies the key again.
+// Bits of a shape key's flags. The first is Blender's. Blender does not use the others, and they are lost when it
+// copies the key again.
 constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
 
 /// Mutes a key of an evaluated copy. Returns its value, or 0 if the user has muted it.
