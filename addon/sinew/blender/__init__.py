@@ -1,1 +1,1 @@
-"""Blender's data as numbers: meshes, armatures, memory, node groups, drivers. Nothing here knows what they are for."""
+"""Reads and writes Blender's data: meshes, armatures, node groups, drivers. Does not depend on what it is used for."""

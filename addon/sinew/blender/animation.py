@@ -1,26 +1,30 @@
-"""Drivers and keyframes."""
+"""Finds, adds and removes drivers and keyframes."""
+
+from collections.abc import Iterable
+from typing import Any
 
 import bpy
 
 
-def animated_properties(ob, modifier):
-    """Names of the modifier's properties that drivers or keyframes of the object set."""
+def animated_properties(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> list[str]:
+    """Returns the sorted names of the modifier's properties that drivers or keyframes of the object animate."""
     start = f'modifiers["{bpy.utils.escape_identifier(modifier.name)}"].'
     return sorted(path.removeprefix(start) for path in animated_paths(ob) if path.startswith(start))
 
 
-def animated_paths(block):
-    """The paths of all properties of a data-block that drivers or keyframes set."""
+def animated_paths(block: bpy.types.ID) -> set[str]:
+    """Returns the paths of all properties of a data-block that drivers or keyframes animate."""
     return {curve.data_path for curve in (*drivers_of(block), *keyed_curves(block))}
 
 
-def drivers_of(block):
+def drivers_of(block: bpy.types.ID) -> list[bpy.types.FCurve]:
+    """Returns the drivers of a data-block."""
     data = block.animation_data
     return list(data.drivers) if data is not None else []
 
 
-def keyed_curves(block):
-    """The keyframes of a data-block, also those of NLA strips."""
+def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
+    """Returns the F-curves of a data-block's action and of its NLA strips."""
     data = block.animation_data
     if data is None:
         return []
@@ -28,12 +32,13 @@ def keyed_curves(block):
     return [curve for action in actions for curve in action_curves(action)]
 
 
-def is_muting_animated(keys):
-    """Whether that of some shape key is. keys: the data-block."""
+def is_muting_animated(keys: bpy.types.Key) -> bool:
+    """Whether the mute setting of any shape key is animated. keys: the shape keys' data-block."""
     return any(path.endswith(".mute") for path in animated_paths(keys))
 
 
-def action_curves(action):
+def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
+    """Returns all F-curves of an action, whatever its slots."""
     if not hasattr(action, "layers"):  # before 4.4
         return list(action.fcurves)
     return [
@@ -41,8 +46,8 @@ def action_curves(action):
     ]
 
 
-def find_curve(block, path):
-    """The keyframes of a property of a data-block, or None."""
+def find_curve(block: bpy.types.ID, path: str) -> bpy.types.FCurve | None:
+    """Returns the F-curve that animates a property of a data-block, or None. NLA strips are not searched."""
     data = block.animation_data
     if data is None or data.action is None:
         return None
@@ -62,14 +67,14 @@ def find_curve(block, path):
     )
 
 
-def find_driver(ob, path):
-    """The object's driver of that property, or None."""
+def find_driver(ob: bpy.types.Object, path: str) -> bpy.types.FCurve | None:
+    """Returns the object's driver of a property, or None."""
     data = ob.animation_data
     return data.drivers.find(path) if data else None
 
 
-def remove_driver(ob, path):
-    """Whether there was one. Leaves no empty animation data behind."""
+def remove_driver(ob: bpy.types.Object, path: str) -> bool:
+    """Removes the driver of a property, and animation data that is then empty. Returns whether there was a driver."""
     curve = find_driver(ob, path)
     if curve is None:
         return False
@@ -77,20 +82,25 @@ def remove_driver(ob, path):
     return True
 
 
-def remove_curve(ob, curve):
-    """A driver, even of a property that is gone. (`driver_remove` has 5.2 play the object's keyframes anew, so what was
-    moved by hand and not keyed would go back.)"""
+def remove_curve(ob: bpy.types.Object, curve: bpy.types.FCurve) -> None:
+    """Removes a driver, even of a property that no longer exists, and animation data that is then empty.
+    (`driver_remove` is not used: in 5.2 it evaluates the object's keyframes again, which discards unkeyed changes.)"""
     data = ob.animation_data
     data.drivers.remove(curve)
     if not (data.action or data.drivers or data.nla_tracks):
         ob.animation_data_clear()
 
 
-def drive(ob, path, variables, expression=""):
-    """Has a driver set that property of the object: to the sum of its variables, or to a simple expression of them,
-    for which Blender runs no Python. variables: (name, kind of data-block, data-block, path of the property) each, or
-    (name, "BONE", armature, bone), which is done when that bone is, or with "" when the object has its place. Where a
-    property does not exist, since the add-on that has it is not there, 0 stands for it."""
+def drive(
+    ob: bpy.types.Object, path: str, variables: Iterable[tuple[str, str, Any, str]], expression: str = ""
+) -> bpy.types.Driver:
+    """Adds a driver that sets a property of the object to the sum of its variables, or to a simple expression of them,
+    for which Blender runs no Python. Returns the driver.
+
+    variables: tuples (name, type of data-block, data-block, path of the property), or (name, "BONE", armature, bone).
+    The latter makes the driver wait until the bone is evaluated, or with "" until the object's transform is.
+    If a property does not exist, because the add-on that defines it is missing, the variable is 0.
+    """
     curve = ob.driver_add(path)
     driver = curve.driver
     driver.type = "SCRIPTED" if expression else "SUM"
@@ -105,6 +115,6 @@ def drive(ob, path, variables, expression=""):
             target.id, target.bone_target = block, place
             continue
         target.id_type, target.id, target.data_path = kind, block, place
-        if hasattr(target, "use_fallback_value"):  # 4.1 and later; before it is 0 anyway
+        if hasattr(target, "use_fallback_value"):  # 4.1 and later; in earlier versions it is 0 anyway
             target.use_fallback_value, target.fallback_value = True, 0.0
     return driver

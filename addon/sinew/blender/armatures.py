@@ -1,4 +1,6 @@
-"""Armatures: bpy <-> numpy, both ways."""
+"""Reads and writes armatures as numpy arrays."""
+
+from typing import Any
 
 import numpy as np
 from mathutils import Vector
@@ -24,8 +26,8 @@ _BONE_NUMBERS = (
 )
 
 
-def bone_signature(armature):
-    """What can be compared to see whether bones have changed in anything that decides on influences."""
+def bone_signature(armature: Any) -> list[Any]:
+    """Returns a value that differs if the bones have changed in any way that affects influences."""
     bones = armature.data.bones
     parts = [bones.keys()]
     for name, size, dtype in _BONE_NUMBERS:
@@ -36,13 +38,13 @@ def bone_signature(armature):
     return parts
 
 
-def is_curved(bone):
-    """Whether a B-bone's vertices belong to its segments along its curve (4.x)."""
+def is_curved(bone: Any) -> bool:
+    """Whether vertices are assigned to a B-bone's segments along its curve (4.x)."""
     return getattr(bone, "bbone_mapping_mode", "STRAIGHT") == "CURVED"
 
 
-def read_bones(armature):
-    """Fields of influences.Bones, each with an entry a pose bone, in their order."""
+def read_bones(armature: Any) -> dict[str, Any]:
+    """Returns the fields of influences.Bones, with one entry per pose bone, in the order of the pose bones."""
     bones = [bone.bone for bone in armature.pose.bones]
 
     def numbers(name, dtype=np.float64):
@@ -64,29 +66,30 @@ def read_bones(armature):
     )
 
 
-def read_channels(armature):
-    """(B, 4, 4) float32: each pose bone's motion from rest to pose, armature space."""
+def read_channels(armature: Any) -> np.ndarray:
+    """Returns (B, 4, 4) float32: each pose bone's motion from rest to pose, in armature space."""
     bones = armature.pose.bones
     numbers = np.empty(16 * len(bones), np.float32)
     bones.foreach_get("matrix_channel", numbers)
     return numbers.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
-def read_segments(armature, bone, rest=False):
-    """(n + 1, 4, 4): the ends of a B-bone's n segments, space of the bone."""
+def read_segments(armature: Any, bone: int | str, rest: bool = False) -> np.ndarray:
+    """Returns (n + 1, 4, 4) float64: the ends of a B-bone's n segments, in the bone's space, at rest or posed."""
     pose_bone = armature.pose.bones[bone]
     return np.array(
         [pose_bone.bbone_segment_matrix(k, rest=rest) for k in range(pose_bone.bone.bbone_segments + 1)], np.float64
     )
 
 
-def segment_at(armature, bone, point):
-    """(segment, 0 to 1: how near its end) of a curved B-bone at a point (3,), space of the armature."""
+def segment_at(armature: Any, bone: int | str, point: np.ndarray) -> tuple[int, float]:
+    """Returns the segment of a curved B-bone at a point (3,) in armature space, and the point's position within the
+    segment, 0 to 1."""
     return armature.pose.bones[bone].bbone_segment_index(Vector(point))
 
 
-def read_pose(armature):
-    """location (B, 3), rotation (B, 4) w x y z, float32, as all pose bones hold them."""
+def read_pose(armature: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the location (B, 3) and rotation (B, 4) w x y z of all pose bones, float32."""
     bones = armature.pose.bones
     location, rotation = np.empty(3 * len(bones), np.float32), np.empty(4 * len(bones), np.float32)
     bones.foreach_get("location", location)
@@ -94,8 +97,9 @@ def read_pose(armature):
     return location.reshape(-1, 3), rotation.reshape(-1, 4)
 
 
-def write_pose(armature, location, rotation):
-    """location (B, 3), rotation (B, 4) w x y z, float32 -> all pose bones of the original armature."""
+def write_pose(armature: Any, location: np.ndarray, rotation: np.ndarray) -> None:
+    """Sets the location (B, 3) and rotation (B, 4) w x y z, float32, of all pose bones of an original armature, and
+    their scale to 1."""
     bones = armature.pose.bones
     bones.foreach_set("location", location.reshape(-1))
     bones.foreach_set("rotation_quaternion", rotation.reshape(-1))

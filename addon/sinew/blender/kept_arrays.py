@@ -1,5 +1,5 @@
-"""Arrays that are kept in the .blend: in custom properties of a text with a hidden name. Blender's evaluation neither
-copies nor looks at texts, so large ones cost nothing on a frame or an edit."""
+"""Saves arrays in the .blend, as custom properties of a text data-block with a hidden name. Blender's evaluation does
+not copy or read texts, so large arrays cost no time on a frame or an edit."""
 
 import bpy
 import numpy as np
@@ -7,9 +7,9 @@ import numpy as np
 ARRAYS, MADE_OF = "sinew_arrays", "sinew_made_of"
 
 
-def write(text, name, made_of, arrays):
-    """Returns the text, a new one for None and for one that a duplicate of its object has too. made_of: any string,
-    which tells these arrays from others; arrays: {name: array}."""
+def write(text: bpy.types.Text | None, name: str, made_of: str, arrays: dict[str, np.ndarray]) -> bpy.types.Text:
+    """Writes arrays to a text and returns it. Makes a new text if there is none, or if it is linked or shared with a
+    duplicate of the object. made_of: any string that identifies what the arrays were computed from."""
     if text is None or text.library is not None or len(bpy.data.user_map(subset={text})[text]) > 1:
         text = bpy.data.texts.new(f".sinew {name}")
     text[MADE_OF] = made_of
@@ -20,20 +20,20 @@ def write(text, name, made_of, arrays):
     return text
 
 
-def made_of(text):
-    """What was said when they were written, or "" if there are none."""
+def made_of(text: bpy.types.Text | None) -> str:
+    """Returns the `made_of` with which the arrays were written, or "" if there are none."""
     return text.get(MADE_OF, "") if text is not None else ""
 
 
-def read(text):
-    """{name: array}, read-only."""
+def read(text: bpy.types.Text) -> dict[str, np.ndarray]:
+    """Returns {name: array}. The arrays are read-only."""
     return {
         key: np.frombuffer(kept["bytes"], np.dtype(kept["type"])).reshape(tuple(kept["shape"]))
         for key, kept in text[ARRAYS].items()
     }
 
 
-def remove(text):
-    """Unless somebody else has it."""
+def remove(text: bpy.types.Text | None) -> None:
+    """Removes the text, unless it has other users or is linked."""
     if text is not None and text.library is None and text.users <= 1:
         bpy.data.texts.remove(text)

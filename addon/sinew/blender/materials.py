@@ -1,6 +1,8 @@
-"""What materials take from a mesh."""
+"""Finds materials that use Generated coordinates."""
 
-# Textures that take Generated coordinates where they are given none.
+from typing import Any
+
+# Textures that use Generated coordinates if their vector is not linked.
 _PROCEDURAL = {
     "TEX_BRICK",
     "TEX_CHECKER",
@@ -14,8 +16,8 @@ _PROCEDURAL = {
 }
 
 
-def user_of_generated(ob):
-    """The name of a material of the object that uses Generated coordinates, or None."""
+def user_of_generated(ob: Any) -> str | None:
+    """Returns the name of a material of the object that uses Generated coordinates, or None."""
     for slot in ob.material_slots:
         material = slot.material
         if material is not None and material.node_tree is not None and _uses_generated(material.node_tree, set()):

@@ -1,4 +1,6 @@
-"""Meshes: bpy <-> numpy, both ways. Nothing here knows what the numbers are for."""
+"""Reads and writes meshes as numpy arrays. Does not depend on what they are used for."""
+
+from collections.abc import Iterable
 
 import bmesh
 import bpy
@@ -7,19 +9,20 @@ import numpy as np
 from ..host import deform_verts, vector_arrays
 
 
-def read_positions(mesh):
-    """(V, 3) float32, the mesh's own vertices."""
+def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Returns the positions of the mesh's vertices, (V, 3) float32."""
     positions = np.empty(3 * len(mesh.vertices), np.float32)
     attribute = mesh.attributes.get("position")
     if attribute is None or len(attribute.data) != len(mesh.vertices):  # before 3.5, and in Edit Mode
         mesh.vertices.foreach_get("co", positions)
-    else:  # a copy of the memory; the other way asks for each vertex
+    else:  # copies memory; the other way reads vertex by vertex
         attribute.data.foreach_get("vector", positions)
     return positions.reshape(-1, 3)
 
 
-def read_evaluated(ob):
-    """(V, 3) float32: what the modifiers of an evaluated mesh object make, also if Blender has put off subdivision."""
+def read_evaluated(ob: bpy.types.Object) -> np.ndarray:
+    """Returns the positions (V, 3) float32 of an evaluated mesh object after all modifiers, including subdivision that
+    Blender has deferred."""
     if not any(modifier.type == "SUBSURF" for modifier in ob.modifiers):
         return read_positions(ob.data)
     mesh = ob.to_mesh()  # before 4.1 it copies weights
@@ -29,8 +32,8 @@ def read_evaluated(ob):
         ob.to_mesh_clear()
 
 
-def write_positions(mesh, positions):
-    """positions (V, 3) float32 -> the mesh's own vertices; tags the mesh for evaluation."""
+def write_positions(mesh: bpy.types.Mesh, positions: np.ndarray) -> None:
+    """Sets the positions of the mesh's vertices, (V, 3) float32, and tags the mesh for evaluation."""
     flat = positions.reshape(-1)
     attribute = mesh.attributes.get("position")
     if attribute is None:  # before 3.5
@@ -42,14 +45,14 @@ def write_positions(mesh, positions):
             attribute.data.foreach_set("vector", flat)
         else:
             numbers[:] = positions
-        # 4.3's bounding box stays stale after all other ways of saying so; this setter looks after it and all else.
+        # In 4.3, every other way to tag the mesh leaves its bounding box stale. This setter tags everything.
         if len(positions):
             mesh.vertices[0].co = positions[0]
 
 
-def select_vertices(mesh, selected):
-    """These alone, and no edge or face. selected: V bool. Not in Edit Mode."""
-    # Not by `edges[0].select`: 5.0's Mesh.from_pydata makes an attribute of the wrong type, and then that crashes.
+def select_vertices(mesh: bpy.types.Mesh, selected: np.ndarray) -> None:
+    """Selects only these vertices, and no edge or face. selected: (V,) bool. Not for Edit Mode."""
+    # `edges[0].select` is not used: 5.0's Mesh.from_pydata makes an attribute of the wrong type, with which it crashes.
     for name in (".select_edge", ".select_poly"):
         attribute = mesh.attributes.get(name)
         if attribute is not None:
@@ -57,8 +60,8 @@ def select_vertices(mesh, selected):
     mesh.vertices.foreach_set("select", selected)
 
 
-def read_topology(mesh):
-    """edges (E, 2), where the corners of each face begin (faces + 1,), vertices of the corners (C,), all int32."""
+def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns edges (E, 2), offsets of each face's corners (faces + 1,) and the corners' vertices (C,), all int32."""
     edges, corners = np.empty(2 * len(mesh.edges), np.int32), np.empty(len(mesh.loops), np.int32)
     offsets = np.empty(len(mesh.polygons) + 1, np.int32)
     mesh.edges.foreach_get("vertices", edges)
@@ -68,23 +71,23 @@ def read_topology(mesh):
     return edges.reshape(-1, 2), offsets, corners
 
 
-def point_attribute(mesh, name):
-    """The mesh's vector attribute on points of this name, or None."""
+def point_attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute | None:
+    """Returns the mesh's vector attribute of that name on the point domain, or None."""
     attribute = mesh.attributes.get(name)
     if attribute and attribute.data_type == "FLOAT_VECTOR" and attribute.domain == "POINT":
         return attribute
     return None
 
 
-def read_attribute(attribute):
-    """(V, 3) float32."""
+def read_attribute(attribute: bpy.types.Attribute) -> np.ndarray:
+    """Returns the values of a vector attribute, (V, 3) float32."""
     vectors = np.empty(3 * len(attribute.data), np.float32)
     attribute.data.foreach_get("vector", vectors)
     return vectors.reshape(-1, 3)
 
 
-def write_attribute(mesh, name, vectors):
-    """vectors (V, 3) float32 -> a vector attribute on points, made if it is not there."""
+def write_attribute(mesh: bpy.types.Mesh, name: str, vectors: np.ndarray) -> None:
+    """Writes vectors (V, 3) float32 to a vector attribute on the point domain, which is created if it is missing."""
     attribute = point_attribute(mesh, name)
     if attribute is None:
         stale = mesh.attributes.get(name)
@@ -95,14 +98,16 @@ def write_attribute(mesh, name, vectors):
     mesh.update_tag()
 
 
-def remove_attribute(mesh, name):
+def remove_attribute(mesh: bpy.types.Mesh, name: str) -> None:
+    """Removes the attribute of that name, if there is one."""
     attribute = mesh.attributes.get(name)
     if attribute:
         mesh.attributes.remove(attribute)
 
 
-def copy_geometry(mesh, target, without):
-    """Vertices, edges, faces and all attributes but one, and shape keys, of a mesh, in place of the target's."""
+def copy_geometry(mesh: bpy.types.Mesh, target: bpy.types.Mesh, without: str) -> None:
+    """Replaces the target's vertices, edges, faces, shape keys and attributes with those of a mesh, except the vector
+    attribute named `without`."""
     bm = bmesh.new()
     try:
         bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
@@ -114,8 +119,8 @@ def copy_geometry(mesh, target, without):
         bm.free()
 
 
-def new_mesh(name, positions, face_offsets, face_vertices):
-    """A mesh of polygons with vertices in the given order, all of them kept."""
+def new_mesh(name: str, positions: np.ndarray, face_offsets: np.ndarray, face_vertices: np.ndarray) -> bpy.types.Mesh:
+    """Makes a mesh of polygons. It has all vertices, in the given order."""
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(positions))
     mesh.vertices.foreach_set("co", positions.astype(np.float32).reshape(-1))
@@ -124,21 +129,22 @@ def new_mesh(name, positions, face_offsets, face_vertices):
     face_count = len(face_offsets) - 1
     mesh.polygons.add(face_count)
     mesh.polygons.foreach_set("loop_start", face_offsets[:-1].astype(np.int32))
-    if bpy.app.version < (4, 1, 0):  # later versions know it from the starts
+    if bpy.app.version < (4, 1, 0):  # later versions compute it from the starts
         mesh.polygons.foreach_set("loop_total", np.diff(face_offsets).astype(np.int32))
     mesh.update(calc_edges=True)
-    mesh.validate()  # drops broken faces, never vertices
+    mesh.validate()  # removes invalid faces, never vertices
     shade_smooth(mesh)
     return mesh
 
 
-def shade_smooth(mesh):
+def shade_smooth(mesh: bpy.types.Mesh) -> None:
+    """Sets all faces to smooth shading."""
     mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
     mesh.update()
 
 
-def read_faces(mesh):
-    """face_offsets (faces + 1,), face_vertices, face_materials (faces,), int32."""
+def read_faces(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns face_offsets (faces + 1,), face_vertices and face_materials (faces,), int32."""
     starts = np.empty(len(mesh.polygons), np.int32)
     counts = np.empty(len(mesh.polygons), np.int32)
     materials = np.empty(len(mesh.polygons), np.int32)
@@ -153,9 +159,9 @@ def read_faces(mesh):
 # --- weights --------------------------------------------------------------------------------------
 
 
-def read_weights(mesh):
-    """offsets (V + 1,) int64, groups (N,) int32, weights (N,) float32, in the order in which Blender stores them:
-    dual quaternion skinning depends on it."""
+def read_weights(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the order in which Blender stores
+    them: dual quaternion skinning depends on it."""
     address = deform_verts.deform_vertices(mesh) if not mesh.is_editmode else None
     if address is None:
         return _weights_by_bmesh(mesh)
@@ -164,8 +170,8 @@ def read_weights(mesh):
     return deform_verts.read(address, len(mesh.vertices))
 
 
-def read_object_weights(ob):
-    """The same of a mesh object; an entry of a vertex group that was removed has the group -1."""
+def read_object_weights(ob: bpy.types.Object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns the same as `read_weights`, for a mesh object. Entries of removed vertex groups have the group -1."""
     offsets, groups, weights = read_weights(ob.data)
     groups[groups >= len(ob.vertex_groups)] = -1
     return offsets, groups, weights
@@ -191,9 +197,9 @@ def _weights_by_bmesh(mesh):
     return offsets, np.array(groups, np.int32), np.array(weights, np.float32)
 
 
-def write_weights(mesh, dense):
-    """dense (V, groups): entries above zero become entries of the vertex groups of that index, the
-    heaviest first."""
+def write_weights(mesh: bpy.types.Mesh, dense: np.ndarray) -> None:
+    """Writes weights to vertex groups. dense (V, groups): each entry above zero is added to the vertex group of its
+    column, the largest of a vertex first."""
     bm = bmesh.new()
     try:
         bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
@@ -210,9 +216,9 @@ def write_weights(mesh, dense):
         bm.free()
 
 
-def count_sharers(ob, among=None):
-    """How many objects that Blender may evaluate have this one's mesh. among: objects to look at; None: those of the
-    file."""
+def count_sharers(ob: bpy.types.Object, among: Iterable[bpy.types.Object] | None = None) -> int:
+    """Returns how many objects that Blender may evaluate use this object's mesh. among: the objects to search; None:
+    all objects of the file."""
     if ob.data.users - ob.data.use_fake_user < 2:
         return 1
     among = bpy.data.objects if among is None else among
@@ -220,7 +226,7 @@ def count_sharers(ob, among=None):
 
 
 def _may_be_evaluated(other, ob):
-    """A linked object that is only there as what an override is made from is not."""
+    """Whether Blender may evaluate the other object. It does not if it is only the reference of ob's override."""
     reference = ob.override_library.reference if ob.override_library else None
     return (
         other != reference

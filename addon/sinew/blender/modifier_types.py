@@ -1,6 +1,8 @@
-"""What kinds of modifiers there are, and what they are called. Pure."""
+"""Lists types of modifiers, and returns their names in the interface. Does not use bpy."""
 
-# These change nothing but where vertices are. A cache can stand in for them.
+from typing import Any
+
+# Modifiers that change only the positions of vertices. A cache can replace them.
 MOVING_VERTICES = {
     "ARMATURE",
     "CAST",
@@ -23,20 +25,20 @@ MOVING_VERTICES = {
     "WARP",
     "WAVE",
 }
-# And these not even that. Blender puts new modifiers that want the vertices of the mesh itself, as Hooks do, behind all
-# of both kinds, and before the first modifier of another one.
+# With those that do not change even that. Blender inserts a new modifier that needs the original vertices, such as a
+# Hook, before the first modifier that is not of these types.
 ONLY_DEFORMING = MOVING_VERTICES | {"COLLISION", "PARTICLE_SYSTEM", "SURFACE"}
-# For which Sinew has native stages.
+# Modifiers for which Sinew has native stages.
 STAGES = {"CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
-# These play what was baked.
+# Modifiers that play a baked file.
 CACHES = {"MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 
 
-def title(modifier):
-    """What Blender's menus call its type."""
+def title(modifier: Any) -> str:
+    """Returns the name of the modifier's type in Blender's menus."""
     return modifier.bl_rna.properties["type"].enum_items[modifier.type].name
 
 
-def name_and_title(modifier):
-    """Its own name, as people see it in the stack, and its type's if the name does not say it."""
+def name_and_title(modifier: Any) -> str:
+    """Returns the modifier's name as shown in the stack, followed by its type unless the name begins with it."""
     return modifier.name if modifier.name.startswith(title(modifier)) else f"{modifier.name} ({title(modifier)})"

@@ -1,4 +1,4 @@
-"""The Geometry Nodes modifier that puts positions from an attribute in place."""
+"""Manages Sinew's Geometry Nodes modifier, which moves vertices to the positions in an attribute."""
 
 import bpy
 
@@ -6,26 +6,27 @@ from . import graph, modifier_types
 
 MODIFIER_NAME = "Sinew"
 NODE_GROUP_NAME = "Sinew"
-PLACING_GROUP_NAME = "Sinew Placing"  # within that one
+PLACING_GROUP_NAME = "Sinew Placing"  # inside the former
 NODE_GROUP_VERSION = 5
 VERSION_PROPERTY = "sinew_version"
-POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it from the lists of the interface
+POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it in the interface
 
 
-def is_sinew(modifier):
+def is_sinew(modifier: bpy.types.Modifier) -> bool:
+    """Whether this is Sinew's own modifier."""
     return modifier.type == "NODES" and modifier.node_group is not None and VERSION_PROPERTY in modifier.node_group
 
 
-def find_modifier(ob):
-    """Sinew's modifier of the object, or None."""
+def find_modifier(ob: bpy.types.Object) -> bpy.types.Modifier | None:
+    """Returns Sinew's modifier of the object, or None."""
     return next(filter(is_sinew, ob.modifiers), None)
 
 
-def add_modifier(ob, index):
-    """In that place of the stack. Raises ValueError where Blender does not let it go there."""
+def add_modifier(ob: bpy.types.Object, index: int) -> bpy.types.Modifier:
+    """Adds Sinew's modifier at that index of the stack. Raises ValueError if Blender does not allow it there."""
     modifier = ob.modifiers.new(MODIFIER_NAME, "NODES")
     modifier.node_group = node_group()
-    # Sinew switches it on in evaluated copies alone: without Sinew it is off.
+    # Sinew switches it on only in evaluated copies, so without Sinew it is off.
     modifier.show_expanded = modifier.show_viewport = modifier.show_render = False
     try:
         move_modifier(ob, modifier, index)
@@ -35,29 +36,32 @@ def add_modifier(ob, index):
     return modifier
 
 
-def has_old_group(modifier):
-    """Whether Sinew's modifier has the node group of an older version, of this file."""
+def has_old_group(modifier: bpy.types.Modifier) -> bool:
+    """Whether Sinew's modifier has a node group that an older version of Sinew made, and that is not linked."""
     return modifier.node_group[VERSION_PROPERTY] < NODE_GROUP_VERSION and modifier.node_group.library is None
 
 
-def renew_group(modifier):
+def renew_group(modifier: bpy.types.Modifier) -> None:
+    """Replaces the node group of Sinew's modifier by that of this version."""
     modifier.node_group = node_group()
     forget_unused_groups()
 
 
-def is_removable(ob, modifier):
-    """An override keeps the modifiers of the library: taken away, they would come back in another place."""
+def is_removable(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> bool:
+    """Whether a modifier can be removed. A library override keeps the library's modifiers: if removed, they would come
+    back at a different index."""
     return ob.override_library is None or not modifier.is_override_data
 
 
-def remove_modifiers(ob):
+def remove_modifiers(ob: bpy.types.Object) -> None:
+    """Removes Sinew's modifiers from the object, except those of a library override."""
     for modifier in [modifier for modifier in ob.modifiers if is_sinew(modifier)]:
         if is_removable(ob, modifier):
             ob.modifiers.remove(modifier)
 
 
-def move_modifier(ob, modifier, index):
-    """Raises ValueError where Blender does not allow it and it would make a difference."""
+def move_modifier(ob: bpy.types.Object, modifier: bpy.types.Modifier, index: int) -> None:
+    """Moves a modifier up to that index. Raises ValueError if Blender does not allow it and the order matters."""
     _move(ob, modifier, index)
     place = ob.modifiers.find(modifier.name)
     others = [m.name for m in ob.modifiers[index:place] if m.type != "ARMATURE" and (m.show_viewport or m.show_render)]
@@ -65,20 +69,20 @@ def move_modifier(ob, modifier, index):
         raise ValueError(f"Blender does not allow {modifier.name} before {others[0]} on {ob.name}")
 
 
-def move_modifier_back(ob, modifier):
-    """As far towards the end as Blender lets it go."""
+def move_modifier_back(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> None:
+    """Moves a modifier as far towards the end of the stack as Blender allows."""
     for index in range(ob.modifiers.find(modifier.name) + 1, len(ob.modifiers)):
         _move(ob, modifier, index)
 
 
-def identity(modifier):
-    """A number that stays when the modifier of an original object is renamed."""
+def identity(modifier: bpy.types.Modifier) -> int:
+    """Returns a number that identifies a modifier of an original object, even after it is renamed."""
     return modifier.persistent_uid if hasattr(modifier, "persistent_uid") else modifier.as_pointer()
 
 
-def move_behind_deforming(ob, modifier):
-    """To where Blender puts a new Hook: before the first modifier that does more than deform, as if Sinew's were not
-    there."""
+def move_behind_deforming(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> None:
+    """Moves a modifier to where Blender inserts a new Hook: before the first modifier that does more than deform.
+    Sinew's own modifier is ignored."""
     others = [each for each in ob.modifiers if each != modifier]
     end = next(
         (i for i, each in enumerate(others) if each.type not in modifier_types.ONLY_DEFORMING and not is_sinew(each)),
@@ -89,7 +93,7 @@ def move_behind_deforming(ob, modifier):
 
 
 def _move(ob, modifier, index):
-    """If Blender allows it."""
+    """Moves a modifier to that index, if Blender allows it."""
     place = ob.modifiers.find(modifier.name)
     if place == index:
         return
@@ -103,9 +107,10 @@ def _move(ob, modifier, index):
         pass
 
 
-def node_group():
-    """The node group that Sinew's modifiers share, made if there is none. It does all in a group within: for each
-    geometry between nodes of the outer group, Blender notes the names of all vertex groups, for the spreadsheet."""
+def node_group() -> bpy.types.NodeTree:
+    """Returns the node group that Sinew's modifiers share, and makes it if there is none. All its work is done in a
+    nested group, because for each geometry passed between nodes of the outer group, Blender logs the names of all
+    vertex groups for the spreadsheet."""
     group = graph.find_group(VERSION_PROPERTY, NODE_GROUP_VERSION)
     if group is not None:
         if not group.use_fake_user:
@@ -121,14 +126,14 @@ def node_group():
 
 
 def _placing_group():
-    """A new group that moves the vertices to where the attribute says, and removes the attribute."""
+    """Returns a new group that moves the vertices to the positions in the attribute and removes the attribute."""
     group, source, target = _new_group(PLACING_GROUP_NAME)
     attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
     attribute.data_type = "FLOAT_VECTOR"
     attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
     attribute.location = (200, -200)
     if bpy.app.version >= (4, 0, 0):
-        # The same as Set Position, in less time.
+        # The same result as Set Position, but faster.
         place = group.nodes.new("GeometryNodeStoreNamedAttribute")
         place.data_type, place.domain = "FLOAT_VECTOR", "POINT"
         place.inputs["Name"].default_value = "position"
@@ -136,11 +141,11 @@ def _placing_group():
     else:
         place = group.nodes.new("GeometryNodeSetPosition")
         value = place.inputs["Position"]
-    # Else a Subdivision Surface behind it would interpolate it.
+    # Otherwise a later Subdivision Surface would interpolate it.
     forget = group.nodes.new("GeometryNodeRemoveAttribute")
     forget.inputs["Name"].default_value = POSITION_ATTRIBUTE
     group.links.new(attribute.outputs["Attribute"], value)
-    # A mesh that has lost the attribute keeps its own shape.
+    # A mesh without the attribute keeps its own shape.
     if "Exists" in attribute.outputs:
         group.links.new(attribute.outputs["Exists"], place.inputs["Selection"])
     _link(group, source, place, forget, target)
@@ -148,7 +153,7 @@ def _placing_group():
 
 
 def _new_group(name):
-    """(a group that takes a geometry and gives one, its input node, its output node)"""
+    """Returns a new group with a geometry as input and output, its input node and its output node."""
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
@@ -156,21 +161,21 @@ def _new_group(name):
 
 
 def _link(group, *nodes):
-    """Hands the geometry from node to node."""
+    """Links the nodes in a row, by their geometry."""
     for column, node in enumerate(nodes):
         node.location = (200 * column, 0)
     for one, next_one in zip(nodes, nodes[1:]):
         group.links.new(one.outputs[0], next_one.inputs["Geometry"])
 
 
-def let_groups_go():
-    """Blender does not save what has no user."""
+def let_groups_go() -> None:
+    """Removes the fake users of Sinew's node groups, so that Blender does not save unused ones."""
     for group in _own_groups():
         group.use_fake_user = False
 
 
-def forget_unused_groups():
-    """Also those of older versions."""
+def forget_unused_groups() -> None:
+    """Deletes Sinew's node groups that nothing uses, including those of older versions."""
     for group in _own_groups():
         if group.users == group.use_fake_user:
             within = {node.node_tree for node in group.nodes if node.type == "GROUP" and node.node_tree is not None}

@@ -1,4 +1,6 @@
-"""Small things of Blender's as numbers: identities, matrices, custom properties."""
+"""Converts identities, matrices and custom properties of Blender to numbers."""
+
+from typing import Any
 
 import bpy
 import numpy as np
@@ -6,44 +8,47 @@ import numpy as np
 VERSION = bpy.app.version
 
 
-def key_of(id_block):
-    """A number that tells data-blocks of one session apart, the same for evaluated copies."""
+def key_of(id_block: bpy.types.ID) -> int:
+    """Returns a number that identifies a data-block within the session. Its evaluated copies have the same number."""
     original = id_block.original
     return getattr(original, "session_uid", None) or original.as_pointer()
 
 
-def matrix_to_numpy(matrix):
+def matrix_to_numpy(matrix: Any) -> np.ndarray:
+    """Returns a matrix as float64."""
     return np.array(matrix, dtype=np.float64)
 
 
 class Flat(ValueError):
-    """An object's scale is 0 along an axis, so there is no way from its space into another."""
+    """An object's scale is 0 along an axis, so its matrix cannot be inverted."""
 
 
-def is_flat(ob):
+def is_flat(ob: bpy.types.Object) -> bool:
+    """Whether the object's scale is 0 along an axis."""
     return ob.matrix_world.determinant() == 0
 
 
-def refuse_flat(*objects):
-    """Raises Flat."""
+def refuse_flat(*objects: bpy.types.Object) -> None:
+    """Raises Flat if the scale of an object is 0 along an axis."""
     for each in objects:
         if is_flat(each):
             raise Flat(f"{each.name} has a scale of 0 along an axis; set another scale")
 
 
-def relative_matrix(ob, armature):
-    """(4, 4): from the armature's space to the object's. Raises Flat."""
+def relative_matrix(ob: bpy.types.Object, armature: bpy.types.Object) -> np.ndarray:
+    """Returns the matrix (4, 4) from the armature's space to the object's. Raises Flat."""
     refuse_flat(ob, armature)
     return np.linalg.inv(matrix_to_numpy(ob.matrix_world)) @ matrix_to_numpy(armature.matrix_world)
 
 
-def to_property(array):
-    """A numpy array as what a custom property holds: flat numbers."""
+def to_property(array: np.ndarray) -> list[float]:
+    """Converts an array to a flat list of numbers, for a custom property."""
     flat = np.ascontiguousarray(array).reshape(-1)
     if flat.dtype.kind == "i":
         flat = flat.astype(np.int32)
     return flat.tolist()
 
 
-def from_property(values, dtype, shape):
+def from_property(values: Any, dtype: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Converts a custom property with a list of numbers to an array."""
     return np.array(values.to_list() if hasattr(values, "to_list") else values, dtype).reshape(shape)

@@ -1,1 +1,1 @@
-"""Poses that are stored in a file, and armatures that are posed by them."""
+"""Stores the poses of imported rigs in the file, and poses armatures with them."""

@@ -1,8 +1,9 @@
-"""The poses of an imported rig, saved with its armature: written on import, read by the session and
-by the export. They are custom properties of the armature data, so the .blend contains everything.
+"""Saves and reads the poses of an imported rig. They are written on import, and read for playback and for the export.
+They are custom properties of the armature data, so the .blend contains everything.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,8 @@ CLIP_PROPERTY = "sinew_clip"
 JOINT_PROPERTY = "sinew_joint"  # on each bone: the joint that it represents; survives renaming
 
 
-def store(armature_data, rig, skeleton_suffix):
-    """Saves the skeleton as its file describes it, and the poses or the animation, if any."""
+def store(armature_data: Any, rig: Any, skeleton_suffix: str) -> None:
+    """Saves the skeleton of a sinew_native.Rig as its file describes it, and the poses or the animation, if any."""
     skeleton = rig.skeleton
     clip = {
         "convention": skeleton.convention,
@@ -35,12 +36,12 @@ def store(armature_data, rig, skeleton_suffix):
 
 
 class DamagedClip(ValueError):
-    """The imported skeleton and poses that an armature holds cannot be read; the message says why."""
+    """The imported skeleton or poses of an armature cannot be read; the message tells why."""
 
 
 @dataclass
 class _Clip:
-    """The data that `store` has saved, checked."""
+    """The data that `store` saved, after validation."""
 
     parents: np.ndarray  # (J,)
     heads: np.ndarray  # (J, 3)
@@ -51,11 +52,11 @@ class _Clip:
     convention: str
 
     @classmethod
-    def of(cls, armature_data):
+    def of(cls, armature_data: Any) -> "_Clip":
         """Reads and checks the clip of an armature. Raises DamagedClip."""
         try:
             return cls._read(armature_data[CLIP_PROPERTY])
-        except Exception as error:  # custom properties may hold anything
+        except Exception as error:  # custom properties may contain anything
             raise _damaged(armature_data, error) from error
 
     @classmethod
@@ -99,12 +100,12 @@ def _damaged(armature_data, error):
     )
 
 
-def has_skeleton(armature_data):
+def has_skeleton(armature_data: Any) -> bool:
     return CLIP_PROPERTY in armature_data
 
 
-def has_poses(armature_data):
-    """Whether the armature has poses. Damaged ones count: reading them reports the damage."""
+def has_poses(armature_data: Any) -> bool:
+    """Whether the armature has poses. Damaged poses count, so that reading them reports the damage."""
     clip = armature_data.get(CLIP_PROPERTY)
     return clip is not None and any(_length(clip, name) != 0 for name in ("rotations", "matrices"))
 
@@ -115,7 +116,7 @@ def _length(clip, name):
     return len(numbers) if hasattr(numbers, "__len__") else -1
 
 
-def pose_count(armature_data):
+def pose_count(armature_data: Any) -> int:
     """Returns the number of poses in the clip, without reading them."""
     clip = armature_data.get(CLIP_PROPERTY)
     joints = _length(clip, "parents")
@@ -124,8 +125,8 @@ def pose_count(armature_data):
     return max(_length(clip, "rotations") // (4 * joints) or _length(clip, "matrices") // (12 * joints), 0)
 
 
-def load_skeleton(armature_data):
-    """Returns the RigSkeleton, with the current names of its bones. Raises DamagedClip."""
+def load_skeleton(armature_data: Any) -> Any:
+    """Returns the sinew_native.RigSkeleton, with the current names of its bones. Raises DamagedClip."""
     clip = _Clip.of(armature_data)
     names = [""] * len(clip.parents)
     for bone, joint in zip(armature_data.bones, _joints(armature_data.bones, len(names))):
@@ -139,8 +140,8 @@ def load_skeleton(armature_data):
         raise _damaged(armature_data, error) from error
 
 
-def load_poses(armature_data):
-    """Returns a PoseClip or None, and skinning matrices (F, J, 4, 4) or None. Raises DamagedClip."""
+def load_poses(armature_data: Any) -> tuple[Any, np.ndarray | None]:
+    """Returns a sinew_native.PoseClip or None, and skinning matrices (F, J, 4, 4) or None. Raises DamagedClip."""
     clip = _Clip.of(armature_data)
     if len(clip.rotations):
         return sinew_native.PoseClip(clip.rotations), None
@@ -151,8 +152,8 @@ def load_poses(armature_data):
     return None, None
 
 
-def own_joints(armature):
-    """Returns (B,): the joint that each pose bone represents, -1 for bones that somebody added."""
+def own_joints(armature: Any) -> np.ndarray:
+    """Returns (B,): the joint that each pose bone represents, -1 for bones that a user added."""
     count = _length(armature.data.get(CLIP_PROPERTY), "parents")
     return _joints([bone.bone for bone in armature.pose.bones], count)
 
@@ -169,8 +170,8 @@ def _joints(bones, count):
     return np.array(found, np.int32)
 
 
-def bones_are_where_they_were(armature):
-    """Whether each joint's bone still begins at the joint's position in the imported skeleton."""
+def bones_are_where_they_were(armature: Any) -> bool:
+    """Whether the head of each joint's bone is still at the joint's position in the imported skeleton."""
     if not has_skeleton(armature.data):
         return True
     try:
@@ -184,9 +185,9 @@ def bones_are_where_they_were(armature):
     return bool(moved <= 1e-4 * max(size, 1e-30))
 
 
-def carrying_joints(armature):
-    """Returns (B,): the joint that moves each pose bone: its own, or, for a bone that somebody added, that of
-    its nearest ancestor that has one, or else -1."""
+def carrying_joints(armature: Any) -> np.ndarray:
+    """Returns (B,): the joint that moves each pose bone. For a bone that a user added, this is the joint of its nearest
+    ancestor that has one, or -1."""
     own = own_joints(armature)
     index = {bone.name: i for i, bone in enumerate(armature.pose.bones)}
 
@@ -207,7 +208,7 @@ def _signature(armature_data):
 class ClipPlayer:
     """Computes the bone poses and bone matrices of an armature's clip at a given time. Raises DamagedClip."""
 
-    def __init__(self, armature):
+    def __init__(self, armature: Any) -> None:
         data = armature.data
         self._data_key, self._signature = values.key_of(data), _signature(data)
         poses, matrices = load_poses(data)
@@ -222,7 +223,7 @@ class ClipPlayer:
                 bone_matrices[joint] = values.matrix_to_numpy(pose_bone.bone.matrix_local)
         self.is_by_matrices = poses is None
         if poses is not None:
-            self.clip = RotationClip(skeleton, poses, bone_matrices[:, :3, :3])
+            self.clip: RotationClip | MatrixClip = RotationClip(skeleton, poses, bone_matrices[:, :3, :3])
         elif matrices is not None:
             try:
                 self.clip = MatrixClip(np.array(skeleton.parents), matrices, bone_matrices)
@@ -235,16 +236,17 @@ class ClipPlayer:
         self._location = np.zeros((bones, 3))
         self._rotation = np.tile([1.0, 0, 0, 0], (bones, 1))
 
-    def is_of(self, armature_data):
+    def is_of(self, armature_data: Any) -> bool:
+        """Whether this player was made for that armature data."""
         return self._data_key == values.key_of(armature_data)
 
-    def is_edited(self, armature_data):
-        """Whether the bones are no longer those that this player was made for."""
+    def is_edited(self, armature_data: Any) -> bool:
+        """Whether the bones have been edited since this player was made."""
         return self._signature != _signature(armature_data)
 
-    def at(self, time, loop, rest=False):
+    def at(self, time: float, loop: bool, rest: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns for each bone: channels (B, 4, 4) float32, location (B, 3), rotation (B, 4) w x y z.
-        rest: the rest pose, whatever the time. The arrays are reused by the next call."""
+        rest: return the rest pose and ignore the time. The arrays are reused by the next call."""
         if rest:
             self._channels[:] = np.eye(4)
             self._location[:] = 0

@@ -3,8 +3,10 @@
 import contextlib
 import logging
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -13,41 +15,43 @@ from ..feedback import notice
 from . import clip_store
 
 log = logging.getLogger("sinew")
-_players = {}  # key of the armature object -> ClipPlayer, or _Unreadable
-_said = set()  # the sentences that were already reported
+_players: "dict[int, clip_store.ClipPlayer | _Unreadable]" = {}  # by key of the armature object
+_said: set[str] = set()  # the sentences that were already reported
 
 
 @dataclass
 class _Unreadable:
-    """Takes the place of the ClipPlayer of an armature whose clip is damaged."""
+    """Replaces the ClipPlayer of an armature whose clip is damaged."""
 
     data_key: int
     error: clip_store.DamagedClip
 
-    def is_of(self, armature_data):
+    def is_of(self, armature_data: Any) -> bool:
         return self.data_key == values.key_of(armature_data)
 
-    def is_edited(self, _armature_data):
+    def is_edited(self, _armature_data: Any) -> bool:
         return True
 
 
-def forget():
+def forget() -> None:
+    """Forgets all players and the last poses."""
     _players.clear()
     _posed.clear()
 
 
-def forget_what_was_said():
-    """Forgets which errors were reported, since a different file is opened."""
+def forget_what_was_said() -> None:
+    """Forgets which errors were reported, because another file is opened."""
     _said.clear()
 
 
-def forget_armature(armature):
+def forget_armature(armature: Any) -> None:
+    """Forgets the armature's player and its last pose."""
     _players.pop(values.key_of(armature), None)
     _posed.pop(values.key_of(armature), None)
 
 
-def player(armature):
-    """Returns the armature's ClipPlayer, which is made when first needed. Raises clip_store.DamagedClip."""
+def player(armature: Any) -> clip_store.ClipPlayer:
+    """Returns the armature's ClipPlayer, which is created when first needed. Raises clip_store.DamagedClip."""
     key = values.key_of(armature)
     if key not in _players:
         try:
@@ -60,20 +64,21 @@ def player(armature):
     return found
 
 
-def is_damaged(armature):
-    """Whether the armature's clip was found to be damaged."""
+def is_damaged(armature: Any) -> bool:
+    """Whether an attempt to read the armature's clip has found it damaged."""
     return isinstance(_players.get(values.key_of(armature)), _Unreadable)
 
 
-def forget_if_edited(data):
-    """Forgets the players made from an armature's data if it was edited. Posing tags the data just as an edit does."""
+def forget_if_edited(data: Any) -> None:
+    """Forgets the players made from an armature's data if the bones have changed. The data's update tag does not show
+    this, because posing sets it too."""
     for key in [key for key, player in _players.items() if player.is_of(data) and player.is_edited(data)]:
         del _players[key]
         _posed.pop(key, None)
 
 
-def clip_time(settings, length, frame, render):
-    """Returns the time in poses and whether the clip loops, for the clip's mode at a frame of the scene."""
+def clip_time(settings: Any, length: int, frame: float, render: Any) -> tuple[float, bool]:
+    """Returns the time in poses and whether the clip loops, at a frame of the scene, according to the clip's mode."""
     if settings.mode == "PLAYBACK":
         return (frame - settings.frame_start) * settings.speed, settings.loop
     if settings.mode == "SWING":
@@ -83,17 +88,17 @@ def clip_time(settings, length, frame, render):
     return factor * (length - 1), False
 
 
-def pose_armatures(armatures, scene):
-    """Poses the armatures that have a clip for the scene's frame, before Blender evaluates it."""
+def pose_armatures(armatures: Iterable[Any], scene: Any) -> None:
+    """Poses armatures that have a clip for the scene's current frame, before Blender evaluates it."""
     frame = scene.frame_current + scene.frame_subframe
     for armature in armatures:
         with _said_once(armature):
             _pose(armature, _settings_at(armature, frame), scene)
 
 
-def pose_anew(armatures, scene, depsgraph):
-    """Poses armatures again after the evaluation: only now are settings known that drivers or strips animate, and
-    armatures that were added during the evaluation. Blender evaluates again what this changes."""
+def pose_anew(armatures: Iterable[Any], scene: Any, depsgraph: Any) -> None:
+    """Poses armatures again after the evaluation. Settings animated by drivers or NLA strips, and armatures added
+    during the evaluation, are only known then. Blender evaluates what this changes once more."""
     for armature in armatures:
         with _said_once(armature):
             evaluated = armature.evaluated_get(depsgraph)
@@ -106,7 +111,7 @@ def pose_anew(armatures, scene, depsgraph):
 
 @contextlib.contextmanager
 def _said_once(armature):
-    """Reports an error of one armature once, and keeps it from stopping the others."""
+    """Reports an error with one armature once, and continues with the other armatures."""
     try:
         yield
     except Exception as error:
@@ -120,9 +125,9 @@ def _said_once(armature):
             notice.show(sentence)
 
 
-def channels_of(ob, armature):
-    """Returns (B, 4, 4): the motions of all bones in the clip, if bones cannot show them (matrices that scale
-    or shear) and nobody has moved a bone since; otherwise None. ob, armature: evaluated."""
+def channels_of(ob: Any, armature: Any) -> np.ndarray | None:
+    """Returns (B, 4, 4): the motions of all bones in the clip, if the clip consists of matrices, whose scale and shear
+    the bones cannot represent, and no bone has been moved since; otherwise None. ob, armature: evaluated."""
     if not _posed or ob.sinew.source != "CLIP":
         return None
     known = _posed.get(values.key_of(armature))
@@ -133,19 +138,20 @@ def channels_of(ob, armature):
 
 @dataclass(frozen=True)
 class _Posed:
-    """The last pose that an armature was given."""
+    """The last pose that Sinew gave an armature."""
 
     moment: tuple
     channels: np.ndarray | None
     location: np.ndarray  # as stored in the bones
     rotation: np.ndarray
 
-    def is_shown_by(self, armature):
+    def is_shown_by(self, armature: Any) -> bool:
+        """Whether the armature's bones still have this pose."""
         location, rotation = armatures.read_pose(armature)
         return np.array_equal(location, self.location) and np.array_equal(rotation, self.rotation)
 
 
-_posed = {}  # key of the armature object -> _Posed
+_posed: dict[int, _Posed] = {}  # by key of the armature object
 
 
 def _moment(armature, settings, scene):

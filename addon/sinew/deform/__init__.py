@@ -1,1 +1,1 @@
-"""Computes deformation from influences and poses. Pure: numpy and the native library, nothing of Blender."""
+"""Computes influences and the motions of joints. Uses only numpy and the native library, nothing of Blender."""

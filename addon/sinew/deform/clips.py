@@ -1,35 +1,37 @@
-"""Converts the poses of a rig folder to motions of joints. Pure: numpy and the native library, nothing of Blender.
+"""Converts the poses of a rig folder to motions of joints. Uses only numpy and the native library, nothing of Blender.
 
 Letters: V vertices, J joints, P poses, F frames.
 Matrices are indexed [bone, row, column] and act on column vectors.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..native import sinew_native
 
 
-def transformed(matrix, points):
+def transformed(matrix: np.ndarray | None, points: np.ndarray) -> np.ndarray:
     """Returns points (V, 3) transformed by a 4x4 matrix; None is the identity."""
     return points if matrix is None else points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 @dataclass
 class ClipPose:
-    """One moment of a clip, per joint. `rotation` and `location` are the values for a pose bone."""
+    """The pose of all joints at one time of a clip. `rotation` and `location` are the values for a pose bone."""
 
-    skinning: np.ndarray  # (J, 4, 4) float32, F(j) A(j)^-1 in the space of the rig
+    skinning: np.ndarray  # (J, 4, 4) float32, F(j) A(j)^-1 in rig space
     location: np.ndarray  # (J, 3)
     rotation: np.ndarray  # (J, 4) w x y z
 
 
 class RotationClip:
-    """Poses of a rig folder: rotations that are converted by forward kinematics."""
+    """A clip of joint rotations, which forward kinematics converts to transforms."""
 
-    def __init__(self, skeleton, poses, bone_axes):
-        """bone_axes (J, 3, 3): the columns are the rest axes of the joint's bone, in the space of the rig."""
+    def __init__(self, skeleton: Any, poses: Any, bone_axes: np.ndarray) -> None:
+        """Takes a sinew_native.Skeleton and a sinew_native.PoseClip. bone_axes (J, 3, 3): the columns are the rest axes
+        of the joint's bone, in rig space."""
         self.length = poses.pose_count
         self._skeleton = skeleton
         self._poses = poses
@@ -40,24 +42,24 @@ class RotationClip:
         self._world = np.empty((joints, 4, 4))
         self._skinning = np.empty((joints, 4, 4), np.float32)
 
-    def at(self, time, loop):
+    def at(self, time: float, loop: bool) -> ClipPose:
         """Returns the ClipPose at a time, in poses from 0. Its arrays are reused by the next call."""
         rotations = self._poses.sample(time, loop)
         sinew_native.rotation_transforms(rotations, self._local)
         sinew_native.forward_kinematics(self._skeleton, self._local, self._world)
         sinew_native.skinning_matrices(self._skeleton, self._world, self._skinning)
-        # The joint uses the rig's axes and the bone its own: express the same rotation in the bone's axes.
+        # The rotations are in the axes of the rig; a pose bone needs them in its own rest axes.
         seen = rotations.copy()
         seen[:, 1:] = np.einsum("jab,ja->jb", self._bone_axes, rotations[:, 1:])
         return ClipPose(self._skinning, self._location, seen)
 
 
 class MatrixClip:
-    """Frames of anim.dmat, which contains the skinning matrices themselves. Between frames they are interpolated
-    entry by entry, which is exact on frames and close to the true motion between neighbours."""
+    """A clip of skinning matrices, as stored in anim.dmat. Between frames they are interpolated entry by entry, which
+    is close to the true motion; on frames it is exact."""
 
-    def __init__(self, parents, matrices, bone_matrices):
-        """parents (J,); matrices (F, J, 4, 4); bone_matrices (J, 4, 4): rest pose, in the space of the rig."""
+    def __init__(self, parents: np.ndarray, matrices: np.ndarray, bone_matrices: np.ndarray) -> None:
+        """Takes parents (J,), skinning matrices (F, J, 4, 4) and the bones' rest matrices (J, 4, 4), in rig space."""
         self.length = len(matrices)
         self._matrices = matrices
         relative = matrices.copy()
@@ -68,14 +70,14 @@ class MatrixClip:
         self._locations = basis[..., :3, 3]
         self._rotations = continuous(quaternions(basis[..., :3, :3]))
 
-    def at(self, time, loop):
+    def at(self, time: float, loop: bool) -> ClipPose:
         """Returns the ClipPose at a time, in frames from 0."""
         time = time % self.length if loop else min(max(time, 0), self.length - 1)
         before = min(int(time), self.length - 1)
         after = (before + 1) % self.length if loop else min(before + 1, self.length - 1)
         blend = time - before
 
-        def mixed(frames):
+        def mixed(frames: np.ndarray) -> np.ndarray:
             return frames[before] if blend == 0 else ((1 - blend) * frames[before] + blend * frames[after])
 
         rotation = mixed(self._rotations)
@@ -83,11 +85,11 @@ class MatrixClip:
         return ClipPose(mixed(self._matrices).astype(np.float32), mixed(self._locations), rotation)
 
 
-def quaternions(matrices):
+def quaternions(matrices: np.ndarray) -> np.ndarray:
     """Converts rotations (..., 3, 3) to unit quaternions (..., 4), w x y z.
 
-    Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000: the
-    eigenvector of the largest eigenvalue; it also finds the nearest rotation of a noisy matrix.
+    Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000: the eigenvector of the
+    largest eigenvalue. For a noisy matrix this is the nearest rotation.
     """
     m = matrices
     k = np.empty(m.shape[:-2] + (4, 4))
@@ -100,8 +102,8 @@ def quaternions(matrices):
     return np.linalg.eigh(k)[1][..., -1]
 
 
-def continuous(rotations):
-    """Flips the sign of quaternions (F, J, 4) whose frame is in the hemisphere opposite to the frame before."""
+def continuous(rotations: np.ndarray) -> np.ndarray:
+    """Returns quaternions (F, J, 4) with signs such that each is in the same hemisphere as on the frame before."""
     flips = np.where(np.sum(rotations[1:] * rotations[:-1], axis=-1) < 0, -1.0, 1.0)
     rotations = rotations.copy()
     rotations[1:] *= np.cumprod(flips, axis=0)[..., None]

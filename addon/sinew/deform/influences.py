@@ -1,21 +1,24 @@
 """Computes which joints move a vertex and how much. This is done once, by the rules that Blender's Armature modifier
-applies on every frame: normalisation over deforming bones, envelopes, the segments of B-bones. Pure: numpy and the
+applies on every frame: normalisation over deforming bones, envelopes, the segments of B-bones. Uses only numpy and the
 native library, nothing of Blender.
 
-Letters: V vertices, B bones, N influences. A *joint* of the deformer is a bone, one end of a segment
-of a B-bone, or (the last one) a joint that never moves.
+Letters: V vertices, B bones, N influences. A *joint* of the deformer is a bone, one end of a segment of a B-bone, or a
+joint that never moves, which is the last one.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..native import sinew_native
 
-# Blender's modifier does not move a vertex whose weights sum to no more than this.
+# The Armature modifier does not move a vertex whose weights sum to this or less.
 SMALLEST_WEIGHT_SUM = 1e-4
-# Weights painted by hand are stored as float32 and shown with three digits.
-NORMALIZED_WITHIN = 0.05  # Blender's own automatic weights sum to 0.97 or more
+# Tolerance for a sum of weights that counts as 1. Painted weights are float32, shown with three digits, and Blender's
+# automatic weights sum to 0.97 or more.
+NORMALIZED_WITHIN = 0.05
 
 
 @dataclass
@@ -31,15 +34,15 @@ class Bones:
     envelope_distance: np.ndarray  # (B,)
     envelope_weight: np.ndarray  # (B,)
     multiply: np.ndarray  # (B,) bool: the envelope multiplies the weights
-    segments: np.ndarray  # (B,) int, 1: an ordinary bone
+    segments: np.ndarray  # (B,) int, 1 for an ordinary bone
     curved: np.ndarray  # (B,) bool: vertices are assigned to segments along the bone's curve
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         # A bone with n > 1 segments has n + 1 joints; a bone that does not deform has none.
         counts = np.where(self.deform, np.where(self.segments > 1, self.segments + 1, 1), 0)
         self.joint_counts = counts.astype(np.int32)  # (B,)
         self.first_joint = np.where(self.deform, np.cumsum(counts) - counts, -1).astype(np.int32)  # (B,)
-        self.joint_count = int(counts.sum())  # without the one that never moves
+        self.joint_count = int(counts.sum())  # without the joint that never moves
 
 
 @dataclass
@@ -52,8 +55,8 @@ class Rules:
 
 @dataclass
 class Bends:
-    """The arguments of sinew_native.Bends: the influences of bones with segments before they are split, N vertices
-    with M influences of D bones."""
+    """The arguments of sinew_native.Bends: influences of bones with segments, before they are split between the ends
+    of a segment. N vertices have M influences of D bones."""
 
     vertices: np.ndarray  # (N,)
     offsets: np.ndarray  # (N + 1,)
@@ -72,17 +75,27 @@ class Influences:
     joints: np.ndarray  # (N,)
     weights: np.ndarray  # (N,)
     joint_count: int
-    depend_on_shape: bool = False  # different rest positions may change the influences beyond what bends describe
-    bends: Bends | None = None  # None: no bone with segments moves the mesh, or one of them is curved
+    depend_on_shape: bool = False  # new rest positions may change the influences in ways that bends do not cover
+    bends: Bends | None = None  # None if no bone with segments moves the mesh, or if one of them is curved
     unweighted_count: int = 0  # vertices that no bone moves
     unnormalized_count: int = 0  # vertices whose weights in the mesh do not sum to 1
 
 
-def influences(offsets, groups, weights, bone_of_group, bones, rules, points, segment_at=None):
-    """Returns the Influences of a mesh. offsets (V + 1,), groups (N,), weights (N,): the entries of each vertex, in the
+def influences(
+    offsets: np.ndarray,
+    groups: np.ndarray,
+    weights: np.ndarray,
+    bone_of_group: np.ndarray,
+    bones: Bones,
+    rules: Rules,
+    points: Any,
+    segment_at: Callable[[int, np.ndarray], tuple[int, float]] | None = None,
+) -> Influences:
+    """Returns the Influences of a mesh. offsets (V + 1,), groups (N,), weights (N,): the weights of each vertex, in the
     order in which Blender stores them; group -1: none. bone_of_group (G,): -1 for a group without a bone. points():
-    (V, 3), the rest positions in the armature's space; for most meshes it is not called. segment_at(bone, point): for a
-    curved B-bone, the segment at a point and how close to the segment's end the point is.
+    a function that returns the rest positions (V, 3) in the armature's space; for most meshes it is not called.
+    segment_at(bone, point): for a curved B-bone, returns the segment at a point and the point's position within it, 0
+    to 1.
     """
     counts = (bone_of_group >= 0) & rules.use_vertex_groups
     counts[counts] = bones.deform[bone_of_group[counts]]
@@ -119,9 +132,17 @@ def influences(offsets, groups, weights, bone_of_group, bones, rules, points, se
     )
 
 
-def _with_envelopes(offsets, groups, weights, bone_of_group, bones, rules, points):
-    """Returns normalised influences: vertices, bones, weights; how many vertices no bone moves, and how many have
-    weights that do not sum to 1; and whether envelopes multiply any weights."""
+def _with_envelopes(
+    offsets: np.ndarray,
+    groups: np.ndarray,
+    weights: np.ndarray,
+    bone_of_group: np.ndarray,
+    bones: Bones,
+    rules: Rules,
+    points: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any, bool]:
+    """Returns normalised influences (vertices, bones, weights); a pair: how many vertices no bone moves, and how many
+    have weights that do not sum to 1; and whether envelopes multiply any weights."""
     vertex_count = len(offsets) - 1
     vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
     bone, weight = np.append(bone_of_group, -1)[groups], np.asarray(weights, np.float64)
@@ -148,12 +169,12 @@ def _with_envelopes(offsets, groups, weights, bone_of_group, bones, rules, point
     return vertex, bone, weight / sums[vertex], (unweighted, unnormalized), multiplied.any()
 
 
-def _only(chosen, *arrays):
-    """Returns the chosen entries of the arrays. If all are chosen, as on most meshes, it avoids the costly copies."""
+def _only(chosen: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Returns the chosen entries of the arrays. If all are chosen, as on most meshes, nothing is copied."""
     return arrays if chosen.all() else tuple(array[chosen] for array in arrays)
 
 
-def group_weights(offsets, groups, weights, group):
+def group_weights(offsets: np.ndarray, groups: np.ndarray, weights: np.ndarray, group: int) -> np.ndarray:
     """Returns (V,): each vertex's weight in one vertex group, 0 if it is not in the group. offsets, groups and weights
     are as `meshes.read_weights` returns them."""
     vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
@@ -162,9 +183,9 @@ def group_weights(offsets, groups, weights, group):
     return dense
 
 
-def envelope(points, bones, bone):
-    """Returns (N,): how strongly the envelope of bone[i] affects points[i], 0 to 1: fully within its
-    radius, which is interpolated from head to tail, and not at all beyond its distance."""
+def envelope(points: np.ndarray, bones: Bones, bone: np.ndarray) -> np.ndarray:
+    """Returns (N,): how strongly the envelope of bone[i] affects points[i], 0 to 1. It is 1 within the radius, which is
+    interpolated from head to tail, and falls to 0 at the envelope's distance from it."""
     head = bones.rest[bone, :3, 3]
     along_axis = bones.rest[bone, :3, 1]  # unit
     length = bones.length[bone]
@@ -180,19 +201,23 @@ def envelope(points, bones, bone):
     return np.where(distance < radius, 1.0, np.where((reach > 0) & (beyond < reach), fall, 0.0))
 
 
-def _envelope_influences(vertices, bones, points):
+def _envelope_influences(
+    vertices: np.ndarray, bones: Bones, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     deforming = np.flatnonzero(bones.deform)
     vertex = np.repeat(vertices, len(deforming))
     bone = np.tile(deforming, len(vertices))
     return vertex, bone, envelope(points[vertex], bones, bone) * bones.envelope_weight[bone]
 
 
-def _axes(bones):
-    """Returns (B, 4): a point p is at the fraction axes[b, :3] . p + axes[b, 3] of the bone's length."""
+def _axes(bones: Bones) -> np.ndarray:
+    """Returns axes (B, 4): a point p is at the fraction axes[b, :3] . p + axes[b, 3] of the bone's length."""
     return np.linalg.inv(bones.rest)[:, 1] / np.maximum(bones.length, 1e-30)[:, None]
 
 
-def _bends(vertex, bone, weight, bent, bones, vertex_count):
+def _bends(
+    vertex: np.ndarray, bone: np.ndarray, weight: np.ndarray, bent: np.ndarray, bones: Bones, vertex_count: int
+) -> Bends:
     is_bent = np.zeros(vertex_count, bool)
     is_bent[vertex[bent]] = True
     vertices, own = np.flatnonzero(is_bent), is_bent[vertex]
@@ -211,7 +236,16 @@ def _bends(vertex, bone, weight, bent, bones, vertex_count):
     )
 
 
-def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segment_at):
+def _split_over_segments(
+    vertex: np.ndarray,
+    bone: np.ndarray,
+    joint: np.ndarray,
+    weight: np.ndarray,
+    bent: np.ndarray,
+    bones: Bones,
+    points: np.ndarray,
+    segment_at: Any,
+) -> tuple[np.ndarray, ...]:
     """Splits each influence of a B-bone into two, for the ends of the segment that contains the vertex."""
     entries = np.flatnonzero(bent)
     own, at = bone[entries], points[vertex[entries]]
@@ -221,7 +255,7 @@ def _split_over_segments(vertex, bone, joint, weight, bent, bones, points, segme
     blend = place - index
     for i in np.flatnonzero(bones.curved[own]):
         index[i], blend[i] = segment_at(own[i], at[i])
-    first = entries + np.arange(len(entries))  # the index of the first of the two, after the earlier splits
+    first = entries + np.arange(len(entries))  # the index of each pair's first entry, after all splits before it
     vertex, joint, weight = (np.repeat(array, 1 + bent) for array in (vertex, joint, weight))
     joint[first] += index
     joint[first + 1] += index + 1

@@ -1,1 +1,1 @@
-"""Messages to the user from any part of the add-on."""
+"""Shows messages to the user, from any part of the add-on."""

@@ -1,20 +1,20 @@
-"""Messages for the user: in a panel, or, for what a handler cannot report, once in a small pop-up."""
+"""Shows messages to the user: in a panel, or once in a pop-up if they come from a handler, which cannot report."""
 
 import textwrap
 from functools import partial
 
 import bpy
 
-LETTER = 6.0  # pixels of a panel's width for each letter, at 100 % interface scale
-MARGIN = 80  # pixels not available for text: icon, frames
-_said = set()  # the sentences that were already shown for the open file
+LETTER = 6.0  # assumed width of a letter in pixels, at 100 % interface scale
+MARGIN = 80  # pixels of a panel's width that are not available for text: icon, borders
+_said: set[str] = set()  # the sentences already shown for the open file
 
 
-def draw_sentence(layout, context, sentence, is_error):
-    """Draws a sentence in as many lines as the region's width requires."""
+def draw_sentence(layout: bpy.types.UILayout, context: bpy.types.Context, sentence: str, is_error: bool) -> None:
+    """Draws a sentence, wrapped to the width of the region."""
     column = layout.column(align=True)
     column.alert = is_error
-    width = 1000  # there is no region without a window
+    width = 1000  # without a window there is no region
     if context.region:
         width = context.region.width / context.preferences.system.ui_scale
     icon = "ERROR" if is_error else "INFO"
@@ -23,7 +23,7 @@ def draw_sentence(layout, context, sentence, is_error):
         icon = "BLANK1"
 
 
-def show(sentence):
+def show(sentence: str) -> None:
     """Shows a sentence in a pop-up, once per file. Safe to call while rendering, from any thread."""
     if bpy.app.background or sentence in _said:
         return
@@ -31,16 +31,16 @@ def show(sentence):
     bpy.app.timers.register(partial(_show_now, sentence), first_interval=0.1)
 
 
-def redraw():
-    """Redraws all panels, whose content has changed."""
+def redraw() -> None:
+    """Redraws all panels, because their content has changed."""
     manager = bpy.context.window_manager
     for window in manager.windows if manager else ():
         for area in window.screen.areas:
             area.tag_redraw()
 
 
-def forget():
-    """Forgets which sentences were shown, since a different file was opened."""
+def forget() -> None:
+    """Forgets which sentences were shown, because another file was opened."""
     _said.clear()
 
 
