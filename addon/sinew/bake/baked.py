@@ -16,7 +16,7 @@ class Baked:
     missing: int = 0  # frames that other runs still have to bake
     remark: str = ""
 
-    def sentence(self):
+    def sentence(self) -> str:
         text = f"{self.path}: {self.vertices:,} vertices, {self.baked} of {self.frames} frames baked"
         if self.found:
             text += f", {self.found} already baked"

@@ -1,7 +1,9 @@
 """Bakes objects of the open scene, frame by frame."""
 
 import os
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
+from typing import Any
 
 from . import evaluation, part_files, usd_baking
 from . import job as jobs
@@ -9,7 +11,7 @@ from . import subject as subjects
 from .baked import Baked
 
 
-def run(context, job):
+def run(context: Any, job: jobs.Job) -> list[Baked]:
     """Runs the whole bake. Returns [Baked], or raises ValueError or OSError."""
     work = steps(context, job)
     while True:
@@ -19,7 +21,7 @@ def run(context, job):
             return end.value
 
 
-def steps(context, job):
+def steps(context: Any, job: jobs.Job) -> Generator[tuple[float, str], None, list[Baked]]:
     """Bakes step by step: a generator of (share done, what comes next) that returns [Baked], one per object. Closing it
     early is safe: the baked frames are kept, and the same job continues from there. Mode, modifiers and frame are
     restored. Raises ValueError or OSError."""
@@ -94,18 +96,18 @@ class _Cache:
             self._part = stack.enter_context(part_files.PartFiles(path, subject))
             self.baked.found = len(self._part.found)
 
-    def has(self, index):
+    def has(self, index: int) -> bool:
         """Whether a frame was baked, by whichever process."""
         return self._part is None or self._part.has(index)
 
-    def write(self, index, frame, depsgraph):
+    def write(self, index: int, frame: int, depsgraph: Any) -> None:
         positions, world = evaluation.read(self._ob, depsgraph)
         evaluation.check_count(self._ob, frame, len(positions), self._subject.vertex_count)
         with _advising(f"the frames before {frame}"):
             self._part.write(index, positions, world)
         self.baked.baked += 1
 
-    def finish(self):
+    def finish(self) -> None:
         if self._part is not None:
             with _advising("the frames that were baked"):
                 self.baked.missing = len(self._part.finish())

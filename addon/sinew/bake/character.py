@@ -5,6 +5,7 @@ Letters: V vertices, J joints, K influences of a vertex.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Skeleton:
 class LinearCharacter:
     """A mesh object that one Armature modifier deforms linearly, and nothing else. Raises NotLinear."""
 
-    def __init__(self, ob, depsgraph):
+    def __init__(self, ob: Any, depsgraph: Any) -> None:
         """ob: the mesh object."""
         self._ob, self._armature = ob, _modifier_of(ob).object
         self.rest = meshes.read_positions(ob.data)
@@ -80,7 +81,7 @@ class LinearCharacter:
         except values.Flat as error:
             raise NotLinear(str(error)) from error
 
-    def posed(self, depsgraph):
+    def posed(self, depsgraph: Any) -> np.ndarray:
         """Returns (J, 4, 4): the joints of the evaluated pose, in the space of the mesh."""
         evaluated = self._armature.evaluated_get(depsgraph)
         to_mesh = self._mesh_from_armature(depsgraph)
@@ -88,7 +89,7 @@ class LinearCharacter:
         moved = to_mesh @ channels @ np.linalg.inv(to_mesh) @ self._bind
         return np.concatenate([moved, self.skeleton.bind[len(moved) :]])
 
-    def skinned(self, posed):
+    def skinned(self, posed: np.ndarray) -> np.ndarray:
         """Returns (V, 3) float32: the positions by linear skinning."""
         motions = posed @ np.linalg.inv(self.skeleton.bind)
         return sinew_native.skin_linear(self._native, np.ascontiguousarray(motions, np.float32))
@@ -110,7 +111,7 @@ def _modifier_of(ob):
     return modifier
 
 
-def rigid(matrix):
+def rigid(matrix: np.ndarray) -> np.ndarray:
     """Returns a matrix with the nearest rotation and the same translation."""
     left, _, right = np.linalg.svd(matrix[:3, :3])
     found = np.eye(4)

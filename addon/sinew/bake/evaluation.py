@@ -2,14 +2,16 @@
 
 import hashlib
 import os
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 
 import bpy
+import numpy as np
 
 from ..blender import animation, meshes, nodes, values
 
 
-def objects_to_bake(context, names):
+def objects_to_bake(context: bpy.types.Context, names: Iterable[str]) -> list[bpy.types.Object]:
     """Returns mesh objects by name; without names, all visible ones with modifiers or shape keys. Raises ValueError."""
     layer = context.view_layer
     layer.update()
@@ -37,7 +39,7 @@ def _object_named(layer, name):
     return ob
 
 
-def digest_of_file():
+def digest_of_file() -> str:
     """Returns a digest of the .blend as it was saved; "" if the open file differs from it."""
     path = bpy.data.filepath
     if not os.path.isfile(path) or bpy.data.is_dirty and not bpy.app.background:
@@ -49,13 +51,13 @@ def digest_of_file():
     return digest.hexdigest()[:32]
 
 
-def read(ob, depsgraph):
+def read(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[np.ndarray, np.ndarray]:
     """Returns the evaluated positions (V, 3) float32, in object space, and matrix_world (4, 4) float64."""
     evaluated = ob.evaluated_get(depsgraph)
     return meshes.read_evaluated(evaluated), values.matrix_to_numpy(evaluated.matrix_world)
 
 
-def read_topology(ob, depsgraph):
+def read_topology(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[tuple[np.ndarray, np.ndarray], int]:
     """Returns (face_offsets (faces + 1,), face_vertices) and V of the evaluated mesh."""
     evaluated = ob.evaluated_get(depsgraph)
     mesh = evaluated.to_mesh()
@@ -65,7 +67,7 @@ def read_topology(ob, depsgraph):
         evaluated.to_mesh_clear()
 
 
-def check_count(ob, frame, count, expected):
+def check_count(ob: bpy.types.Object, frame: int, count: int, expected: int) -> None:
     """Raises ValueError if a frame has a different number of vertices from those before it."""
     if count != expected:
         raise ValueError(
@@ -75,7 +77,7 @@ def check_count(ob, frame, count, expected):
 
 
 @contextmanager
-def undisturbed(context):
+def undisturbed(context: bpy.types.Context) -> Iterator[None]:
     """Leaves Edit or Sculpt Mode, whose meshes differ from those that play, inside the `with` block; restores mode and
     frame."""
     scene, ob = context.scene, context.view_layer.objects.active
@@ -97,13 +99,13 @@ def _set_mode(context, ob, mode):
         bpy.ops.object.mode_set(mode=mode)
 
 
-def subdivision_of(ob):
+def subdivision_of(ob: bpy.types.Object) -> bpy.types.Modifier | None:
     """Returns the first Subdivision Surface modifier that the viewport shows, or None."""
     return next((modifier for modifier in ob.modifiers if modifier.type == "SUBSURF" and modifier.show_viewport), None)
 
 
 @contextmanager
-def until_subdivision(objects):
+def until_subdivision(objects: Iterable[bpy.types.Object]) -> Iterator[None]:
     """Switches off the objects' first Subdivision Surface modifier and all that follow it, in the viewport, inside the
     `with` block. Raises ValueError if a switch is animated."""
     off = []

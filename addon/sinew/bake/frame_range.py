@@ -1,6 +1,7 @@
 """The frames of a bake: `A-B` or `A-B:step`, and the part of them that one process bakes. Pure."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 LIMIT = 1_048_574  # Blender's largest frame number
@@ -33,7 +34,7 @@ class FrameRange:
     def __iter__(self):
         return iter(range(self.first, self.last + 1, self.step))
 
-    def indices_of(self, chunk):
+    def indices_of(self, chunk: Iterable["FrameRange"]) -> list[int]:
         """Returns the indices, from 0, of the frames of this range that are in a chunk (FrameRanges), in order. Raises
         ValueError if the chunk reaches beyond this range or has none of its frames."""
         words = ",".join(map(str, chunk))
@@ -46,7 +47,7 @@ class FrameRange:
         return found
 
 
-def parse(words):
+def parse(words: str) -> FrameRange:
     """Parses "A-B", "A-B:step" or one frame "A"; a frame may be negative. Raises ValueError."""
     found = re.fullmatch(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?", words)
     if not found:
@@ -55,14 +56,14 @@ def parse(words):
     return FrameRange(first, int(found[2] or first), int(found[3] or 1))
 
 
-def parse_chunk(words):
+def parse_chunk(words: str) -> tuple[FrameRange, ...]:
     """Parses one or more comma-separated ranges, as farms write chunks. Returns (FrameRange, ...)."""
     return tuple(map(parse, words.split(",")))
 
 
-def words_of(frames, step=1):
+def words_of(frames: Iterable[int], step: int = 1) -> str:
     """Returns ordered frames as people write them: "1-3, 7", or, with a step of 2, "1-5:2, 9"."""
-    found = []
+    found: list[list[int]] = []
     for frame in frames:
         if found and frame == found[-1][1] + step:
             found[-1][1] = frame

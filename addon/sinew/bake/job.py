@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from . import point_cache
@@ -37,17 +38,17 @@ class Job:
                 "before the first chunk, or choose another folder"
             )
 
-    def indices(self):
+    def indices(self) -> list[int]:
         """Returns the indices, from 0, of the frames of this run."""
         return self.frames.indices_of(self.chunk) if self.chunk is not None else list(range(len(self.frames)))
 
-    def path_of(self, name):
+    def path_of(self, name: str) -> str:
         """Returns the path of an object's cache."""
         return os.path.join(self.folder, f"{file_name(name)}.{'usdc' if self.format == USD else self.format}")
 
-    def check_names(self, names):
+    def check_names(self, names: Iterable[str]) -> None:
         """Raises ValueError if two objects would be written to the same file."""
-        found = {}
+        found: dict[str, str] = {}
         for name in names:
             other = found.setdefault(file_name(name).lower(), name)
             if other != name:
@@ -57,7 +58,7 @@ class Job:
                 )
 
 
-def file_name(name):
+def file_name(name: str) -> str:
     """Converts an object's name to a file name."""
     cleaned = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", name)
     return f"_{cleaned}" if cleaned.startswith(".") else cleaned

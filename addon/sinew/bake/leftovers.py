@@ -8,12 +8,12 @@ import sys
 from contextlib import suppress
 
 
-def own_name(path, end=""):
+def own_name(path: str, end: str = "") -> str:
     """Returns a name beside path that no other process uses."""
     return f"{path}.{platform.node()}-{os.getpid()}{end}"
 
 
-def remove_dead(path, end=""):
+def remove_dead(path: str, end: str = "") -> None:
     """Removes the temporary files of dead processes of this machine. Whether processes on other machines are alive
     cannot be known here."""
     for name, machine, process in _all_of(path, end):
@@ -21,7 +21,7 @@ def remove_dead(path, end=""):
             _remove(name)
 
 
-def remove_all(path, end=""):
+def remove_all(path: str, end: str = "") -> None:
     """Removes all temporary files, once nobody needs them."""
     for name, *_ in _all_of(path, end):
         _remove(name)

@@ -13,11 +13,11 @@ NAME = "Sinew Cache"
 SWITCHES = ("show_viewport", "show_render")
 
 
-def is_on(ob):
+def is_on(ob: bpy.types.Object) -> bool:
     return bool(ob.sinew.cache_kept)
 
 
-def set_up(context, ob, path):
+def set_up(context: bpy.types.Context, ob: bpy.types.Object, path: str) -> None:
     """Makes a mesh object play the cache at path, PC2 or MDD, instead of its deforming modifiers, which are switched
     off. Raises ValueError, with nothing changed, or OSError."""
     if ob.library:
@@ -94,7 +94,7 @@ def _count_at(context, ob, until_subdivision):
         return len(evaluation.read(ob, context.evaluated_depsgraph_get())[0])
 
 
-def take_off(ob):
+def take_off(ob: bpy.types.Object) -> list[str]:
     """Restores the state before `set_up`. Returns the names of modifiers that were switched off and no longer exist."""
     kept = json.loads(ob.sinew.cache_kept)
     modifiers = ob.modifiers

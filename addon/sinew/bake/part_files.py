@@ -20,6 +20,7 @@ import os
 import shutil
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import numpy as np
@@ -37,14 +38,14 @@ ADVICE = "overwrite it, or choose another folder"
 NOT_A_BAKE = "{} is not an unfinished bake of this version of Sinew; " + ADVICE
 
 
-def world_header(count):
+def world_header(count: int) -> bytes:
     """Returns the header of a .npy file with (count, 4, 4) float64."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (count, 4, 4)})
     return stream.getvalue()
 
 
-def write_at(file, data, offset):
+def write_at(file: int, data: bytes | memoryview, offset: int) -> None:
     """Writes all of data (bytes or memoryview of bytes) to an open file descriptor."""
     data = memoryview(data)
     while data:
@@ -52,12 +53,12 @@ def write_at(file, data, offset):
         data, offset = data[count:], offset + count
 
 
-def folder_of(path):
+def folder_of(path: str) -> str:
     """Returns NAME.pc2.part."""
     return f"{path}.part"
 
 
-def read_marks(path):
+def read_marks(path: str) -> tuple[subjects.Subject, np.ndarray]:
     """Returns (Subject, (F,) bool: which frames are baked) of the unfinished cache. Raises ValueError or OSError."""
     with open(os.path.join(folder_of(path), "frames"), "rb") as file:
         subject = subjects.parse(file.readline())
@@ -68,7 +69,7 @@ def read_marks(path):
 
 
 @contextmanager
-def advising_room(path):
+def advising_room(path: str) -> Iterator[None]:
     """Adds advice to the error of a full disk, where nothing was baked yet."""
     try:
         yield
@@ -78,12 +79,12 @@ def advising_room(path):
         raise OSError(error.errno, f"{error.strerror}: {MAKE_ROOM}", path) from error
 
 
-def discard(path):
+def discard(path: str) -> None:
     """Deletes the frames of an unfinished cache."""
     shutil.rmtree(folder_of(path), ignore_errors=True)
 
 
-def tidy(path):
+def tidy(path: str) -> None:
     """Cleans up after processes that died while starting or finishing a cache. The folder must exist. Live processes
     are not disturbed. Raises OSError."""
     for each in _made_under_other_names(path):
@@ -120,12 +121,14 @@ class PartFiles:
     full or access is denied.
     """
 
-    def __init__(self, path, subject):
+    def __init__(self, path: str, subject: subjects.Subject) -> None:
         """path: of the complete cache, in an existing folder."""
         if sys.platform == "win32":
             raise ValueError("on Windows, Sinew cannot write point caches; bake USD instead")
         self.path, self.subject, self._layout = path, subject, subject.layout
         self._line, self._world_header = subject.line(), world_header(len(subject.frames))
+        self._pending: list[int]
+        self._files: dict[str, int]
         self._pending, self._synced, self._files = [], time.monotonic(), {}
         for _ in range(ATTEMPTS):
             if self._open():
@@ -226,17 +229,17 @@ class PartFiles:
     def _marks(self):
         return np.frombuffer(os.pread(self._files["frames"], len(self.subject.frames), len(self._line)), np.uint8)
 
-    def done(self):
+    def done(self) -> list[int]:
         """Returns the indices of the frames that are on the disk, whichever process wrote them."""
         return np.flatnonzero(self._marks() == 1).tolist()
 
-    def has(self, index):
+    def has(self, index: int) -> bool:
         return os.pread(self._files["frames"], 1, len(self._line) + index) == b"\1"
 
-    def missing(self):
+    def missing(self) -> list[int]:
         return np.flatnonzero(self._marks() != 1).tolist()
 
-    def write(self, index, positions, world):
+    def write(self, index: int, positions: np.ndarray, world: np.ndarray) -> None:
         """Writes one frame: positions (V, 3) float32, world (4, 4). Raises OSError."""
         with _naming(folder_of(self.path)):
             write_at(self._files["positions"], self._layout.encode(positions), self._layout.offset(index))
@@ -245,7 +248,7 @@ class PartFiles:
         if time.monotonic() - self._synced > SECONDS_BETWEEN_SYNCS:
             self.sync()
 
-    def sync(self):
+    def sync(self) -> None:
         """Waits until the written frames are on the disk, then marks them. Raises OSError."""
         pending, self._pending, self._synced = self._pending, [], time.monotonic()
         if pending:
@@ -256,7 +259,7 @@ class PartFiles:
                     os.pwrite(self._files["frames"], b"\1", len(self._line) + index)
                 os.fsync(self._files["frames"])
 
-    def finish(self):
+    def finish(self) -> list[int]:
         """Moves the cache to its place if no frame is missing, whichever process wrote them. Returns the missing
         indices. Another process may do the same at the same time."""
         self.sync()

@@ -29,7 +29,7 @@ class Layout:
     frames: FrameRange
     rate: float  # frames per second, no more precise than float32, for MDD's times
 
-    def header(self):
+    def header(self) -> bytes:
         """Returns the header as bytes."""
         count = len(self.frames)
         if self.format == "pc2":
@@ -38,25 +38,28 @@ class Layout:
         return MDD_HEADER.pack(count, self.vertex_count) + times.astype(">f4").tobytes()
 
     @property
-    def frame_size(self):
+    def frame_size(self) -> int:
         return 12 * self.vertex_count
 
     @property
-    def size(self):
+    def size(self) -> int:
         """The size of the whole file, in bytes."""
         return self.offset(len(self.frames))
 
-    def offset(self, index):
+    def offset(self, index: int) -> int:
         """Returns where the frame with that index, from 0, begins."""
         start = PC2_HEADER.size if self.format == "pc2" else MDD_HEADER.size + 4 * len(self.frames)
         return start + index * self.frame_size
 
-    def encode(self, positions):
+    def encode(self, positions: np.ndarray) -> memoryview:
         """Converts positions (V, 3) float32 to the bytes of the file, without a copy where none is needed."""
-        return memoryview(np.ascontiguousarray(positions, NUMBERS[self.format]).reshape(-1).view(np.uint8))
+        # numpy's types do not declare arrays as buffers.
+        return memoryview(
+            np.ascontiguousarray(positions, NUMBERS[self.format]).reshape(-1).view(np.uint8)  # type: ignore[arg-type]
+        )
 
 
-def read_header(path):
+def read_header(path: str) -> tuple[int, float | None, float]:
     """Returns (V, first frame or None, step) from the file's header. Raises ValueError if it is neither PC2 nor MDD, or
     OSError."""
     with open(path, "rb") as file:
@@ -69,7 +72,7 @@ def read_header(path):
     raise ValueError(f"{path} is neither a PC2 nor an MDD file")
 
 
-def read_frame(path, layout, index):
+def read_frame(path: str, layout: Layout, index: int) -> np.ndarray:
     """Returns the positions of one frame, (V, 3) float32."""
     found = np.fromfile(path, NUMBERS[layout.format], 3 * layout.vertex_count, offset=layout.offset(index))
     return found.astype(np.float32).reshape(-1, 3)

@@ -23,16 +23,16 @@ class Subject:
     blend: str  # digest of the saved file, or "": a bake continues only from the same state of the file
 
     @property
-    def layout(self):
+    def layout(self) -> point_cache.Layout:
         return point_cache.Layout(self.format, self.vertex_count, self.frames, self.rate)
 
-    def line(self):
+    def line(self) -> bytes:
         """Returns a line of JSON, the same bytes for equal subjects."""
         fields = {**vars(self), "frames": str(self.frames), "version": VERSION}
         return json.dumps(fields, sort_keys=True).encode() + b"\n"
 
 
-def parse(line):
+def parse(line: bytes) -> Subject:
     """Returns the Subject described by a line of JSON. Raises ValueError."""
     try:
         fields = json.loads(line)
@@ -71,7 +71,7 @@ WORDS = {
 }
 
 
-def difference(there, here):
+def difference(there: Subject, here: Subject) -> tuple[str, str]:
     """Returns (there, here): the first difference between two subjects, in words."""
     for name, words in WORDS.items():
         if getattr(there, name) != getattr(here, name):
@@ -85,17 +85,17 @@ def difference(there, here):
 # --- files beside a cache -------------------------------------------------------------------------
 
 
-def path_beside(path):
+def path_beside(path: str) -> str:
     """Returns NAME.pc2.json."""
     return f"{path}.json"
 
 
-def world_beside(path):
+def world_beside(path: str) -> str:
     """Returns NAME.pc2.world.npy."""
     return f"{path}.world.npy"
 
 
-def of_cache(path):
+def of_cache(path: str) -> Subject:
     """Returns the Subject of a complete cache. Raises ValueError or OSError."""
     file = path_beside(path)
     with open(file, "rb") as stream:
@@ -105,7 +105,7 @@ def of_cache(path):
             raise ValueError(f"{file}: {error}") from error
 
 
-def is_whole(path, subject):
+def is_whole(path: str, subject: Subject) -> bool:
     """Whether the finished cache of exactly this subject exists at path."""
     try:
         return of_cache(path) == subject and os.path.getsize(path) == subject.layout.size

@@ -5,7 +5,9 @@ Letters: F frames, V vertices, J joints. Matrices act on column vectors here and
 
 import errno
 import os
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from . import leftovers
 from .frame_range import FrameRange
 
 
-def load(expose=None, advice=""):
+def load(expose: Callable[[], Any] | None = None, advice: str = "") -> None:
     """Makes sure that pxr can be imported. expose(): lets Python find Blender's own copy. Raises ValueError."""
     for attempt in (None, expose):
         if attempt is not None:
@@ -25,14 +27,14 @@ def load(expose=None, advice=""):
     raise ValueError(f"USD needs the Python package usd-core, which this Blender does not have{advice}")
 
 
-def row_matrices(matrices):
+def row_matrices(matrices: np.ndarray) -> Any:
     """Converts (N, 4, 4) to a Vt.Matrix4dArray."""
     from pxr import Vt
 
     return Vt.Matrix4dArray.FromNumpy(np.ascontiguousarray(np.swapaxes(matrices, -1, -2), np.float64))
 
 
-def row_matrix(matrix):
+def row_matrix(matrix: np.ndarray) -> Any:
     from pxr import Gf
 
     return Gf.Matrix4d(*np.asarray(matrix, np.float64).T.reshape(-1).tolist())
@@ -42,7 +44,7 @@ class UsdFile:
     """One object's file, a context manager: it appears under its name when `save` is called, and not at all if
     something fails before that. Raises OSError if it cannot be written."""
 
-    def __init__(self, path, name, frames: FrameRange, rate, meters):
+    def __init__(self, path: str, name: str, frames: FrameRange, rate: float, meters: float) -> None:
         """name: of the object; rate: frames per second; meters: length of a unit."""
         from pxr import Tf, Usd, UsdGeom
 
@@ -67,7 +69,7 @@ class UsdFile:
         with suppress(FileNotFoundError):
             os.remove(self._temporary)
 
-    def save(self):
+    def save(self) -> None:
         with self._naming():
             self.stage.GetRootLayer().Save()
         self.stage = None
@@ -100,13 +102,13 @@ def _extent(positions):
 class PointsFile(UsdFile):
     """A mesh whose points are written for each frame."""
 
-    def begin(self, topology, scheme):
+    def begin(self, topology: tuple[np.ndarray, np.ndarray], scheme: str) -> None:
         mesh = self._define_mesh(self.root, topology, scheme)
         self.stage.SetDefaultPrim(mesh.GetPrim())
         self._points, self._extent = mesh.CreatePointsAttr(), mesh.CreateExtentAttr()
         self._world = mesh.AddTransformOp()
 
-    def write(self, frame, positions, world):
+    def write(self, frame: int, positions: np.ndarray, world: np.ndarray) -> None:
         """positions (V, 3) float32, world (4, 4)."""
         from pxr import Vt
 
@@ -118,7 +120,14 @@ class PointsFile(UsdFile):
 class SkeletonFile(UsdFile):
     """A mesh that a skeleton moves, with the joints' motions for each frame."""
 
-    def begin(self, topology, scheme, rest, influences, skeleton):
+    def begin(
+        self,
+        topology: tuple[np.ndarray, np.ndarray],
+        scheme: str,
+        rest: np.ndarray,
+        influences: tuple[np.ndarray, np.ndarray],
+        skeleton: Any,
+    ) -> None:
         """rest (V, 3); influences: joints (V, K), weights (V, K), which sum to 1; skeleton: names, parents (J,), -1 for
         a root, bind (J, 4, 4) rigid, parents first."""
         from pxr import Gf, Sdf, UsdGeom, UsdSkel, Vt
@@ -156,7 +165,7 @@ class SkeletonFile(UsdFile):
         UsdSkel.BindingAPI.Apply(bones.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
         self._skeleton = skeleton
 
-    def write(self, frame, posed, world):
+    def write(self, frame: int, posed: np.ndarray, world: np.ndarray) -> np.ndarray:
         """Writes posed (J, 4, 4), the joints in the space of the mesh, and world (4, 4). Returns (J, 4, 4): the joints
         as a reader gets them, since scales are stored with eleven bits and shear is not stored at all."""
         from pxr import UsdSkel
@@ -172,7 +181,7 @@ class SkeletonFile(UsdFile):
         return kept
 
 
-def local_to(parents, matrices):
+def local_to(parents: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     """Returns (J, 4, 4): each joint relative to its parent."""
     return np.array(
         [
@@ -182,11 +191,11 @@ def local_to(parents, matrices):
     )
 
 
-def joint_paths(names, parents):
+def joint_paths(names: Iterable[str], parents: np.ndarray) -> list[str]:
     """Returns a path such as "hips/spine/neck" for each joint. Names are made valid and unique."""
     from pxr import Tf
 
-    paths = []
+    paths: list[str] = []
     for name, parent in zip(names, parents):
         start = f"{paths[parent]}/" if parent >= 0 else ""
         path = unique = start + Tf.MakeValidIdentifier(name)

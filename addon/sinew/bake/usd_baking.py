@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack
 
 import bpy
@@ -10,17 +11,21 @@ import numpy as np
 from . import evaluation, part_files, usd
 from .baked import Baked
 from .character import LinearCharacter, NotLinear
+from .job import Job
 
 TOLERANCE = 1e-5  # how far skinning may differ from Blender's result, as a fraction of the diagonal
 
 
-def steps(context, job, objects):
+def steps(
+    context: bpy.types.Context, job: Job, objects: Sequence[bpy.types.Object]
+) -> Generator[tuple[float, str], None, list[Baked]]:
     """Bakes step by step: a generator like that of baking.py, which calls it."""
     usd.load(getattr(bpy.utils, "expose_bundled_modules", None), _advice())
     for ob in objects:
         path = job.path_of(ob.name)
         if os.path.exists(path) and not job.overwrite:
             raise ValueError(f"{path} already exists; {part_files.ADVICE}")
+    baked: dict[bpy.types.Object, Baked]
     by_points, baked = dict.fromkeys(objects, ""), {}
     if not job.usd_points:
         by_points = yield from _bake(context, job, objects, _Skinned, baked)
@@ -83,7 +88,7 @@ class _Pointed:
         self.file = _open(usd.PointsFile, scene, job, ob, stack)
         self.file.begin(topology, _scheme(job, ob))
 
-    def write(self, frame, depsgraph):
+    def write(self, frame: int, depsgraph: bpy.types.Depsgraph) -> None:
         positions, world = evaluation.read(self._ob, depsgraph)
         evaluation.check_count(self._ob, frame, len(positions), self.vertex_count)
         self.file.write(frame, positions, world)
@@ -99,7 +104,7 @@ class _Skinned:
         self.file = _open(usd.SkeletonFile, scene, job, ob, stack)
         self.file.begin(topology, _scheme(job, ob), character.rest, character.influences, character.skeleton)
 
-    def write(self, frame, depsgraph):
+    def write(self, frame: int, depsgraph: bpy.types.Depsgraph) -> None:
         positions, world = evaluation.read(self._ob, depsgraph)
         try:
             kept = self.file.write(frame, self._character.posed(depsgraph), world)

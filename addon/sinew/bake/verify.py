@@ -9,7 +9,7 @@ from . import frame_range, part_files, point_cache
 from . import subject as subjects
 
 
-def problems(path, frames=None):
+def problems(path: str, frames: frame_range.FrameRange | None = None) -> list[str]:
     """Returns sentences about what is wrong with the cache at path; none if no frame is missing, the sizes are right
     and all numbers are finite. frames: the FrameRange that it should have, or None."""
     name = os.path.basename(path)

@@ -1,12 +1,16 @@
 """The command `bake`: bakes objects of a .blend, or checks whether they were baked completely."""
 
+import argparse
+from collections.abc import Callable, Iterable
+from typing import Any
+
 import bpy
 
 from ..bake import baking, evaluation, frame_range, verify
 from ..bake import job as jobs
 
 
-def run(options, open_blend):
+def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str]:
     """Runs the command. Returns the JSON document and the text. open_blend(path) opens a file. Raises ValueError or
     OSError; with --verify the ValueError lists everything that is wrong."""
     if options.path:
@@ -22,7 +26,7 @@ def run(options, open_blend):
     return {**document, "objects": [vars(each) for each in baked]}, text
 
 
-def job_of(options):
+def job_of(options: argparse.Namespace) -> jobs.Job:
     scene = bpy.context.scene
     return jobs.Job(
         folder=options.folder,
@@ -36,7 +40,7 @@ def job_of(options):
     )
 
 
-def names_of(words):
+def names_of(words: Iterable[str] | None) -> tuple[str, ...]:
     """Returns the object names in the words, each of which is a name or a comma-separated list of names."""
     return tuple(
         name for word in words or () for name in ([word] if word in bpy.data.objects else word.split(",")) if name

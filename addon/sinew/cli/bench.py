@@ -1,7 +1,9 @@
 """Compares Sinew with Blender's own Armature modifier: the same frames of the open scene and of a copy of it,
 alternately, because a machine's speed drifts."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -31,7 +33,7 @@ class Contest:
     frames: list
 
 
-def deformed_meshes(objects):
+def deformed_meshes(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
     """Returns the meshes that Sinew or an Armature modifier deforms, or that Sinew could deform without an armature."""
     return [
         ob
@@ -43,7 +45,7 @@ def deformed_meshes(objects):
     ]
 
 
-def set_up(output, frame_count):
+def set_up(output: str, frame_count: int) -> Contest:
     """Copies the scene, then binds its visible meshes; the open file stays changed. Returns a
     Contest, or raises ValueError if Sinew can deform none of the meshes."""
     scene, layer = bpy.context.scene, bpy.context.view_layer
@@ -71,7 +73,7 @@ def set_up(output, frame_count):
     return Contest((scene, copied_scene), layer.name, pairs, skipped, frames)
 
 
-def release(ob):
+def release(ob: bpy.types.Object) -> str:
     """Unbinds the mesh if it is bound, and keeps its Armature modifiers. Returns the source of its pose."""
     settings = ob.sinew
     if not settings.is_bound:
@@ -82,7 +84,7 @@ def release(ob):
     return source
 
 
-def copy_scene(meshes):
+def copy_scene(meshes: Sequence[bpy.types.Object]) -> tuple[bpy.types.Scene, list[bpy.types.Object]]:
     """Copies the open scene with its objects, meshes and armatures. Returns the new scene, and the copy of
     each of these mesh objects."""
     window, scene = bpy.context.window, bpy.context.scene
@@ -99,7 +101,7 @@ def copy_scene(meshes):
     return copied_scene, copies
 
 
-def set_method(contest, method):
+def set_method(contest: Contest, method: str) -> None:
     """Sets the skinning method in both scenes."""
     for pair in contest.pairs:
         for ob in pair:
@@ -109,7 +111,7 @@ def set_method(contest, method):
                     modifier.use_deform_preserve_volume = method == "DUAL_QUATERNION"
 
 
-def measure(contest):
+def measure(contest: Contest) -> dict[str, float]:
     """Returns {name: milliseconds, median over the frames}: `sinew` and `modifier` are whole calls of
     scene.frame_set, the stages are Sinew's own, summed over all meshes. Raises ValueError if a mesh cannot be
     deformed."""
@@ -126,7 +128,7 @@ def measure(contest):
     return {"sinew": sinew, "modifier": float(np.median(theirs)), **dict(zip(STAGES, stages))}
 
 
-def play(scene, frames, entries=()):
+def play(scene: bpy.types.Scene, frames: Sequence[int], entries: Sequence[Any] = ()) -> list[list[float]]:
     """Plays the frames after one warm-up frame. Returns a row of milliseconds per frame: the whole call of frame_set,
     and, if there are entries, the stages."""
     bpy.context.window.scene = scene
@@ -139,7 +141,7 @@ def play(scene, frames, entries=()):
     return rows
 
 
-def play_without_sinew(scene, frames):
+def play_without_sinew(scene: bpy.types.Scene, frames: Sequence[int]) -> list[list[float]]:
     """Plays without Sinew's handlers. They have nothing to do in the copied scene, but checking that takes time."""
     handlers.unregister_frame_handlers()
     try:
@@ -148,7 +150,7 @@ def play_without_sinew(scene, frames):
         handlers.register_frame_handlers()
 
 
-def compare(contest):
+def compare(contest: Contest) -> tuple[float, float]:
     """Returns (distance, motion) in the objects' space: the largest distance, over all frames, of a vertex from the
     same vertex of the copy, and from its own position on the first frame."""
     distance = motion = 0.0
@@ -166,10 +168,10 @@ def compare(contest):
     return distance, motion
 
 
-def shape(ob, depsgraph):
+def shape(ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     """Returns (V, 3): the evaluated positions."""
     return meshes.read_positions(ob.evaluated_get(depsgraph).data)
 
 
-def farthest(positions, others):
+def farthest(positions: np.ndarray, others: np.ndarray) -> float:
     return float(np.linalg.norm(positions - others, axis=1).max(initial=0.0))

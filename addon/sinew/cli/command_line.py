@@ -7,11 +7,14 @@ Exit codes: 0 done; 1 failed, with the reason on stderr; 2 wrong usage. With --j
 line on stdout is a JSON document.
 """
 
+import argparse
 import ctypes
 import dataclasses
 import json
 import os
 import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
 import bpy
 
@@ -23,12 +26,12 @@ from . import bake, bench, command_options, reports
 from .command_options import identifier
 
 
-def run(arguments):
+def run(arguments: Sequence[str]) -> int:
     """Runs one command. arguments: the words after `sinew`. Returns the exit code."""
     try:
         options = command_options.make_parser().parse_args(arguments)
     except SystemExit as stop:  # argparse has printed help or an error
-        return stop.code or 0
+        return stop.code or 0  # type: ignore[return-value] # argparse's codes are numbers
     try:
         document, text = COMMANDS[options.command](options)
     except (ValueError, OSError, MemoryError, bindable.BindingError, bind.OutputError) as error:
@@ -39,12 +42,12 @@ def run(arguments):
     return 0
 
 
-def main():
+def main() -> NoReturn:
     """Runs the words after `--` and ends the process."""
     sys.exit(run(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []))
 
 
-def flush_blender():
+def flush_blender() -> None:
     """Flushes C's stdout: in a pipe, Blender's own output would otherwise appear after ours."""
     if os.name == "posix":
         ctypes.CDLL(None).fflush(None)
@@ -53,7 +56,7 @@ def flush_blender():
 # --- commands: options -> JSON document, text -----------------------------------------------------
 
 
-def info(options):
+def info(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     if options.profile:
         return profile(options)
     if options.frames:
@@ -64,7 +67,7 @@ def info(options):
     return reports.report_rig(skeleton_path(options.path), import_options(options))
 
 
-def profile(options):
+def profile(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     if not options.path.endswith(".blend"):
         raise ValueError(f"--profile needs a .blend file, which {options.path} is not")
     open_blend(options.path)
@@ -72,7 +75,7 @@ def profile(options):
     return reports.report_profile(options.path, found)
 
 
-def import_(options):
+def import_(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     folder = os.path.dirname(options.blend)
     if not os.path.isdir(folder):
         raise ValueError(f"there is no folder {folder}: make it first")
@@ -86,7 +89,7 @@ def import_(options):
     return reports.report_meshes(options.blend, [mesh_object])
 
 
-def export(options):
+def export(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     """Exports a rig folder, and reports its content as the importer reads it."""
     open_blend(options.path)
     ob = chosen_mesh(options.object)
@@ -98,7 +101,7 @@ def export(options):
     return reports.report_rig(path, rig_import.ImportOptions())
 
 
-def run_bench(options):
+def run_bench(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     if options.path.endswith(".blend"):
         open_blend(options.path)
     else:
@@ -126,7 +129,7 @@ def run_bench(options):
     return reports.report_bench(options, contest, results)
 
 
-def run_bake(options):
+def run_bake(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     return bake.run(options, open_blend)
 
 
@@ -136,7 +139,7 @@ COMMANDS = {"info": info, "import": import_, "export": export, "bake": run_bake,
 # --- files ----------------------------------------------------------------------------------------
 
 
-def open_blend(path):
+def open_blend(path: str) -> None:
     """Opens a file. All references to data of the previous file become invalid."""
     if not os.path.isfile(path):
         raise ValueError(f"there is no file {path}")
@@ -147,7 +150,7 @@ def open_blend(path):
             raise ValueError(sentence(error)) from error
 
 
-def sentence(error):
+def sentence(error: Exception) -> str:
     """Returns the message of an error, without the "Error: " that operators put before it."""
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
@@ -156,7 +159,7 @@ def sentence(error):
     return str(error).strip().splitlines()[-1].removeprefix("Error: ")
 
 
-def skeleton_path(path):
+def skeleton_path(path: str) -> str:
     """Returns the path of a rig folder's skeleton, or path itself if it is a skeleton file."""
     if not os.path.exists(path):
         raise ValueError(f"there is no file or folder {path}")
@@ -170,7 +173,7 @@ def skeleton_path(path):
     return path
 
 
-def import_options(options):
+def import_options(options: argparse.Namespace) -> rig_import.ImportOptions:
     """Returns the options that were given, with the importer's defaults for the others."""
     given = {
         field.name: getattr(options, field.name)
@@ -184,7 +187,7 @@ def import_options(options):
     return rig_import.ImportOptions(**given)
 
 
-def import_into_empty_file(options):
+def import_into_empty_file(options: argparse.Namespace) -> bpy.types.Object:
     """Imports a rig into an empty file. Returns the mesh object."""
     path = skeleton_path(options.path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -194,7 +197,7 @@ def import_into_empty_file(options):
     return mesh_object
 
 
-def chosen_mesh(name):
+def chosen_mesh(name: str | None) -> bpy.types.Object:
     """Returns the mesh object of that name, or without a name the only deformed one. Raises ValueError."""
     meshes = bench.deformed_meshes(bpy.data.objects)
     names = ", ".join(ob.name_full for ob in meshes) or "none"
@@ -210,14 +213,14 @@ def chosen_mesh(name):
 
 # --- registration ---------------------------------------------------------------------------------
 
-registered = []  # Blender's handle of the command, which must be kept alive
+registered: list[Any] = []  # Blender's handle of the command, which must be kept alive
 
 
-def register():
+def register() -> None:
     if hasattr(bpy.utils, "register_cli_command"):
         registered.append(bpy.utils.register_cli_command("sinew", run))
 
 
-def unregister():
+def unregister() -> None:
     while registered:
         bpy.utils.unregister_cli_command(registered.pop())

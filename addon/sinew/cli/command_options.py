@@ -2,6 +2,8 @@
 
 import argparse
 import os
+from collections.abc import Callable
+from typing import Any
 
 from ..bake import frame_range as bake_range
 from ..bake import job
@@ -11,7 +13,7 @@ BLENDERS_METHODS = ("linear", "dual-quaternion")  # those of its Armature modifi
 METHODS = (*BLENDERS_METHODS, "blended", "rotation-centers", "direct-delta-mush")
 
 
-def make_parser():
+def make_parser() -> argparse.ArgumentParser:
     """Returns the parser. In its result, `command` is the name of the command; rig options that were not given are
     absent."""
     parser = argparse.ArgumentParser(
@@ -28,13 +30,13 @@ def make_parser():
     return parser
 
 
-def add_command(commands, name, summary):
+def add_command(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
     command = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
     command.add_argument("--json", action="store_true", help="end stdout with one line of JSON")
     return command
 
 
-def add_info(commands):
+def add_info(commands: Any) -> None:
     command = add_command(commands, "info", "what is in a rig folder, or which meshes of a .blend an armature deforms")
     command.add_argument(
         "path", metavar="PATH", type=os.path.abspath, help="a rig folder, its skeleton file, or a .blend"
@@ -55,7 +57,7 @@ def add_info(commands):
     add_file_options(command)
 
 
-def add_import(commands):
+def add_import(commands: Any) -> None:
     command = add_command(commands, "import", "make a .blend from a rig folder")
     command.add_argument("path", metavar="FOLDER", type=os.path.abspath, help="the rig folder, or its skeleton file")
     command.add_argument(
@@ -88,7 +90,7 @@ def add_import(commands):
     add_output_kind(group)
 
 
-def add_export(commands):
+def add_export(commands: Any) -> None:
     command = add_command(commands, "export", "write a character of a .blend as a rig folder")
     command.add_argument("path", metavar="FILE.blend", type=blend_path)
     command.add_argument("folder", metavar="FOLDER", type=os.path.abspath, help="made if it is missing")
@@ -109,7 +111,7 @@ def add_export(commands):
     )
 
 
-def add_bake(commands):
+def add_bake(commands: Any) -> None:
     command = add_command(commands, "bake", "write the shapes of every frame to files: point caches, or USD")
     command.add_argument(
         "path",
@@ -164,7 +166,7 @@ def add_bake(commands):
     )
 
 
-def add_bench(commands):
+def add_bench(commands: Any) -> None:
     command = add_command(commands, "bench", "how long a frame takes with Sinew and with Blender's Armature modifier")
     command.add_argument(
         "path",
@@ -185,7 +187,7 @@ def add_bench(commands):
     add_file_options(command)
 
 
-def add_file_options(command):
+def add_file_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("how to read a rig folder", argument_default=argparse.SUPPRESS)
     group.add_argument("--mesh", metavar="FILE", help="the mesh's file, beside the skeleton (mesh.obj)")
     group.add_argument("--weights", metavar="FILE", help="the weights' file (weights.dmat)")
@@ -200,7 +202,7 @@ def add_file_options(command):
     )
 
 
-def add_output_kind(command, **default):
+def add_output_kind(command: Any, **default: str) -> None:
     command.add_argument(
         "--output-kind",
         dest="output",
@@ -210,13 +212,13 @@ def add_output_kind(command, **default):
     )
 
 
-def blend_path(word):
+def blend_path(word: str) -> str:
     if not word.endswith(".blend"):
         raise argparse.ArgumentTypeError(f"{word} does not end in .blend")
     return os.path.abspath(word)
 
 
-def frames_by(parse):
+def frames_by(parse: Callable[[str], Any]) -> Callable[[str], Any]:
     """Returns the type of an option whose value is converted by `parse`."""
 
     def read(word):
@@ -228,13 +230,13 @@ def frames_by(parse):
     return read
 
 
-def positive_integer(word):
+def positive_integer(word: str) -> int:
     if not word.isdecimal() or int(word) == 0:
         raise argparse.ArgumentTypeError(f"{word} is not a whole number above 0")
     return int(word)
 
 
-def positive_number(word):
+def positive_number(word: str) -> float:
     try:
         number = float(word)
     except ValueError:
@@ -244,11 +246,11 @@ def positive_number(word):
     return number
 
 
-def identifier(word):
+def identifier(word: str) -> str:
     """Converts dual-quaternion to DUAL_QUATERNION, the spelling of the add-on's properties."""
     return word.upper().replace("-", "_")
 
 
-def word(name):
+def word(name: str) -> str:
     """Converts DUAL_QUATERNION to dual-quaternion."""
     return name.lower().replace("_", "-")

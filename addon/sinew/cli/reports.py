@@ -1,6 +1,8 @@
 """The output of the commands: for each a JSON document, and the same as text."""
 
 import os
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -23,7 +25,7 @@ BENCH_ROWS = (
 )
 
 
-def report_rig(path, options):
+def report_rig(path: str, options: rig_import.ImportOptions) -> tuple[dict[str, Any], str]:
     folder, skeleton = os.path.split(path)
     rig = rig_import.read_rig(folder, skeleton, options)
     influences = np.count_nonzero(rig.weights > 0, axis=1)
@@ -44,9 +46,9 @@ def report_rig(path, options):
     return {"path": path, "convention": rig.skeleton.convention, **numbers}, text
 
 
-def report_meshes(path, objects):
+def report_meshes(path: str, objects: Iterable[bpy.types.Object]) -> tuple[dict[str, Any], str]:
     meshes = [describe_mesh(ob) for ob in objects]
-    rows = [("mesh", "vertices", "bones", "deformed by", "method", "pose", "output")]
+    rows: list[tuple] = [("mesh", "vertices", "bones", "deformed by", "method", "pose", "output")]
     rows += [
         tuple(
             mesh[key] if mesh[key] is not None else ""
@@ -59,7 +61,7 @@ def report_meshes(path, objects):
     return {"path": path, "meshes": meshes}, "\n".join([path, "", text, *problems])
 
 
-def describe_mesh(ob):
+def describe_mesh(ob: bpy.types.Object) -> dict[str, Any]:
     """Returns what deforms a mesh, with `problem`: why Sinew does not or could not deform it, or None."""
     settings, armature = ob.sinew, bindable.find_armature(ob)
     mesh = {
@@ -88,7 +90,7 @@ def describe_mesh(ob):
     return mesh | {"problem": problem_of(ob)}
 
 
-def problem_of(ob):
+def problem_of(ob: bpy.types.Object) -> str | None:
     """Returns why Sinew does not or could not deform a mesh, or None. An unbound mesh is bound for a moment to find
     out."""
     was_bound = ob.sinew.is_bound
@@ -104,7 +106,7 @@ def problem_of(ob):
     return problem or None
 
 
-def report_profile(path, profile):
+def report_profile(path: str, profile: costs.Profile) -> tuple[dict[str, Any], str]:
     computer = {"blender": bpy.app.version_string, "cores": os.cpu_count()}
     text = [
         f"{path}, {costs.heading(profile)}; Blender {bpy.app.version_string}, {os.cpu_count()} cores",
@@ -115,7 +117,7 @@ def report_profile(path, profile):
     return {"path": path, **computer, **profile.document()}, "\n".join(text + ([""] + remarks if remarks else []))
 
 
-def report_bench(options, contest, results):
+def report_bench(options: Any, contest: Any, results: list[dict[str, Any]]) -> tuple[dict[str, Any], str]:
     meshes = [
         {
             "name": ob.name,
@@ -145,7 +147,7 @@ def report_bench(options, contest, results):
     return document, "\n".join([*heading, "", table(rows)])
 
 
-def table(rows):
+def table(rows: Sequence[tuple]) -> str:
     """Returns rows of words and numbers as aligned text. Columns of numbers are aligned right."""
     cells = [[cell if isinstance(cell, str) else number_text(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells)]
@@ -155,7 +157,7 @@ def table(rows):
     )
 
 
-def number_text(number):
+def number_text(number: float) -> str:
     if isinstance(number, int):
         return f"{number:,}"
     return f"{number:.3f}" if abs(number) >= 1e-3 else f"{number:.2g}"

@@ -2,6 +2,7 @@
 curve. A crowd plays without Sinew."""
 
 import math
+from typing import Any
 
 import bpy
 import numpy as np
@@ -13,7 +14,14 @@ AHEAD, ASIDE = 1.6, 1.2  # distance between agents in a lane, and between lanes,
 LENGTH_OF_BLOCK = 6.0  # length of a crowd whose lanes were not chosen, as a multiple of its width
 
 
-def build(context, phases, agents, path=None, lanes=0, seed=0):
+def build(
+    context: bpy.types.Context,
+    phases: Any,
+    agents: int,
+    path: bpy.types.Object | None = None,
+    lanes: int = 0,
+    seed: int = 0,
+) -> bpy.types.Object:
     """Makes a crowd and returns its object. phases: phases.Phases, which now belong to the crowd. path: a curve object;
     None: a circle is made. lanes: 0: as many as the agents need."""
     inputs, along, across = _clip_inputs(context.scene, phases)
@@ -34,7 +42,7 @@ def build(context, phases, agents, path=None, lanes=0, seed=0):
     return ob
 
 
-def modifier_of(ob):
+def modifier_of(ob: bpy.types.Object) -> bpy.types.Modifier | None:
     """Returns the modifier that makes an object a crowd, or None."""
     return next(
         (
@@ -46,7 +54,7 @@ def modifier_of(ob):
     )
 
 
-def renew(scene, ob, phases):
+def renew(scene: bpy.types.Scene, ob: bpy.types.Object, phases: Any) -> None:
     """Replaces the shapes of a crowd, which keeps everything else. The old shapes are removed."""
     modifier = modifier_of(ob)
     old = graph.get_input(modifier, "Phases")

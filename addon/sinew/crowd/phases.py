@@ -5,7 +5,9 @@ character.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import bpy
 import numpy as np
@@ -29,14 +31,14 @@ class Phases:
     shapes: list = field(default_factory=list)
 
     @property
-    def count(self):
+    def count(self) -> int:
         return len(self.shapes[0])
 
-    def remove(self):
+    def remove(self) -> None:
         """Removes the meshes."""
         bpy.data.batch_remove([mesh for each in self.shapes for mesh in set(each)])
 
-    def settle(self, seconds):
+    def settle(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """Moves the meshes into the crowd's space, and gives them velocities, with which renderers blur moving limbs.
         seconds: length of a cycle. Returns the stride (3,) and the bounding box, lowest and highest corner (2, 3)."""
         away = np.arange(self.count)[:, None] / self.count * self.drift
@@ -49,7 +51,11 @@ class Phases:
             for mesh, positions in zip(shapes, each):
                 meshes.write_positions(mesh, np.float32(positions - origin))
             if is_even and self.count > 1:
-                for mesh, velocity in zip(shapes, stride.velocities(np.float32(each), seconds)):
+                # By numpy's types, np.float32 makes only numbers, never arrays.
+                for mesh, velocity in zip(
+                    shapes,
+                    stride.velocities(np.float32(each), seconds),  # type: ignore[arg-type]
+                ):
                     meshes.write_attribute(mesh, "velocity", velocity)
         walked = self.drift
         if not walked.any() and is_even:
@@ -60,7 +66,15 @@ class Phases:
 # --- of a character -------------------------------------------------------------------------------
 
 
-def of_objects(context, objects, name, first, last, count, shown):
+def of_objects(
+    context: bpy.types.Context,
+    objects: Sequence[bpy.types.Object],
+    name: str,
+    first: float,
+    last: float,
+    count: int,
+    shown: Any,
+) -> Phases:
     """Returns the Phases of the objects' evaluated meshes on the frames first to last. If the last frame shows the
     same pose as the first, the cycle ends before it. count: number of phases; 0: one per frame. The caller has to
     restore the scene's frame. Raises ValueError."""
@@ -128,7 +142,7 @@ def _counts(mesh):
 # --- of a rig folder ------------------------------------------------------------------------------
 
 
-def of_rig(path, options, count):
+def of_rig(path: str, options: rig_import.ImportOptions, count: int) -> Phases:
     """Returns the Phases of a rig folder's poses, one pose per frame, by linear skinning in one native call. path: of
     its skeleton; options: rig_import.ImportOptions; count: number of phases; 0: one per pose. Raises ValueError or
     OSError."""

@@ -1,6 +1,7 @@
 """The source of a crowd's shapes: a character of the scene, or a rig folder."""
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import bpy
 
@@ -25,11 +26,11 @@ class Source:
     first: float | None = None
     last: float | None = None
 
-    def keep(self, ob):
+    def keep(self, ob: bpy.types.Object) -> None:
         """Saves the source with the crowd's object."""
         ob[PROPERTY] = {name: value for name, value in asdict(self).items() if value is not None}
 
-    def phases(self, context, shown):
+    def phases(self, context: bpy.types.Context, shown: Any) -> phases.Phases:
         """Returns phases.Phases. The scene does not change. Raises ValueError or OSError."""
         if self.filepath:
             path = bpy.path.abspath(self.filepath)
@@ -46,13 +47,13 @@ class Source:
             return phases.of_objects(context, objects, ob.name, first, last, self.count, shown)
 
 
-def kept(ob):
+def kept(ob: bpy.types.Object) -> Source | None:
     """Returns the Source of a crowd's object, or None."""
     found = ob.get(PROPERTY)
     return Source(**found.to_dict()) if found is not None else None
 
 
-def meshes_of_character(context, ob):
+def meshes_of_character(context: bpy.types.Context, ob: bpy.types.Object) -> list[bpy.types.Object]:
     """Returns the visible meshes of the character that a mesh or an armature belongs to: those that the armature
     deforms, or that are parented to it. Raises ValueError."""
     armature = ob if ob.type == "ARMATURE" else bindable.find_armature(ob)
@@ -63,7 +64,7 @@ def meshes_of_character(context, ob):
     return found
 
 
-def clip_range(scene, ob):
+def clip_range(scene: bpy.types.Scene, ob: bpy.types.Object) -> tuple[float, float]:
     """Returns first, last: the frames of the character's action, or else the scene's."""
     for each in ob if ob.type == "ARMATURE" else bindable.find_armature(ob), ob:
         data = each.animation_data if each is not None else None

@@ -10,19 +10,19 @@ STANDING = 0.01  # the fraction of the vertices, the lowest ones, that are compa
 LEAST = 0.05  # the smallest motion of a cycle that counts as walking, as a fraction of the height
 
 
-def drift_of(first, last):
+def drift_of(first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Returns (3,) float64: how far the clip carries the character over the ground from phase 0 to phase P, given the
     positions (V, 3) of both; zero if it stays in place."""
     moved = (last - first).mean(axis=0, dtype=np.float64) * (1, 1, 0)
     return moved if np.linalg.norm(moved) > LEAST * height_of(first) else np.zeros(3)
 
 
-def closes(first, last):
+def closes(first: np.ndarray, last: np.ndarray) -> bool:
     """Whether the character has the same shape in both phases."""
     return bool(np.abs(last - first).max(initial=0) <= 0.01 * height_of(first))
 
 
-def stride_of(phases):
+def stride_of(phases: np.ndarray) -> np.ndarray:
     """Returns (3,) float64: how far a character that walks in place, phases (P, V, 3), would move in a cycle if its
     feet did not slide; zero if it does not walk. The lowest vertices are taken for the feet: those on the ground move
     backwards as the body moves forwards."""
@@ -42,11 +42,11 @@ def stride_of(phases):
     return stride if np.linalg.norm(stride) > LEAST * top else np.zeros(3)
 
 
-def height_of(positions):
+def height_of(positions: np.ndarray) -> float:
     return float(np.ptp(positions[:, 2])) if len(positions) else 0.0
 
 
-def velocities(phases, cycle_seconds):
+def velocities(phases: np.ndarray, cycle_seconds: float) -> np.ndarray:
     """Returns (P, V, 3) float32: the velocity of each vertex at each phase, from the phases before and after it, in
     units per second."""
     ahead, behind = np.roll(phases, -1, axis=0), np.roll(phases, 1, axis=0)

@@ -11,6 +11,8 @@ so that feet do not slide: a larger agent makes fewer steps. h is constant while
 frame for motion blur: an agent that showed a different mesh there would not be recognized as the same one.
 """
 
+from typing import Any
+
 from ..blender.graph import Graph, enabled
 
 NAME = "Sinew Crowd"
@@ -56,7 +58,7 @@ INPUTS = (
 )
 
 
-def make():
+def make() -> Any:
     """Makes the node group."""
     graph = Graph(NAME, INPUTS, "Instances")
     graph.tree[VERSION_PROPERTY] = VERSION

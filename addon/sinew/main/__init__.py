@@ -1,1 +1,1 @@
-"""What Blender calls in the main thread: handlers, properties, and what they look after."""
+"""What Blender calls in the main thread: handlers, properties, and what they maintain."""

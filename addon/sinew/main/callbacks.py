@@ -1,21 +1,25 @@
-"""Handlers and timers in Blender's lists. The lists belong to everybody: a script that clears one takes out Sinew's as
-well, and Blender drops a timer that has raised. What is missing is put back."""
+"""Keeps Sinew's handlers and timers in Blender's lists. All add-ons share these lists: a script that clears one also
+removes Sinew's entries, and Blender drops a timer that has raised. Missing entries are put back."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import bpy
 
-_handlers = []  # (name of the list in bpy.app.handlers, handler) that belong there
-_timers = []
-_with_file = []  # functions
+# (name of the list in bpy.app.handlers, handler) of all that should be there
+_handlers: list[tuple[str, Callable[..., Any]]] = []
+_timers: list[Callable[[], float | None]] = []
+_with_file: list[Callable[[], Any]] = []  # called whenever a different file is opened
 
 
-def add(handlers):
-    """handlers: (name of the list, handler) each."""
+def add(handlers: Iterable[tuple[str, Callable[..., Any]]]) -> None:
+    """Adds handlers. handlers: (name of the list in bpy.app.handlers, handler) each."""
     _handlers.extend(handlers)
     put_back()
 
 
-def remove(handlers):
-    """Those that are there."""
+def remove(handlers: Iterable[tuple[str, Callable[..., Any]]]) -> None:
+    """Removes handlers, given as to `add`, wherever a list still has them."""
     for name, handler in handlers:
         _handlers.remove((name, handler))
         listed = getattr(bpy.app.handlers, name)
@@ -23,35 +27,35 @@ def remove(handlers):
             listed.remove(handler)
 
 
-def start(timer):
-    """Also goes on when another file is opened."""
+def start(timer: Callable[[], float | None]) -> None:
+    """Starts a timer, which continues when a different file is opened."""
     _timers.append(timer)
     put_back()
 
 
-def stop(timer):
+def stop(timer: Callable[[], float | None]) -> None:
     _timers.remove(timer)
     if bpy.app.timers.is_registered(timer):
         bpy.app.timers.unregister(timer)
 
 
-def start_with_file(function):
-    """It is called whenever another file is opened."""
+def start_with_file(function: Callable[[], Any]) -> None:
+    """Registers a function that is called whenever a different file is opened."""
     _with_file.append(function)
 
 
-def stop_with_file(function):
+def stop_with_file(function: Callable[[], Any]) -> None:
     _with_file.remove(function)
 
 
-def another_file():
-    """Another file was opened."""
+def another_file() -> None:
+    """Calls the registered functions, since a different file was opened."""
     for function in _with_file:
         function()
 
 
-def put_back():
-    """Returns whether a handler was missing."""
+def put_back() -> bool:
+    """Puts missing handlers and timers back. Returns whether a handler was missing."""
     missing = [(name, handler) for name, handler in _handlers if handler not in getattr(bpy.app.handlers, name)]
     for name, handler in missing:
         getattr(bpy.app.handlers, name).append(handler)

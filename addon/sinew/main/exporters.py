@@ -1,18 +1,21 @@
-"""Evaluated characters as exporters expect them: the shape is Sinew's, all else as Blender's own modifiers leave it.
+"""Prepares evaluated characters for exporters: the shape is Sinew's, all else is as Blender's own modifiers leave it.
 
-An exporter that evaluates the scene in a graph of its own (USD, Alembic) reads the shape, and may read what made it as
-well: USD writes a skeleton if the evaluated Armature modifier is on, and the evaluated shape keys. Between the
-evaluation and the exporter Blender calls the handlers. Then the switches and keys that Sinew has set for the evaluation
-are no longer needed. The next evaluation sets them again.
+An exporter that evaluates the scene in its own dependency graph (USD, Alembic) reads the shape, and may also read what
+produced it: USD writes a skeleton if the evaluated Armature modifier is on, and it writes the evaluated shape keys.
+Blender calls the handlers between the evaluation and the exporter. By then, the switches and keys that Sinew set for
+the evaluation are no longer needed. The next evaluation sets them again.
 """
+
+from typing import Any
 
 from ..host import key_blocks, marks
 from ..plan import wiring
 from ..run import characters
 
 
-def tidy(depsgraph):
-    """After an evaluation. The graph that a window shows stays as it is, where nobody looks for them."""
+def tidy(depsgraph: Any) -> None:
+    """Restores switches and shape keys after an evaluation, except in the graph that a window shows, where nothing
+    reads them."""
     if depsgraph == depsgraph.view_layer.depsgraph:
         return
     for ob in characters.known():
@@ -27,7 +30,7 @@ def tidy(depsgraph):
 
 
 def _restore_keys(copy, ob):
-    """They count as read all the same: the next evaluation need not read them again."""
+    """Restores the shape keys. They still count as read, so the next evaluation does not read them again."""
     hook = copy.plan.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
     if not keys or copy.keys is None or not marks.is_marked(keys, "KEY"):

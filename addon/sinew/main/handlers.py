@@ -1,9 +1,10 @@
-"""Blender's callbacks. Deforming needs none of them: they see to edits and to the deformed copies of the output Mesh,
+"""Blender's callbacks. Deforming needs none of them: they handle edits, update the deformed copies of the output Mesh,
 and pose the armatures of clips before a frame is evaluated."""
 
 import logging
 import threading
 from dataclasses import dataclass, field
+from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
@@ -19,18 +20,20 @@ from ..run import characters, mail
 from . import callbacks, exporters, whole_frames, write_lock
 
 log = logging.getLogger("sinew")
-SECONDS_BETWEEN_LOOKS = 0.3  # into the mail, in a window
-SECONDS_WHILE_ASKED = 0.005  # likewise, while a render asks for poses
-SECONDS_TO_WAIT = 5.0  # at most, for the main thread
+SECONDS_BETWEEN_LOOKS = 0.3  # between checks of the mail, in a window
+SECONDS_WHILE_ASKED = 0.005  # the same, while a render asks for poses
+SECONDS_TO_WAIT = 5.0  # for the main thread, at most
 HAS_EVENT_LOOP = not bpy.app.background
-_seen_gathering = None  # of bound meshes
-_said = set()  # errors of the timer
-_bone_names = {}  # key of an armature's data -> those of its bones
-_is_file_unknown = True  # the add-on was switched on in an open file, of which registering may see nothing
+_seen_gathering = None  # characters.gathering() at the last update
+_said: set[str] = set()  # errors of the timer that were logged
+_bone_names: dict[Any, list[str]] = {}  # key of an armature's data -> names of its bones
+# Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
+# access to the file's data.
+_is_file_unknown = True
 
 
 @persistent
-def before_frame(scene, *_):
+def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     write_lock.look()
     take_over_open_file()
     if characters.may_follow_clips():
@@ -38,7 +41,7 @@ def before_frame(scene, *_):
 
 
 @persistent
-def after_frame(scene, depsgraph):
+def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if characters.may_follow_clips():
         _in_main_thread(_pose_anew, scene, depsgraph)
     exporters.tidy(depsgraph)
@@ -63,14 +66,15 @@ def _is_main_thread():
 
 
 def _in_main_thread(function, *arguments):
-    """A render evaluates in a thread of its own, while somebody may edit what poses are written to."""
+    """Calls a function in the main thread. A render evaluates in its own thread, while the user may be editing the data
+    that poses are written to."""
     if _is_main_thread() or not HAS_EVENT_LOOP or not mail.ask(SECONDS_TO_WAIT, function, *arguments):
-        # If the main thread does not come to it, it waits for this thread: as when the file is closed.
+        # If the main thread does not respond, it is waiting for this thread, as when the file is closed.
         function(*arguments)
 
 
 @persistent
-def on_depsgraph_update(_scene, depsgraph):
+def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     write_lock.look()
     _put_handlers_back()
     take_over_open_file()
@@ -97,7 +101,7 @@ def on_depsgraph_update(_scene, depsgraph):
 
 
 @persistent
-def on_load(*_):
+def on_load(*_: Any) -> None:
     global _is_file_unknown
     _is_file_unknown = True
     for forget_more in (notice.forget, posing.forget_what_was_said, whole_frames.forget, precomputing.forget):
@@ -108,16 +112,16 @@ def on_load(*_):
 
 
 @persistent
-def before_save(*_):
+def before_save(*_: Any) -> None:
     shared_group.see_to()
 
 
 @persistent
-def on_undo_redo(*_):
+def on_undo_redo(*_: Any) -> None:
     forget(is_undo=True)
 
 
-def forget(is_undo=False):
+def forget(is_undo: bool = False) -> None:
     _bone_names.clear()
     characters.forget(is_undo)
     deformed_copies.forget()
@@ -126,20 +130,20 @@ def forget(is_undo=False):
 
 @dataclass
 class Edits:
-    """What somebody has edited, or animation moved, since the last evaluation."""
+    """What was edited, or moved by animation, since the last evaluation."""
 
-    of_collections: bool  # objects may have come or gone, or are shown or hidden
-    keys: set = field(default_factory=set)  # of all data-blocks
-    meshes: list = field(default_factory=list)  # original mesh objects, and whether their geometry is another one
-    armatures: list = field(default_factory=list)  # original data
+    of_collections: bool  # objects may have been added, removed, shown or hidden
+    keys: set = field(default_factory=set)  # of all updated data-blocks
+    meshes: list = field(default_factory=list)  # (original mesh object, whether its geometry has changed)
+    armatures: list = field(default_factory=list)  # original armature data
 
     @classmethod
-    def of(cls, depsgraph):
+    def of(cls, depsgraph: bpy.types.Depsgraph) -> "Edits":
         edits = cls(depsgraph.id_type_updated("COLLECTION"))
         for update in depsgraph.updates:
             block = update.id
             edits.keys.add(values.key_of(block))
-            if isinstance(block, bpy.types.Armature):  # a pose says so too
+            if isinstance(block, bpy.types.Armature):  # also if only the pose has changed
                 edits.armatures.append(block.original)
             elif isinstance(block, bpy.types.Object) and block.type == "MESH":
                 edits.meshes.append((block.original, update.is_updated_geometry))
@@ -147,20 +151,20 @@ class Edits:
 
 
 def _clip_armatures():
-    """Those of bound objects whose bones imported poses move."""
+    """Returns the armatures of bound objects whose bones are moved by imported poses."""
     found = dict.fromkeys(ob.sinew.armature for ob in characters.by_clip() if ob.sinew.source == "CLIP")
     return [armature for armature in found if armature is not None and has_poses(armature.data)]
 
 
 def _has_gathered():
-    """Whether bound meshes have come or gone since the last update."""
+    """Whether bound meshes were added or removed since the last update."""
     global _seen_gathering
     last, _seen_gathering = _seen_gathering, characters.gathering()
     return last != _seen_gathering
 
 
 def _has_other_bones(armatures):
-    """Whether an armature has others than when it was last updated."""
+    """Whether the bones of an armature have changed since its last update. armatures: their data."""
     has_others = False
     for data in armatures:
         key, names = values.key_of(data), data.bones.keys()
@@ -170,8 +174,9 @@ def _has_other_bones(armatures):
 
 
 def _note_edits(objects, affected, edits, may_lack):
-    """A modifier may have been applied or removed. affected: {key: object} of those with a part that was edited;
-    may_lack: what a driver waits for may have gone, or not be all."""
+    """Updates characters after edits, which may have applied or removed a modifier. affected: {key: object} of the
+    objects of which some part was edited; may_lack: whether a driver may wait for something that no longer exists, or
+    may not wait for all that it should."""
     for ob in objects:
         key = values.key_of(ob)
         is_edited = key in edits.keys
@@ -181,7 +186,7 @@ def _note_edits(objects, affected, edits, may_lack):
             characters.see(ob)
         entry = characters.of(ob)
         if entry.way.kind == ways.BLENDER and key in affected:
-            sharer_count = entry.planning.sharer_count  # others see to that: counting is a walk through the file
+            sharer_count = entry.planning.sharer_count  # updated elsewhere: counting searches the whole file
             entry.look_again()
             entry.planning.sharer_count = sharer_count
             entry.look(ob)
@@ -193,11 +198,11 @@ def _note_edits(objects, affected, edits, may_lack):
             mail.post(bind.rewire, key)
 
 
-def receive_strangers(edits):
-    """A bound mesh that came while as many objects went is noticed here, and one that another object was given as well.
-    A mesh that was given a copy of another one's modifier is not bound, and has that taken away."""
+def receive_strangers(edits: Edits) -> None:
+    """Notices bound meshes that appeared while as many objects disappeared, and bound meshes that were also assigned to
+    a second object. Removes Sinew's modifiers from a mesh that was only given copies of them, and so is not bound."""
     for ob, is_reshaped in edits.meshes:
-        if is_reshaped:  # it may have been given the mesh of a bound one
+        if is_reshaped:  # it may have been assigned the mesh of a bound object
             characters.see_mesh(ob.data, edits.of_collections)
         if ob.sinew.copy_of is not None:
             deformed_copy.let_go_of_duplicate(ob)
@@ -215,7 +220,7 @@ def receive_strangers(edits):
 
 
 def _has_stray_attribute(mesh):
-    """Of a bound mesh that was joined to this one."""
+    """Whether a mesh has Sinew's attribute from a bound mesh that was joined to it."""
     return (
         mesh.library is None
         and not mesh.is_editmode
@@ -223,8 +228,9 @@ def _has_stray_attribute(mesh):
     )
 
 
-def look_into_the_mail():
-    """A timer, which Blender would drop if it raised."""
+def look_into_the_mail() -> float:
+    """Restores what is missing and delivers the mail. A timer, which Blender would drop if it raised. Returns the
+    seconds until the next call."""
     for look in (_put_handlers_back, take_over_open_file, mail.deliver):
         try:
             look()
@@ -236,14 +242,14 @@ def look_into_the_mail():
 
 
 def _put_handlers_back():
-    """While one was missing, another file may have been opened, or steps undone."""
+    """Puts missing handlers back. While one was missing, a different file may have been opened, or steps undone."""
     global _is_file_unknown
     if callbacks.put_back():
         forget(is_undo=True)
         _is_file_unknown = True
 
 
-def take_over_open_file():
+def take_over_open_file() -> None:
     global _is_file_unknown
     if not _is_file_unknown or not _is_main_thread():
         return
@@ -257,7 +263,7 @@ def take_over_open_file():
             mending.adapt(ob)
     shared_group.see_to()
     for ob in characters.with_copy():
-        mail.post(bind.follow_when_evaluated, values.key_of(ob))  # no handler is told of a file's first evaluation
+        mail.post(bind.follow_when_evaluated, values.key_of(ob))  # a file's first evaluation calls no handler
 
 
 FRAME_HANDLERS = (("frame_change_pre", before_frame), ("frame_change_post", after_frame))
@@ -271,15 +277,15 @@ HANDLERS = (
 )
 
 
-def register_frame_handlers():
+def register_frame_handlers() -> None:
     callbacks.add(FRAME_HANDLERS)
 
 
-def unregister_frame_handlers():
+def unregister_frame_handlers() -> None:
     callbacks.remove(FRAME_HANDLERS)
 
 
-def register():
+def register() -> None:
     global _is_file_unknown
     _is_file_unknown = True
     mail.answer(mail.REWIRE, bind.rewire)
@@ -287,7 +293,7 @@ def register():
     callbacks.start(look_into_the_mail)
 
 
-def unregister():
+def unregister() -> None:
     callbacks.stop(look_into_the_mail)
     callbacks.remove(HANDLERS)
     for ob in characters.bound_objects():

@@ -1,5 +1,7 @@
-"""What the user can set, saved in the .blend: on the mesh object how it is deformed, on the armature
-object how the clip of an imported rig plays."""
+"""The user's settings, saved in the .blend: on the mesh object, how it is deformed; on the armature object, how the
+clip of an imported rig plays."""
+
+from typing import Any
 
 import bpy
 from bpy.props import (
@@ -27,7 +29,7 @@ METHODS = (
         "Dual quaternion skinning: keeps the volume of twisted and bent limbs, as the Armature "
         "modifier does with Preserve Volume",
     ),
-    # Those that the Armature modifier does not have.
+    # Methods that the Armature modifier does not have.
     (
         methods.BLENDED,
         "Blended",
@@ -112,7 +114,7 @@ def _deform_now(settings):
 
 
 class SinewObjectSettings(bpy.types.PropertyGroup):
-    """On mesh objects: `object.sinew`. What an Armature modifier can say, its own modifier says."""
+    """Settings of a mesh object, `object.sinew`. What an Armature modifier can define is set in the modifier itself."""
 
     method: EnumProperty(
         items=METHODS,
@@ -146,7 +148,7 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
 
     skinning: PointerProperty(type=SinewSkinningSettings, name="Skinning", override=OVERRIDE)
 
-    # Kept by bind.py, not for people to set.
+    # Set by bind.py, not by the user.
     own_method: StringProperty(options={"HIDDEN"}, override=OVERRIDE)  # of methods.OWN; "": the modifier's
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
@@ -154,16 +156,16 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     needs_attribute: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)  # and Sinew's own modifier
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
-    # Of a deformed copy (deformed_copy.py): the name of its object, how many vertices it was given, and of which
-    # edition of the object's mesh it is.
+    # Of a deformed copy (deformed_copy.py): the name of its object, the number of vertices that it was given, and the
+    # edition of the object's mesh that it was made from.
     copied_from: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
     copied_vertices: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
     copied_edition: IntProperty(options={"HIDDEN"}, override=OVERRIDE)
 
-    # While it plays a cache (bake/mesh_cache.py): what to put back, JSON.
+    # While the mesh plays a cache (bake/mesh_cache.py): the state to restore, as JSON.
     cache_kept: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
 
-    # Of older files, see old_files.py.
+    # From older files, see old_files.py.
     held: StringProperty(options={"HIDDEN"}, override=OVERRIDE)
     replaced: CollectionProperty(
         type=SinewReplacedModifier, options={"HIDDEN"}, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
@@ -173,37 +175,37 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     deform_now: FloatProperty(options={"HIDDEN"}, get=_deform_now)
 
     @property
-    def deformed(self):
+    def deformed(self) -> bpy.types.Object | None:
         """The deformed copy of a mesh with the output Mesh, or None."""
         return deformed_copy.find(self.id_data) if deformed_copy.is_wanted_by(self.id_data) else None
 
     @property
-    def copy_of(self):
+    def copy_of(self) -> bpy.types.Object | None:
         """The object whose deformed copy this is, or None."""
         return self.id_data.parent if self.copied_from else None
 
     @property
-    def modifiers(self):
-        """The Armature modifiers that Sinew stands in for, in the order in which they are mixed."""
+    def modifiers(self) -> list[bpy.types.Modifier]:
+        """The Armature modifiers that Sinew replaces, in the order in which they are mixed."""
         return wiring.taken_modifiers(self.id_data)
 
     @property
-    def modifier(self):
-        """The first of them, or None."""
+    def modifier(self) -> Any:
+        """The first Armature modifier that Sinew replaces, or None."""
         return next(iter(self.modifiers), None)
 
     @property
-    def armature(self):
-        """Of the first of them, or None."""
+    def armature(self) -> bpy.types.Object | None:
+        """The armature of the first Armature modifier that Sinew replaces, or None."""
         return self.modifier and self.modifier.object
 
     @armature.setter
-    def armature(self, armature):
+    def armature(self, armature: bpy.types.Object) -> None:
         self.modifier.object = armature
 
 
 class SinewClipSettings(bpy.types.PropertyGroup):
-    """On armature objects: `object.sinew_clip`, how the imported poses play."""
+    """Settings of an armature object, `object.sinew_clip`: how the imported poses play."""
 
     mode: EnumProperty(
         items=CLIP_MODES,
@@ -246,14 +248,14 @@ class SinewClipSettings(bpy.types.PropertyGroup):
 CLASSES = (SinewReplacedModifier, SinewSkinningSettings, SinewObjectSettings, SinewClipSettings)
 
 
-def register():
+def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Object.sinew = PointerProperty(type=SinewObjectSettings, override=OVERRIDE)
     bpy.types.Object.sinew_clip = PointerProperty(type=SinewClipSettings, override=OVERRIDE)
 
 
-def unregister():
+def unregister() -> None:
     del bpy.types.Object.sinew_clip
     del bpy.types.Object.sinew
     for cls in reversed(CLASSES):

@@ -1,5 +1,5 @@
-"""What can be set of the skinning methods that are Sinew's own, and of its smoothing: `object.sinew.skinning`. Nothing
-of this is animated: the data of a method is made once for all frames."""
+"""The settings of Sinew's own skinning methods and of its smoothing: `object.sinew.skinning`. None of them can be
+animated, because the data of a method is computed once for all frames."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
@@ -40,9 +40,9 @@ def _setting(kind, name, description, update=_show, **options):
 
 
 class SinewSkinningSettings(bpy.types.PropertyGroup):
-    """On mesh objects: `object.sinew.skinning`."""
+    """Settings of a mesh object: `object.sinew.skinning`."""
 
-    # Of the method Blended.
+    # For the method Blended.
     share: _setting(
         FloatProperty,
         "Share",
@@ -61,7 +61,7 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
     )
     share_invert: _setting(BoolProperty, "Invert", "Weight 1 is linear, 0 is dual quaternion skinning")
 
-    # Of Centers of Rotation.
+    # For Centers of Rotation.
     sigma: _setting(
         FloatProperty,
         "Width",
@@ -71,7 +71,7 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
         default=0.1,
     )
 
-    # Of Direct Delta Mush.
+    # For Direct Delta Mush.
     smoothing: _setting(
         FloatProperty, "Smoothing", "How far the shape is smoothed on each iteration", min=0.0, max=1000.0, default=3.0
     )
@@ -95,7 +95,7 @@ class SinewSkinningSettings(bpy.types.PropertyGroup):
         EnumProperty, "Variant", "How much is kept for each vertex: less is faster and rougher", items=VARIANTS
     )
 
-    # Of smoothing behind any method.
+    # For smoothing after any method.
     smooth_iterations: _setting(
         IntProperty,
         "Iterations",

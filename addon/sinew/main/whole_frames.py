@@ -1,22 +1,24 @@
-"""What a whole frame of the open scene takes, with Sinew and without: Blender's own modifiers deform the same frames,
-in turns, for a machine's pace drifts."""
+"""Measures the time of a whole frame of the open scene, with Sinew and with Blender's own modifiers. The two alternate
+on the same frames, because a machine's speed drifts."""
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from ..blender import values
 from ..run import character, characters
 
-BLOCK = 10  # frames in a row that one of the two has
-MOST_FRAMES = 40  # of each
-MOST_SECONDS = 4.0  # after which no further block begins
+BLOCK = 10  # consecutive frames that are played with one of the two before the other's turn
+MOST_FRAMES = 40  # with each of the two
+MOST_SECONDS = 4.0  # after this time, no further block begins
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Milliseconds, medians of whole calls of scene.frame_set: all that the scene evaluates, without drawing."""
+    """Median milliseconds of whole calls of scene.frame_set: everything that the scene evaluates, without drawing."""
 
     scene: str  # its name
     sinew: float
@@ -24,16 +26,16 @@ class Measured:
     bound: frozenset = frozenset()  # keys of the meshes that were bound
 
     @property
-    def glance(self):
-        """How many times as fast, and frames a second."""
+    def glance(self) -> str:
+        """The speedup by Sinew, and the frames per second, as text."""
         return f"{self.blender / self.sinew:.1f}x, {1e3 / self.sinew:,.0f} fps"
 
 
 _last = None
 
 
-def last(scene):
-    """What was measured last in that scene, with the meshes that are bound now, or None."""
+def last(scene: Any) -> Measured | None:
+    """Returns the last measurement, or None if it was made in a different scene or with other bound meshes."""
     return _last if _last is not None and (_last.scene, _last.bound) == (scene.name, _bound()) else None
 
 
@@ -41,17 +43,19 @@ def _bound():
     return frozenset(values.key_of(ob) for ob in characters.bound_objects())
 
 
-def forget():
+def forget() -> None:
     global _last
     _last = None
 
 
-def measure(scene, progress):
-    """Plays frames of the scene from its first on, and goes back to where it was. Returns a Measured."""
+def measure(scene: Any, progress: Any) -> Measured:
+    """Plays frames of the scene, beginning with its first, and then restores the current frame. Returns a Measured."""
     global _last
     place = scene.frame_current, scene.frame_subframe
     length = scene.frame_end - scene.frame_start + 1
     frames = [scene.frame_start + i % length for i in range(MOST_FRAMES)]
+    sinew: list[float]
+    blender: list[float]
     sinew, blender = [], []
     start = perf_counter()
     try:
@@ -71,8 +75,9 @@ def measure(scene, progress):
     return _last
 
 
-def frame_times(scene, frames, before_each=lambda: None):
-    """A generator of milliseconds: of each frame the whole call that sets it. A frame before them warms up."""
+def frame_times(scene: Any, frames: Sequence[int], before_each: Callable[[], Any] = lambda: None) -> Iterator[float]:
+    """Yields the milliseconds of each frame: of the whole call that sets it. The last frame is set first, to warm up.
+    before_each: called before each frame, outside the measured time."""
     scene.frame_set(frames[-1])
     for frame in frames:
         before_each()

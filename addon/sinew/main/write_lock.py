@@ -1,13 +1,17 @@
-"""Blender forbids Python to write while it draws the interface, by one flag for all threads. When a render evaluates in
-a thread of its own, the `get` of a property puts the flag back after itself as it had found it; if drawing has ended
-meanwhile, the flag stays up. From then on no timer or handler of any add-on may write, or call an operator. Sinew's
-hook is such a `get`, so Sinew looks after the flag: before the handlers of frames and edits, and by a timer, while a
-render runs each time that Blender comes to its timers. Nothing is drawn then, so a flag that is up was left.
+"""Clears a flag that Blender may leave set, and that keeps Python from writing.
 
-How it is taken down: another thread begins what Blender takes the flag down for, and waits. A `poll` function that is
-called now finds it down, lets the other thread put it up, and ends: Blender puts the flag back as `poll` found it.
+While Blender draws the interface, it forbids Python to write, by one flag for all threads. When a render evaluates in
+its own thread, the `get` of a property ends by restoring the flag that it found; if drawing has ended in the meantime,
+the flag stays set. From then on no timer or handler of any add-on can write, or call an operator. Sinew's hook is such
+a `get`, so Sinew checks the flag: before its frame and edit handlers, and in a timer that runs, while something
+renders, each time that Blender processes its timers. Nothing is drawn at these moments, so a flag that is set was left
+behind.
 
-The flag stays up in 3.4, 4.3 and 5.0.1, and not in 4.2.23, 4.5.15, 5.1.2 and 5.2.
+How the flag is cleared: another thread starts something for which Blender clears the flag, and waits. A `poll` function
+that is called now finds the flag cleared, lets the other thread set it again, and ends: Blender restores the flag that
+`poll` found.
+
+The flag stays set in 3.4, 4.3 and 5.0.1, and not in 4.2.23, 4.5.15, 5.1.2 and 5.2.
 """
 
 import threading
@@ -18,31 +22,31 @@ from ..blender import values
 from . import callbacks
 
 MAY_STAY = values.VERSION < (5, 1, 0)
-SECONDS = 1.0  # to wait for the other thread at most
-SECONDS_BETWEEN_LOOKS = 0.1  # while nothing renders
-JOBS = ("RENDER", "OBJECT_BAKE")  # that evaluate in a thread of their own
+SECONDS = 1.0  # for the other thread, at most
+SECONDS_BETWEEN_LOOKS = 0.1  # between checks of the flag, while nothing renders
+JOBS = ("RENDER", "OBJECT_BAKE")  # the jobs that evaluate in their own thread
 _reading = None
 
 
 class _Reading:
-    """What the other thread does."""
+    """A thread that reads or sets a property, and waits inside that call."""
 
     def __init__(self):
         self.has_begun, self.may_end = threading.Event(), threading.Event()
-        # What it is read from is found here: bpy.context belongs to this thread.
+        # The window manager is looked up here, since bpy.context belongs to this thread.
         self._thread = threading.Thread(target=_have_it_wait, args=(bpy.context.window_manager,), daemon=True)
 
-    def begin(self):
+    def begin(self) -> None:
         self._thread.start()
         self.has_begun.wait(SECONDS)
 
-    def end(self):
+    def end(self) -> None:
         self.may_end.set()
         self._thread.join(SECONDS)
 
 
 def _have_it_wait(manager):
-    """5.0 does not take the flag down for a `get`, but for an `update`."""
+    """Waits inside the `get` of a property or, in 5.0, inside its `update`: 5.0 clears the flag only for the latter."""
     if values.VERSION >= (5, 0, 0):
         manager.sinew_waits = True
     else:
@@ -74,16 +78,16 @@ class TakeFlagDown(bpy.types.Operator):
         return False
 
 
-def may_write():
-    """Whether the flag is down. Blender looks at it before all else that may be wrong with a property that is set."""
+def may_write() -> bool:  # type: ignore[return] # a scene's name_full cannot be set
+    """Whether the flag is cleared. When a property is set, Blender checks the flag before anything else."""
     try:
         bpy.context.scene.name_full = ""
     except AttributeError as error:
         return "not allowed" not in str(error)
 
 
-def look():
-    """Takes the flag down if it is up. In the main thread, while nothing is drawn; elsewhere nothing happens."""
+def look() -> None:
+    """Clears the flag if it is set. Call it in the main thread while nothing is drawn; in others it does nothing."""
     global _reading
     is_elsewhere = threading.current_thread() is not threading.main_thread()
     if not MAY_STAY or is_elsewhere or _reading is not None or may_write():
@@ -97,17 +101,17 @@ def look():
         _reading = None
 
 
-def is_rendering():
+def is_rendering() -> bool:
     return any(map(bpy.app.is_job_running, JOBS))
 
 
-def look_again_and_again():
-    """As a timer."""
+def look_again_and_again() -> float:
+    """Checks the flag as a timer. Returns the seconds until the next check."""
     look()
     return 0.0 if is_rendering() else SECONDS_BETWEEN_LOOKS
 
 
-def register():
+def register() -> None:
     bpy.utils.register_class(TakeFlagDown)
     bpy.types.WindowManager.sinew_waits = bpy.props.BoolProperty(
         get=_get,
@@ -119,7 +123,7 @@ def register():
         callbacks.start(look_again_and_again)
 
 
-def unregister():
+def unregister() -> None:
     if MAY_STAY:
         callbacks.stop(look_again_and_again)
     del bpy.types.WindowManager.sinew_waits

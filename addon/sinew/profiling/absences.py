@@ -1,6 +1,8 @@
 """Takes things out of a scene to measure what they cost: context managers that restore everything."""
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 
@@ -11,7 +13,7 @@ from ..run import characters
 
 
 @contextmanager
-def scene_of(objects):
+def scene_of(objects: Sequence[bpy.types.Object]) -> Iterator[bpy.types.Scene]:
     """Yields a scene with only these objects and what they depend on. Nothing is hidden in the file's own scenes:
     hiding would deselect objects and make simulations lose their frames."""
     scene = bpy.data.scenes.new("Sinew Profile")
@@ -29,7 +31,7 @@ def scene_of(objects):
 
 
 @contextmanager
-def still(curves):
+def still(curves: Sequence[Any]) -> Iterator[None]:
     """Mutes the curves (of keyframes, or drivers; all of them unmuted before) inside the `with` block."""
     try:
         for curve in curves:
@@ -41,7 +43,7 @@ def still(curves):
 
 
 @contextmanager
-def switched_off(modifiers):
+def switched_off(modifiers: Sequence[bpy.types.Modifier]) -> Iterator[None]:
     try:
         for modifier in modifiers:
             modifier.show_viewport = False
@@ -52,7 +54,7 @@ def switched_off(modifiers):
 
 
 @contextmanager
-def muted(keys):
+def muted(keys: bpy.types.Key) -> Iterator[None]:
     before = [block.mute for block in keys.key_blocks]
     try:
         for block in keys.key_blocks:
@@ -64,7 +66,7 @@ def muted(keys):
 
 
 @contextmanager
-def bound_for_now(ob):
+def bound_for_now(ob: bpy.types.Object) -> Iterator[Any]:
     """Binds a mesh inside the `with` block, and yields its runtime entry. Raises BindingError."""
     settings = ob.sinew
     kept = {
@@ -88,7 +90,7 @@ def bound_for_now(ob):
             ob.modifiers.active = ob.modifiers[active]
 
 
-def why_not_muted(ob, keys):
+def why_not_muted(ob: bpy.types.Object, keys: bpy.types.Key) -> str:
     """Returns why muting the keys would measure nothing, or ""."""
     if not keys.use_relative:
         return "absolute keys cannot be muted"

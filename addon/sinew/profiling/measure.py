@@ -1,13 +1,15 @@
 """Plays frames of the open scene and measures what its objects cost.
 
-Where Blender has a clock for each modifier (4.x and later), that is read. Everything else is measured by its absence: a
-few frames are played with it, without it, and with it again; always without the modifiers that do not matter there and
-would drown it in noise; armatures without anything else (rigs.py). Each absence ends with the block of frames for which
-it was made, so between two steps of `steps` the file is unchanged.
+If Blender has a clock for each modifier (4.x and later), that clock is read. Everything else is measured by its
+absence: a few frames are played with it, without it, and with it again. Modifiers that do not affect it are switched
+off then, since their noise would hide its cost; armatures are played without anything else (rigs.py). Each absence ends
+with its block of frames, so between two steps of `steps` the file is unchanged.
 """
 
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from statistics import median
+from typing import Any
 
 import bpy
 
@@ -24,7 +26,7 @@ BLOCK = 10  # consecutive frames that one absence lasts
 HAS_CLOCK = "execution_time" in bpy.types.Modifier.bl_rna.properties
 
 
-def run(context, first, last):
+def run(context: bpy.types.Context, first: int, last: int) -> costs.Profile:
     """Runs the whole measurement. Returns a Profile, or raises ValueError."""
     work = steps(context, first, last)
     while True:
@@ -34,7 +36,7 @@ def run(context, first, last):
             return end.value
 
 
-def steps(context, first, last):
+def steps(context: bpy.types.Context, first: int, last: int) -> Generator[tuple[float, str], None, costs.Profile]:
     """Measures step by step: a generator of (share done, what comes next) that returns a costs.Profile. Closing it
     early is safe. Raises ValueError if there is nothing to measure."""
     costs.check_frames(first, last)
@@ -87,7 +89,9 @@ class _Round:
         self.before, self.after = [], []
         self._off = [modifier for subject in subjects for modifier in subject.off[stage]]
 
-    def steps(self, context, frames, subjects):
+    def steps(
+        self, context: bpy.types.Context, frames: list[int], subjects: Sequence["_Subject"]
+    ) -> Iterator[tuple[str, Callable[[], None]]]:
         """Yields (what is done, a function that does it and restores everything) for a block of frames."""
 
         def play(times, subjects=()):
@@ -234,7 +238,7 @@ class _Subject:
         else:
             self.absences.append(_Absence(self.ob.name, [part], absent, what, stage))
 
-    def try_accelerate(self):
+    def try_accelerate(self) -> None:
         """Prepares to measure what Accelerate saves. Only binding shows whether Sinew can deform the mesh."""
         armature = bindable.armature_to_bind(self.ob)
         is_deformed = not ways.why_idle(self.ob) if armature is None else bindable.armature_modifier(self.ob, armature)
@@ -250,9 +254,9 @@ class _Subject:
             self.cost.saves = Part("Blender's deformation", "SAVES", None, DIFFERENCE)
             self.absences.append(_Absence(self.ob.name, [self.cost.saves], absences.bound_for_now, self.ob, DEFORMED))
 
-    def read_clocks(self, depsgraph, was_evaluated):
+    def read_clocks(self, depsgraph: bpy.types.Depsgraph, was_evaluated: bool) -> None:
         """Reads the clocks of one frame. On frames without an evaluation, a clock still shows an old time."""
-        modifiers = self.ob.evaluated_get(depsgraph).modifiers if self._clocked else ()
+        modifiers: Any = self.ob.evaluated_get(depsgraph).modifiers if self._clocked else ()
         for name, (_, times) in self._clocked.items():
             modifier = modifiers.get(name)
             times.append(1e3 * modifier.execution_time if was_evaluated and modifier is not None else 0.0)
@@ -260,7 +264,7 @@ class _Subject:
             entry = characters.character(self.ob)
             self._own[1].append(entry.status.timings.last.total if was_evaluated and entry else 0.0)
 
-    def conclude(self):
+    def conclude(self) -> None:
         for part, times in (*self._clocked.values(), *([self._own] if self._own else ())):
             part.ms = median(times)
 
@@ -274,8 +278,8 @@ class _Absence:
         self.name, self.part, self.stage, self.times = name, parts[0], stage, []
         self._parts, self._absent, self._what = parts, absent, what
 
-    def made(self):
+    def made(self) -> Any:
         return self._absent(self._what)
 
-    def conclude(self, before, after):
+    def conclude(self, before: Sequence[float], after: Sequence[float]) -> None:
         costs.set_difference(self._parts, before, self.times, after)

@@ -1,7 +1,9 @@
 """Measures what armatures cost: they are played in a separate scene, from which they are removed one by one."""
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
+from typing import Any
 
 import bpy
 
@@ -14,14 +16,14 @@ class Rigs:
     """Armatures that are measured together. Level n is played without the first n of them. Their keyframes and drivers
     are muted throughout, since these are measured separately."""
 
-    def __init__(self, rigs):
+    def __init__(self, rigs: Sequence[tuple[bpy.types.Object, costs.Part]]) -> None:
         """rigs: a list of (armature object, its costs.Part)."""
         self._rigs = _users_first(rigs)
-        self._down = [[] for _ in range(len(rigs) + 1)]  # milliseconds of each level's frames
-        self._up = [[] for _ in range(len(rigs) + 1)]  # the same, played in the opposite order
+        self._down: list[list[float]] = [[] for _ in range(len(rigs) + 1)]  # milliseconds of each level's frames
+        self._up: list[list[float]] = [[] for _ in range(len(rigs) + 1)]  # the same, played in the opposite order
         self.step_count = 2 * len(self._down)  # per block of frames
 
-    def steps(self, frames):
+    def steps(self, frames: Sequence[int]) -> Iterator[tuple[str, Callable[[], None]]]:
         """Yields (what is done, a function that does it and restores everything) for a block of frames."""
         levels = [*enumerate(self._down), *reversed([*enumerate(self._up)])]
         for level, times in levels:
@@ -35,7 +37,7 @@ class Rigs:
             scene = stack.enter_context(absences.scene_of(objects))
             times += whole_frames.frame_times(scene, frames)
 
-    def conclude(self):
+    def conclude(self) -> None:
         for level, (_, part) in enumerate(self._rigs):
             without = [(a + b) / 2 for a, b in zip(self._down[level + 1], self._up[level + 1])]
             costs.set_difference([part], self._down[level], without, self._up[level])
@@ -48,7 +50,7 @@ def _users_first(rigs):
     return sorted(rigs, key=lambda rig: -len(_armatures_for([rig[0]])))
 
 
-def evaluated_armatures(shown):
+def evaluated_armatures(shown: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
     """Returns the armatures that a frame evaluates: the visible ones, and those that visible objects need. shown: the
     visible objects."""
     found = [ob for ob in shown if ob.type == "ARMATURE"]
@@ -66,13 +68,15 @@ def _armatures_for(objects):
         return [ob for ob in armatures if ob.evaluated_get(depsgraph).is_evaluated]
 
 
-def blocks_of(armatures):
+def blocks_of(armatures: Iterable[bpy.types.Object]) -> list[Any]:
     """Returns the data-blocks that the armatures' keyframes and drivers belong to."""
     return [*armatures, *(ob.data for ob in armatures)]
 
 
-def unmuted_curves(blocks, hooks=()):
+def unmuted_curves(blocks: Iterable[Any], hooks: Iterable[Any] = ()) -> tuple[list[Any], ...]:
     """Returns (keyframes, drivers) of data-blocks, without duplicates. hooks: drivers that are left out."""
+    keyed: dict[int, Any]
+    drivers: dict[int, Any]
     keyed, drivers = {}, {}
     for block in blocks:
         keyed.update((curve.as_pointer(), curve) for curve in animation.keyed_curves(block))

@@ -1,5 +1,7 @@
 """Writes the clip of an imported rig as ordinary keyframes, which an animator can edit."""
 
+from typing import Any
+
 import bpy
 import numpy as np
 
@@ -8,8 +10,8 @@ from ..feedback import progress
 from ..run import characters
 
 
-def clip_armature(ob):
-    """Returns the armature with poses that an object is or has, or None."""
+def clip_armature(ob: bpy.types.Object | None) -> bpy.types.Object | None:
+    """Returns an object, if it is an armature, or else its armature; None if that has no imported poses."""
     if ob is None:
         return None
     armature = ob if ob.type == "ARMATURE" else ob.sinew.armature
@@ -17,13 +19,15 @@ def clip_armature(ob):
     return armature if has_poses else None
 
 
-def insert(scene, armature, first, last, shown=progress.SILENT):
-    """Keys location and rotation of every bone on the frames first..last, in one action for all, and makes
-    the bound meshes follow the armature from now on. Returns the number of frames."""
+def insert(
+    scene: bpy.types.Scene, armature: bpy.types.Object, first: int, last: int, shown: Any = progress.SILENT
+) -> int:
+    """Keys the location and rotation of every bone on the frames first to last, in one action, and makes the bound
+    meshes follow the armature from now on. Returns the number of frames."""
     frames = np.arange(first, last + 1)
     player = clip_store.ClipPlayer(armature)
     settings = armature.sinew_clip
-    poses = []
+    poses: Any = []
     for frame in frames:
         time, loop = posing.clip_time(settings, player.clip.length, float(frame), scene.render)
         _, location, rotation = player.at(time, loop, rest=settings.mode == "REST")
@@ -46,7 +50,7 @@ def insert(scene, armature, first, last, shown=progress.SILENT):
     return len(frames)
 
 
-def new_curve(armature, action, data_path, component, group):
+def new_curve(armature: bpy.types.Object, action: Any, data_path: str, component: int, group: str) -> Any:
     if not hasattr(action, "fcurves"):  # 5.0 and later
         return action.fcurve_ensure_for_datablock(armature, data_path, index=component, group_name=group)
     if not hasattr(action, "fcurve_ensure_for_datablock"):  # before 4.4: actions have no slots
@@ -56,7 +60,7 @@ def new_curve(armature, action, data_path, component, group):
     return curve
 
 
-def fill(curve, frames, values):
+def fill(curve: Any, frames: np.ndarray, values: np.ndarray) -> None:
     curve.keyframe_points.add(len(frames))
     points = np.stack((frames, values), axis=1).astype(np.float32)
     curve.keyframe_points.foreach_set("co", points.reshape(-1))

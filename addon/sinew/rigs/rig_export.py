@@ -3,6 +3,8 @@
 import contextlib
 import os
 import secrets
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,9 @@ from ..plan import bindable
 from . import rig_import
 
 
-def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=progress.SILENT):
+def export_rig(
+    context: Any, ob: Any, skeleton_path: str, animation: str = "AUTO", up_axis: str = "Y", shown: Any = progress.SILENT
+) -> None:
     """Writes mesh.obj, the skeleton, weights.dmat and, if there are poses, pose.dmat or anim.dmat.
 
     animation: AUTO writes the scene's frames if the armature is animated and not posed by the imported clip,
@@ -82,7 +86,7 @@ def export_rig(context, ob, skeleton_path, animation="AUTO", up_axis="Y", shown=
         sinew_native.write_rig(folder, rig, skeleton=skeleton_name)
 
 
-def skeleton_from_bones(armature, files_from_armature):
+def skeleton_from_bones(armature: Any, files_from_armature: np.ndarray) -> tuple[Any, list[str]]:
     """Returns a skeleton in the joint convention, in the space of the files, and the bones' names. Every joint has a
     column of weights, even if it is all zeros: a root without one would be read as the bone convention."""
     bones = [pose_bone.bone for pose_bone in armature.pose.bones]
@@ -95,7 +99,7 @@ def skeleton_from_bones(armature, files_from_armature):
     return skeleton, names
 
 
-def dense_weights(ob, names, columns):
+def dense_weights(ob: Any, names: Sequence[str], columns: np.ndarray) -> np.ndarray:
     """Returns (V, columns): the weights of each joint's vertex group, unchanged from the mesh."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
@@ -108,7 +112,7 @@ def dense_weights(ob, names, columns):
     return dense
 
 
-def sample_frames(context, ob, armature, joints, joint_count, shown):
+def sample_frames(context: Any, ob: Any, armature: Any, joints: np.ndarray, joint_count: int, shown: Any) -> np.ndarray:
     """Returns (F, J, 4, 4): skinning matrices for the scene's frames, in the space of the mesh."""
     scene = context.scene
     current = scene.frame_current
@@ -130,7 +134,7 @@ def sample_frames(context, ob, armature, joints, joint_count, shown):
     return np.array(frames)
 
 
-def colors(materials):
+def colors(materials: Iterable[Any]) -> str:
     """Returns the text of an .mtl file."""
     text = ""
     for material in materials:
@@ -141,7 +145,7 @@ def colors(materials):
 
 
 @contextlib.contextmanager
-def replaced(path, text):
+def replaced(path: str, text: str) -> Iterator[None]:
     """Writes a file that replaces the one at path when the `with` block succeeds; if it fails, the old file stays."""
     neighbour = f"{path}.partial-{secrets.token_hex(4)}"
     try:

@@ -2,7 +2,9 @@
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -20,7 +22,7 @@ Y_UP_TO_Z_UP = ((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1))
 
 @dataclass
 class ImportOptions:
-    """Options of the import. Empty names: the usual ones. convention None: derived from the file."""
+    """Options of the import. Empty names: the default files. convention None: derived from the file."""
 
     mesh: str = ""
     weights: str = ""
@@ -36,16 +38,19 @@ class ImportOptions:
     set_frame_range: bool = True
 
 
-def import_rig(context, skeleton_path, options, shown=progress.SILENT):
-    """Reads everything, then builds: errors in the files raise ValueError before the scene is
-    touched, and after a later error everything that was built is removed. Returns the mesh object and the armature
-    object, bound and selected, and a remark on the files for the user: a sentence, or ""."""
+def import_rig(
+    context: bpy.types.Context, skeleton_path: str, options: ImportOptions, shown: Any = progress.SILENT
+) -> tuple[bpy.types.Object, bpy.types.Object, str]:
+    """Imports a rig folder. All files are read first: their errors raise ValueError before the scene is changed. After
+    a later error, everything that was built is removed. Returns the mesh object and the armature object, bound and
+    selected, and a remark on the files for the user: a sentence, or ""."""
     shown.step(0.0, f"reading {skeleton_path}")
     folder, skeleton_name = os.path.split(os.path.abspath(skeleton_path))
     rig = read_rig(folder, skeleton_name, options)
     colors = read_colors(os.path.join(folder, rig.material_library))
 
     name = os.path.basename(folder) or "rig"
+    created: list[Any]
     scene, active, created = context.scene, context.view_layer.objects.active, []
     frame_end = scene.frame_end
     try:
@@ -80,8 +85,8 @@ def import_rig(context, skeleton_path, options, shown=progress.SILENT):
     return mesh_object, armature, remark_on(rig, options.weights or "weights.dmat")
 
 
-def remove(created):
-    """Removes data-blocks, which are given in the order in which they were made."""
+def remove(created: Sequence[Any]) -> None:
+    """Removes data-blocks. created: in the order in which they were made."""
     if bpy.context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     for data in reversed(created):
@@ -91,7 +96,7 @@ def remove(created):
     shared_group.see_to()
 
 
-def remark_on(rig, name):
+def remark_on(rig: Any, name: str) -> str:
     """Returns a sentence about what reading has changed, or "" if nothing."""
     count = rig.clamped_weights
     if not count:
@@ -102,12 +107,12 @@ def remark_on(rig, name):
     )
 
 
-def orientation(up_axis):
+def orientation(up_axis: str) -> np.ndarray:
     """Returns (4, 4): the transform to Blender's axes from files in which up_axis, "Y" or "Z", points up."""
     return np.array(Y_UP_TO_Z_UP if up_axis == "Y" else np.eye(4), float)
 
 
-def read_rig(folder, skeleton_name, options):
+def read_rig(folder: str, skeleton_name: str, options: ImportOptions) -> Any:
     """Reads the files that the options name, with the options' conventions. Raises ValueError or OSError."""
     return sinew_native.read_rig(
         folder,
@@ -120,8 +125,8 @@ def read_rig(folder, skeleton_name, options):
     )
 
 
-def set_playback(scene, armature, options):
-    """Sets the clip's mode: up to two poses swing, more play from the scene's first frame on."""
+def set_playback(scene: bpy.types.Scene, armature: bpy.types.Object, options: ImportOptions) -> None:
+    """Sets the clip's mode: up to two poses swing, more play from the scene's first frame."""
     count = clip_store.pose_count(armature.data)
     settings = armature.sinew_clip
     settings.mode = "PLAYBACK" if count > 2 else "SWING"
@@ -132,8 +137,8 @@ def set_playback(scene, armature, options):
         scene.frame_end = scene.frame_start + max(math.ceil((count - 1) / settings.speed), 1)
 
 
-def build_armature(context, name, rig, created):
-    """Builds an armature with one bone per joint, in the space of the rig. Bones remember their joint."""
+def build_armature(context: bpy.types.Context, name: str, rig: Any, created: list[Any]) -> bpy.types.Object:
+    """Builds an armature with one bone per joint, in the space of the rig. Each bone stores the number of its joint."""
     skeleton = rig.skeleton
     data = bpy.data.armatures.new(f"{name}_armature")
     created.append(data)
@@ -165,7 +170,7 @@ def build_armature(context, name, rig, created):
     return armature
 
 
-def visible_tails(rig):
+def visible_tails(rig: Any) -> np.ndarray:
     """Returns (J, 3): the bones' tails, adjusted so that no bone has zero length."""
     heads, tails = np.array(rig.skeleton.heads), np.array(rig.skeleton.tails)
     shortest = SHORTEST_BONE * float(np.linalg.norm(np.ptp(rig.positions, axis=0)) or 1)
@@ -174,7 +179,14 @@ def visible_tails(rig):
     return tails
 
 
-def build_mesh(context, name, rig, armature, colors, created):
+def build_mesh(
+    context: bpy.types.Context,
+    name: str,
+    rig: Any,
+    armature: bpy.types.Object,
+    colors: dict[str, tuple[float, ...]],
+    created: list[Any],
+) -> bpy.types.Object:
     """Builds the mesh with one vertex group per deforming bone, attached to the armature as Blender users expect:
     parented, and with an Armature modifier (which binding then takes over)."""
     mesh = meshes.new_mesh(name, rig.positions, rig.face_offsets, rig.face_vertices)
@@ -198,7 +210,7 @@ def build_mesh(context, name, rig, armature, colors, created):
     return ob
 
 
-def assign_materials(mesh, rig, colors, created):
+def assign_materials(mesh: bpy.types.Mesh, rig: Any, colors: dict[str, tuple[float, ...]], created: list[Any]) -> None:
     if not rig.material_names or len(mesh.polygons) != len(rig.face_materials):
         return
     for material_name in rig.material_names:
@@ -215,8 +227,10 @@ def assign_materials(mesh, rig, colors, created):
     mesh.polygons.foreach_set("material_index", np.maximum(rig.face_materials, 0).astype(np.int32))
 
 
-def read_colors(path):
+def read_colors(path: str) -> dict[str, tuple[float, ...]]:
     """Returns {material: (r, g, b)} from the `Kd` lines of an .mtl file; empty if there is no such file."""
+    colors: dict[Any, tuple[float, ...]]
+    material: str | None
     colors, material = {}, None
     if not os.path.isfile(path):
         return colors
@@ -232,7 +246,7 @@ def read_colors(path):
     return colors
 
 
-def read_text(path):
+def read_text(path: str) -> str:
     """Reads text as the native readers do: as UTF-8, or, if it is not valid UTF-8, as Latin-1."""
     with open(path, "rb") as file:
         data = file.read()

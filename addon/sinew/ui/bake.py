@@ -1,6 +1,7 @@
 """Operators that bake the selected meshes and play the caches."""
 
 import os
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -40,12 +41,12 @@ class BakeSettings:
         description="Play the baked files with a Mesh Cache modifier, and switch off the modifiers that it replaces",
     )
 
-    def settings(self):
+    def settings(self: Any) -> dict[str, Any]:
         return {
             name: getattr(self, name) for name in BakeSettings.__annotations__ if self.properties.is_property_set(name)
         }
 
-    def job(self, context):
+    def job(self: Any, context: bpy.types.Context) -> jobs.Job:
         scene, is_set = context.scene, self.properties.is_property_set
         folder = bpy.path.abspath(self.directory)
         if not folder or folder.startswith("//"):
@@ -66,7 +67,7 @@ class BakeSettings:
         )
 
 
-def can_bake(context):
+def can_bake(context: bpy.types.Context) -> bool:
     is_playing = context.screen and context.screen.is_animation_playing
     return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context)) and not is_playing
 
@@ -123,7 +124,7 @@ class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):
     def invoke(self, context, _event):
         return self.at_once(lambda: self.begin(context, baking.steps(context, self.job(context))))
 
-    def finish(self, context, baked):
+    def finish(self, context: bpy.types.Context, baked: list[Any]) -> set[str]:
         for each in baked:
             self.report({"INFO"}, each.sentence())
             if self.play:

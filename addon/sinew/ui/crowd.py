@@ -66,7 +66,7 @@ class AddCrowd(bpy.types.Operator):
         self.report({"INFO"}, f"{self.agents:,} agents, {made.count} shapes of {made.frames:g} frames")
         return {"FINISHED"}
 
-    def source(self, context):
+    def source(self, context: bpy.types.Context) -> source.Source:
         if self.filepath:
             return source.Source(filepath=self.filepath, pose=self.pose, count=self.shapes)
         candidates = [context.active_object, *context.selected_objects]
@@ -107,7 +107,7 @@ class RenewCrowd(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def fail(operator, error):
+def fail(operator: bpy.types.Operator, error: Exception) -> set[str]:
     operator.report({"ERROR"}, str(error) or "There is not enough memory")
     return {"CANCELLED"}
 

@@ -24,7 +24,7 @@ class Warning:
     is_error: bool = False  # False: the mesh is deformed correctly all the same
 
 
-def warnings(ob):
+def warnings(ob: bpy.types.Object) -> list[Warning]:
     """Returns the warnings about a bound mesh, worst first."""
     entry, armature = characters.character(ob), ob.sinew.armature
     found = []
@@ -93,7 +93,7 @@ def _about_copy(ob):
     return [Warning(f"{copy.name} keeps its last shape {why}", ())] if copy is not None and why else []
 
 
-def about_generated(ob):
+def about_generated(ob: bpy.types.Object) -> list[Warning]:
     """Returns a warning about a mesh, bound or not yet bound, whose material would slide over the surface."""
     material = materials.user_of_generated(ob) if ob.data.shape_keys is None else None
     if material is None:
@@ -106,7 +106,7 @@ def about_generated(ob):
     ]
 
 
-def doubles(ob):
+def doubles(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
     """Returns the enabled Armature modifiers, other than Sinew's own, that use one of Sinew's armatures. Parenting a
     bound mesh again adds one."""
     ours = ob.sinew.modifiers
@@ -130,7 +130,7 @@ def _vertices(count):
     return "1 vertex" if count == 1 else f"{count:,} vertices"
 
 
-def bone_weights(ob):
+def bone_weights(ob: bpy.types.Object) -> list[dict[int, float]]:
     """Returns a list with {group: weight} for each vertex, for deforming bones only."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     bones = ob.sinew.armature.data.bones

@@ -1,6 +1,8 @@
 """Operators that show weights as colours and the skeleton in front, with one click each."""
 
 import colorsys
+from collections.abc import Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -14,7 +16,7 @@ UNWEIGHTED = (0.02, 0.02, 0.02)
 GOLDEN = 0.618034  # step of the hue: neighbours in the list of groups get very different colours
 
 
-def weight_colors(offsets, groups, weights, group_count):
+def weight_colors(offsets: np.ndarray, groups: np.ndarray, weights: np.ndarray, group_count: int) -> np.ndarray:
     """Returns (V, 4) float32: the groups' colours mixed by the weights, which need not sum to 1. offsets, groups and
     weights are as `meshes.read_weights` returns them."""
     palette = np.array(
@@ -37,11 +39,11 @@ def weight_colors(offsets, groups, weights, group_count):
     return np.column_stack((colors, np.ones(len(colors)))).astype(np.float32)
 
 
-def are_weights_shown(ob):
+def are_weights_shown(ob: bpy.types.Object) -> bool:
     return COLORS in ob.data.attributes
 
 
-def show_weights(ob, views):
+def show_weights(ob: bpy.types.Object, views: Sequence[Any]) -> None:
     """Writes the weights into a colour attribute of the mesh, and makes the views (View3D spaces) show it."""
     mesh = ob.data
     colors = mesh.color_attributes
@@ -57,7 +59,7 @@ def show_weights(ob, views):
     mesh.update()
 
 
-def hide_weights(ob, views):
+def hide_weights(ob: bpy.types.Object, views: Sequence[Any]) -> None:
     """Restores the views and the mesh."""
     mesh = ob.data
     mesh.color_attributes.remove(mesh.color_attributes[COLORS])
@@ -72,7 +74,7 @@ def hide_weights(ob, views):
     mesh.update()
 
 
-def _entries_of_bones(ob):
+def _entries_of_bones(ob: bpy.types.Object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns the weights in groups of deforming bones, or all weights if no armature is known."""
     offsets, groups, weights = meshes.read_object_weights(ob)
     armature = bindable.find_armature(ob)
@@ -85,11 +87,11 @@ def _entries_of_bones(ob):
     return offsets, groups, weights
 
 
-def is_skeleton_shown(armature):
+def is_skeleton_shown(armature: bpy.types.Object) -> bool:
     return armature.visible_get() and armature.show_in_front
 
 
-def show_skeleton(context, armature):
+def show_skeleton(context: bpy.types.Context, armature: bpy.types.Object) -> None:
     """Makes the armature visible, whatever hides it, and draws it in front of its meshes."""
     armature.hide_viewport = False
     armature.show_in_front = True
@@ -161,7 +163,7 @@ class ToggleSkeleton(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def armature_of(ob):
+def armature_of(ob: bpy.types.Object) -> bpy.types.Object | None:
     return ob if ob.type == "ARMATURE" else bindable.find_armature(ob)
 
 

@@ -1,7 +1,9 @@
 """Modal operators that work step by step while the interface stays responsive, with progress and Esc."""
 
+from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from time import perf_counter
+from typing import Any
 
 from ..feedback import progress
 
@@ -15,7 +17,7 @@ class InSteps:
     stopped = ""  # the message after Esc
     seconds_in_a_row = 0.0  # how long steps may run before Blender draws again
 
-    def begin(self, context, steps):
+    def begin(self, context: Any, steps: Generator[tuple[float, str], None, Any]) -> set[str]:
         """Starts the steps. steps: a generator of (share done, what comes next), which can safely be closed early and
         may raise ValueError and OSError."""
         self._steps = steps
@@ -56,14 +58,14 @@ class InSteps:
     def cancel(self, _context):
         self._stack.close()
 
-    def at_once(self, work):
+    def at_once(self, work: Callable[[], set[str]]) -> set[str]:
         """Calls work() and reports its errors."""
         try:
             return work()
         except (ValueError, OSError) as error:
             return self.fail(error)
 
-    def fail(self, error):
+    def fail(self: Any, error: Any) -> set[str]:
         name = getattr(error, "filename", None)
         self.report({"ERROR"}, f"{name}: {error.strerror}" if name else str(error))
         return {"CANCELLED"}

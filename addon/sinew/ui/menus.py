@@ -1,5 +1,7 @@
 """Adds Sinew's operators to Blender's menus, which F3 also searches, and handles files dropped on a view."""
 
+from typing import Any
+
 import bpy
 
 from . import bake, crowd, cures, methods
@@ -39,19 +41,19 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(OpenManual.bl_idname, icon="HELP")
 
 
-def draw_import(menu, _context):
+def draw_import(menu: Any, _context: bpy.types.Context) -> None:
     menu.layout.operator(ImportRig.bl_idname, text=RIG_FILES)
 
 
-def draw_export(menu, _context):
+def draw_export(menu: Any, _context: bpy.types.Context) -> None:
     menu.layout.operator(ExportRig.bl_idname, text=RIG_FILES)
 
 
-def draw_add(menu, _context):
+def draw_add(menu: Any, _context: bpy.types.Context) -> None:
     menu.layout.operator(crowd.AddCrowd.bl_idname, icon="COMMUNITY")
 
 
-def draw_submenu(menu, _context):
+def draw_submenu(menu: Any, _context: bpy.types.Context) -> None:
     menu.layout.separator()
     menu.layout.menu(SinewMenu.bl_idname)
 
@@ -81,14 +83,14 @@ if hasattr(bpy.types, "FileHandler"):  # 4.1 and later
     CLASSES.append(DropRig)
 
 
-def register():
+def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     for name, draw in PLACES:
         getattr(bpy.types, name).append(draw)
 
 
-def unregister():
+def unregister() -> None:
     for name, draw in reversed(PLACES):
         getattr(bpy.types, name).remove(draw)
     for cls in reversed(CLASSES):

@@ -25,7 +25,7 @@ LACKS = {
 }
 
 
-def draw(layout, context, ob):
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object) -> None:
     """Draws the settings of the method of a bound mesh with an armature."""
     skinning, kind = ob.sinew.skinning, ob.sinew.own_method
     if kind == methods.BLENDED:
@@ -40,7 +40,7 @@ def draw(layout, context, ob):
         layout.label(text=f"Without Sinew: {fallback(ob)}", icon="INFO")
 
 
-def fallback(ob):
+def fallback(ob: bpy.types.Object) -> str:
     return "Preserve Volume" if ob.sinew.modifier.use_deform_preserve_volume else "linear skinning"
 
 
@@ -59,7 +59,7 @@ def _draw_state(layout, context, ob):
         box.operator(PrepareMethod.bl_idname, icon="FILE_REFRESH")
 
 
-def draw_smoothing(layout, ob):
+def draw_smoothing(layout: bpy.types.UILayout, ob: bpy.types.Object) -> None:
     skinning = ob.sinew.skinning
     layout.prop(skinning, "smooth_iterations")
     if skinning.smooth_iterations:

@@ -12,7 +12,7 @@ from ..rigs import clip_keyframes
 from ..run import characters
 
 
-def selected_meshes(context):
+def selected_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Returns the selected meshes, or else the active one, or else those of a selected armature."""
     meshes = [ob for ob in context.selected_objects if ob.type == "MESH"]
     active = context.active_object
@@ -23,7 +23,7 @@ def selected_meshes(context):
     return meshes
 
 
-def selected_armature(context):
+def selected_armature(context: bpy.types.Context) -> bpy.types.Object | None:
     active = context.active_object
     if active and active.type == "ARMATURE":
         return active

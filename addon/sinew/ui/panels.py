@@ -1,6 +1,8 @@
 """The panels: where they appear (in the 3D view's sidebar, and in the Properties editor with the modifiers or the
 armature's data), and when."""
 
+from typing import Any
+
 import bpy
 
 from ..run import characters
@@ -19,13 +21,13 @@ class InModifiers:
     bl_context = "modifier"
 
 
-def layout_of(panel):
+def layout_of(panel: Any) -> bpy.types.UILayout:
     panel.layout.use_property_split = True
     panel.layout.use_property_decorate = False
     return panel.layout
 
 
-def bound_mesh(context):
+def bound_mesh(context: bpy.types.Context) -> bpy.types.Object | None:
     ob = context.object
     return ob if ob is not None and ob.type == "MESH" and ob.sinew.is_bound else None
 
@@ -61,7 +63,7 @@ class Influence:
         sections.draw_influence(layout_of(self), bound_mesh(context))
 
 
-def deformed_character(context):
+def deformed_character(context: bpy.types.Context) -> Any:
     """Returns the character of a bound mesh that Sinew has deformed, or None."""
     ob = bound_mesh(context)
     entry = ob and characters.character(ob)

@@ -2,6 +2,7 @@
 
 import logging
 from pathlib import Path
+from typing import Any
 
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
@@ -34,7 +35,7 @@ INSTRUCTION_SETS = [
 ]
 
 
-def of_sinew(context=None):
+def of_sinew(context: bpy.types.Context | None = None) -> Any:
     """Returns the add-on's preferences, or None if the add-on runs without being enabled there."""
     addon = (context or bpy.context).preferences.addons.get(ADDON)
     return addon.preferences if addon else None
@@ -118,7 +119,7 @@ class OpenManual(bpy.types.Operator):
 CLASSES = (OpenManual, SinewPreferences)
 
 
-def register():
+def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     preferences = of_sinew()
@@ -127,7 +128,7 @@ def register():
         _apply_log(preferences)
 
 
-def unregister():
+def unregister() -> None:
     _close_log()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

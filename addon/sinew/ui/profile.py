@@ -49,7 +49,7 @@ class MeasureProfile(InSteps, bpy.types.Operator):
             self.frame_end if self.properties.is_property_set("frame_end") else last,
         )
 
-    def finish(self, context, profile):
+    def finish(self, context: bpy.types.Context, profile: costs.Profile) -> set[str]:
         costs.last[:] = [profile]
         for area in context.screen.areas if context.screen else ():
             area.tag_redraw()
@@ -92,7 +92,7 @@ class SidebarProfile(InSidebar, bpy.types.Panel):
             draw_profile(self.layout, context, profile)
 
 
-def draw_profile(layout, context, profile):
+def draw_profile(layout: bpy.types.UILayout, context: bpy.types.Context, profile: costs.Profile) -> None:
     notice.draw_sentence(layout, context, costs.heading(profile), False)
     for cost in profile.objects[:MOST_OBJECTS]:
         ob = bpy.data.objects.get(cost.name)
@@ -113,7 +113,9 @@ def draw_profile(layout, context, profile):
         notice.draw_sentence(column, context, costs.about_rest(profile), False)
 
 
-def draw_object(column, context, ob, cost):
+def draw_object(
+    column: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object, cost: costs.ObjectCost
+) -> None:
     draw_row(column, cost.name[0], f"{cost.ms:.2f} ms", ICONS.get(cost.type, "OBJECT_DATA"))
     for part in cost.parts:
         draw_row(column, part.name, costs.part_text(part), "BLANK1")
@@ -128,7 +130,7 @@ def draw_object(column, context, ob, cost):
         notice.draw_sentence(column, context, remark, False)
 
 
-def draw_row(column, name, value, icon):
+def draw_row(column: bpy.types.UILayout, name: str, value: str, icon: str) -> None:
     row = column.split(factor=0.6)
     row.label(text=name, icon=icon)
     right = row.row()
@@ -140,11 +142,11 @@ CLASSES = (MeasureProfile, AccelerateOne, SidebarProfile)
 register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
-def register():
+def register() -> None:
     register_classes()
     callbacks.start_with_file(costs.last.clear)
 
 
-def unregister():
+def unregister() -> None:
     callbacks.stop_with_file(costs.last.clear)
     unregister_classes()

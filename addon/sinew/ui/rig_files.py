@@ -1,6 +1,7 @@
 """Operators that import and export rig folders."""
 
 import os
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, StringProperty
@@ -12,7 +13,7 @@ from ..plan import bindable
 from ..rigs import rig_export, rig_import
 
 
-def files_beside(*suffixes):
+def files_beside(*suffixes: str) -> dict[str, Any]:
     """Returns the search options of a StringProperty of ImportRig: it suggests files of the chosen folder."""
 
     def search(operator, context, edit_text):
@@ -103,7 +104,7 @@ class ImportRig(bpy.types.Operator, ImportHelper):
             for name in names:
                 box.prop(self, name)
 
-    def import_options(self):
+    def import_options(self) -> rig_import.ImportOptions:
         convention = None if self.convention == "AUTO" else self.convention.lower()
         return rig_import.ImportOptions(
             mesh=self.mesh,
@@ -120,7 +121,7 @@ class ImportRig(bpy.types.Operator, ImportHelper):
             set_frame_range=self.set_frame_range,
         )
 
-    def paths(self):
+    def paths(self) -> list[str]:
         """Returns the chosen paths: one or more that were selected in the file browser or dropped, or one from a
         script."""
         chosen = [os.path.join(self.directory, file.name) for file in self.files if file.name]

@@ -1,5 +1,7 @@
 """Draws what the panels show about an object, section by section: texts, values and buttons in a layout."""
 
+from typing import Any
+
 import bpy
 
 from ..bake import mesh_cache
@@ -22,7 +24,7 @@ NOT_PLAYED = "not played yet"  # shown instead of a time
 MOST_MESHES = 10  # the largest number of an armature's meshes that is listed
 
 
-def draw_main(layout, context):
+def draw_main(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     ob = context.object
     if ob is not None and ob.type == "MESH" and mesh_cache.is_on(ob):
         draw_cache(layout, context, ob)
@@ -42,7 +44,7 @@ def draw_main(layout, context):
         draw_free(layout, context, ob)
 
 
-def draw_cache(layout, context, ob):
+def draw_cache(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object) -> None:
     """Draws the section of a mesh that plays a cache."""
     box = layout.box().column(align=True)
     cache = next((each for each in ob.modifiers if each.type in modifier_types.CACHES), None)
@@ -53,7 +55,7 @@ def draw_cache(layout, context, ob):
     box.operator(TakeOffCache.bl_idname, icon="X")
 
 
-def draw_bake_and_crowd(layout, context):
+def draw_bake_and_crowd(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator(Bake.bl_idname, icon="FILE_CACHE")
     ob = context.object
     if ob is not None and ob.type == "MESH" and mesh_cache.is_on(ob):
@@ -63,7 +65,7 @@ def draw_bake_and_crowd(layout, context):
     layout.operator(AddCrowd.bl_idname, text="Add Crowd", icon="COMMUNITY")
 
 
-def draw_crowd(layout, ob):
+def draw_crowd(layout: bpy.types.UILayout, ob: bpy.types.Object) -> None:
     modifier = crowd.modifier_of(ob)
     layout.label(text="A crowd", icon="COMMUNITY")
     column = layout.column()
@@ -72,7 +74,7 @@ def draw_crowd(layout, ob):
     layout.operator(RenewCrowd.bl_idname, icon="FILE_REFRESH")
 
 
-def draw_free(layout, context, ob):
+def draw_free(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object) -> None:
     modifier = bindable.armature_modifier(ob)
     if modifier is None and ways.why_idle(ob):
         layout.label(text="Not bound", icon="UNLINKED")
@@ -88,7 +90,7 @@ def draw_free(layout, context, ob):
     draw_display(layout, ob)
 
 
-def draw_armature(layout, context, armature):
+def draw_armature(layout: bpy.types.UILayout, context: bpy.types.Context, armature: bpy.types.Object) -> None:
     meshes = bindable.meshes_of(context, armature)
     bound = sum(ob.sinew.is_bound for ob in meshes)
     if any(ob.sinew.source == "CLIP" for ob in meshes):
@@ -107,7 +109,7 @@ def draw_armature(layout, context, armature):
     draw_display(layout, armature)
 
 
-def draw_bound(layout, context, ob):
+def draw_bound(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object) -> None:
     settings, warnings = ob.sinew, cures.warnings(ob)
     for warning in warnings:
         if warning.is_error:
@@ -127,7 +129,7 @@ def draw_bound(layout, context, ob):
             draw_warning(layout, context, warning)
 
 
-def draw_unbind(layout, context):
+def draw_unbind(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draws the Unbind button and, once it was measured, the speed of a whole frame with Sinew."""
     row = layout.split(factor=0.62, align=True)
     row.operator(Unbind.bl_idname, icon="UNLINKED")
@@ -135,7 +137,7 @@ def draw_unbind(layout, context):
     row.operator(MeasureFrames.bl_idname, text=measured.glance if measured else "Measure")
 
 
-def draw_warning(layout, context, warning):
+def draw_warning(layout: bpy.types.UILayout, context: bpy.types.Context, warning: cures.Warning) -> None:
     box = layout.box().column(align=True)
     notice.draw_sentence(box, context, warning.text, warning.is_error)
     row = box.row(align=True)
@@ -143,7 +145,7 @@ def draw_warning(layout, context, warning):
         row.operator(operator, text=text)
 
 
-def draw_switches(column, ob):
+def draw_switches(column: bpy.types.UILayout, ob: bpy.types.Object) -> None:
     """Draws the switches that show the shape in the viewport and in renders."""
     for modifier in ob.sinew.modifiers[:1]:
         row = named_row(column, "Show").row(align=True)
@@ -157,7 +159,7 @@ def draw_switches(column, ob):
         row.prop(ob.sinew, "show_shape", toggle=True)
 
 
-def draw_hiding(layout, copy):
+def draw_hiding(layout: bpy.types.UILayout, copy: bpy.types.Object) -> bpy.types.UILayout:
     row = named_row(layout, "Show Copy").row(align=True)
     row.use_property_split = False
     row.prop(copy, "hide_viewport", text="")
@@ -165,7 +167,7 @@ def draw_hiding(layout, copy):
     return row
 
 
-def draw_display(layout, ob):
+def draw_display(layout: bpy.types.UILayout, ob: bpy.types.Object) -> None:
     row = layout.row(align=True)
     if ob.type == "MESH":
         row.operator(display.ToggleWeights.bl_idname, icon="GROUP_VCOL", depress=display.are_weights_shown(ob))
@@ -179,7 +181,7 @@ def draw_display(layout, ob):
 # --- sections of a bound mesh ----------------------------------------------------------
 
 
-def draw_clip(layout, armature):
+def draw_clip(layout: bpy.types.UILayout, armature: bpy.types.Object) -> None:
     count = clip_store.pose_count(armature.data)
     if posing.is_damaged(armature):
         layout.label(text=f"The imported poses of {armature.name} are damaged", icon="ERROR")
@@ -199,7 +201,7 @@ def draw_clip(layout, armature):
     layout.operator(ClipToKeyframes.bl_idname, icon="KEYFRAME")
 
 
-def draw_influence(layout, ob):
+def draw_influence(layout: bpy.types.UILayout, ob: bpy.types.Object) -> None:
     """Draws the Armature modifiers' own settings."""
     for number, modifier in enumerate(ob.sinew.modifiers):
         if number > 0:
@@ -214,7 +216,7 @@ def draw_influence(layout, ob):
         layout.prop(modifier, "use_bone_envelopes", text="Bone Envelopes")
 
 
-def draw_chain(layout, ob, entry):
+def draw_chain(layout: bpy.types.UILayout, ob: bpy.types.Object, entry: Any) -> None:
     """Draws what Sinew replaces, stage by stage, and the modifier at which Blender takes over."""
     timings, column = entry.status.timings.recent(), layout.column(align=True)
     before, behind = ("Shape Keys", *entry.taken) if entry.keys is not None else entry.taken, entry.stage_names(ob)
@@ -231,12 +233,12 @@ def draw_chain(layout, ob, entry):
             layout.operator(cures.BindSmoothing.bl_idname)
 
 
-def time_text(milliseconds):
+def time_text(milliseconds: float | None) -> str:
     """Returns a time as text. milliseconds: None until a frame was played after an edit."""
     return NOT_PLAYED if milliseconds is None else f"{milliseconds:.2f} ms"
 
 
-def draw_statistics(layout, scene, entry):
+def draw_statistics(layout: bpy.types.UILayout, scene: bpy.types.Scene, entry: Any) -> None:
     timings = entry.status.timings.recent()
     column = layout.column(align=True)
     draw_value(column, "Vertices", f"{entry.deformer.vertex_count:,}")
@@ -260,11 +262,11 @@ def draw_statistics(layout, scene, entry):
     draw_value(column, "Threads", str(sinew_native.thread_count()))
 
 
-def draw_value(column, name, value):
+def draw_value(column: bpy.types.UILayout, name: str, value: str) -> None:
     named_row(column, name).label(text=value)
 
 
-def named_row(column, name):
+def named_row(column: bpy.types.UILayout, name: str) -> bpy.types.UILayout:
     row = column.split(factor=0.4)
     left = row.row()
     left.alignment = "RIGHT"
