@@ -49,13 +49,9 @@ class Phases:
         origin = np.array([*(least + most)[:2] / 2, least[2]])
         for each, shapes in zip(found, self.shapes):
             for mesh, positions in zip(shapes, each):
-                meshes.write_positions(mesh, np.float32(positions - origin))
+                meshes.write_positions(mesh, (positions - origin).astype(np.float32))
             if is_even and self.count > 1:
-                # By numpy's types, np.float32 makes only numbers, never arrays.
-                for mesh, velocity in zip(
-                    shapes,
-                    stride.velocities(np.float32(each), seconds),  # type: ignore[arg-type]
-                ):
+                for mesh, velocity in zip(shapes, stride.velocities(np.array(each, np.float32), seconds)):
                     meshes.write_attribute(mesh, "velocity", velocity)
         walked = self.drift
         if not walked.any() and is_even:

@@ -1,1 +1,1 @@
-"""Writes to the file, in the main thread: binds, unbinds, and repairs what a plan lacks."""
+"""Changes the file, in the main thread: binds, unbinds, and applies the mends that plans need."""

@@ -1,4 +1,4 @@
-"""Binding a mesh to Sinew and releasing it: what changes in the .blend, and how it is put back."""
+"""Binds meshes to Sinew and unbinds them: what changes in the .blend, and how it is restored."""
 
 import bpy
 
@@ -12,15 +12,25 @@ from ..run import characters, mail, methods
 from . import deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from .deformed_copy import OutputError
 
-MODIFIER_NAME = "Armature"  # of one that a mesh gets that has none
+MODIFIER_NAME = "Armature"  # of the modifier that is added to a mesh without one
 
 
-def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=True):
-    """Let Sinew deform the mesh in place of its Armature modifier on that armature (and those that Multi Modifier
-    mixes with it), which stays as it is but for its switches, and goes on saying how: method, groups, envelopes,
-    mask. A mesh that has none gets one. armature None: in place of its shape keys and smoothing alone. Without `source`
-    a mesh that was bound to that armature before has its own again, and another one a clip if there is one. is_shown:
-    have Blender evaluate it at once, which must not be asked for in a handler. Raises BindingError."""
+def bind(
+    ob: bpy.types.Object,
+    armature: bpy.types.Object | None,
+    output: str = "MODIFIER",
+    method: str | None = None,
+    source: str | None = None,
+    is_shown: bool = True,
+) -> None:
+    """Binds a mesh: Sinew replaces its Armature modifier on that armature, and those that Multi Modifier mixes with it.
+
+    The modifier stays in the file, and its settings (method, groups, envelopes, mask) still apply; only its switches
+    are changed, in evaluated copies. A mesh without one gets one. armature None: Sinew replaces only shape keys and
+    smoothing. source: by default, a mesh that was last bound to that armature keeps its own; any other uses the clip if
+    the armature has one. is_shown: Blender evaluates the mesh at once, which is not allowed in a handler. Raises
+    BindingError, and then nothing was changed.
+    """
     check_bindable(ob, armature)
     settings = ob.sinew
     taken = modifiers_to_take(ob, armature)
@@ -34,14 +44,14 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
     added = [_add_armature_modifier(ob, armature)] if armature is not None and not taken and not is_moved else []
     # From here on nothing fails.
     if is_moved:
-        settings.armature = armature  # in place of the one that it was bound to
+        settings.armature = armature  # the carrier's armature becomes this one
     if settings.is_bound:
         has_added = settings.has_added_modifier and (is_moved or settings.modifier in taken)
         settings.has_added_modifier = settings.has_added_modifier and not has_added
         unbind(ob)
         settings.has_added_modifier = has_added
     else:
-        nodes.remove_modifiers(ob)  # what came with a copy of another mesh's modifiers
+        nodes.remove_modifiers(ob)  # Sinew's modifiers that were copied from another mesh
     if added:
         settings.has_added_modifier = True
     taken = added or modifiers_to_take(ob, armature)
@@ -56,7 +66,7 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
         _set_method(settings, taken[0], method)
     settings.output = settings.installed_output = output
     wiring.wire(ob, taken[0] if taken else nodes.add_modifier(ob, len(ob.modifiers)))
-    # Last, since the settings' update callbacks act on bound meshes alone.
+    # Last, because the settings' update callbacks only act on bound meshes.
     settings.is_bound = True
     characters.forget_object(ob)
     shared_group.see_to()
@@ -69,7 +79,8 @@ def bind(ob, armature, output="MODIFIER", method=None, source=None, is_shown=Tru
 
 
 def _add_armature_modifier(ob, armature):
-    """The first of all. Raises BindingError where Blender does not let it go there, and then has changed nothing."""
+    """Adds an Armature modifier as the first of the stack. Raises BindingError, and then has changed nothing, if
+    Blender does not allow it there."""
     active = ob.modifiers.active
     modifier = ob.modifiers.new(MODIFIER_NAME, "ARMATURE")
     try:
@@ -82,8 +93,8 @@ def _add_armature_modifier(ob, armature):
     return modifier
 
 
-def bind_anew(ob):
-    """A mesh that Sinew 0.1 has bound. In a handler."""
+def bind_anew(ob: bpy.types.Object) -> None:
+    """Binds a mesh again that Sinew 0.1 bound. May be called in a handler."""
     source, output = ob.sinew.source, ob.sinew.installed_output
     armature = old_files.give_back(ob)
     try:
@@ -101,8 +112,8 @@ def bind_anew(ob):
         notice.show(f"{error} (it was bound by Sinew 0.1; until you bind it again, Blender's own modifier deforms it)")
 
 
-def rewire(key):
-    """Of the object with that key, after somebody has edited it."""
+def rewire(key: int) -> None:
+    """Applies the mends of the object with that key after an edit of the object."""
     ob = characters.find(key)
     if ob is None or mending.is_adapting(key) or release_if_undone(ob):
         return
@@ -113,22 +124,23 @@ def rewire(key):
         mail.post(follow_when_evaluated, key)
 
 
-def follow_when_evaluated(key):
-    """The deformed copy of the object with that key, where Blender has told no handler of an evaluation."""
+def follow_when_evaluated(key: int) -> None:
+    """Updates the deformed copy of the object with that key, after an evaluation for which Blender called no
+    handler."""
     ob = characters.find(key)
     if ob is not None:
         deformed_copies.follow_last_evaluation(ob)
 
 
-def show(ob):
-    """The shape as the bound mesh now has it, in its deformed copy as well."""
+def show(ob: bpy.types.Object) -> None:
+    """Has Blender evaluate a bound mesh, and updates its deformed copy."""
     ob.update_tag()
     if ob.sinew.installed_output == "MESH":
         deformed_copies.follow([ob], bpy.context.evaluated_depsgraph_get(), {values.key_of(ob)})
 
 
-def unbind(ob):
-    """Give the object back as it was; its deformed copy goes."""
+def unbind(ob: bpy.types.Object) -> None:
+    """Unbinds an object: restores it as it was before it was bound, and removes its deformed copy."""
     settings = ob.sinew
     settings.is_bound = settings.needs_attribute = False
     precomputing.drop(ob)
@@ -144,24 +156,29 @@ def unbind(ob):
     characters.forget_object(ob)
     shared_group.see_to()
     if is_deleted(settings.last_armature):
-        settings.last_armature = None  # else it would stay in the file for this mesh's sake
+        settings.last_armature = None  # otherwise this reference would keep it in the file
     ob.update_tag()
 
 
-def is_deleted(armature):
-    """Whether it was deleted from all scenes and is only in the file for the sake of bound meshes. (A linked
-    one may well be in no collection.)"""
+def is_deleted(armature: bpy.types.Object | None) -> bool:
+    """Whether an armature was deleted from all scenes and is only in the file because bound meshes refer to it.
+
+    A linked one is never taken for deleted: it may be in no collection.
+    """
     return armature is not None and armature.library is None and not armature.users_collection
 
 
-def release_if_undone(ob):
-    """Releases a mesh whose modifiers somebody has applied or removed, and returns whether. Modifiers that Sinew stood
-    in for are switched off if its own was applied, for they would deform the mesh again."""
+def release_if_undone(ob: bpy.types.Object) -> bool:
+    """Unbinds a mesh whose modifiers the user has applied or removed, and returns whether it did.
+
+    If Sinew's modifier was applied, the modifiers that Sinew replaced are switched off, because they would deform the
+    mesh again.
+    """
     has_hook, taken = wiring.carrier_of(ob) is not None, [modifier.name for modifier in wiring.taken_modifiers(ob)]
     lacks_own = ob.sinew.needs_attribute and not nodes.find_modifier(ob)
     if ob.data.is_editmode or ob.library or ob.override_library or old_files.is_old(ob) or has_hook and not lacks_own:
         return False
-    # What its node group makes has no attribute, which the mesh still has if the modifier was removed.
+    # The node group removes the attribute: the mesh has lost it if the modifier was applied, not if it was removed.
     took_shape = lacks_own and meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None
     was_applied = took_shape and (taken or ob.sinew.last_armature is None)
     stood_in_for = (*taken, *runs.of(ob, taken).stages)
@@ -176,9 +193,12 @@ def release_if_undone(ob):
     return True
 
 
-def switch_method(ob, name):
-    """name: one of METHODS of properties.py, which the Armature modifier has as well, or of methods.py. What the
-    latter has to compute is computed now, in a window meanwhile."""
+def switch_method(ob: bpy.types.Object, name: str) -> None:
+    """Switches the skinning method of a bound mesh, and computes the data that it needs.
+
+    name: one of METHODS of properties.py: a method of the Armature modifier, or of methods.py. In a window the data is
+    computed in the background.
+    """
     precomputing.cancel(ob)
     _set_method(ob.sinew, ob.sinew.modifier, name)
     characters.of(ob).look_again()
@@ -187,19 +207,19 @@ def switch_method(ob, name):
 
 
 def _set_method(settings, modifier, name):
-    """Without Sinew the modifier has to come as near as it can."""
+    """Sets the method, and on the modifier the closest method that Blender has without Sinew."""
     settings.own_method = name if name in methods.OWN else ""
     modifier.use_deform_preserve_volume = methods.is_like_dual_quaternion(name, settings.skinning)
 
 
-def follow_share(ob):
-    """Likewise, where the share of the method Blended is another one now."""
+def follow_share(ob: bpy.types.Object) -> None:
+    """Sets the modifier's closest method again after the share of the method Blended has changed."""
     if ob.sinew.own_method == methods.BLENDED and ob.sinew.modifier is not None:
         _set_method(ob.sinew, ob.sinew.modifier, methods.BLENDED)
 
 
-def prepare_method(ob):
-    """What its method has to compute is computed, if there is nothing that it could use meanwhile."""
+def prepare_method(ob: bpy.types.Object) -> None:
+    """Computes the data that the mesh's method needs, if the file has none that could be used meanwhile."""
     if ob.sinew.own_method not in methods.PRECOMPUTED:
         return
     bpy.context.view_layer.update()
@@ -210,17 +230,16 @@ def prepare_method(ob):
             characters.report(ob, str(error))
 
 
-def make_single_user(ob):
-    """Give the object a copy of the mesh that it shares with others; bound or not, it looks the same."""
+def make_single_user(ob: bpy.types.Object) -> None:
+    """Gives the object its own copy of the mesh that it shares with others. Bound or not, its shape does not change."""
     ob.data = ob.data.copy()
     characters.gather_again()
     mending.adapt(ob)
     ob.update_tag()
 
 
-def switch_output(ob):
-    """Move a bound mesh to the output that its settings ask for. Raises OutputError, and then stays
-    with the old one."""
+def switch_output(ob: bpy.types.Object) -> None:
+    """Switches a bound mesh to the output in its settings. Raises OutputError, and then keeps the old output."""
     settings = ob.sinew
     old, new = settings.installed_output, settings.output
     if old == new:
@@ -238,11 +257,11 @@ def switch_output(ob):
     show(ob)
 
 
-def show_clip(armature):
-    """A setting of the armature's clip was changed: its bones show it now, and the meshes with them."""
+def show_clip(armature: bpy.types.Object) -> None:
+    """Poses the armature after a change of its clip's settings, and so updates its meshes."""
     if any(ob.sinew.source == "CLIP" and ob.sinew.armature == armature for ob in characters.bound_objects()):
         if has_poses(armature.data):
             if posing.is_damaged(armature):
-                posing.forget_armature(armature)  # it may have been mended
+                posing.forget_armature(armature)  # it may have been repaired
             posing.pose_armatures([armature], bpy.context.scene)
             bpy.context.view_layer.update()

@@ -1,8 +1,11 @@
-"""The output Mesh: what the evaluation of a viewport has made of a bound mesh is put into its deformed copy, in a
-handler that runs after it. A render's evaluation is left alone."""
+"""Updates deformed copies, for the output Mesh: writes the evaluated shapes of bound meshes into them.
+
+That happens in a handler that runs after the evaluation of a viewport. Evaluations for renders are ignored.
+"""
 
 import logging
 import threading
+from collections.abc import Collection, Iterable
 
 import bpy
 
@@ -15,13 +18,16 @@ from . import deformed_copy
 log = logging.getLogger("sinew")
 
 
-def forget():
+def forget() -> None:
+    """Forgets all deformed copies, as after load."""
     deformed_copy.forget()
 
 
-def follow(objects, depsgraph, changed):
-    """Those of the objects that were evaluated or edited. objects: as characters.with_copy has them; changed: keys of
-    the updated data-blocks."""
+def follow(objects: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, changed: Collection[int]) -> None:
+    """Updates the deformed copies of those objects that were evaluated or edited.
+
+    objects: as returned by characters.with_copy; changed: keys of the updated data-blocks.
+    """
     if not _is_ours(depsgraph):
         return
     for ob in objects:
@@ -33,15 +39,21 @@ def follow(objects, depsgraph, changed):
                 _say_once(ob, error)
 
 
-def follow_last_evaluation(ob):
-    """Of which no handler was told: what a handler edits Blender evaluates without a word."""
+def follow_last_evaluation(ob: bpy.types.Object) -> None:
+    """Updates the deformed copy of an object after an evaluation for which Blender called no handler.
+
+    Blender calls none when it evaluates what a handler has edited.
+    """
     depsgraph = bpy.context.view_layer.depsgraph
     if depsgraph is not None and ob.library is None and ob.sinew.installed_output == "MESH":
         follow([ob], depsgraph, {values.key_of(ob)})
 
 
-def tidy(objects, depsgraph, may_be_orphans):
-    """After objects were moved between collections, or deleted. objects: as `follow` takes them."""
+def tidy(objects: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, may_be_orphans: bool) -> None:
+    """Updates the copies' collections, and removes orphans, after objects were moved between collections or deleted.
+
+    objects: as in `follow`.
+    """
     if not _is_ours(depsgraph):
         return
     if any(isinstance(update.id, bpy.types.Collection) for update in depsgraph.updates):
@@ -54,11 +66,12 @@ def tidy(objects, depsgraph, may_be_orphans):
 
 
 def _is_ours(depsgraph):
+    """Whether deformed copies follow this evaluation: not a render's, and only in the main thread."""
     return depsgraph.mode != "RENDER" and threading.current_thread() is threading.main_thread()
 
 
-def why_it_stays(ob):
-    """What keeps the copy from following, as the end of a sentence, or an empty string."""
+def why_it_stays(ob: bpy.types.Object) -> str:
+    """Returns why the deformed copy is not updated, as the end of a sentence, or ""."""
     if ob.mode in character.EDITING:
         return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
     if not ob.visible_get():
@@ -72,7 +85,7 @@ def _follow_one(entry, ob, depsgraph):
     copy = deformed_copy.find(ob)
     if copy is None:
         if not ob.users_collection:  # it was deleted
-            entry.status.is_copy_known = True  # as none: to find out is a walk through the file
+            entry.status.is_copy_known = True  # there is none; looking again would search the whole file
             return
         copy = deformed_copy.make(ob)
     deformed_copy.keep_in_place(copy, ob)
@@ -84,7 +97,7 @@ def _follow_one(entry, ob, depsgraph):
     entry.status.copy_stays = shape is None
     if shape is None:
         return
-    # What is painted may wait: vertices are where they were.
+    # While the user paints, the geometry need not be renewed: the vertices stay where they are.
     is_stale = copy.sinew.copied_edition != seen.edition and ob.mode == "OBJECT"
     if is_stale or copy.data.library is not None or len(copy.data.vertices) != len(shape):
         deformed_copy.renew(copy, ob, seen.edition)
@@ -93,8 +106,11 @@ def _follow_one(entry, ob, depsgraph):
 
 
 def _shape_of(seen, ob, evaluated):
-    """(V, 3) float32, to be used at once: as the viewport shows it after Sinew's stage; None: it is not to be had.
-    seen: graph_copies.GraphCopy of the evaluated object."""
+    """Returns the shape after Sinew's stages, as the viewport shows it, or None if it is not available.
+
+    (V, 3) float32; may refer to Blender's memory, so use it at once. seen: graph_copies.GraphCopy of the evaluated
+    object.
+    """
     plan = seen.plan or characters.of(ob).plan
     if not ob.sinew.show_shape or not _is_shown(plan, evaluated):
         return meshes.read_positions(ob.data)
@@ -111,23 +127,23 @@ def _shape_of(seen, ob, evaluated):
 
 
 def _is_shown(plan, evaluated):
-    """Whether Sinew's stage is, in the viewport."""
+    """Whether the modifiers that Sinew replaces are shown in the viewport."""
     if not plan.shown:
         return plan.run.shown[0]
-    if plan.shown[0] is None:  # on this frame
+    if plan.shown[0] is None:  # animated: its value on this frame
         return evaluated.modifiers[plan.taken[0]].show_viewport
     return plan.shown[0][0]
 
 
 def _ends_with_ours(plan, ob):
-    """Whether what Blender's own modifiers make is the shape after Sinew's stage."""
+    """Whether the result of Blender's own modifiers is the shape after Sinew's stages."""
     if plan.way.in_pass:  # from the next evaluation on
         return not plan.run.end
     shown = [modifier for modifier in ob.modifiers if modifier.show_viewport and not nodes.is_sinew(modifier)]
     return not shown or shown[-1].name in plan.taken
 
 
-_said = set()
+_said: set[str] = set()
 
 
 def _say_once(ob, error):

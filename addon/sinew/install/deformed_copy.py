@@ -1,10 +1,14 @@
-"""The output Mesh: a second object whose mesh has the deformed shape in its own vertices, for scripts and exporters
-that read those. The bound object is bound as with the other output, and its mesh is never written.
+"""Makes and removes the deformed copy of a bound mesh: the output Mesh.
 
-A copy is the child of its object and says so itself (`sinew.copied_from`): Blender sees to that pointer when either is
-deleted, duplicated, joined or appended, and it keeps nothing in the file that was deleted. A bound object with this
-output that has no copy gets one.
+It is a second object whose own vertices have the deformed shape, for scripts and exporters that read those. The object
+itself is bound as with the other output, and its mesh is never written.
+
+A copy is a child of its object and is marked as a copy (`sinew.copied_from`). Blender updates the parent pointer when
+either is deleted, duplicated, joined or appended, and it does not keep a deleted object in the file. A bound object
+with this output and without a copy gets one.
 """
+
+from collections.abc import Sequence
 
 import bpy
 from mathutils import Matrix
@@ -13,17 +17,21 @@ from ..blender import meshes, nodes, values
 from ..plan import ways
 
 SUFFIX = ".deformed"
-_copies = {}  # key of a bound object -> its copy, to be checked
+_copies: dict[int, bpy.types.Object] = {}  # key of a bound object -> its copy, which may have become invalid
 
 
 class OutputError(Exception):
-    """The object cannot have the output Mesh; the message says why. Nothing was changed."""
+    """The object cannot have the output Mesh. The message gives the reason; nothing was changed."""
 
 
-def check(ob, taken, sharer_count, gets_armature=False):
-    """Raises OutputError if Blender's own modifier would have to deform the mesh. taken: the Armature modifiers that
-    Sinew stands in for, or is to; sharer_count: how many objects have its mesh; gets_armature: as ways.foresee has
-    it."""
+def check(
+    ob: bpy.types.Object, taken: Sequence[bpy.types.Modifier], sharer_count: int, gets_armature: bool = False
+) -> None:
+    """Raises OutputError if Blender's own modifier would have to deform the mesh.
+
+    taken: the Armature modifiers that Sinew replaces or would replace; sharer_count: number of objects with its mesh;
+    gets_armature: see ways.foresee.
+    """
     way = ways.foresee(ob, ob.data, taken, sharer_count, gets_armature=gets_armature)
     if not way.in_pass:
         raise OutputError(
@@ -32,9 +40,11 @@ def check(ob, taken, sharer_count, gets_armature=False):
         )
 
 
-def find(ob):
-    """The deformed copy of a bound object, or None: also if somebody has given its mesh more vertices or fewer, for
-    then it is no copy any more."""
+def find(ob: bpy.types.Object) -> bpy.types.Object | None:
+    """Returns the deformed copy of a bound object, or None.
+
+    An object whose number of vertices was changed by the user is no longer a copy.
+    """
     copy = _copies.get(values.key_of(ob))
     if copy is not None and _is_whole_copy(copy, ob):
         return copy
@@ -52,19 +62,22 @@ def _is_whole_copy(copy, ob):
 
 
 def _claimants(ob):
+    """Returns all objects that are marked as copies of an object."""
     return [other for other in bpy.data.objects if other.library is None and other.sinew.copy_of == ob]
 
 
-def forget():
+def forget() -> None:
+    """Forgets all copies, as after load."""
     _copies.clear()
 
 
 def _is_whole(copy):
+    """Whether a copy still has the number of vertices that it was made with."""
     return copy.type == "MESH" and len(copy.data.vertices) == copy.sinew.copied_vertices
 
 
-def let_go(copy):
-    """It stays as it is, an object like others."""
+def let_go(copy: bpy.types.Object) -> None:
+    """Makes a copy an ordinary object that stays as it is."""
     copy.sinew.copied_from = ""
     if copy.parent is not None:
         place = copy.matrix_world.copy()
@@ -77,14 +90,14 @@ def _let_all_go(ob):
         let_go(copy)
 
 
-def let_go_of_duplicate(copy):
-    """Of an object that came as the copy of another one: a bound object has one copy."""
+def let_go_of_duplicate(copy: bpy.types.Object) -> None:
+    """Lets go of an object that is a duplicate of the deformed copy: a bound object has only one."""
     if copy.library is None and find(copy.sinew.copy_of) != copy:
         let_go(copy)
 
 
-def clear_orphans():
-    """Copies whose object was deleted go as well. One whose parent somebody has cleared is let go."""
+def clear_orphans() -> None:
+    """Removes copies whose object was deleted, and lets go of those whose parent the user has cleared."""
     for copy in [ob for ob in bpy.data.objects if ob.sinew.copied_from and ob.library is None]:
         if copy.parent is None and copy.sinew.copied_from not in bpy.data.objects:
             _remove(copy)
@@ -92,28 +105,32 @@ def clear_orphans():
             let_go(copy)
 
 
-def is_wanted_by(ob):
+def is_wanted_by(ob: bpy.types.Object | None) -> bool:
+    """Whether an object is bound with the output Mesh."""
     return ob is not None and ob.sinew.is_bound and ob.sinew.installed_output == "MESH"
 
 
-def make(ob):
-    """The object's deformed copy, in its rest shape, hidden."""
+def make(ob: bpy.types.Object) -> bpy.types.Object:
+    """Makes the object's deformed copy, in the rest shape and hidden."""
     _let_all_go(ob)
     mesh = bpy.data.meshes.new_from_object(ob)  # without shape keys
     meshes.remove_attribute(mesh, nodes.POSITION_ATTRIBUTE)
     mesh.name = ob.name + SUFFIX
     copy = bpy.data.objects.new(ob.name + SUFFIX, mesh)
     copy.parent = ob
-    copy.hide_viewport = copy.hide_render = True  # it would be seen twice, and cost as much
+    copy.hide_viewport = copy.hide_render = True  # otherwise it would be drawn twice, at twice the cost
     _finish(copy, ob, 0)
     keep_in_collections(copy, ob)
     _copies[values.key_of(ob)] = copy
     return copy
 
 
-def renew(copy, ob, edition):
-    """The original's geometry as it is now, in the same data-block: a handler that made or removed data-blocks would
-    spoil operators that have Blender evaluate in between, such as Convert in 3.4. edition: a number for it."""
+def renew(copy: bpy.types.Object, ob: bpy.types.Object, edition: int) -> None:
+    """Copies the object's current geometry and materials into its copy.
+
+    The mesh data-block stays the same: adding or removing data-blocks in a handler would break operators that have
+    Blender evaluate while they run, such as Convert in 3.4. edition: a number for the geometry.
+    """
     if copy.data.library is not None:  # of an override
         copy.data = copy.data.copy()
     meshes.copy_geometry(ob.data, copy.data, without=nodes.POSITION_ATTRIBUTE)
@@ -133,8 +150,8 @@ def _finish(copy, ob, edition):
             mine.material = theirs.material
 
 
-def keep_in_place(copy, ob):
-    """Where the object is."""
+def keep_in_place(copy: bpy.types.Object, ob: bpy.types.Object) -> None:
+    """Moves the copy to its object."""
     if copy.parent_type != "OBJECT":
         copy.parent_type = "OBJECT"
     if copy.sinew.copied_from != ob.name:
@@ -143,12 +160,12 @@ def keep_in_place(copy, ob):
     if copy.matrix_parent_inverse != identity:
         copy.matrix_parent_inverse = identity
     if copy.matrix_world != ob.matrix_world or copy.matrix_basis != identity:
-        copy.matrix_world = ob.matrix_world  # Blender itself does not move what is hidden
+        copy.matrix_world = ob.matrix_world  # Blender does not update hidden objects
         copy.matrix_basis = identity
 
 
-def keep_in_collections(copy, ob):
-    """Those of the object that may be changed; else that of the scene."""
+def keep_in_collections(copy: bpy.types.Object, ob: bpy.types.Object) -> None:
+    """Links the copy to its object's editable collections, or to the scene's if there are none, and to no others."""
     wanted = set(filter(_is_open, ob.users_collection)) or {scene.collection for scene in ob.users_scene[:1]}
     present = set(filter(_is_open, copy.users_collection))
     for collection in wanted - present:
@@ -158,11 +175,12 @@ def keep_in_collections(copy, ob):
 
 
 def _is_open(collection):
+    """Whether a collection is editable."""
     return collection.library is None and collection.override_library is None
 
 
-def remove(ob):
-    """The object's copy, with its mesh if nobody else has that."""
+def remove(ob: bpy.types.Object) -> None:
+    """Removes the object's copy, and its mesh if nothing else uses it."""
     copy = find(ob)
     if copy is not None:
         _remove(copy)

@@ -1,4 +1,4 @@
-"""Applies the mends that the file needs for the plan of a bound mesh. In the main thread."""
+"""Applies, in the main thread, the mends that the file needs for the plan of a bound mesh."""
 
 import bpy
 
@@ -10,12 +10,12 @@ _adapting: set[int] = set()  # keys of objects; before 3.5, moving a modifier ev
 
 
 def is_adapting(key: int) -> bool:
-    """Whether the object with that key is being adapted, up the stack."""
+    """Whether the object with that key is being adapted by a caller further up the stack."""
     return key in _adapting
 
 
 def adapt(ob: bpy.types.Object) -> None:
-    """Gives the file what the plan of a bound mesh needs, and no more."""
+    """Applies to the file what the plan of a bound mesh needs, and no more."""
     key = values.key_of(ob)
     if not ob.sinew.is_bound or ob.library is not None or key in _adapting:
         return
@@ -31,7 +31,7 @@ def _adapt(ob):
     entry = characters.of(ob)
     entry.look_again()
     plan = entry.look(ob)
-    if carrier is not None:  # also without the mend: which bones it waits for depends on the weights
+    if carrier is not None:  # even without the mend HOOK: the bones that it waits for depend on the weights
         wiring.wire(ob, carrier, runs.hooks(ob, plan.run), waits=plan.way.kind != ways.BLENDER)
     needs_attribute = plan.way.kind == ways.ATTRIBUTE
     if ob.sinew.needs_attribute != needs_attribute:
@@ -47,7 +47,7 @@ def _adapt(ob):
 
 
 def _apply(mend, plan, ob):
-    """Raises ValueError where Blender does not allow it."""
+    """Applies one mend. Raises ValueError if Blender does not allow it."""
     if mend.what == mends.TAKE_OWN_AWAY:
         _take_own_away(plan, ob)
     elif mend.what == mends.MOVE_DISPLACED:
@@ -62,7 +62,7 @@ def _apply(mend, plan, ob):
 
 
 def _put_own_first(plan, ob):
-    """Adds Sinew's modifier, or moves it, before everything that the plan takes over."""
+    """Adds Sinew's modifier, or moves it, before everything that the plan replaces."""
     own = nodes.find_modifier(ob)
     index = ob.modifiers.find(plan.taken[0]) if plan.taken else 0
     if own is None:
@@ -78,6 +78,7 @@ def _put_own_first(plan, ob):
 
 
 def _take_own_away(plan, ob):
+    """Removes Sinew's modifier, or moves it behind all others if it carries the hook."""
     own = ob.modifiers[plan.own]
     if plan.hook_path == wiring.path_of(own):
         nodes.move_modifier_back(ob, own)

@@ -1,6 +1,9 @@
-"""Files of Sinew 0.1: there the Armature modifier of a bound mesh was switched off and taken off its armature, and
-frame handlers deformed. The output Mesh wrote the shape into the mesh itself, with the rest shape in an attribute; a
-later version left the modifier where it was, but bound to nothing. Such a mesh is bound anew when its file opens."""
+"""Reads files of Sinew 0.1.
+
+There, the Armature modifier of a bound mesh was switched off and its armature removed, and frame handlers deformed. The
+output Mesh wrote the shape into the mesh itself and kept the rest shape in an attribute. A later version left the
+modifier in place, but with its binding switched off. Such a mesh is bound again when its file is opened.
+"""
 
 import bpy
 
@@ -11,7 +14,8 @@ ANCHOR = "sinew_anchor"  # a custom property whose driver kept the armature eval
 REST_ATTRIBUTE = "rest_position"
 
 
-def is_old(ob):
+def is_old(ob: bpy.types.Object) -> bool:
+    """Whether a mesh was bound by such a version."""
     settings, own = ob.sinew, nodes.find_modifier(ob)
     if not settings.is_bound or ob.library is not None:
         return False
@@ -29,8 +33,8 @@ def is_old(ob):
     )
 
 
-def give_back(ob):
-    """As it was before it was bound. Returns its armature, or None if that is not to be known."""
+def give_back(ob: bpy.types.Object) -> bpy.types.Object | None:
+    """Restores the object as it was before it was bound. Returns its armature, or None if that is unknown."""
     settings = ob.sinew
     preserves_volume = _number_of(settings, "method") == 1
     if settings.installed_output == "MESH":
@@ -63,22 +67,23 @@ def give_back(ob):
 
 
 def _put_rest_back(mesh):
+    """Restores the rest shape from its attribute."""
     attribute = meshes.point_attribute(mesh, REST_ATTRIBUTE)
-    if attribute is not None:  # else somebody has removed it: the shape stays
+    if attribute is not None:  # otherwise the user has removed it: the mesh keeps its shape
         meshes.write_positions(mesh, meshes.read_attribute(attribute))
         meshes.remove_attribute(mesh, REST_ATTRIBUTE)
 
 
 def _number_of(settings, name):
-    """What 0.1 had stored for a setting that is now the modifier's."""
+    """Returns the value that 0.1 stored for a setting that the modifier has now, or None."""
     try:
         return settings[name]
-    except (KeyError, TypeError):  # 5.0 and later do not show it
+    except (KeyError, TypeError):  # 5.0 and later give no access to it
         return None
 
 
 class SinewReplacedModifier(bpy.types.PropertyGroup):
-    """An Armature modifier that 0.1 had switched off, and how it was."""
+    """An Armature modifier that 0.1 switched off, and its settings before."""
 
     name: bpy.props.StringProperty(override={"LIBRARY_OVERRIDABLE"})
     object: bpy.props.PointerProperty(type=bpy.types.Object, override={"LIBRARY_OVERRIDABLE"})

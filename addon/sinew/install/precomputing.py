@@ -1,7 +1,9 @@
-"""Computing what a skinning method needs once for a mesh, in a thread, while Blender goes on."""
+"""Computes, in a thread, the data that a skinning method needs once for each mesh."""
 
 import logging
 import threading
+from collections.abc import Mapping
+from typing import Any
 
 import bpy
 
@@ -12,16 +14,18 @@ from ..run import characters, methods
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.1
-_jobs = {}  # key of a mesh object -> Job
+_jobs: dict[int, "Job"] = {}  # key of a mesh object -> Job
 
 
 class Impossible(ValueError):
-    """Nothing can be computed; the message says why."""
+    """Nothing can be computed. The message gives the reason."""
 
 
 class Job:
+    """One computation in its own thread."""
+
     def __init__(self, ob, layer, method):
-        """layer: layers.Layer; method: methods.Method, of a kind that is precomputed."""
+        """Starts the thread. layer: layers.Layer; method: methods.Method, one that is precomputed."""
         self.key, self.name, self.made_of = values.key_of(ob), ob.name, layer.wanted
         self.progress = sinew_native.Progress()
         self.arrays = self.error = None
@@ -38,19 +42,22 @@ class Job:
         self.thread.start()
 
 
-def lacks(ob):
-    """What is the matter with the data of a bound mesh's method: a value of methods.py, or ""."""
+def lacks(ob: bpy.types.Object) -> str:
+    """Returns why the saved data of a bound mesh's method cannot be used: a value of methods.py, or ""."""
     entry = characters.character(ob)
     return entry.layers[0].lacks if entry is not None and entry.layers else ""
 
 
-def job_of(ob):
+def job_of(ob: bpy.types.Object) -> Job | None:
+    """Returns the running job of a mesh, or None."""
     return _jobs.get(values.key_of(ob))
 
 
-def start(ob):
-    """Computes what the method of a bound mesh needs. In a window the result is there some time later. Raises
-    Impossible."""
+def start(ob: bpy.types.Object) -> None:
+    """Starts to compute the data that the method of a bound mesh needs.
+
+    In a window the result follows some time later; in the background the function waits for it. Raises Impossible.
+    """
     cancel(ob)
     bpy.context.view_layer.update()
     entry = characters.of(ob)
@@ -68,22 +75,22 @@ def start(ob):
         bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS)
 
 
-def cancel(ob):
-    """The mesh keeps what it has."""
+def cancel(ob: bpy.types.Object) -> None:
+    """Cancels the running job of a mesh. The mesh keeps the data that it has."""
     job = _jobs.pop(values.key_of(ob), None)
     if job is not None:
         job.progress.cancel()
 
 
-def drop(ob):
-    """What there is of the object's own goes."""
+def drop(ob: bpy.types.Object) -> None:
+    """Cancels the object's job and removes its data."""
     cancel(ob)
     text, ob.sinew.skinning.data = ob.sinew.skinning.data, None
     kept_arrays.remove(text)
 
 
-def forget():
-    """Another file is opened, or the add-on switched off."""
+def forget() -> None:
+    """Cancels all jobs and waits for them, before another file is opened or the add-on is switched off."""
     for job in _jobs.values():
         job.progress.cancel()
         job.thread.join()
@@ -91,6 +98,7 @@ def forget():
 
 
 def _look():
+    """Finishes the jobs whose threads have ended. A timer: returns the seconds to its next call, or None."""
     for job in [job for job in _jobs.values() if not job.thread.is_alive()]:
         del _jobs[job.key]
         _finish(job)
@@ -99,6 +107,7 @@ def _look():
 
 
 def _finish(job):
+    """Saves the result of a job, or reports its error."""
     ob = characters.find(job.key)
     if ob is None:
         return  # it was deleted or unbound meanwhile
@@ -111,7 +120,11 @@ def _finish(job):
             bpy.ops.ed.undo_push(message="Prepare Skinning Method")
 
 
-def keep(ob, made_of, arrays):
+def keep(ob: bpy.types.Object, made_of: str, arrays: Mapping[str, Any]) -> None:
+    """Saves the computed data of a mesh's method in the .blend.
+
+    made_of: as returned by methods.made_of; arrays: {name: array}.
+    """
     skinning = ob.sinew.skinning
     text = kept_arrays.write(skinning.data, ob.name, made_of, arrays)
     if skinning.data != text:

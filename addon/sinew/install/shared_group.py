@@ -1,25 +1,27 @@
-"""The node group that Sinew's modifiers share. It stays in the file as long as a mesh of the file is bound, also while
-no modifier uses it.
+"""Keeps the node group that Sinew's modifiers share in the file as long as a mesh of the file is bound.
 
-For what handlers do comes after the step that Blender's undo has saved, and what two steps have in common undo keeps as
-it now is: an object to which a handler gave a modifier with a new group would be kept, and the group would not.
+It is kept even if no modifier uses it. What handlers change comes after the step that Blender's undo has saved, and
+data-blocks that two steps have in common stay as they are now. So if a handler gave an object a modifier with a new
+group, undo would keep the object but not the group.
 """
 
 from ..blender import nodes
 from ..run import characters
 
 
-def see_to():
-    """After a mesh was bound or released, or a file opened, and before saving."""
+def see_to() -> None:
+    """Adds the group or removes it, after a mesh was bound or released, after a file was opened, and before saving."""
     if _is_needed():
         nodes.node_group()
     else:
         nodes.forget_unused_groups()
 
 
-def follow():
-    """In handlers, which remove no data-block in the middle of somebody's operator: bound meshes may have been appended
-    or deleted."""
+def follow() -> None:
+    """Adds the group or gives it up, in handlers: bound meshes may have been appended or deleted.
+
+    It removes no data-block, because an operator may be running.
+    """
     if _is_needed():
         nodes.node_group()
     else:
@@ -27,5 +29,5 @@ def follow():
 
 
 def _is_needed():
-    """Whether a mesh is bound that is this file's own."""
+    """Whether a mesh that is not linked is bound."""
     return any(ob.library is None for ob in characters.bound_objects())

@@ -1,1 +1,1 @@
-"""Decides: which path a bound mesh takes, what the native pass takes over, and what the file needs for that."""
+"""Decides which path a bound mesh takes, what Sinew replaces, and what the file needs for that."""

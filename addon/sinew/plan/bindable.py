@@ -1,23 +1,25 @@
-"""What a mesh can be bound to, and why it cannot."""
+"""Decides what a mesh can be bound to, or why it cannot be bound."""
+
+from typing import Any
 
 from ..blender import animation
 from . import ways, wiring
 
 
 class BindingError(Exception):
-    """The mesh cannot be bound as asked; the message says why and nothing was changed."""
+    """The mesh cannot be bound. The message gives the reason; nothing was changed."""
 
 
-def armature_modifier(ob, armature=None):
-    """The mesh's first Armature modifier (on this armature), or None."""
+def armature_modifier(ob: Any, armature: Any = None) -> Any:
+    """Returns the mesh's first Armature modifier with an armature (with this one, if given), or None."""
     for modifier in ob.modifiers:
         if modifier.type == "ARMATURE" and modifier.object is not None and armature in (None, modifier.object):
             return modifier
     return None
 
 
-def first_of_mix(ob, modifier):
-    """The modifier with which the mix begins that `modifier` is part of, or itself."""
+def first_of_mix(ob: Any, modifier: Any) -> Any:
+    """Returns the first modifier of the Multi Modifier mix that `modifier` belongs to, or `modifier` itself."""
     before = list(ob.modifiers)[: ob.modifiers.find(modifier.name)]
     first = modifier
     while before and first.use_multi_modifier and before[-1].type == "ARMATURE":
@@ -25,9 +27,8 @@ def first_of_mix(ob, modifier):
     return first if modifier in wiring.mixed_modifiers(ob, first) else modifier
 
 
-def find_armature(ob):
-    """The armature of a mesh: its binding's, that of its Armature modifier, else its
-    parent, else None."""
+def find_armature(ob: Any) -> Any:
+    """Returns the armature of a mesh, or None: of its binding, else of its Armature modifier, else its parent."""
     if ob.sinew.is_bound and ob.sinew.armature is not None:
         return ob.sinew.armature
     modifier = armature_modifier(ob)
@@ -38,8 +39,8 @@ def find_armature(ob):
     return None
 
 
-def meshes_of(context, armature):
-    """The meshes of the view layer that an armature deforms, through Blender or through Sinew."""
+def meshes_of(context: Any, armature: Any) -> list[Any]:
+    """Returns the meshes of the view layer that an armature deforms, through Blender or Sinew."""
     return [
         ob
         for ob in context.view_layer.objects
@@ -48,9 +49,11 @@ def meshes_of(context, armature):
     ]
 
 
-def armature_to_bind(ob):
-    """The armature that a mesh is to be bound to if nobody chooses one: its own. None: shape keys and
-    smoothing are all that deforms it."""
+def armature_to_bind(ob: Any) -> Any:
+    """Returns the armature to bind a mesh to if the user chooses none: its own.
+
+    None: only shape keys and smoothing deform the mesh.
+    """
     armature = find_armature(ob)
     if armature is None or ob.sinew.is_bound and ob.sinew.armature is not None:
         return armature
@@ -59,20 +62,20 @@ def armature_to_bind(ob):
     return armature if is_deformed or ways.why_idle(ob) else None
 
 
-def has_group_of(ob, armature):
+def has_group_of(ob: Any, armature: Any) -> bool:
     """Whether a vertex group of the mesh has the name of a deforming bone."""
     bone_names = {bone.name for bone in armature.data.bones if bone.use_deform}
     return any(group.name in bone_names for group in ob.vertex_groups)
 
 
-def modifiers_to_take(ob, armature):
-    """The Armature modifiers that Sinew is to stand in for if the mesh is bound to that armature; None: to none."""
+def modifiers_to_take(ob: Any, armature: Any) -> list[Any]:
+    """Returns the Armature modifiers that Sinew would replace if the mesh were bound to this armature (or to none)."""
     modifier = armature and armature_modifier(ob, armature)
     return wiring.mixed_modifiers(ob, modifier) if modifier else []
 
 
-def check_bindable(ob, armature):
-    """Raises BindingError with the reason if the mesh cannot be bound to the armature; None: without one."""
+def check_bindable(ob: Any, armature: Any) -> None:
+    """Raises BindingError with the reason if the mesh cannot be bound to the armature (or, with None, without one)."""
     if ob.type != "MESH":
         raise BindingError(f"{ob.name} is not a mesh; select one")
     if ob.sinew.copy_of is not None:

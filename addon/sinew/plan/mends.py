@@ -1,4 +1,5 @@
-"""Mends: what the file lacks for a plan, or has too much. The main thread applies them (install/mending.py)."""
+"""Lists the mends: what a plan needs to have added, moved or removed in the file. The main thread applies them
+(install/mending.py)."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -10,10 +11,10 @@ from . import ways, wiring
 from .plans import Plan
 
 # In the order in which they are applied.
-HOOK = "HOOK"  # the hook's driver waits for other data-blocks than it should
+HOOK = "HOOK"  # the hook's driver waits for the wrong data-blocks
 TAKE_OWN_AWAY = "TAKE_OWN_AWAY"  # Sinew's modifier is not needed: remove it, or move it behind all others
 MOVE_DISPLACED = "MOVE_DISPLACED"  # Blender put new modifiers before Sinew's: move them behind those that deform
-PUT_OWN_FIRST = "PUT_OWN_FIRST"  # Sinew's modifier is missing, or is not before all that it stands in for
+PUT_OWN_FIRST = "PUT_OWN_FIRST"  # Sinew's modifier is missing, or is not before everything that it replaces
 RENEW_GROUP = "RENEW_GROUP"  # Sinew's modifier has the node group of an older version
 ADD_ATTRIBUTE = "ADD_ATTRIBUTE"  # the mesh lacks the attribute of deformed positions
 
@@ -23,15 +24,15 @@ class Mend:
     """One change of the file."""
 
     what: str
-    modifiers: tuple[str, ...] = ()  # names of those to move
-    is_blocking: bool = False  # until it is applied, Blender's own modifiers deform
+    modifiers: tuple[str, ...] = ()  # names of the modifiers to move
+    is_blocking: bool = False  # Blender's own modifiers deform until it is applied
 
 
 def needed(plan: Plan, ob: bpy.types.Object, newcomers: Collection[int]) -> tuple[Mend, ...]:
     """Returns the mends that the file needs for the plan, in the order in which to apply them.
 
-    ob: original; newcomers: modifiers that were added since the main thread last applied mends, as nodes.identity
-    has them.
+    ob: original; newcomers: modifiers that were added since the main thread last applied mends, as returned by
+    nodes.identity.
     """
     found = []
     if plan.way.in_pass and not _has_its_hook(plan, ob):
@@ -39,7 +40,7 @@ def needed(plan: Plan, ob: bpy.types.Object, newcomers: Collection[int]) -> tupl
     if _has_own_for_nothing(plan, ob):
         found.append(Mend(TAKE_OWN_AWAY))
     moved = displaced(ob, newcomers)
-    if moved or _are_before_own(plan, ob, newcomers):  # where none has to move, the newcomers are no longer new then
+    if moved or _are_before_own(plan, ob, newcomers):  # even if none moves: applying clears newcomers
         found.append(Mend(MOVE_DISPLACED, moved))
     if plan.way.kind == ways.ATTRIBUTE:
         if plan.own is None or not _is_first(plan, ob):
@@ -52,7 +53,8 @@ def needed(plan: Plan, ob: bpy.types.Object, newcomers: Collection[int]) -> tupl
 
 
 def _has_its_hook(plan: Plan, ob: bpy.types.Object) -> bool:
-    """Whether the hook waits for the object's own mesh and keys and for what the plan's modifiers follow."""
+    """Whether the hook waits for the object's own mesh and keys, and for everything that the plan's modifiers
+    follow."""
     hook = plan.hook_of(ob)
     hooked = wiring.waits_for(hook, "mesh"), wiring.waits_for(hook, "keys")
     if [each and each.original for each in hooked] != [ob.data, ob.data.shape_keys]:
@@ -61,22 +63,25 @@ def _has_its_hook(plan: Plan, ob: bpy.types.Object) -> bool:
 
 
 def is_in_place(plan: Plan, ob: bpy.types.Object) -> bool:
-    """Whether only modifiers that the plan takes over, or that do nothing, come before Sinew's."""
+    """Whether all modifiers before Sinew's are replaced by the plan or do nothing."""
     before = list(ob.modifiers)[: ob.modifiers.find(plan.own)]
     ours = {*plan.taken, *plan.run.stages}
     return all(modifier.name in ours or wiring.does_nothing(modifier) for modifier in before)
 
 
 def _is_first(plan: Plan, ob: bpy.types.Object) -> bool:
-    """Whether Sinew's modifier comes before the first Armature modifier that it stands in for, or first of all."""
+    """Whether Sinew's modifier comes before the first Armature modifier that it replaces, or before all others."""
     names = ob.modifiers.keys()
     first = plan.taken[0] if plan.taken else names[0]
     return names.index(plan.own) <= names.index(first)
 
 
 def _has_own_for_nothing(plan: Plan, ob: bpy.types.Object) -> bool:
-    """Whether Sinew's modifier or the attribute is there though the plan does without. A modifier that carries the hook
-    stays, but behind all others: Multi Modifier mixes with the modifier right before."""
+    """Whether the file has Sinew's modifier or the attribute although the plan does not need it.
+
+    A modifier that carries the hook is kept, but behind all others: Multi Modifier mixes with the modifier directly
+    before it.
+    """
     if plan.own is None or plan.way.kind == ways.ATTRIBUTE:
         return False
     own = ob.modifiers[plan.own]
@@ -95,10 +100,11 @@ def _are_before_own(plan: Plan, ob: bpy.types.Object, newcomers: Collection[int]
 
 
 def displaced(ob: bpy.types.Object, newcomers: Collection[int]) -> tuple[str, ...]:
-    """Returns the names of the modifiers that Blender has put before Sinew's, and so before others that deform.
+    """Returns the names of the modifiers that Blender put before Sinew's, and so before others that deform.
 
-    It allows some behind deforming modifiers alone: Multires, Soft Body, and from 5.0 on Hooks. Modifiers that a user
-    moved there stay, unless they were just added, or cannot come before Sinew's while that comes first.
+    Blender allows some types only behind deforming modifiers: Multires, Soft Body and, since 5.0, Hook. Modifiers that
+    the user moved there are left alone, unless they were just added or are not allowed before Sinew's while that is
+    first.
     """
     own = nodes.find_modifier(ob)
     if own is None:
@@ -117,6 +123,6 @@ def displaced(ob: bpy.types.Object, newcomers: Collection[int]) -> tuple[str, ..
 
 
 def _is_copy(modifier: bpy.types.Modifier, of: bpy.types.Modifier) -> bool:
-    """Whether a modifier is a copy of the one before it: Blender inserts a copy right behind its original."""
+    """Whether a modifier is a copy of the one before it: Blender inserts a copy directly behind its original."""
     names = "object", "subtarget", "strength", "falloff_type", "falloff_radius", "vertex_group"
     return modifier.type == of.type == "HOOK" and all(getattr(modifier, name) == getattr(of, name) for name in names)

@@ -1,10 +1,11 @@
-"""What is to be done with a bound mesh: which way it takes, and whether the .blend has what that needs.
+"""Decides what Sinew does with a bound mesh: its path, and whether the file has what the path needs.
 
-A plan is made when the object has been edited, and never changed. Each dependency graph follows the plan of its own
-copy of the object, which may be older or newer than another graph's.
+A plan is made after an edit of the object and is immutable. Each dependency graph uses the plan of its own copy of the
+object, which may be older or newer than another graph's.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 from ..blender import nodes, values
 from . import runs, ways, wiring
@@ -12,23 +13,28 @@ from . import runs, ways, wiring
 
 @dataclass(frozen=True)
 class Plan:
-    way: ways.Way = ways.Way(ways.BLENDER)
-    taken: tuple = ()  # names of the Armature modifiers that Sinew stands in for, in their order
-    binds: tuple = ()  # of each, as wiring.binds_of has them
-    shown: tuple = ()  # of each, as wiring.shown_of has them
-    hook_path: str = ""  # what the hook drives
-    run: runs.Run = runs.Run()  # what Sinew stands in for behind them, or without them
-    own: str | None = None  # name of Sinew's modifier
-    waits_for: frozenset = frozenset()  # bones, as wiring.awaited_bones has them
-    is_wired: bool = False  # the file has what the way needs
+    """The decision for one version of an object."""
 
-    def hook_of(self, ob):
-        """The hook of the object, or None."""
+    way: ways.Way = ways.Way(ways.BLENDER)
+    taken: tuple[str, ...] = ()  # names of the Armature modifiers that Sinew replaces, in stack order
+    binds: tuple[tuple[bool, bool], ...] = ()  # of each, as returned by wiring.binds_of
+    shown: tuple[tuple[bool, bool] | None, ...] = ()  # of each, as returned by wiring.shown_of
+    hook_path: str = ""  # path of the property that the hook drives
+    run: runs.Run = runs.Run()  # what Sinew replaces behind them, or without them
+    own: str | None = None  # name of Sinew's modifier
+    waits_for: frozenset[tuple[int, str]] = frozenset()  # bones, as returned by wiring.awaited_bones
+    is_wired: bool = False  # the file has what the path needs
+
+    def hook_of(self, ob: Any) -> Any:
+        """Returns the hook of the object, or None."""
         return ob.animation_data.drivers.find(self.hook_path) if self.hook_path and ob.animation_data else None
 
-    def waits_for_targets(self, original):
-        """Whether the hook, if it is where it was, waits for the armatures and for all that the run's Hook modifiers
-        follow, and for nothing that is gone: modifiers, objects and bones come and go."""
+    def waits_for_targets(self, original: Any) -> bool:
+        """Whether the hook waits for the armatures and everything that the run's Hook modifiers follow.
+
+        Also checks that no target was deleted: modifiers, objects and bones may be added and removed. True if there is
+        no hook at its path.
+        """
         hook = self.hook_of(original)
         if hook is None:
             return True
@@ -37,13 +43,16 @@ class Plan:
         keys = {(values.key_of(ob), bone) for ob, bone in targets if ob is not None}
         return keys <= wiring.targets_of(hook) and not wiring.has_lost_target(hook)
 
-    def switch(self, ob, deforms):
-        """Who deforms this evaluated object in this pass: Sinew, or Blender's own modifiers."""
+    def switch(self, ob: Any, deforms: bool) -> None:
+        """Sets whether Sinew or Blender's own modifiers deform this evaluated object in this pass."""
         wiring.switch(ob, self.taken, self.shown, self.binds, self.run, self.own, deforms, self.way.kind == ways.KEYS)
 
 
-def make(ob, sharer_count, moves_against_armature):
-    """ob: the object, original or evaluated; sharer_count, moves_against_armature: as ways.choose takes them."""
+def make(ob: Any, sharer_count: int, moves_against_armature: bool) -> Plan:
+    """Makes the plan of an object.
+
+    ob: original or evaluated; sharer_count, moves_against_armature: see ways.choose.
+    """
     original = ob.original
     taken = wiring.taken_modifiers(ob)
     names = tuple(modifier.name for modifier in taken)

@@ -1,39 +1,47 @@
-"""Which way a bound mesh goes: through an attribute, through its shape keys, or by Blender's own modifier.
+"""Chooses the path of a bound mesh: through an attribute, through its shape keys, or Blender's own modifier.
 
-Sinew deforms in the pass in which Blender evaluates the mesh, so it has to know by itself what goes into the
-Armature modifier. Where it does not, Blender's own modifier goes on deforming: right at once.
+Sinew deforms in the pass in which Blender evaluates the mesh, so it has to know the Armature modifier's input without
+Blender. Where it does not, Blender's own modifier deforms, in the same pass.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..blender import animation, armatures, modifier_types, nodes
 from ..host import contract
 from . import runs, wiring
 
 ATTRIBUTE, KEYS, BLENDER = "ATTRIBUTE", "KEYS", "BLENDER"
-# Blender lets nothing but deforming modifiers stand before these.
+# Blender allows only deforming modifiers before these.
 WANTS_DEFORM_ONLY = {"MULTIRES", "SOFT_BODY"}
-# A node group costs Blender some time, however small the mesh is: with fewer vertices its own modifier is quicker.
+# A node group has a fixed cost, so with fewer vertices Blender's own modifier is faster.
 # Measured: docs/speed.md, Small meshes.
 FEWEST_VERTICES = {ATTRIBUTE: 3_000, KEYS: 500}
-# Parent types that place the mesh; the others deform it.
+# Parent types that only transform the mesh; the others deform it.
 PLACING_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 
 
 @dataclass(frozen=True)
 class Way:
+    """The path of a mesh."""
+
     kind: str
-    reason: str = ""  # of BLENDER, a sentence for people
-    wants_keys: bool = False  # it would go through shape keys, if it had some
+    reason: str = ""  # of BLENDER, a sentence for users
+    wants_keys: bool = False  # it would take the path through shape keys if it had any
 
     @property
-    def in_pass(self):
+    def in_pass(self) -> bool:
+        """Whether Sinew deforms, in Blender's pass."""
         return self.kind in {ATTRIBUTE, KEYS}
 
 
-def choose(ob, mesh, sharer_count, moves_against_armature=False):
-    """ob: a bound mesh object, original or evaluated; mesh: its own; sharer_count: how many objects have that mesh;
-    moves_against_armature: whether mesh and armature were seen to move against each other, frame by frame."""
+def choose(ob: Any, mesh: Any, sharer_count: int, moves_against_armature: bool = False) -> Way:
+    """Returns the path of a bound mesh object.
+
+    ob: original or evaluated; mesh: its own mesh; sharer_count: number of objects with that mesh;
+    moves_against_armature: whether mesh and armature were seen to move relative to each other from frame to frame.
+    """
     carrier = wiring.carrier_of(ob)
     if carrier is None or carrier.type == "ARMATURE" and ob.original.modifiers[carrier.name].object is None:
         return Way(BLENDER, "Its armature is gone: choose another one, or unbind")
@@ -45,8 +53,9 @@ def choose(ob, mesh, sharer_count, moves_against_armature=False):
     return way
 
 
-def _asks_for_sinew(ob, taken):
-    """Whether there is something that the Armature modifier and shape keys do not do, or do slowly. ob: original."""
+def _asks_for_sinew(ob: Any, taken: Sequence[Any]) -> bool:
+    """Whether the object uses something that Blender's modifiers and shape keys cannot do, or do slowly. ob:
+    original."""
     settings = ob.sinew
     return (
         bool(settings.own_method)
@@ -57,9 +66,19 @@ def _asks_for_sinew(ob, taken):
     )
 
 
-def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_armature=False):
-    """The same of a mesh that is to be bound. taken: the Armature modifiers that Sinew is to stand in for;
-    gets_armature: it has none, but is to get one, the first of all."""
+def foresee(
+    ob: Any,
+    mesh: Any,
+    taken: Sequence[Any],
+    sharer_count: int,
+    moves_against_armature: bool = False,
+    gets_armature: bool = False,
+) -> Way:
+    """Returns the path that a mesh would take if it were bound, whatever its number of vertices.
+
+    taken: the Armature modifiers that Sinew would replace; gets_armature: the mesh has none, but would get one as its
+    first modifier. The other arguments are those of `choose`.
+    """
     if contract.trouble():
         return Way(BLENDER, contract.trouble())
     for modifier in ob.original.modifiers:
@@ -115,8 +134,8 @@ def foresee(ob, mesh, taken, sharer_count, moves_against_armature=False, gets_ar
     return Way(ATTRIBUTE)
 
 
-def _why_not_first(ob, modifier, first):
-    """Why nothing may come before the modifier with which Sinew begins, and what to do. ob: original."""
+def _why_not_first(ob: Any, modifier: Any, first: Any) -> str:
+    """Returns why no modifier may come before the first one that Sinew replaces, and what to do. ob: original."""
     is_of_library = ob.library is not None or ob.override_library is not None and modifier.is_override_data
     where = ", in the library" if is_of_library else ""
     return (
@@ -125,12 +144,13 @@ def _why_not_first(ob, modifier, first):
     )
 
 
-def may_be_single_user(ob):
-    """Whether its mesh can be given to it alone. ob: original."""
+def may_be_single_user(ob: Any) -> bool:
+    """Whether the object can be given its own copy of its mesh. ob: original."""
     return ob.library is None and ob.data.library is None
 
 
-def _picks_by_number(modifier):
+def _picks_by_number(modifier: Any) -> bool:
+    """Whether it is an active Hook modifier that selects vertices by index."""
     return (
         modifier.type == "HOOK"
         and modifier.object is not None
@@ -139,8 +159,11 @@ def _picks_by_number(modifier):
     )
 
 
-def why_idle(ob):
-    """Why Sinew can take over nothing of a mesh object without an armature, a sentence without its subject; or ""."""
+def why_idle(ob: Any) -> str:
+    """Returns why Sinew can replace nothing on a mesh without an armature, or "".
+
+    The result is a sentence without its subject.
+    """
     by_parent = _why_by_parent(ob)
     if by_parent:
         return by_parent
@@ -152,15 +175,18 @@ def why_idle(ob):
     return f"{nothing} ({run.end} comes first, and {run.reason})" if run.end else nothing
 
 
-def _why_by_parent(ob):
+def _why_by_parent(ob: Any) -> str:
+    """Returns why the parent prevents Sinew from deforming the mesh, a sentence without its subject, or ""."""
     if ob.parent is None or ob.parent_type in PLACING_PARENTS:
         return ""
     return f"is deformed by its parent {ob.parent.name} directly, before any modifier"
 
 
-def depends_on_shape(ob, taken):
-    """Whether it depends on where a vertex is what moves it, in ways of which Sinew works out the outcome but once:
-    envelopes, and B-bones that are mapped along their curve."""
+def depends_on_shape(ob: Any, taken: Sequence[Any]) -> bool:
+    """Whether weights depend on vertex positions in a way that Sinew evaluates only once.
+
+    That is so for envelopes, and for B-bones whose segments are assigned along their curve.
+    """
     groups = {group.name for group in ob.original.vertex_groups}
     return any(
         modifier.use_bone_envelopes
@@ -175,7 +201,8 @@ def depends_on_shape(ob, taken):
     )
 
 
-def _through_keys(ob, keys, taken):
+def _through_keys(ob: Any, keys: Any, taken: Sequence[Any]) -> Way:
+    """Returns the path of a mesh with shape keys."""
     if not keys.use_relative:
         return Way(BLENDER, "Its shape keys are absolute, which Sinew cannot blend: make them relative")
     if ob.show_only_shape_key:
@@ -193,7 +220,8 @@ def _through_keys(ob, keys, taken):
     return Way(KEYS)
 
 
-def _why_off(ob, modifier):
+def _why_off(ob: Any, modifier: Any) -> str:
+    """Returns why an Armature modifier is switched off, or what to do."""
     cache = next((each for each in ob.modifiers if each.type in modifier_types.CACHES and wiring.is_shown(each)), None)
     if cache is not None:
         return f"{cache.name} plays a cache in place of {modifier.name}, which is switched off"
