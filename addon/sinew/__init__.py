@@ -32,7 +32,19 @@ def _modules():
         return (without_native,)
     from .cli import command_line
     from .main import handlers, properties, write_lock
-    from .ui import bake, crowd, cures, display, menus, methods, operators, panels, preferences, profile, rig_files
+    from .ui import (
+        bake,
+        crowd,
+        cures,
+        display,
+        menus,
+        method_settings,
+        operators,
+        panels,
+        preferences,
+        profile,
+        rig_files,
+    )
 
     return (
         properties,
@@ -42,7 +54,7 @@ def _modules():
         bake,
         crowd,
         cures,
-        methods,
+        method_settings,
         display,
         menus,
         panels,

@@ -171,7 +171,7 @@ def test_painting_does_not_renew_it(tube):
 
 
 def warnings(ob):
-    return " ".join(warning.text for warning in addon_module("ui.cures").warnings(ob))
+    return " ".join(warning.text for warning in addon_module("ui.advice").warnings(ob))
 
 
 @pytest.mark.parametrize("mode", ("EDIT", "SCULPT"))

@@ -23,7 +23,7 @@ from helpers import (
 
 
 def errors(ob):
-    return [warning for warning in addon_module("ui.cures").warnings(ob) if warning.is_error]
+    return [warning for warning in addon_module("ui.advice").warnings(ob) if warning.is_error]
 
 
 def test_modifiers_copied_to_another_mesh(character):

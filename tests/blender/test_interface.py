@@ -32,7 +32,7 @@ def tube(fresh_scene):
 
 
 def warnings(ob):
-    return [warning.text for warning in addon_module("ui.cures").warnings(ob)]
+    return [warning.text for warning in addon_module("ui.advice").warnings(ob)]
 
 
 def influences(ob):

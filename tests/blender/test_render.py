@@ -224,18 +224,18 @@ def test_generated_coordinates_stay_put(fresh_scene, tmp_path):
     reference = twin_of(ob)
     for frame in (1, 4, 7, 11):
         pose(armature, frame, False)
-    cures = addon_module("ui.cures")
+    advice = addon_module("ui.advice")
 
     def said(about):
         return [warning for warning in about if "noise uses Generated" in warning.text]
 
-    assert said(cures.about_generated(ob))
+    assert said(advice.about_generated(ob))
     accelerate(ob)
-    (warning,) = said(cures.warnings(ob))
+    (warning,) = said(advice.warnings(ob))
     assert warning.cures[0][0] == "object.sinew_keep_generated"
     assert bpy.ops.object.sinew_keep_generated() == {"FINISHED"}
     fresh_scene.frame_set(2)
-    assert way(ob) == "KEYS" and not said(cures.warnings(ob))
+    assert way(ob) == "KEYS" and not said(advice.warnings(ob))
     assert_same_shape(ob, reference)
     add_camera(fresh_scene)
     fresh_scene.camera.location = (0, -12, 2.5)
@@ -253,7 +253,7 @@ def test_modifiers_that_want_deforming_ones_before_them(fresh_scene, kind):
     accelerate(ob)
     fresh_scene.frame_set(2)
     assert way(ob) == "BLENDER"
-    (warning,) = [warning for warning in addon_module("ui.cures").warnings(ob) if "only deforming" in warning.text]
+    (warning,) = [warning for warning in addon_module("ui.advice").warnings(ob) if "only deforming" in warning.text]
     assert warning.cures == (("object.sinew_keep_generated", "Add a Basis"),)
     bpy.ops.object.sinew_keep_generated()
     fresh_scene.frame_set(3)

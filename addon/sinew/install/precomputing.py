@@ -2,10 +2,9 @@
 
 import logging
 import threading
-from collections.abc import Mapping
-from typing import Any
 
 import bpy
+import numpy as np
 
 from ..blender import kept_arrays, meshes, values
 from ..feedback import notice
@@ -120,7 +119,7 @@ def _finish(job):
             bpy.ops.ed.undo_push(message="Prepare Skinning Method")
 
 
-def keep(ob: bpy.types.Object, made_of: str, arrays: Mapping[str, Any]) -> None:
+def keep(ob: bpy.types.Object, made_of: str, arrays: dict[str, np.ndarray]) -> None:
     """Saves the computed data of a mesh's method in the .blend.
 
     made_of: as returned by methods.made_of; arrays: {name: array}.

@@ -1,109 +1,14 @@
-"""The panel's warnings about a bound mesh, and the operators that fix their causes."""
+"""Operators that fix what the panel warns about."""
 
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..bake import mesh_cache
-from ..blender import materials, meshes
-from ..clips import clip_store
-from ..install import bind, deformed_copies, mending
-from ..plan import runs, ways
-from ..run import characters
-from . import display
-from .operators import Unbind
-
-
-@dataclass
-class Warning:
-    text: str
-    cures: tuple  # of (operator's name, text of its button)
-    is_error: bool = False  # False: the mesh is deformed correctly all the same
-
-
-def warnings(ob: bpy.types.Object) -> list[Warning]:
-    """Returns the warnings about a bound mesh, worst first."""
-    entry, armature = characters.character(ob), ob.sinew.armature
-    found = []
-    if entry is not None and entry.status.error:
-        found.append(Warning(entry.status.error, (), True))
-    elif entry is not None and entry.way.reason and not mesh_cache.is_on(ob):
-        if armature is None and ob.sinew.modifiers:
-            found.append(Warning(entry.way.reason, (), True))
-        else:
-            cures = ((KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
-            found.append(Warning(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", cures))
-    found += _about_copy(ob)
-    found += about_generated(ob)
-    for modifier in doubles(ob):
-        found.append(
-            Warning(
-                f"Modifier {modifier.name} deforms this mesh a second time, with armature {modifier.object.name}",
-                ((RemoveDoubles.bl_idname, "Remove It"),),
-                True,
-            )
-        )
-    if entry is not None and entry.layers:
-        influences = entry.layers[0].influences
-        if influences.unweighted_count:
-            found.append(
-                Warning(
-                    f"{_vertices(influences.unweighted_count)} without a bone: kept in the rest pose",
-                    ((FillWeights.bl_idname, "Fill from Neighbors"), (SelectUnweighted.bl_idname, "Select")),
-                    True,
-                )
-            )
-        if influences.unnormalized_count:
-            found.append(
-                Warning(
-                    f"The weights of {_vertices(influences.unnormalized_count)} do not sum to 1",
-                    ((NormalizeWeights.bl_idname, "Normalize"),),
-                )
-            )
-    if armature is not None and ob.sinew.source == "CLIP" and not clip_store.bones_are_where_they_were(armature):
-        found.append(
-            Warning(
-                "Bones were moved after the import, so the rig's poses no longer fit: undo that, or set Pose to "
-                "Armature",
-                (),
-                True,
-            )
-        )
-    if bind.is_deleted(armature):
-        found.append(
-            Warning(
-                f"{armature.name} was deleted from all collections but moves the mesh until you unbind it",
-                ((display.ToggleSkeleton.bl_idname, "Bring Back"), (Unbind.bl_idname, "Unbind")),
-                True,
-            )
-        )
-    elif armature is not None and not armature.visible_get():
-        found.append(Warning(f"{armature.name} is hidden", ((display.ToggleSkeleton.bl_idname, "Show"),)))
-    sharers = meshes.count_sharers(ob)
-    if sharers > 1 and ways.may_be_single_user(ob):
-        found.append(Warning(f"{sharers} objects share this mesh", ((MakeSingleUser.bl_idname, "Make Single User"),)))
-    return found
-
-
-def _about_copy(ob):
-    copy, why = ob.sinew.deformed, deformed_copies.why_it_stays(ob)
-    return [Warning(f"{copy.name} keeps its last shape {why}", ())] if copy is not None and why else []
-
-
-def about_generated(ob: bpy.types.Object) -> list[Warning]:
-    """Returns a warning about a mesh, bound or not yet bound, whose material would slide over the surface."""
-    material = materials.user_of_generated(ob) if ob.data.shape_keys is None else None
-    if material is None:
-        return []
-    return [
-        Warning(
-            f"{material} uses Generated coordinates, which move with the shape on a mesh without shape keys",
-            ((KeepGenerated.bl_idname, "Keep Generated"),),
-        )
-    ]
+from ..blender import meshes
+from ..install import bind, mending
+from ..plan import runs
 
 
 def doubles(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -119,15 +24,6 @@ def doubles(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
         and modifier.object in [own.object for own in ours]
         and (modifier.show_viewport or modifier.show_render)
     ]
-
-
-def _lower(sentence):
-    first = sentence.split(maxsplit=1)[0]
-    return sentence[0].lower() + sentence[1:] if first in {"It", "Its"} else sentence
-
-
-def _vertices(count):
-    return "1 vertex" if count == 1 else f"{count:,} vertices"
 
 
 def bone_weights(ob: bpy.types.Object) -> list[dict[int, float]]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, methods
+from . import bake, crowd, cures, method_settings
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -29,7 +29,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(ToggleSkeleton.bl_idname, icon="ARMATURE_DATA")
         layout.operator(MeasureFrames.bl_idname, icon="TIME")
         layout.separator()
-        for operator in (*cures.CLASSES, *methods.CLASSES):
+        for operator in (*cures.CLASSES, *method_settings.CLASSES):
             layout.operator(operator.bl_idname)
         layout.separator()
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")

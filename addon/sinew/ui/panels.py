@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..run import characters
-from . import methods, sections
+from . import method_settings, sections
 
 
 class InSidebar:
@@ -79,7 +79,7 @@ class Smooth:
         return bound_mesh(context) is not None
 
     def draw(self, context):
-        methods.draw_smoothing(layout_of(self), context.object)
+        method_settings.draw_smoothing(layout_of(self), context.object)
 
 
 class Chain:

@@ -12,7 +12,7 @@ from ..feedback import notice
 from ..main import whole_frames
 from ..native import sinew_native
 from ..plan import bindable, runs, ways
-from . import cures, display, methods
+from . import advice, cures, display, method_settings
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
@@ -85,7 +85,7 @@ def draw_free(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.ty
         else:
             layout.label(text="Deformed without an armature", icon="MOD_SMOOTH")
         layout.operator(Bind.bl_idname, text="Accelerate", icon="LINKED")
-        for warning in cures.about_generated(ob):
+        for warning in advice.about_generated(ob):
             draw_warning(layout, context, warning)
     draw_display(layout, ob)
 
@@ -110,7 +110,7 @@ def draw_armature(layout: bpy.types.UILayout, context: bpy.types.Context, armatu
 
 
 def draw_bound(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object) -> None:
-    settings, warnings = ob.sinew, cures.warnings(ob)
+    settings, warnings = ob.sinew, advice.warnings(ob)
     for warning in warnings:
         if warning.is_error:
             draw_warning(layout, context, warning)
@@ -119,7 +119,7 @@ def draw_bound(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.t
         column.prop(modifier, "object", text="Armature")
         column.prop(settings, "source")
         column.prop(settings, "method")
-        methods.draw(column, context, ob)
+        method_settings.draw(column, context, ob)
     column.prop(settings, "output")
     draw_switches(column, ob)
     draw_display(layout, ob)
@@ -137,7 +137,7 @@ def draw_unbind(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(MeasureFrames.bl_idname, text=measured.glance if measured else "Measure")
 
 
-def draw_warning(layout: bpy.types.UILayout, context: bpy.types.Context, warning: cures.Warning) -> None:
+def draw_warning(layout: bpy.types.UILayout, context: bpy.types.Context, warning: advice.Advice) -> None:
     box = layout.box().column(align=True)
     notice.draw_sentence(box, context, warning.text, warning.is_error)
     row = box.row(align=True)
