@@ -112,7 +112,7 @@ struct KeySource {
   std::vector<float> values;
 
   /// Reads the keys' values and mutes the keys, so that Blender adds none of them.
-  void take() {
+  void read_values() {
     for (std::size_t k = 1; k < keys.size(); ++k) values[k] = silence_key(keys[k], layout[0], layout[1]);
   }
 
@@ -182,7 +182,7 @@ class Shortcut {
     if (!keys_.keys.empty()) {
       positions = keys_.points(deformer_.vertex_count());
       if (!positions) return false;
-      keys_.take();
+      keys_.read_values();
     }
     const auto count = static_cast<std::size_t>(3 * deformer_.vertex_count());
     milliseconds_[0] = watch.milliseconds();

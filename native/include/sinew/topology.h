@@ -47,8 +47,8 @@ class Topology {
   bool is_boundary(std::size_t v) const { return is_boundary_[v]; }
 
  private:
-  void take_edges(std::span<const std::int32_t> edges);
-  void take_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices);
+  void add_edges(std::span<const std::int32_t> edges);
+  void add_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices);
   void find_boundary(std::span<const std::int32_t> edges, std::span<const std::int32_t> face_offsets,
                      std::span<const std::int32_t> corner_vertices);
 

@@ -31,7 +31,7 @@ class Kept {
 
   /// Borrows a T. make  called if none is idle; returns a unique_ptr<T>.
   template <class Make>
-  Loan take(const Make& make) {
+  Loan borrow(const Make& make) {
     {
       const std::lock_guard lock(mutex_);
       if (!idle_.empty()) {

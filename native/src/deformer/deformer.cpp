@@ -205,7 +205,7 @@ void Deformer::skin(std::span<const LayerPose> poses, std::span<float> positions
   // parallel never re-enters this function, so a thread needs only one list.
   auto& posed = per_thread<std::vector<PosedLayer>>();
   if (posed.size() < layers_.size()) posed.resize(layers_.size());
-  for (std::size_t i = 0; i < layers_.size(); ++i) posed[i].take(*layers_[i], poses[i]);
+  for (std::size_t i = 0; i < layers_.size(); ++i) posed[i].pose(*layers_[i], poses[i]);
 
   Frame frame{{posed.data(), layers_.size()}, nullptr, key_values, nullptr, nullptr, vertices, positions.data(), false,
               !rest_positions.empty()};

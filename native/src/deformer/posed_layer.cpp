@@ -32,7 +32,7 @@ void mix(const float* from, const float* to, const float* part, std::size_t vert
   }
 }
 
-void PosedLayer::take(const Layer& own, const LayerPose& pose) {
+void PosedLayer::pose(const Layer& own, const LayerPose& pose) {
   layer = &own;
   skin = &own.skin().blocked();
   space.reset();

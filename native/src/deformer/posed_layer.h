@@ -43,7 +43,7 @@ struct PosedLayer {
   /// The matrices in mesh space, if the layer is skinned there but they are given in armature space.
   std::vector<Matrix4<float>> matrices;
 
-  void take(const Layer& own, const LayerPose& pose);
+  void pose(const Layer& own, const LayerPose& pose);
 
   /// own  out, the input deformed by this layer alone, x y z per vertex.
   void run(const TileInput& input, LayerScratch& scratch, float* own) const;

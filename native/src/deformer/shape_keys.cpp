@@ -74,14 +74,14 @@ struct ShapeKeys::Tile {
   std::vector<float> weights;
 
   /// weight: of each vertex, or null.
-  void take(const float* reference, const float* key, const float* weight, std::size_t vertices) {
+  void add(const float* reference, const float* key, const float* weight, std::size_t vertices) {
     for (std::size_t first = 0; first < vertices; first += kCompared) {
       const std::size_t count = std::min(kCompared, vertices - first);
       if (!differ(reference + 3 * first, key + 3 * first, 3 * count)) continue;
       for (std::size_t v = first; v < first + count; ++v) {
         if (!differ(reference + 3 * v, key + 3 * v, 3)) continue;
         if (weight && weight[v] == 0) continue;
-        take_vertex(v, reference + 3 * v, key + 3 * v, weight);
+        add_vertex(v, reference + 3 * v, key + 3 * v, weight);
       }
     }
   }
@@ -93,7 +93,7 @@ struct ShapeKeys::Tile {
   }
 
  private:
-  void take_vertex(std::size_t v, const float* reference, const float* key, const float* weight) {
+  void add_vertex(std::size_t v, const float* reference, const float* key, const float* weight) {
     const bool goes_on = runs.size() > run_begin.back() && runs.back().first + std::size_t{runs.back().count} == v;
     if (goes_on) {
       ++runs.back().count;
@@ -120,8 +120,8 @@ ShapeKeys::ShapeKeys(std::span<const std::span<const float>> positions, std::spa
         const auto reference = static_cast<std::size_t>(relative_to[k]);  // a negative one is huge
         if (k > 0 && reference < keys) {
           const bool weighted = !weights.empty() && weights[k];
-          tiles_[t].take(positions[reference].data() + 3 * first, positions[k].data() + 3 * first,
-                         weighted ? weights[k]->data() + first : nullptr, count);
+          tiles_[t].add(positions[reference].data() + 3 * first, positions[k].data() + 3 * first,
+                        weighted ? weights[k]->data() + first : nullptr, count);
         }
         tiles_[t].end_key();
       }

@@ -21,7 +21,7 @@ struct Header {
 };
 
 /// Removes the header line from `unread`, including its line feed: what follows may be binary.
-Header take_header(const std::string& name, std::string_view& unread) {
+Header parse_header(const std::string& name, std::string_view& unread) {
   const std::size_t end = std::min(unread.find('\n'), unread.size());
   const std::string_view whole = trimmed(unread.substr(0, end));
   std::string_view line = whole;
@@ -104,9 +104,9 @@ Eigen::MatrixXd read_dmat(const Path& path) {
   if (bytes.empty()) fail(name, " is empty; expected a first line `columns rows`");
   std::string_view unread = bytes;
   skip_byte_order_mark(path, unread);
-  Header header = take_header(name, unread);
+  Header header = parse_header(name, unread);
   const bool binary = header.columns == 0 && header.rows == 0 && !unread.empty();
-  if (binary) header = take_header(name, unread);
+  if (binary) header = parse_header(name, unread);
   check_size(name, header, unread, binary);
   Eigen::MatrixXd matrix(header.rows, header.columns);
   binary ? read_binary(name, unread, matrix) : read_text(name, unread, matrix);

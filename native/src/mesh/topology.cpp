@@ -43,12 +43,12 @@ Topology::Topology(std::ptrdiff_t vertex_count, std::span<const std::int32_t> ed
   check_face_offsets(face_offsets, std::ssize(corner_vertices));
   neighbour_begin_ = beginnings(edges, vertex_count);
   corner_begin_ = beginnings(corner_vertices, vertex_count);
-  take_edges(edges);
-  take_faces(face_offsets, corner_vertices);
+  add_edges(edges);
+  add_faces(face_offsets, corner_vertices);
   find_boundary(edges, face_offsets, corner_vertices);
 }
 
-void Topology::take_edges(std::span<const std::int32_t> edges) {
+void Topology::add_edges(std::span<const std::int32_t> edges) {
   neighbours_.resize(edges.size());
   std::vector<std::uint32_t> at(neighbour_begin_.begin(), neighbour_begin_.end() - 1);
   for (std::size_t i = 0; i < edges.size(); i += 2) {
@@ -57,7 +57,7 @@ void Topology::take_edges(std::span<const std::int32_t> edges) {
   }
 }
 
-void Topology::take_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices) {
+void Topology::add_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices) {
   corners_.resize(corner_vertices.size());
   std::vector<std::uint32_t> at(corner_begin_.begin(), corner_begin_.end() - 1);
   for (std::size_t f = 0; f + 1 < face_offsets.size(); ++f) {

@@ -53,8 +53,8 @@ std::vector<double> smoothing_polynomial(double strength, int iterations, double
   fail("smoothing by ", strength, ", ", iterations, " times, is too strong; expected less");
 }
 
-void ScaledRows::take(const Laplacian& laplacian, std::span<const std::uint32_t> vertices,
-                      std::span<const std::int32_t> number_of) {
+void ScaledRows::assign(const Laplacian& laplacian, std::span<const std::uint32_t> vertices,
+                        std::span<const std::int32_t> number_of) {
   begin.assign(1, 0);
   columns.clear();
   values.clear();

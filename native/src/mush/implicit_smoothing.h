@@ -36,8 +36,8 @@ struct ScaledRows {
 
   /// vertices   ascending.
   /// number_of  V: the index of each vertex in them, or -1.
-  void take(const Laplacian& laplacian, std::span<const std::uint32_t> vertices,
-            std::span<const std::int32_t> number_of);
+  void assign(const Laplacian& laplacian, std::span<const std::uint32_t> vertices,
+              std::span<const std::int32_t> number_of);
   std::size_t count() const { return diagonal.size(); }
 };
 

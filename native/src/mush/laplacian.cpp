@@ -31,7 +31,7 @@ class Entries {
     for (std::size_t v = 0; v < diagonal_.size(); ++v) {
       auto end = at;
       while (end != entries_.end() && end->row == static_cast<std::int32_t>(v)) ++end;
-      take_row(at, end, once, once ? 0 : diagonal_[v], result);
+      add_row(at, end, once, once ? 0 : diagonal_[v], result);
       at = end;
     }
     return result;
@@ -44,7 +44,7 @@ class Entries {
   };
   using At = std::vector<Entry>::const_iterator;
 
-  static void take_row(At at, At end, bool once, double diagonal, Laplacian& result) {
+  static void add_row(At at, At end, bool once, double diagonal, Laplacian& result) {
     const std::size_t first = result.columns.size();
     for (; at != end; ++at) {
       const auto column = static_cast<std::uint32_t>(at->column);

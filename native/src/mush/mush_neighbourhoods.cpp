@@ -106,7 +106,7 @@ MushNeighbourhoods::Smoothed MushNeighbourhoods::smooth_in(Space& space, const W
   for (std::size_t rings = rings_;; rings *= 2) {
     const bool more = grow(space, field, rings);
     const Eigen::Vector3d origin = fill(space, field);
-    space.rows.take(laplacian_, space.vertices, space.number_of);
+    space.rows.assign(laplacian_, space.vertices, space.number_of);
     try {
       smooth_fields(space.rows, shape_, weights_, space.panels, progress, std::exchange(steps, 0));
     } catch (...) {

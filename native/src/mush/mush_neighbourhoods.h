@@ -44,12 +44,12 @@ class MushNeighbourhoods {
     Moments at(std::size_t i) const;
   };
 
-  /// Smooths a field and calls take(Smoothed) with the result.
+  /// Smooths a field and calls use(Smoothed) with the result.
   /// progress  advanced by one step per vertex of the field; or null.
-  template <class Take>
-  void smooth(const WeightField& field, Progress* progress, const Take& take) {
-    const auto space = spaces_.take([&] { return std::make_unique<Space>(skin_.vertex_count()); });
-    take(smooth_in(*space, field, progress));
+  template <class Use>
+  void smooth(const WeightField& field, Progress* progress, const Use& use) {
+    const auto space = spaces_.borrow([&] { return std::make_unique<Space>(skin_.vertex_count()); });
+    use(smooth_in(*space, field, progress));
   }
 
  private:

@@ -206,16 +206,16 @@ class Precomputation {
     arrays.offsets.push_back(0);
     for (std::size_t v = 0; v < wholes_.size(); ++v) {
       if (v % 1024 == 0) stop_if_cancelled(progress_);
-      take_vertex(v, std::span(by_vertex).subspan(at[v], next[v] - at[v]), arrays);
+      pack_vertex(v, std::span(by_vertex).subspan(at[v], next[v] - at[v]), arrays);
       arrays.offsets.push_back(std::ssize(arrays.joints));
     }
     return arrays;
   }
 
   /// entries  in ascending order of joints.
-  void take_vertex(std::size_t v, std::span<const Entry*> entries, MushArrays& arrays) const;
-  void take_entry(const Entry& entry, const Eigen::Vector3d& moved, double share, double scale,
-                  MushArrays& arrays) const;
+  void pack_vertex(std::size_t v, std::span<const Entry*> entries, MushArrays& arrays) const;
+  void add_entry(const Entry& entry, const Eigen::Vector3d& moved, double share, double scale,
+                 MushArrays& arrays) const;
 
   static constexpr double kDroppedUnit = 1e15;
 
@@ -228,7 +228,7 @@ class Precomputation {
   double diagonal_ = 0;
 };
 
-void Precomputation::take_vertex(std::size_t v, std::span<const Entry*> entries, MushArrays& arrays) const {
+void Precomputation::pack_vertex(std::size_t v, std::span<const Entry*> entries, MushArrays& arrays) const {
   const Whole& whole = wholes_[v];
   std::ranges::sort(entries, {}, [&](const Entry* entry) { return std::pair(importance_of(*entry), entry->joint); });
   double dropped = static_cast<double>(dropped_[v].load()) / kDroppedUnit;
@@ -252,13 +252,13 @@ void Precomputation::take_vertex(std::size_t v, std::span<const Entry*> entries,
   }
   const Eigen::Vector3d moved = kept.empty() ? sum : Eigen::Vector3d(whole.extent / weight * sum);
   const double scale = kept.empty() ? 0 : (1 - settings_.blend) * whole.weight * whole.extent / (whole.share * share);
-  for (const Entry* entry : kept) take_entry(*entry, moved, share, scale, arrays);
+  for (const Entry* entry : kept) add_entry(*entry, moved, share, scale, arrays);
   for (const double x : Eigen::Vector3d(whole.center + moved)) arrays.centers.push_back(static_cast<float>(x));
   arrays.scales.push_back(static_cast<float>(scale));
 }
 
-void Precomputation::take_entry(const Entry& entry, const Eigen::Vector3d& moved, double share, double scale,
-                                MushArrays& arrays) const {
+void Precomputation::add_entry(const Entry& entry, const Eigen::Vector3d& moved, double share, double scale,
+                               MushArrays& arrays) const {
   const Eigen::Vector3d given = Eigen::Map<const Eigen::Vector3f>(entry.first).cast<double>();
   const double weight = entry.weight / wholes_[entry.vertex].extent;
   const Eigen::Vector3d first = given - weight * moved;

@@ -114,15 +114,15 @@ HWY_INLINE Quaternions<V> eigenvector(D d, const V* a, V value) {
   const V b23 = hn::Sub(zero, expand(n02, s4, n12, s2, n23, s0)), b33 = expand(n02, s3, n12, s1, n22, s0);
   Quaternions<V> q{b00, b01, b02, b03};
   V longest = hn::Abs(b00);
-  const auto take = [&](V diagonal, const Quaternions<V>& other) HWY_ATTR {
+  const auto keep_longer = [&](V diagonal, const Quaternions<V>& other) HWY_ATTR {
     const auto longer = hn::Gt(hn::Abs(diagonal), longest);
     longest = hn::IfThenElse(longer, hn::Abs(diagonal), longest);
     q = {hn::IfThenElse(longer, other.w, q.w), hn::IfThenElse(longer, other.x, q.x),
          hn::IfThenElse(longer, other.y, q.y), hn::IfThenElse(longer, other.z, q.z)};
   };
-  take(b11, {b01, b11, b12, b13});
-  take(b22, {b02, b12, b22, b23});
-  take(b33, {b03, b13, b23, b33});
+  keep_longer(b11, {b01, b11, b12, b13});
+  keep_longer(b22, {b02, b12, b22, b23});
+  keep_longer(b33, {b03, b13, b23, b33});
   // Scaled so that the squared length does not underflow, however near the eigenvalues are.
   const V scale = hn::Div(hn::Set(d, 1.0f), hn::Max(longest, hn::Set(d, 1e-30f)));
   return normalized(d,

@@ -199,7 +199,7 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions, std::span<const 
   }
   points = aligned<float>(blocks.size() * kBlockFloats);
   packed_weights = aligned<float>(numbers);
-  take_rest_positions();
+  pack_rest_positions();
   for_blocks(*this, kFill, [this](std::size_t begin, std::size_t end) {
     std::vector<std::uint32_t> place(identity_joint + 1);
     for (std::size_t b = begin; b < end; ++b) fill_weights(*this, b, place);
@@ -209,7 +209,7 @@ BlockedSkin::BlockedSkin(std::span<const float> rest_positions, std::span<const 
   spanning = spanning_forest(neighbours, identity_joint + 1);
 }
 
-void BlockedSkin::take_rest_positions() {
+void BlockedSkin::pack_rest_positions() {
   for_blocks(*this, kFillPositions, [this](std::size_t begin, std::size_t end) {
     const std::size_t first = begin * kBlock;
     pack_points(rest.data() + 3 * first, vertex_after(end) - first, points.get() + begin * kBlockFloats);

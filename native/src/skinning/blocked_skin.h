@@ -68,7 +68,7 @@ struct BlockedSkin {
 
   /// Packs `rest` again after its numbers have changed. Only with the instruction set that the skin was
   /// packed for, or one with the same number of lanes.
-  void take_rest_positions();
+  void pack_rest_positions();
 
   int lanes;  ///< of the kernel's registers
   /// The joint of vertices that no joint moves: one past the skin's last, with the identity as its

@@ -145,7 +145,7 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
   }
   set_joint({}, matrices.joints, palette);
   moving.motions.resize(moving.joints.size());
-  take_apart(matrices, frame, rule, moving.joints, moving.motions);
+  split(matrices, frame, rule, moving.joints, moving.motions);
   for (std::size_t i = 0; i < moving.joints.size(); ++i) {
     const RigidAndStretch& own = moving.motions[i];
     set_joint(space ? carried(own, *space) : own, moving.joints[i], palette);

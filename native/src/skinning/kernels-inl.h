@@ -82,7 +82,7 @@ class Interleaver {
   }
 
   /// x, y and z of a group.
-  HWY_INLINE void take_apart(const float* in, Floats& x, Floats& y, Floats& z) const {
+  HWY_INLINE void load(const float* in, Floats& x, Floats& y, Floats& z) const {
     Floats parts[3];
     for (int part = 0; part < 3; ++part) parts[part] = hn::LoadU(kTag, in + part * kLanes);
     x = coordinate<0>(parts);
@@ -95,20 +95,20 @@ class Interleaver {
   template <int axis>
   HWY_INLINE Floats coordinate(const Floats* parts) const {
     constexpr int kRest = kLanes % 3;
-    const Floats later = take_third<(axis + 3 - kRest) % 3>(parts[1], parts[2]);
-    return take_third<axis>(parts[0], later);
+    const Floats later = pick_third<(axis + 3 - kRest) % 3>(parts[1], parts[2]);
+    return pick_third<axis>(parts[0], later);
   }
 
   template <int part>
   HWY_INLINE void store_third(Floats x, Floats y, Floats z, float* out) const {
     constexpr int phase = part * kLanes % 3;
-    const Floats yz = take_third<(4 - phase) % 3>(y, z);
-    hn::StoreU(take_third<(3 - phase) % 3>(x, yz), kTag, out + part * kLanes);
+    const Floats yz = pick_third<(4 - phase) % 3>(y, z);
+    hn::StoreU(pick_third<(3 - phase) % 3>(x, yz), kTag, out + part * kLanes);
   }
 
   /// Lanes whose number is `rest` mod 3 from a, the others from b.
   template <int rest>
-  HWY_INLINE Floats take_third(Floats a, Floats b) const {
+  HWY_INLINE Floats pick_third(Floats a, Floats b) const {
 #if HWY_TARGET == HWY_AVX2
     // With the mask in the instruction, any of four pipes can run it, not only those that multiply.
     return Floats{_mm256_blend_ps(b.raw, a.raw, 0b01001001 << rest & 0xff)};

@@ -91,7 +91,7 @@ void pack_points(const float* positions, std::size_t vertices, float* points) {
   const auto pack = [&](const float* in, float* out) HWY_ATTR {
     for (int lane = 0; lane < kBlock; lane += kLanes) {
       Floats x, y, z;
-      interleaver.take_apart(in + 3 * lane, x, y, z);
+      interleaver.load(in + 3 * lane, x, y, z);
       hn::Store(x, kTag, out + lane);
       hn::Store(y, kTag, out + lane + kBlock);
       hn::Store(z, kTag, out + lane + 2 * kBlock);

@@ -126,7 +126,7 @@ void rotation_center_blocks(const BlockedSkin& skin, const Tile& tile, const Mat
     Points<kAtOnce> from;
     for (int at = 0; at < 3 * kAtOnce * kLanes; at += kBlock) fetch_ahead(centers + 3 * vertex + at, 0);
     for (int n = 0; n < kAtOnce; ++n) {
-      interleaver.take_apart(centers + 3 * (vertex + n * kLanes), from.x[n], from.y[n], from.z[n]);
+      interleaver.load(centers + 3 * (vertex + n * kLanes), from.x[n], from.y[n], from.z[n]);
       const auto has = hn::Eq(from.x[n], from.x[n]);
       from.x[n] = hn::IfThenElse(has, from.x[n], points.x[n]);
       from.y[n] = hn::IfThenElse(has, from.y[n], points.y[n]);

@@ -121,8 +121,8 @@ void split_in_frames(MatrixStack<const float> matrices, std::ptrdiff_t frame,
 
 }  // namespace
 
-void take_apart(MatrixStack<const float> matrices, std::ptrdiff_t frame, const StretchRule& rule,
-                std::span<const std::int32_t> joints, std::span<RigidAndStretch> motions) {
+void split(MatrixStack<const float> matrices, std::ptrdiff_t frame, const StretchRule& rule,
+           std::span<const std::int32_t> joints, std::span<RigidAndStretch> motions) {
   if (rule.stretch != Stretch::polar) return split_in_frames(matrices, frame, rule.rest_frames, joints, motions);
   for (std::size_t i = 0; i < joints.size(); ++i) motions[i] = split_polar(matrices.at(frame, joints[i]));
 }

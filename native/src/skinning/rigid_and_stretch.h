@@ -22,8 +22,8 @@ struct RigidAndStretch {
 };
 
 /// Splits the matrices of some joints in one frame. motions: out, one for each of `joints`.
-void take_apart(MatrixStack<const float> matrices, std::ptrdiff_t frame, const StretchRule& rule,
-                std::span<const std::int32_t> joints, std::span<RigidAndStretch> motions);
+void split(MatrixStack<const float> matrices, std::ptrdiff_t frame, const StretchRule& rule,
+           std::span<const std::int32_t> joints, std::span<RigidAndStretch> motions);
 
 /// Returns C M C^-1 for an M that has been split: whether it is rigid is decided in the space of the rest frames.
 /// space: a similarity.

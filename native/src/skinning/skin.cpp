@@ -77,7 +77,7 @@ void Skin::set_rest_positions(std::span<const float> positions) {
   const std::lock_guard lock(packed_->mutex);
   const int lanes = kernel_lanes();
   std::erase_if(packed_->by_lanes, [&](const auto& other) { return other.first != lanes; });
-  for (auto& [own, blocked] : packed_->by_lanes) blocked->take_rest_positions();
+  for (auto& [own, blocked] : packed_->by_lanes) blocked->pack_rest_positions();
 }
 
 void check_counts(std::int64_t vertices, std::int64_t influences, std::int64_t joints) {

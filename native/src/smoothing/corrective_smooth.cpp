@@ -58,21 +58,21 @@ class CorrectiveSmooth::Body {
       if (!std::isfinite(positions[i])) fail("rest_positions is not finite at vertex ", i / 3);
     }
     rest_ = aligned<float>(4 * around_.point_count());
-    around_.take(positions.data(), 0, around_.point_count(), rest_.get());
+    around_.gather(positions.data(), 0, around_.point_count(), rest_.get());
     remembered_.clear();
   }
 
   void apply(const Settings& settings, std::span<float> positions) {
     if (settings.iterations <= 0 || settings.factor == 0 || around_.worked_on == 0) return;
-    const Reading losses(*this, settings.only_smooth ? nullptr : take_losses(settings));
+    const Reading losses(*this, settings.only_smooth ? nullptr : borrow_losses(settings));
     Smoothing smoothing(around_, microseconds(settings), spaces_);
-    smoothing.take(positions.data());
+    smoothing.load(positions.data());
     iterate(settings, smoothing);
-    if (settings.only_smooth) return smoothing.put(positions.data());
+    if (settings.only_smooth) return smoothing.store(positions.data());
     smoothing.each_piece([&](std::size_t begin, std::size_t end) {
       float* const corrected = smoothing.other_points();
       restore_losses(around_, begin, end, smoothing.points(), losses->numbers.get(), settings.scale, angle_, corrected);
-      around_.put(corrected, begin, end, positions.data());
+      around_.scatter(corrected, begin, end, positions.data());
     });
   }
 
@@ -109,7 +109,7 @@ class CorrectiveSmooth::Body {
   }
 
   /// Returns the losses for these settings, with one more reader.
-  Losses* take_losses(const Settings& settings) {
+  Losses* borrow_losses(const Settings& settings) {
     std::unique_ptr<Losses> made;
     {
       const std::lock_guard lock(mutex_);
@@ -136,7 +136,7 @@ class CorrectiveSmooth::Body {
 
   void measure(const Settings& settings, Losses& losses) {
     Smoothing smoothing(around_, microseconds(settings), spaces_);
-    smoothing.take_own(rest_.get());
+    smoothing.load_points(rest_.get());
     iterate(settings, smoothing);
     smoothing.each_piece([&](std::size_t begin, std::size_t end) {
       measure_losses(around_, begin, end, rest_.get(), smoothing.points(), losses.numbers.get());

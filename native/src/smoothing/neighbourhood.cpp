@@ -74,7 +74,7 @@ Neighbourhood::Neighbourhood(const Topology& topology, std::vector<float> all_we
   }
 }
 
-void Neighbourhood::take(const float* positions, std::size_t begin, std::size_t end, float* points) const {
+void Neighbourhood::gather(const float* positions, std::size_t begin, std::size_t end, float* points) const {
   for (std::size_t i = begin; i < end; ++i) {
     const std::size_t v = vertices[i];
     // The fourth number is the next vertex's, if there is one.
@@ -82,7 +82,7 @@ void Neighbourhood::take(const float* positions, std::size_t begin, std::size_t 
   }
 }
 
-void Neighbourhood::put(const float* points, std::size_t begin, std::size_t end, float* positions) const {
+void Neighbourhood::scatter(const float* points, std::size_t begin, std::size_t end, float* positions) const {
   for (std::size_t i = begin * kBlock; i < std::min(end * kBlock, worked_on); ++i) {
     std::copy_n(points + 4 * i, 3, positions + 3 * std::size_t{vertices[i]});
   }

@@ -37,9 +37,9 @@ struct Neighbourhood {
   std::size_t point_count() const { return vertices.size(); }
 
   /// Copies V x 3 numbers to points, for the points `begin` up to `end`.
-  void take(const float* positions, std::size_t begin, std::size_t end, float* points) const;
+  void gather(const float* positions, std::size_t begin, std::size_t end, float* points) const;
   /// Copies points back, for the vertices of blocks `begin` up to `end`.
-  void put(const float* points, std::size_t begin, std::size_t end, float* positions) const;
+  void scatter(const float* points, std::size_t begin, std::size_t end, float* positions) const;
 
   std::size_t vertex_count;                    ///< of the mesh
   std::vector<std::uint32_t> vertices;         ///< of each point

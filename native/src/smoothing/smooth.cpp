@@ -47,11 +47,11 @@ void Smooth::apply(const Settings& settings, std::span<float> positions) const {
   Smoothing smoothing(around,
                       static_cast<double>(around.worked_on) * (kMicroseconds + kMicrosecondsStep * settings.iterations),
                       body_->spaces);
-  smoothing.take(positions.data());
+  smoothing.load(positions.data());
   smoothing.iterate(settings.iterations, [&](std::size_t begin, std::size_t end, const float* from, float* to) {
     mean_step(around, begin, end, settings, from, to);
   });
-  smoothing.put(positions.data());
+  smoothing.store(positions.data());
 }
 
 }  // namespace sinew

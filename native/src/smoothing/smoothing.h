@@ -16,19 +16,18 @@ class Smoothing {
   Smoothing(const Neighbourhood& around, double microseconds, Kept<SmoothingSpace>& spaces)
       : around_(around),
         threads_(threads_pay(microseconds)),
-        space_(spaces.take([&] { return std::make_unique<SmoothingSpace>(around.point_count()); })),
+        space_(spaces.borrow([&] { return std::make_unique<SmoothingSpace>(around.point_count()); })),
         from_(space_->from.get()),
         to_(space_->to.get()) {}
 
   /// positions  V x 3.
-  void take(const float* positions) {
-    take_points(
-        [&](std::size_t begin, std::size_t end, float* points) { around_.take(positions, begin, end, points); });
+  void load(const float* positions) {
+    load_by([&](std::size_t begin, std::size_t end, float* points) { around_.gather(positions, begin, end, points); });
   }
 
   /// points  of the neighbourhood.
-  void take_own(const float* points) {
-    take_points([&](std::size_t begin, std::size_t end, float* own) {
+  void load_points(const float* points) {
+    load_by([&](std::size_t begin, std::size_t end, float* own) {
       std::copy(points + 4 * begin, points + 4 * end, own + 4 * begin);
     });
   }
@@ -52,17 +51,17 @@ class Smoothing {
   /// Not in use between iterations.
   float* other_points() const { return to_; }
 
-  void put(float* positions) const {
-    each_piece([&](std::size_t begin, std::size_t end) { around_.put(from_, begin, end, positions); });
+  void store(float* positions) const {
+    each_piece([&](std::size_t begin, std::size_t end) { around_.scatter(from_, begin, end, positions); });
   }
 
  private:
-  template <class Take>
-  void take_points(const Take& take) {
+  template <class Load>
+  void load_by(const Load& load) {
     const std::size_t points = around_.point_count(), lanes = around_.block_count() * kBlock;
     parallel_for(points, threads_ ? kBlocksPerPiece * kBlock : points, [&](std::size_t begin, std::size_t end) {
-      take(begin, end, from_);
-      if (end > lanes) take(std::max(begin, lanes), end, to_);
+      load(begin, end, from_);
+      if (end > lanes) load(std::max(begin, lanes), end, to_);
     });
   }
 
