@@ -164,7 +164,7 @@ def make_fail(monkeypatch, name):
         return poses(copy, *arguments)
 
     monkeypatch.setattr(graph_copy, "poses", fail)
-    monkeypatch.setattr(addon_module("run.shortcuts"), "take", lambda _: False)
+    monkeypatch.setattr(addon_module("run.shortcuts"), "deform", lambda _: False)
 
 
 def into_a_shot(folder, overridden):

@@ -199,14 +199,14 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     fresh_scene.frame_set(4, subframe=0.5)
     characters, calls, before = addon_module("run.characters"), [], evaluated(ob)
     shortcuts = addon_module("run.shortcuts")
-    take = shortcuts.take
+    deform = shortcuts.deform
 
     def note_taken(evaluated_object):
-        taken = take(evaluated_object)
+        taken = deform(evaluated_object)
         calls.extend([True] * taken)
         return taken
 
-    monkeypatch.setattr(shortcuts, "take", note_taken)
+    monkeypatch.setattr(shortcuts, "deform", note_taken)
     is_at_work = characters.Character.is_at_work
 
     def note(entry, copy, evaluated_object):

@@ -1,1 +1,1 @@
-"""Deforms, in Blender's own evaluation. A frame reads a plan and data that were made before."""
+"""Deforms bound meshes during Blender's own evaluation. A frame uses a plan and data that were made before."""

@@ -67,7 +67,7 @@ class Character:
     def run(self) -> runs.Run:
         return self.plan.run
 
-    def stage_names(self, ob: bpy.types.Object) -> list[str]:
+    def stage_names(self, ob: bpy.types.Object) -> tuple[str, ...]:
         """Returns the names of the stages after skinning, in the order of GraphCopy's."""
         return stages.names(ob, self.plan.run)
 

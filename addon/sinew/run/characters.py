@@ -1,13 +1,14 @@
-"""All bound meshes at run time, and what is said of them.
+"""All bound meshes at run time, and the errors reported for them.
 
-Frames and updates must not ask Blender for an object by its name, or for their number: both are walks along all objects
-of the file. So the objects themselves are kept. Python is told when Blender frees one: a reference then raises
-ReferenceError, after a deletion, an undo, and when a library is read again or an override made anew. What came is known
-by the hook, which Blender calls with it, and by updates. Then the file is walked through once.
+Frames and updates must not look up an object by name or ask how many there are: for either, Blender walks through all
+objects of the file. So references to the objects are kept. When Blender frees an object, which happens after a
+deletion, an undo, and when a library is reloaded or an override is recreated, its reference raises ReferenceError. New
+objects are known from the hook, which Blender calls with them, and from updates. The file is then walked through once.
 """
 
 import logging
 import threading
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import bpy
@@ -23,17 +24,17 @@ log = logging.getLogger("sinew")
 
 @dataclass
 class _File:
-    """What a walk through the open file has found."""
+    """The result of a walk through the open file."""
 
     object_count: int = 0
-    objects: dict = field(default_factory=dict)  # key -> bound mesh object
-    by_clip: dict = field(default_factory=dict)  # those of them whose pose may come from a clip
-    with_copy: dict = field(default_factory=dict)  # those with the output Mesh that may be written
-    users_of: dict = field(default_factory=dict)  # of the mesh of each, when its sharers were counted
-    parts: dict = field(default_factory=dict)  # key of a data-block that bound meshes are made of -> their keys
+    objects: dict[int, bpy.types.Object] = field(default_factory=dict)  # bound mesh objects, by their keys
+    by_clip: dict[int, bpy.types.Object] = field(default_factory=dict)  # those whose pose may come from a clip
+    with_copy: dict[int, bpy.types.Object] = field(default_factory=dict)  # those with the output Mesh, if not linked
+    users_of: dict[int, int] = field(default_factory=dict)  # users of each one's mesh when its sharers were counted
+    parts: dict[int, set[int]] = field(default_factory=dict)  # key of a data-block -> keys of the objects that use it
 
-    def sort_in(self, key, ob, armatures):
-        """armatures: objects, that deform it."""
+    def sort_in(self, key: int, ob: bpy.types.Object, armatures: Sequence[bpy.types.Object]) -> None:
+        """Enters a bound object. armatures: the objects that deform it."""
         for kept, belongs in (self.by_clip, _may_follow_clip(ob)), (self.with_copy, _has_copy(ob)):
             if belongs:
                 kept[key] = ob
@@ -43,23 +44,24 @@ class _File:
             self.parts.setdefault(values.key_of(part), set()).add(key)
 
 
-_characters = {}  # key of the mesh object -> Character
+_characters: dict[int, Character] = {}  # by the key of the mesh object
 _file = _File()
-_is_stale = True  # bound meshes have come or gone since the walk
-_editions = {}  # key of the mesh object -> the edition of its mesh, kept through undo
+_is_stale = True  # bound meshes were added or removed since the walk
+_editions: dict[int, int] = {}  # key of the mesh object -> the edition of its mesh, kept through undo
 _gathering_number = 0
-_gathering = threading.Lock()  # while _characters gets entries, or is replaced
+_gathering = threading.Lock()  # held while _characters gets entries or is replaced
 
 
-def configure(thread_count, instruction_set):
-    """How skinning runs from now on. thread_count 0: all; instruction_set "auto" or a name of
+def configure(thread_count: int, instruction_set: str) -> None:
+    """Sets how skinning runs from now on. thread_count: 0 for all threads; instruction_set: "auto" or one of
     sinew_native.instruction_sets()."""
     sinew_native.set_thread_count(thread_count)
     sinew_native.set_instruction_set(instruction_set)
 
 
-def of(ob):
-    """The Character of a bound object, original or evaluated, made if there is none yet. From any thread."""
+def of(ob: bpy.types.Object) -> Character:
+    """Returns the Character of a bound object, original or evaluated, and makes it if there is none yet. From any
+    thread."""
     global _is_stale
     key = values.key_of(ob)
     entry = _characters.get(key)
@@ -70,17 +72,17 @@ def of(ob):
     return entry
 
 
-def character(ob):
-    """The Character of a bound object, or None."""
+def character(ob: bpy.types.Object) -> Character | None:
+    """Returns the Character of an object, or None if the object is not bound or has none yet."""
     return _characters.get(values.key_of(ob)) if ob.sinew.is_bound else None
 
 
-def _new(key, name):
+def _new(key: int, name: tuple[str, str | None]) -> Character:
     return Character(key, name, _editions.get(key, 0))
 
 
-def forget(is_undo=False):
-    """Drop everything that is cached, as after load."""
+def forget(is_undo: bool = False) -> None:
+    """Discards everything that is cached, as after a file was loaded. is_undo: keeps the editions of the meshes."""
     global _characters, _file, _is_stale
     with _gathering:
         _editions.clear()
@@ -92,44 +94,44 @@ def forget(is_undo=False):
     mail.forget()
 
 
-def forget_object(ob):
-    """Drop what is cached of one mesh."""
+def forget_object(ob: bpy.types.Object) -> None:
+    """Discards what is cached for one mesh."""
     _characters.pop(values.key_of(ob), None)
     gather_again()
 
 
-# --- which there are ------------------------------------------------------------------------------
+# --- which ones exist -----------------------------------------------------------------------------
 
 
-def bound_objects():
-    """All bound mesh objects of the file, whether a scene shows them or not. Counts the file's objects, as frames and
-    ordinary updates must not."""
+def bound_objects() -> list[bpy.types.Object]:
+    """Returns all bound mesh objects of the file, whether or not they are in a scene. Counts the file's objects, which
+    frames and ordinary updates must not do."""
     count_again()
     return known()
 
 
-def known():
-    """The same without counting: what came to no scene may be missing."""
+def known() -> list[bpy.types.Object]:
+    """Returns the same as bound_objects without counting, so new objects that are in no scene may be missing."""
     return _present("objects")
 
 
-def by_clip():
-    """The bound objects whose pose may come from a clip."""
+def by_clip() -> list[bpy.types.Object]:
+    """Returns the bound objects whose pose may come from a clip."""
     return _present("by_clip")
 
 
-def may_follow_clips():
-    """Whether there may be such objects. From any thread."""
+def may_follow_clips() -> bool:
+    """Whether any bound object's pose may come from a clip. From any thread."""
     return _is_stale or bool(_file.by_clip)
 
 
-def with_copy():
-    """The bound objects with the output Mesh that may be written."""
+def with_copy() -> list[bpy.types.Object]:
+    """Returns the bound objects with the output Mesh that are not linked, so that the copy may be written."""
     return _present("with_copy")
 
 
-def made_of(keys):
-    """{key: bound object} of those of which a data-block with one of these keys is a part: the object itself, its
+def made_of(keys: Iterable[int]) -> dict[int, bpy.types.Object]:
+    """Returns {key: bound object} for the objects that use a data-block with one of these keys: the object itself, its
     mesh, its armatures or their data."""
     if _is_stale:
         _gather()
@@ -137,31 +139,32 @@ def made_of(keys):
     return {key: _file.objects[key] for key in found if _is_alive(_file.objects[key])}
 
 
-def find(key):
-    """The bound object of that key, or None."""
+def find(key: int) -> bpy.types.Object | None:
+    """Returns the bound object with that key, or None."""
     if _is_stale or not _is_alive(_file.objects.get(key)):
         _gather()
     return _file.objects.get(key)
 
 
-def gather_again():
+def gather_again() -> None:
+    """Has the next query walk through the file again."""
     global _is_stale
     _is_stale = True
 
 
-def count_again():
-    """Objects may have come or gone."""
+def count_again() -> None:
+    """Checks whether objects were added or removed, and if so has the next query walk through the file again."""
     if len(bpy.data.objects) != _file.object_count or not all(map(_is_alive, _file.objects.values())):
         gather_again()
 
 
-def gathering():
-    """A number that is another one after bound meshes have come or gone."""
+def gathering() -> int:
+    """Returns a number that changes with every walk through the file, so after bound meshes were added or removed."""
     return _gathering_number
 
 
-def see(ob):
-    """A bound object was edited: frames and updates may have other things to do for it."""
+def see(ob: bpy.types.Object) -> None:
+    """Updates what is known of a bound object after an edit."""
     key = values.key_of(ob)
     if _file.objects.get(key) != ob:
         gather_again()
@@ -172,32 +175,33 @@ def see(ob):
     _file.sort_in(key, ob, [each.object for each in modifiers if getattr(each, "object", None) is not None])
 
 
-def see_mesh(mesh, is_in_doubt):
-    """The mesh of an object that was edited: it may be that of a bound object as well. is_in_doubt: count the sharers
-    again though it has as many users as before."""
+def see_mesh(mesh: bpy.types.Mesh, is_in_doubt: bool) -> None:
+    """Has the sharers of a mesh counted again if bound objects use it and its number of users has changed. mesh: that
+    of an object that was edited; is_in_doubt: count even if the number of users is unchanged."""
     for key in _file.parts.get(values.key_of(mesh), ()):
         if is_in_doubt or _file.users_of.get(key) != mesh.users:
             gather_again()
 
 
-def _present(name):
-    """A list of that field's objects, after gathering if one of them is gone."""
+def _present(name: str) -> list[bpy.types.Object]:
+    """Returns the objects in a field of _File, after another walk if one of them no longer exists."""
     if _is_stale or not all(map(_is_alive, getattr(_file, name).values())):
         _gather()
     return list(getattr(_file, name).values())
 
 
-def _is_alive(ob):
+def _is_alive(ob: bpy.types.Object | None) -> bool:
     try:
         return ob is not None and bool(ob.type)
     except ReferenceError:
         return False
 
 
-def _gather():
-    """Walks through the file. Another thread may have Blender evaluate meanwhile: what it has entered stays."""
+def _gather() -> None:
+    """Walks through the file. Entries that evaluations in other threads add in the meantime are kept."""
     global _characters, _file, _gathering_number, _is_stale
     before, _is_stale = set(_characters), False
+    sharers: dict[int, list[bpy.types.Object]]  # by the key of their mesh
     file, sharers = _File(), {}
     for ob in bpy.data.objects:
         file.object_count += 1
@@ -221,23 +225,23 @@ def _gather():
     _gathering_number += 1
 
 
-def _name(ob):
+def _name(ob: bpy.types.Object) -> tuple[str, str | None]:
     return ob.name, ob.library.filepath if ob.library else None
 
 
-def _may_follow_clip(ob):
+def _may_follow_clip(ob: bpy.types.Object) -> bool:
     return ob.sinew.source == "CLIP" or animation.find_curve(ob, "sinew.source") is not None
 
 
-def _has_copy(ob):
+def _has_copy(ob: bpy.types.Object) -> bool:
     return ob.sinew.installed_output == "MESH" and ob.library is None
 
 
 # --- what the main thread does for them -----------------------------------------------------------
 
 
-def keep_error(entry, error):
-    """An error in one mesh is kept with it and said once, until a frame succeeds."""
+def keep_error(entry: Character, error: Exception) -> None:
+    """Stores an error with its mesh and reports it once, until a frame succeeds or the error changes."""
     sentence = str(error)
     if sentence != entry.status.error:
         entry.status.error = sentence
@@ -245,13 +249,13 @@ def keep_error(entry, error):
     entry.forget_shape()
 
 
-def _say(name, error):
+def _say(name: str, error: Exception) -> None:
     log.error("Sinew cannot deform %s", name, exc_info=error)
     notice.show(f"Sinew cannot deform {name}, so Blender's own modifier does: {error}")
 
 
-def report(ob, message):
-    """Show a sentence with the object in the panel, until it is edited."""
+def report(ob: bpy.types.Object, message: str) -> None:
+    """Shows a sentence for the object in the panel until the object is edited."""
     of(ob).status.error = message
     log.error("%s: %s", ob.name, message)
     notice.show(f"{ob.name}: {message}")

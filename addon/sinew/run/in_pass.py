@@ -1,11 +1,12 @@
-"""A vertex's way through one frame: what Blender calls, in its own evaluation, through the hook of wiring.py.
+"""The full path of a frame: what Blender calls, during its own evaluation, through the hook (plan/wiring.py).
 
-It is called in whatever thread Blender evaluates the object, for each dependency graph (viewport, view layers,
-render, sub-frames of motion blur) with that graph's evaluated copy of the object. It writes to evaluated copies
-alone, and must not raise.
+Blender calls it in the thread that evaluates the object, once per dependency graph (viewport, view layers, render,
+sub-frames of motion blur), with that graph's evaluated copy of the object. It writes only to evaluated copies, and
+must not raise.
 """
 
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,10 @@ from ..plan import wiring
 from . import characters, graph_copies, shape_keys, shortcuts, stages
 
 
-def deform_now(ob):
-    """Deforms the mesh of an evaluated object for the evaluation that goes on, or leaves it to Blender's own
-    modifiers."""
+def deform_now(ob: Any) -> None:
+    """Deforms the mesh of an evaluated object in the current evaluation, or leaves it to Blender's own modifiers."""
     try:
-        if not shortcuts.take(ob) and ob.is_evaluated and ob.sinew.is_bound:
+        if not shortcuts.deform(ob) and ob.is_evaluated and ob.sinew.is_bound:
             entry = characters.of(ob)
             if contract.is_broken():
                 _stand_back(entry, entry.copy_of(ob), ob)
@@ -28,7 +28,7 @@ def deform_now(ob):
                     entry.look(ob)
                 return
             _deform(entry, entry.copy_of(ob), ob)
-    except (graph_copies.NotYet, values.Flat):  # flat: each version of Blender has its own way with that
+    except (graph_copies.NotYet, values.Flat):  # Flat: versions of Blender differ in what they do
         entry = characters.of(ob)
         _stand_back(entry, entry.copy_of(ob), ob)
     except Exception as error:
@@ -38,15 +38,16 @@ def deform_now(ob):
         _stand_back(entry, copy, ob)
 
 
-def _deform(entry, copy, ob):
+def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) -> None:
+    """Runs the full path, or switches Blender's own modifiers on if Sinew does not deform the object now."""
     start = perf_counter()
-    with entry.lock:  # the same object may be evaluated for a render meanwhile
+    with entry.lock:  # a render may evaluate the same object at the same time
         work = _prepare(copy, ob) if entry.is_at_work(copy, ob) else None
     if work is not None:
         deformer, poses, out, key_values, rest, in_order = work
         milliseconds = np.empty(len(in_order) + 2)
         milliseconds[0] = 1e3 * (perf_counter() - start)
-        # Other threads of Python go on meanwhile.
+        # This releases the GIL, so other Python threads keep running.
         deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
         entry.status.error = ""
         if shortcuts.learn(copy, ob):
@@ -59,8 +60,8 @@ def _deform(entry, copy, ob):
         _give_keys_back(copy, ob)
 
 
-def _stand_back(entry, copy, ob):
-    """After an error: Blender's own modifiers deform."""
+def _stand_back(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) -> None:
+    """Switches Blender's own modifiers on again after an error."""
     copy.is_deforming = False
     if copy.plan is None:
         return
@@ -71,9 +72,11 @@ def _stand_back(entry, copy, ob):
         characters.keep_error(entry, error)
 
 
-def _prepare(copy, ob):
-    """What the frame needs: input, pose, and where the shape goes."""
+def _prepare(copy: graph_copies.GraphCopy, ob: Any) -> tuple[Any, ...]:
+    """Returns what the frame needs: the deformer, the poses, the array for the result, the values of the shape keys or
+    None, what the stages start from or None, and the stages."""
     mesh = wiring.waits_for(copy.hook_of(ob), "mesh")
+    addresses: Any
     key_values = addresses = None
     is_edited = not marks.take_mark(mesh, "MESH") or copy.mesh_address != mesh.as_pointer()
     is_fresh = is_edited or not copy.is_read()
@@ -104,9 +107,9 @@ def _prepare(copy, ob):
     return copy.deformer, poses, out, key_values, copy.rest_of_stages(), in_order
 
 
-def _read_keys(copy, ob, mesh):
-    """A fresh copy of the keys may have been edited. One that is silenced has no base of its own any more: if it is
-    not known here, the original has it."""
+def _read_keys(copy: graph_copies.GraphCopy, ob: Any, mesh: Any) -> None:
+    """Reads the shape keys if they may have changed. A new evaluated copy may have been edited. A silenced copy has
+    lost its reference shape: if it is not known here, the original is read instead."""
     keys = mesh.shape_keys
     fresh = not marks.take_mark(keys, "KEY")
     if not fresh and copy.keys is not None and copy.keys_address == keys.as_pointer():
@@ -118,13 +121,13 @@ def _read_keys(copy, ob, mesh):
     copy.deformer = None
 
 
-def _give_keys_back(copy, ob):
-    """What was put into this copy of the shape keys goes, for Blender blends them now."""
+def _give_keys_back(copy: graph_copies.GraphCopy, ob: Any) -> None:
+    """Restores the evaluated shape keys that Sinew has overwritten, because Blender blends them now."""
     hook = copy.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
     original = ob.original.data
     if not keys or not marks.is_marked(keys, "KEY") or keys.original != original.shape_keys:
-        return  # they are as they were, or of a mesh that the object no longer has
+        return  # unchanged, or of a mesh that the object no longer has
     if copy.keys is None or copy.keys_address != keys.as_pointer():
         copy.read_weights(original)
         copy.keys = shape_keys.read(original.shape_keys, len(original.vertices), copy.weights)

@@ -1,13 +1,14 @@
-"""One Armature modifier's say in a bound mesh: a native layer made from the .blend, and the motions of its joints.
+"""One Armature modifier's contribution to a mesh: a native layer made from the .blend, and the motions of its joints.
 
-Ordinarily a mesh has one layer. It has more where Multi Modifier mixes the results of several modifiers.
+A mesh usually has one layer. It has several if Multi Modifier mixes the results of several modifiers.
 """
 
 import functools
 import itertools
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,14 +19,14 @@ from ..host import marks, motions
 from ..native import sinew_native
 from . import methods
 
-# How Blender itself treats scaled bones when it preserves volume, ...
+# How Blender treats scaled bones with Preserve Volume.
 STRETCH = "frame_each" if values.VERSION >= (4, 0, 0) else "frame"
-# ... and whether Multi Modifier's mask shows what comes later in the stack.
+# Whether Multi Modifier's mask selects the result of the later modifier in the stack.
 MASK_SHOWS_LATER = values.VERSION >= (4, 0, 0)
 
 
 class Settings(NamedTuple):
-    """What an Armature modifier says, but for its armature."""
+    """The settings of an Armature modifier, except its armature."""
 
     preserve_volume: bool
     use_vertex_groups: bool
@@ -34,8 +35,8 @@ class Settings(NamedTuple):
     mask_invert: bool
 
     @classmethod
-    def of(cls, modifier, binds):
-        """binds: as wiring.binds_of gives them."""
+    def of(cls, modifier: Any, binds: tuple[bool, bool]) -> "Settings":
+        """Reads the settings of a modifier. binds: as returned by wiring.binds_of."""
         return cls(modifier.use_deform_preserve_volume, *binds, modifier.vertex_group, modifier.invert_vertex_group)
 
 
@@ -44,18 +45,21 @@ class Weights:
     """A mesh's weights, in the order in which Blender stores them."""
 
     offsets: np.ndarray  # (V + 1,)
-    groups: np.ndarray  # (N,), -1: of a vertex group that was removed
+    groups: np.ndarray  # (N,), -1 for a vertex group that was removed
     weights: np.ndarray  # (N,)
     names: tuple  # of the vertex groups
 
     @classmethod
-    def of(cls, mesh, names, read):
-        """read: function that reads a mesh's weights, `meshes.read_weights`."""
+    def of(
+        cls, mesh: Any, names: tuple[str, ...], read: Callable[[Any], tuple[np.ndarray, np.ndarray, np.ndarray]]
+    ) -> "Weights":
+        """Reads the weights of a mesh. names: of its vertex groups; read: `meshes.read_weights`."""
         offsets, groups, weights = read(mesh)
         groups[groups >= len(names)] = -1
         return cls(offsets, groups, weights, names)
 
-    def same_as(self, other):
+    def same_as(self, other: "Weights | None") -> bool:
+        """Whether the other weights are equal."""
         return (
             other is not None
             and self.names == other.names
@@ -65,13 +69,13 @@ class Weights:
         )
 
     @functools.cached_property
-    def used_names(self):
-        """Of the groups in which some vertex has weight."""
+    def used_names(self) -> set[str]:
+        """The names of the groups in which any vertex has a weight other than 0."""
         counts = np.bincount(self.groups[(self.weights != 0) & (self.groups >= 0)], minlength=len(self.names))
         return {name for name, count in zip(self.names, counts.tolist()) if count}
 
-    def of_group(self, name):
-        """(V,) or None if there is no such group."""
+    def of_group(self, name: str) -> np.ndarray | None:
+        """Returns the weights in one group, (V,), or None if there is no such group."""
         if name not in self.names:
             return None
         return group_weights(self.offsets, self.groups, self.weights, self.names.index(name))
@@ -80,24 +84,26 @@ class Weights:
 # --- bones ----------------------------------------------------------------------------------------
 
 
-_numbers = {}  # key of an armature's data -> [(number, signature)] of the last editions of its bones
-_copies = {}  # address of an evaluated armature's data -> number of the edition that was read from it
+# key of an armature's data -> [(number, signature)] of the last editions of its bones
+_numbers: dict[int, list[tuple[int, Any]]] = {}
+_copies: dict[int, int] = {}  # address of an evaluated armature's data -> number of the edition that was read from it
 _editions_lock = threading.Lock()
 _new_number = itertools.count(1)
-MOST_EDITIONS = 4  # of one armature; another graph may have an older one
+MOST_EDITIONS = 4  # per armature; another graph may still use an older one
 MOST_COPIES = 1024
 
 
-def forget_editions():
+def forget_editions() -> None:
+    """Discards all editions of bones."""
     with _editions_lock:
         _numbers.clear()
         _copies.clear()
 
 
-def edition_of_bones(armature):
-    """(key of the armature's data, a number that is another one for other bones), of an evaluated armature. Bones are
-    compared only when Blender has copied the armature anew: after edits, and as bones are posed by hand, but not on a
-    frame."""
+def edition_of_bones(armature: Any) -> tuple[int, int]:
+    """Returns (key of the armature's data, a number that changes when the bones change) of an evaluated armature. Bones
+    are compared only when Blender has copied the armature again: after edits and while bones are posed by hand, but not
+    when only the frame changes."""
     data = armature.data
     key, address = values.key_of(data), data.as_pointer()
     with _editions_lock:
@@ -116,39 +122,41 @@ def edition_of_bones(armature):
         return key, number
 
 
-def is_edition(address, number):
-    """Whether that is the edition that was last read from the evaluated armature's data there."""
+def is_edition(address: int, number: int) -> bool:
+    """Whether that edition was the last one read from the evaluated armature data at that address."""
     return _copies.get(address) == number
 
 
-def is_posed(armature):
+def is_posed(armature: Any) -> bool:
     """Whether an evaluated armature shows a pose."""
     return bool(armature.pose.bones) and armature.data.pose_position != "REST" and armature.mode != "EDIT"
 
 
 @dataclass
 class Layer:
-    """Immutable once made: a frame that runs meanwhile in another thread keeps what it has."""
+    """What one Armature modifier does to a mesh. Immutable, because a frame in another thread may still use it."""
 
-    native: object  # sinew_native.Layer
-    skin: object  # sinew_native.Skin
+    native: Any  # sinew_native.Layer
+    skin: Any  # sinew_native.Skin
     influences: Influences
     bones: Bones
     weights: Weights
     rest: np.ndarray  # (V, 3)
-    first_joint: np.ndarray  # (B,) of the bones by which some vertex moves; -1 of the others
-    made_of: tuple  # (settings, method, its number), edition of the bones: if they change, the layer is made anew
-    space: bytes | None  # from armature to mesh, when it was made
-    wanted: str = ""  # methods.made_of, of a method that is precomputed
-    lacks: str = ""  # what is the matter with what was precomputed, see methods.py
-    _blank: np.ndarray = field(repr=False, default=None)  # (J + 1, 4, 4), a pose in which nothing moves
+    first_joint: np.ndarray  # (B,), -1 for bones that move no vertex
+    # (settings, method, number of the layer), *edition_of_bones: if this changes, the layer is made again
+    made_of: tuple
+    space: bytes | None  # mesh_from_armature when the layer was made
+    wanted: str = ""  # methods.made_of for a precomputed method
+    lacks: str = ""  # why the precomputed data cannot be used: ABSENT, STALE, UNFIT of methods.py, or ""
+    _blank: Any = field(repr=False, default=None)  # (J + 1, 4, 4), a pose in which nothing moves
 
     @property
-    def edition(self):
-        """Of the bones, the number that edition_of_bones gives."""
+    def edition(self) -> int:
+        """The edition of the bones, the number returned by edition_of_bones."""
         return self.made_of[-1]
 
-    def holds(self, weights, rest, made_of, mesh_from_armature):
+    def holds(self, weights: Weights, rest: np.ndarray, made_of: tuple, mesh_from_armature: np.ndarray | None) -> bool:
+        """Whether the layer is up to date: whether it would be made from the same data again."""
         return (
             self.weights is weights
             and self.rest is rest
@@ -156,15 +164,15 @@ class Layer:
             and (not self.influences.depend_on_shape or self.space == _bytes(mesh_from_armature))
         )
 
-    def read_pose(self, armature):
-        """(J + 1, 4, 4) float32: the motions of the joints of an evaluated armature, the last the identity."""
+    def read_pose(self, armature: Any) -> np.ndarray:
+        """Returns the motions of an evaluated armature's joints, (J + 1, 4, 4) float32. The last is the identity."""
         numbers = self._blank.copy()
         if is_posed(armature):
             motions.read(armature, self.first_joint, self.bones.joint_counts, numbers)
         return numbers.transpose(0, 2, 1)
 
-    def with_channels(self, channels):
-        """The same from the motions of all bones, (B, 4, 4), as a clip gives them."""
+    def with_channels(self, channels: np.ndarray) -> np.ndarray:
+        """Returns the same as read_pose, from the motions of all bones in a clip, (B, 4, 4)."""
         numbers = self._blank.copy()
         used = self.bones.first_joint >= 0
         for bone in np.flatnonzero(used):
@@ -173,10 +181,18 @@ class Layer:
         return numbers.transpose(0, 2, 1)
 
 
-def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept):
-    """weights: Weights; rest (V, 3): rest positions, space of the mesh; armature: evaluated; mesh_from_armature (4, 4)
-    or None; made_of: ((Settings, methods.Method, number of the layer), edition of the bones); text: with what the
-    method has precomputed, or None; kept: methods.Kept, which reads it."""
+def make_layer(
+    weights: Weights,
+    rest: np.ndarray,
+    armature: Any,
+    mesh_from_armature: np.ndarray | None,
+    made_of: tuple,
+    text: Any,
+    kept: methods.Kept,
+) -> Layer:
+    """Makes a layer. rest (V, 3): rest positions in mesh space; armature: evaluated; mesh_from_armature (4, 4) or None;
+    made_of: ((Settings, methods.Method, number of the layer), *edition_of_bones); text: the text data-block with the
+    method's precomputed data, or None; kept: reads that data."""
     settings, method, number = made_of[0]
     bones = Bones(**armatures.read_bones(armature))
     index = {name: i for i, name in enumerate(bones.names)}
@@ -202,17 +218,17 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
     rest_frames = None
     if settings.preserve_volume or method.kind == methods.BLENDED:
         rest_frames = np.tile(np.eye(4), (bones.joint_count + 1, 1, 1))
-        for bone in np.flatnonzero(moves):  # nobody waits for the others
+        for bone in np.flatnonzero(moves):  # the hook does not wait for the others
             first, count = bones.first_joint[bone], bones.joint_counts[bone]
             rest_frames[first : first + count] = bones.rest[bone]
             if count > 1:
                 frames = bones.rest[bone] @ armatures.read_segments(armature, bone, rest=True)
-                # A bone's rest matrix may be 5e-5 from orthonormal. Blender brings the axes of segments to length 1,
-                # and those of bones without segments not.
+                # A bone's rest matrix may be up to 5e-5 from orthonormal. Blender normalizes the axes of segments, but
+                # not those of bones without segments.
                 frames[:, :3, :3] /= np.linalg.norm(frames[:, :3, :3], axis=1, keepdims=True)
                 rest_frames[first : first + count] = frames
     skin = sinew_native.Skin(rest, own.offsets, own.joints, own.weights, bones.joint_count + 1)
-    how = {"method": "linear"}
+    how: dict[str, Any] = {"method": "linear"}
     if settings.preserve_volume:
         how = {"method": "dual_quaternion", "stretch": STRETCH, "rest_frames": rest_frames}
     wanted = lacks = ""
@@ -243,14 +259,14 @@ def make_layer(weights, rest, armature, mesh_from_armature, made_of, text, kept)
     )
 
 
-def space_between(ob, armature):
-    """(4, 4): from the armature's space to the mesh object's; None where they are one. Raises values.Flat."""
+def space_between(ob: Any, armature: Any) -> np.ndarray | None:
+    """Returns mesh_from_armature, (4, 4), or None if the two spaces are the same. Raises values.Flat."""
     values.refuse_flat(ob, armature)
     return sinew_native.host.space_between(*(np.array(each.matrix_world, np.float32) for each in (ob, armature)))
 
 
-def _moving(own, bones):
-    """(B,) bool: by which bones some vertex moves. own: its Influences."""
+def _moving(own: Influences, bones: Bones) -> np.ndarray:
+    """Returns which bones move any vertex, (B,) bool. own: the influences of the mesh."""
     has_weight = np.zeros(bones.joint_count + 1, bool)
     has_weight[own.joints[own.weights != 0]] = True
     moves = np.zeros(len(bones.names), bool)
@@ -260,11 +276,11 @@ def _moving(own, bones):
     return moves
 
 
-def _share(mask, vertex_count):
+def _share(mask: np.ndarray | None, vertex_count: int) -> np.ndarray:
     if mask is None:
         mask = np.ones(vertex_count)
     return mask if MASK_SHOWS_LATER else 1 - mask
 
 
-def _bytes(matrix):
+def _bytes(matrix: np.ndarray | None) -> bytes | None:
     return None if matrix is None else matrix.tobytes()

@@ -1,36 +1,39 @@
-"""What the evaluation, which runs in other threads, leaves for the main thread to do or to say."""
+"""Passes work from the evaluation, which runs in other threads, to the main thread."""
 
 import logging
 import threading
 from collections import deque
+from collections.abc import Callable
 from time import monotonic
+from typing import Any
 
 log = logging.getLogger("sinew")
 SECONDS_OF_INTEREST = 10.0
-REWIRE = "rewire"  # an object, by its key: the file lacks what its plan needs
-_letters = deque()  # (function or what is asked for, arguments); appending is safe from any thread
-_answers = {}  # what is asked for -> function
+REWIRE = "rewire"  # argument: the key of an object for whose plan the file lacks something
+# (function or the name of a request, arguments); appending is safe from any thread
+_letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
+_answers: dict[Any, Callable[..., object]] = {}  # by the name of the request
 _asked_at = float("-inf")
 
 
-def answer(what, function):
-    """From now on that function does what is asked for under that name."""
+def answer(what: str, function: Callable[..., object]) -> None:
+    """Registers the function that handles requests with that name."""
     _answers[what] = function
 
 
-def post(function, *arguments):
-    """The main thread calls it soon. function: may be the name of what is asked for, such as REWIRE."""
+def post(function: Callable[..., object] | str, *arguments: Any) -> None:
+    """Has the main thread call a function soon. function: may be the name of a request, such as REWIRE."""
     _letters.append((function, arguments))
 
 
-def ask(seconds, function, *arguments):
-    """From another thread: the main thread calls it, and this one waits. Returns False if that has not begun after so
-    many seconds, and then it never does."""
+def ask(seconds: float, function: Callable[..., object], *arguments: Any) -> bool:
+    """Has the main thread call a function, and waits until it has returned. For other threads. Returns False if the
+    call has not begun within that many seconds; it is then never made."""
     global _asked_at
     _asked_at = monotonic()
     is_taken, is_done = threading.Lock(), threading.Event()
 
-    def do_it():
+    def do_it() -> None:
         if is_taken.acquire(blocking=False):
             try:
                 function(*arguments)
@@ -45,21 +48,21 @@ def ask(seconds, function, *arguments):
     return is_done.wait()
 
 
-def is_asked():
-    """Whether other threads have lately waited for the main thread: they may do so again."""
+def is_asked() -> bool:
+    """Whether another thread has waited for the main thread recently, and so may do it again."""
     return monotonic() - _asked_at < SECONDS_OF_INTEREST
 
 
-def is_empty():
+def is_empty() -> bool:
     return not _letters
 
 
-def deliver():
-    """In the main thread; elsewhere nothing happens."""
+def deliver() -> None:
+    """Makes the calls that were posted. Does nothing except in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         return
     for _ in range(len(_letters)):
-        if not _letters:  # one of them had Blender evaluate, and so deliver the others
+        if not _letters:  # a call made Blender evaluate, which delivered the others
             return
         function, arguments = _letters.popleft()
         try:
@@ -68,5 +71,5 @@ def deliver():
             log.exception("what an evaluation asked for could not be done")
 
 
-def forget():
+def forget() -> None:
     _letters.clear()

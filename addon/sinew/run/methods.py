@@ -1,9 +1,11 @@
-"""The skinning methods that Blender's Armature modifier does not have: what a mesh's settings say of them, and the data
-of its own that a method has for each vertex. What takes long to compute is computed by precomputing.py and kept in the
-.blend; here it is read."""
+"""The skinning methods that Blender's Armature modifier does not have: a mesh's settings for them, and a method's own
+data for each vertex. Data that takes long to compute is computed by install/precomputing.py and saved in the .blend;
+here it is read."""
 
 import hashlib
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,26 +14,27 @@ from ..native import sinew_native
 
 BLENDED, CENTERS, MUSH = "BLENDED", "ROTATION_CENTERS", "DIRECT_DELTA_MUSH"
 PRECOMPUTED = {CENTERS, MUSH}
-LIKE_DUAL_QUATERNION = {"DUAL_QUATERNION", BLENDED, CENTERS}  # more than like linear skinning, as far as one can tell
+LIKE_DUAL_QUATERNION = {"DUAL_QUATERNION", BLENDED, CENTERS}  # closer to it than to linear skinning, in general
 OWN = {BLENDED, *PRECOMPUTED}
 
-# What is the matter with the data that a method has kept in the file.
+# Why a method's saved data cannot be used.
 ABSENT, STALE, UNFIT = "ABSENT", "STALE", "UNFIT"
 
 
 @dataclass(frozen=True)
 class Method:
-    """What a mesh's settings say. kind "": the method of its Armature modifier."""
+    """A mesh's settings. kind "": the method of its Armature modifier."""
 
     kind: str = ""
-    share: tuple = ()  # of BLENDED: name of a vertex group, whether it is inverted, the share where there is no group
-    settings: tuple = ()  # of what is precomputed, (name, value) in pairs
-    made_of: str = ""  # of the arrays in the file, as made_of gives it
-    faces: str = ""  # a digest
+    share: tuple = ()  # of BLENDED: name of a vertex group, whether it is inverted, the share without a group
+    settings: tuple = ()  # of a precomputed method, (name, value) pairs
+    made_of: str = ""  # of the arrays in the file, as returned by made_of
+    faces: str = ""  # a digest of the faces
 
     @classmethod
-    def of(cls, settings, faces):
-        """settings: `object.sinew` of the original; faces: function that gives a digest of its mesh's faces."""
+    def of(cls, settings: Any, faces: Callable[[], str]) -> "Method":
+        """Reads the settings. settings: `object.sinew` of the original; faces: function that returns a digest of its
+        mesh's faces."""
         kind, skinning = settings.own_method, settings.skinning
         if kind == BLENDED:
             return cls(kind, (skinning.share_group, skinning.share_invert, skinning.share))
@@ -41,8 +44,8 @@ class Method:
         return cls()
 
 
-def settings_of(kind, skinning):
-    """((name, value), ...), as sinew_native names them."""
+def settings_of(kind: str, skinning: Any) -> tuple[tuple[str, Any], ...]:
+    """Returns the settings of a precomputed method as (name, value) pairs, with the names of sinew_native."""
     if kind == CENTERS:
         return (("sigma", skinning.sigma),)
     return (
@@ -55,16 +58,17 @@ def settings_of(kind, skinning):
     )
 
 
-def is_like_dual_quaternion(name, skinning):
-    """Whether that method with those settings comes nearer to dual quaternion than to linear skinning."""
+def is_like_dual_quaternion(name: str, skinning: Any) -> bool:
+    """Whether a method with those settings is closer to dual quaternion than to linear skinning."""
     if name == BLENDED and not skinning.share_group:
         return skinning.share >= 0.5
     return name in LIKE_DUAL_QUATERNION
 
 
-def made_of(method, rest, influences, joint_count, bone_names):
-    """A string that is another one whenever a precomputation would come out otherwise. Its second half tells on whom
-    old data would fit at least."""
+def made_of(method: Method, rest: np.ndarray, influences: Any, joint_count: int, bone_names: Sequence[str]) -> str:
+    """Returns a string that changes whenever the result of a precomputation would change. Its second half, after the
+    colon, changes only when old data would no longer fit the mesh and its bones. rest (V, 3); influences: the
+    Influences of the mesh."""
     content = digest(
         repr((method.kind, method.settings, method.faces)).encode(),
         np.ascontiguousarray(rest, np.float32),
@@ -75,15 +79,16 @@ def made_of(method, rest, influences, joint_count, bone_names):
     return f"{content}:{digest(repr((method.kind, len(rest), joint_count, bone_names)).encode())}"
 
 
-def digest(*parts):
+def digest(*parts: bytes | np.ndarray) -> str:
+    """Returns a hash of arrays and bytes, as hexadecimal digits."""
     found = hashlib.blake2b(digest_size=16)
     for part in parts:
         found.update(part if isinstance(part, bytes) else np.ascontiguousarray(part).tobytes())
     return found.hexdigest()
 
 
-def shares(method, weights, count):
-    """BlendShares of a mesh with count vertices. weights: layers.Weights."""
+def shares(method: Method, weights: Any, count: int) -> Any:
+    """Returns the sinew_native.BlendShares of a mesh with count vertices. weights: layers.Weights."""
     group, invert, share = method.share
     found = weights.of_group(group) if group else None
     if found is None:
@@ -92,8 +97,12 @@ def shares(method, weights, count):
     return sinew_native.BlendShares(1 - found if invert else found)
 
 
-def compute(kind, settings, skin, faces, progress):
-    """{name: array}, from any thread; None if progress was cancelled."""
+def compute(
+    kind: str, settings: Iterable[tuple[str, Any]], skin: Any, faces: Sequence[np.ndarray], progress: Any
+) -> dict[str, np.ndarray] | None:
+    """Computes a method's data and returns {name: array}, or None if progress was cancelled. From any thread.
+    settings: as returned by settings_of; skin: sinew_native.Skin; faces: as sinew_native takes them; progress:
+    sinew_native.Progress."""
     kinds = {CENTERS: sinew_native.RotationCenters, MUSH: sinew_native.DirectDeltaMush}
     found = kinds[kind].compute(skin, *faces, **dict(settings), progress=progress)
     if found is None:
@@ -104,15 +113,15 @@ def compute(kind, settings, skin, faces, progress):
 
 
 class Kept:
-    """What a mesh's method has kept in the file, as native data: made when the file has something else, and not when
-    somebody paints weights."""
+    """The data that a mesh's method has saved in the file, as a native object. It is made again only when the data in
+    the file has changed, not when weights are painted."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._made_of, self._data = "", None
 
-    def read(self, kind, text, wanted, skin):
-        """(data or None, what is the matter or ""). text: with the arrays; wanted: made_of of what would be computed
-        now; skin: sinew_native.Skin."""
+    def read(self, kind: str, text: Any, wanted: str, skin: Any) -> tuple[Any, str]:
+        """Returns (data or None, ABSENT, STALE, UNFIT or ""). text: the text data-block with the arrays; wanted:
+        made_of for what would be computed now; skin: sinew_native.Skin."""
         has = kept_arrays.made_of(text)
         if not has:
             return None, ABSENT
@@ -124,7 +133,7 @@ class Kept:
         return self._data, "" if has == wanted else STALE
 
 
-def _native(kind, arrays, skin):
+def _native(kind: str, arrays: dict[str, np.ndarray], skin: Any) -> Any:
     if kind == CENTERS:
         return sinew_native.RotationCenters(arrays["centers"], arrays["has_center"])
     scalars = {name: arrays.pop(name).item() for name in ("variant", "pruned")}

@@ -1,11 +1,12 @@
 """A mesh's relative shape keys: read from Blender, summed natively, silenced in the evaluated copy.
 
-Blender's own pass over the keys starts from the reference key and adds the others. In an evaluated copy the others
-are muted and the reference's numbers are the deformed shape: the pass is then a copy, and yields that shape. Nothing
-of the original is touched.
+Blender's own evaluation starts from the reference key and adds the others. In the evaluated copy, Sinew mutes the
+others and writes the deformed shape into the reference key, so that Blender's evaluation only copies that shape. The
+original is never changed.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,15 @@ from ..native import sinew_native
 
 @dataclass
 class Keys:
-    native: object  # sinew_native.ShapeKeys
+    """The shape keys of one mesh."""
+
+    native: Any  # sinew_native.ShapeKeys
     base: np.ndarray  # (V, 3): the reference key
 
 
-def read(keys, vertex_count, weights):
-    """keys: a key data-block that is not silenced; weights: layers.Weights of its mesh."""
+def read(keys: Any, vertex_count: int, weights: Any) -> Keys:
+    """Reads shape keys. keys: a key data-block that is not silenced; weights: layers.Weights of its mesh. Raises
+    ValueError if a key and the mesh have different numbers of vertices."""
     blocks = list(keys.key_blocks)
     positions = [key_blocks.key_positions(address, vertex_count) for address in key_blocks.key_addresses(keys)]
     for block, numbers in zip(blocks, positions):
@@ -36,8 +40,8 @@ def read(keys, vertex_count, weights):
     return Keys(sinew_native.ShapeKeys(positions, relative_to, group_weights), positions[0].copy())
 
 
-def give_back(keys, known):
-    """Has Blender sum the keys of an evaluated copy itself again, if they were silenced."""
+def give_back(keys: Any, known: Keys) -> None:
+    """Lets Blender sum the keys of an evaluated copy itself again, if they were silenced. known: what was read."""
     addresses = key_blocks.key_addresses(keys)
     if len(addresses) == 0 or not marks.is_marked(keys, "KEY"):
         return

@@ -1,21 +1,26 @@
-"""Frames in which nothing but the pose has changed: of the steps of in_pass.py few are left, most of them native.
+"""The fast path: frames in which only the pose has changed. It skips most steps of in_pass.py; most others are native.
 
-When the whole way has been gone twice, all that it went by is put under watch in Blender's memory. As long as that
-holds, the next frame of this evaluated object needs its pose, its place and the numbers to write to.
+After the full path has run at least twice with the same data, everything that it depended on is watched in Blender's
+memory. While none of it changes, the next frame of this evaluated object needs only its pose, its transform and the
+array to write to.
 """
+
+from typing import Any
 
 from ..blender import nodes
 from ..host import contract, motions, places, switches, watch
 from ..native import sinew_native
 from ..plan import wiring
-from . import character, layers
+from . import character, graph_copies, layers
 
-_known = {}  # address of an evaluated object -> Shortcut
+_known: dict[int, "Shortcut"] = {}  # by the address of the evaluated object
 
 
 class Shortcut:
-    def __init__(self, copy, ob):
-        """copy: graph_copies.GraphCopy of that evaluated object."""
+    """The fast path of one evaluated object."""
+
+    def __init__(self, copy: graph_copies.GraphCopy, ob: Any) -> None:
+        """ob: an evaluated object that the full path has just deformed; copy: its GraphCopy."""
         plan = copy.plan
         self.copy = copy
         taken = [ob.modifiers[name] for name in plan.taken]
@@ -54,18 +59,19 @@ class Shortcut:
         )
         self.milliseconds = self._native.milliseconds
 
-    def holds(self):
+    def holds(self) -> bool:
+        """Whether everything is still as it was when the Shortcut was made."""
         return self._is_asked_for() and self._native.holds()
 
-    def run(self):
-        """Deforms. False: nothing was done, the whole way is to be gone."""
+    def run(self) -> bool:
+        """Deforms the mesh. Returns False if it did nothing and the full path has to run."""
         if not self.holds():
             return False
-        # Asking for the address makes Blender give the mesh numbers of its own: see host/vector_arrays.py.
+        # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         return self._native.deform(out)
 
-    def _is_asked_for(self):
+    def _is_asked_for(self) -> bool:
         copy = self.copy
         return (
             not contract.is_broken()
@@ -75,17 +81,18 @@ class Shortcut:
         )
 
 
-def forget():
+def forget() -> None:
+    """Discards all shortcuts."""
     _known.clear()
 
 
-def of(ob):
-    """Of an evaluated object, or None."""
+def of(ob: Any) -> Shortcut | None:
+    """Returns the Shortcut of an evaluated object, or None."""
     return _known.get(ob.as_pointer())
 
 
-def take(ob):
-    """Deforms an evaluated object. False: nothing was done, the whole way is to be gone."""
+def deform(ob: Any) -> bool:
+    """Deforms an evaluated object by its shortcut. Returns False if it did nothing and the full path has to run."""
     address = ob.as_pointer()
     shortcut = _known.get(address)
     if shortcut is None:
@@ -94,7 +101,7 @@ def take(ob):
     try:
         has_run = shortcut.run()
     finally:
-        if not has_run:  # for good: the modifiers that it knows may be gone
+        if not has_run:  # removed for good: its modifiers may no longer exist
             _known.pop(address, None)
             shortcut.copy.note_other_frame()
     if has_run:
@@ -102,15 +109,17 @@ def take(ob):
     return has_run
 
 
-def learn(copy, ob):
-    """The whole way has just been gone for this evaluated object. Returns whether nothing had to be made for it."""
+def learn(copy: graph_copies.GraphCopy, ob: Any) -> bool:
+    """Counts a frame that the full path has just deformed, and makes a Shortcut after enough equal frames. Returns
+    whether this frame used the same deformer and plan as the one before."""
     alike = copy.note_frame()
     if alike >= copy.patience and _is_plain(copy, ob):
         _known[ob.as_pointer()] = Shortcut(copy, ob)
     return alike > 1
 
 
-def _is_plain(copy, ob):
+def _is_plain(copy: graph_copies.GraphCopy, ob: Any) -> bool:
+    """Whether everything that the frame depends on can be watched."""
     plan = copy.plan
     armatures = [ob.modifiers[name].object for name in plan.taken]
     return (

@@ -1,10 +1,12 @@
-"""What comes after skinning: native stages, made from the modifiers of the run.
+"""The stages after skinning, made from the modifiers of the run.
 
-Each is made once, and again when that has changed of which it is made; the settings of a frame are read on that frame,
-from the evaluated modifier.
+The native object of a stage is made once, and again when the data it was made from changes. The settings that may be
+animated are read on every frame from the evaluated modifier.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -12,32 +14,36 @@ from ..blender import meshes, values
 from ..host import deform_verts, vector_arrays
 from ..native import sinew_native
 
-# Blender 4.1 weights corners by a polynomial in place of the arc cosine, and no longer ignores negative factors.
+# Blender 4.1 weights corners by a polynomial instead of the arc cosine, and no longer ignores negative factors.
 BEFORE_4_1 = values.VERSION < (4, 1, 0)
 CORNER_ANGLE = "arc_cosine" if BEFORE_4_1 else "polynomial"
 
 
 @dataclass(frozen=True)
 class Source:
-    """What stages are made from, besides their modifiers."""
+    """The data from which stages are made, besides their modifiers."""
 
-    mesh: object  # evaluated, as it is before all modifiers
-    positions: np.ndarray  # (V, 3), its own
-    weights: object  # layers.Weights
+    mesh: Any  # evaluated, before all modifiers
+    positions: np.ndarray  # (V, 3), of that mesh
+    weights: Any  # layers.Weights
 
-    def group(self, modifier):
-        """(V,) weights of the modifier's vertex group, or None."""
-        if deform_verts.deform_vertices(self.mesh) == 0:  # not even empty ones
+    def group(self, modifier: Any) -> np.ndarray | None:
+        """Returns the weights of the modifier's vertex group, (V,), or None."""
+        if deform_verts.deform_vertices(self.mesh) == 0:  # the mesh has no array of weights, not even an empty one
             return None
         return self.weights.of_group(modifier.vertex_group)
+
+
+# Each kind of stage has SETTINGS, the names of the settings from which its native object is made, and three functions:
+# arrays returns the arrays from which it is made, make makes it, and stage returns the sinew_native.Stage of a frame.
 
 
 class CorrectiveSmooth:
     SETTINGS = "vertex_group", "invert_vertex_group", "use_pin_boundary", "rest_source", "use_only_smooth"
 
     @staticmethod
-    def arrays(modifier, source):
-        rest = source.positions
+    def arrays(modifier: Any, source: Source) -> tuple[np.ndarray | None, ...]:
+        rest: np.ndarray | None = source.positions
         if modifier.use_only_smooth:
             rest = None
         elif modifier.rest_source == "BIND":
@@ -45,13 +51,13 @@ class CorrectiveSmooth:
         return source.group(modifier), rest
 
     @staticmethod
-    def make(modifier, topology, weights, rest):
+    def make(modifier: Any, topology: Any, weights: np.ndarray | None, rest: np.ndarray | None) -> Any:
         return sinew_native.CorrectiveSmooth(
             topology, rest, weights, modifier.invert_vertex_group, modifier.use_pin_boundary, CORNER_ANGLE
         )
 
     @staticmethod
-    def stage(native, _ob, modifier):
+    def stage(native: Any, _ob: Any, modifier: Any) -> Any:
         return native.stage(
             modifier.factor, modifier.iterations, modifier.scale, modifier.smooth_type.lower(), modifier.use_only_smooth
         )
@@ -61,15 +67,15 @@ class Smooth:
     SETTINGS = "vertex_group", "invert_vertex_group"
 
     @staticmethod
-    def arrays(modifier, source):
+    def arrays(modifier: Any, source: Source) -> tuple[np.ndarray | None, ...]:
         return (source.group(modifier),)
 
     @staticmethod
-    def make(modifier, topology, weights):
+    def make(modifier: Any, topology: Any, weights: np.ndarray | None) -> Any:
         return sinew_native.Smooth(topology, weights, modifier.invert_vertex_group)
 
     @staticmethod
-    def stage(native, _ob, modifier):
+    def stage(native: Any, _ob: Any, modifier: Any) -> Any:
         does_nothing = BEFORE_4_1 and modifier.vertex_group and modifier.factor < 0
         return native.stage(
             modifier.factor, 0 if does_nothing else modifier.iterations, modifier.use_x, modifier.use_y, modifier.use_z
@@ -80,18 +86,18 @@ class Hook:
     SETTINGS = "vertex_group", "invert_vertex_group"
 
     @staticmethod
-    def arrays(modifier, source):
+    def arrays(modifier: Any, source: Source) -> tuple[np.ndarray | None, ...]:
         indices = np.array(modifier.vertex_indices, np.int32)
         if len(indices) == 0:
             return source.group(modifier), None
-        return source.group(modifier), indices[indices < len(source.positions)]  # those of vertices that are gone
+        return source.group(modifier), indices[indices < len(source.positions)]  # without deleted vertices
 
     @staticmethod
-    def make(modifier, topology, weights, indices):
+    def make(modifier: Any, topology: Any, weights: np.ndarray | None, indices: np.ndarray | None) -> Any:
         return sinew_native.Hook(topology.vertex_count, indices, weights, modifier.invert_vertex_group)
 
     @staticmethod
-    def stage(native, ob, modifier):
+    def stage(native: Any, ob: Any, modifier: Any) -> Any:
         values.refuse_flat(ob)
         target = modifier.object
         place = target.matrix_world
@@ -109,56 +115,59 @@ class Hook:
         )
 
 
-OWN = ""  # in place of a modifier's name: the smoothing that the mesh's own settings ask for
+OWN = ""  # used instead of a modifier's name for the smoothing in the mesh's own settings
 
 
 class OwnSmoothing:
-    """`object.sinew.skinning` as a Corrective Smooth modifier would say it."""
+    """Presents the smoothing settings of `object.sinew.skinning` as a Corrective Smooth modifier."""
 
     type = "CORRECTIVE_SMOOTH"
     scale, smooth_type, rest_source = 1.0, "SIMPLE", "ORCO"
     use_pin_boundary = use_only_smooth = False
 
-    def __init__(self, skinning):
+    def __init__(self, skinning: Any) -> None:
         self.factor, self.iterations = skinning.smooth_factor, skinning.smooth_iterations
         self.vertex_group, self.invert_vertex_group = skinning.smooth_group, skinning.smooth_invert
 
 
-def names(ob, run):
-    """Of the stages behind skinning: of modifiers, or OWN. run: runs.Run."""
+def names(ob: Any, run: Any) -> tuple[str, ...]:
+    """Returns the names of the stages after skinning: OWN or names of modifiers. run: runs.Run."""
     own = (OWN,) if ob.sinew.skinning.smooth_iterations > 0 else ()
     return (*own, *run.stages)
 
 
-def modifier_of(ob, name):
-    """The modifier of an evaluated object that a stage stands in for, or what takes its place."""
+def modifier_of(ob: Any, name: str) -> Any:
+    """Returns the modifier of an evaluated object that a stage replaces, or an OwnSmoothing."""
     return OwnSmoothing(ob.sinew.skinning) if name == OWN else ob.modifiers[name]
 
 
-KINDS = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}  # those of modifier_types.STAGES
+# By type of modifier, for the types in modifier_types.STAGES.
+KINDS: dict[str, Any] = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
 
 
 @dataclass
 class _Made:
     settings: tuple
     arrays: tuple
-    native: object
+    native: Any
 
 
 @dataclass
 class Stages:
-    """Those of one mesh."""
+    """The stages of one mesh."""
 
-    _made: dict = field(default_factory=dict)  # name of a modifier -> _Made
-    _topology: object = None
-    _connections: tuple = ()  # what the topology was made of
+    _made: dict[str, _Made] = field(default_factory=dict)  # by the name of the modifier
+    _topology: Any = None  # sinew_native.Topology
+    _connections: tuple = ()  # the arrays from which the topology was made
     _is_fresh: bool = True  # something may have been edited
 
-    def look_again(self):
+    def look_again(self) -> None:
+        """Has the next frame check what the stages are made from, after an edit."""
         self._is_fresh = True
 
-    def at(self, ob, names, source):
-        """[sinew_native.Stage] of an evaluated object in this frame. source: function that gives a Source."""
+    def at(self, ob: Any, names: Sequence[str], source: Any) -> list:
+        """Returns the stages of an evaluated object in this frame, a list of sinew_native.Stage. source: function that
+        returns a Source; may be None if nothing has changed since the last call."""
         if self._is_fresh and names:
             self._renew(ob, names, source())
         found = []
@@ -172,7 +181,7 @@ class Stages:
             found.append(kind.stage(made.native, ob, modifier))
         return found
 
-    def _renew(self, ob, names, source):
+    def _renew(self, ob: Any, names: Sequence[str], source: Source) -> None:
         connections = meshes.read_topology(source.mesh)
         if self._topology is None or not _same(connections, self._connections):
             self._topology = sinew_native.Topology(len(source.positions), *connections)
@@ -188,15 +197,15 @@ class Stages:
             self._made[name] = made
         self._is_fresh = False
 
-    def _make(self, kind, modifier, settings, arrays):
+    def _make(self, kind: Any, modifier: Any, settings: tuple, arrays: tuple) -> _Made:
         return _Made(settings, arrays, kind.make(modifier, self._topology, *arrays))
 
 
-def _settings(kind, modifier):
+def _settings(kind: Any, modifier: Any) -> tuple:
     return kind, *(getattr(modifier, name) for name in kind.SETTINGS)
 
 
-def _same(ours, theirs):
+def _same(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
     return len(ours) == len(theirs) and all(
         (a is None) == (b is None) and (a is None or np.array_equal(a, b)) for a, b in zip(ours, theirs)
     )
