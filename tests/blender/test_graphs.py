@@ -190,7 +190,7 @@ def test_a_file_with_marks(playing, tmp_path):
     names = ob.name, twin.name, armature.name
     for kind, block in (("OBJECT", ob), ("MESH", ob.data), ("ARMATURE", armature.data), ("KEY", ob.data.shape_keys)):
         if block is not None:
-            marks.take_mark(block, kind)
+            marks.test_and_mark(block, kind)
             assert marks.is_marked(block, kind)
     path = str(tmp_path / "marked.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)

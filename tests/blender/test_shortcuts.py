@@ -1,4 +1,4 @@
-"""On a frame in which nothing but the pose has changed Sinew goes a shorter way. Whatever people do, it must not be
+"""On a frame in which nothing but the pose has changed Sinew takes the fast path. Whatever people do, it must not be
 gone once too often: each edit is made while it is in use, and the shape is compared with the twin's."""
 
 import bpy
@@ -22,7 +22,7 @@ from helpers import addon_module, assert_same_on_all_frames, assert_same_shape, 
 
 @pytest.fixture(params=["linear", "volume", "keys", "smoothed"])
 def in_use(request, fresh_scene):
-    """scene, bound mesh that goes the shorter way, twin, armature."""
+    """scene, bound mesh that takes the fast path, twin, armature."""
     armature = make_armature()
     ob = make_mesh(armature, request.param == "volume")
     with_bendy_bones(ob)
@@ -50,7 +50,7 @@ def shortcut_of(ob):
 
 
 def goes_it(ob):
-    """Whether the next frame goes the shorter way."""
+    """Whether the next frame takes the fast path."""
     shortcut = shortcut_of(ob)
     return shortcut is not None and shortcut.holds()
 

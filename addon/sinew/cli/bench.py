@@ -115,7 +115,7 @@ def measure(contest: Contest) -> dict[str, float]:
     """Returns {name: milliseconds, median over the frames}: `sinew` and `modifier` are whole calls of
     scene.frame_set, the stages are Sinew's own, summed over all meshes. Raises ValueError if a mesh cannot be
     deformed."""
-    entries = [characters.character(ob) for ob, _ in contest.pairs]
+    entries = [characters.of(ob) for ob, _ in contest.pairs]
     ours, theirs = [], []
     for start in range(0, len(contest.frames), BLOCK):
         block = contest.frames[start : start + BLOCK]

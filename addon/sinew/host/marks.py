@@ -19,7 +19,7 @@ def _mark(block: Any, kind: str) -> ctypes.c_uint8:
     return ctypes.c_uint8.from_address(mark_region(block, kind)[0])
 
 
-def take_mark(block: Any, kind: str) -> bool:
+def test_and_mark(block: Any, kind: str) -> bool:
     """Whether an evaluated data-block is the copy that was seen last; marks it as seen. The mark is lost when Blender
     copies the block again, which it does after an edit.
 

@@ -1,4 +1,4 @@
-"""Lists the regions of memory that must be unchanged for the shorter way. They are ordered: a region comes after those
+"""Lists the regions of memory that must be unchanged for the fast path. They are ordered: a region comes after those
 that show that it still exists."""
 
 from typing import Any

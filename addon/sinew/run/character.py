@@ -126,7 +126,7 @@ class Character:
 
     def is_at_work(self, copy: GraphCopy, ob: bpy.types.Object) -> bool:
         """Whether Sinew deforms this evaluated object in this evaluation. copy: its GraphCopy."""
-        if not marks.take_mark(ob, "OBJECT"):
+        if not marks.test_and_mark(ob, "OBJECT"):
             copy.forget_plan()
         if copy.looks != self.planning.looks:
             if ob.modifiers.keys() != ob.original.modifiers.keys():

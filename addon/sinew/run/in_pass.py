@@ -78,7 +78,7 @@ def _prepare(copy: graph_copies.GraphCopy, ob: Any) -> tuple[Any, ...]:
     mesh = wiring.waits_for(copy.hook_of(ob), "mesh")
     addresses: Any
     key_values = addresses = None
-    is_edited = not marks.take_mark(mesh, "MESH") or copy.mesh_address != mesh.as_pointer()
+    is_edited = not marks.test_and_mark(mesh, "MESH") or copy.mesh_address != mesh.as_pointer()
     is_fresh = is_edited or not copy.is_read()
     if is_fresh:
         copy.read_mesh(mesh, is_edited)
@@ -111,7 +111,7 @@ def _read_keys(copy: graph_copies.GraphCopy, ob: Any, mesh: Any) -> None:
     """Reads the shape keys if they may have changed. A new evaluated copy may have been edited. A silenced copy has
     lost its reference shape: if it is not known here, the original is read instead."""
     keys = mesh.shape_keys
-    fresh = not marks.take_mark(keys, "KEY")
+    fresh = not marks.test_and_mark(keys, "KEY")
     if not fresh and copy.keys is not None and copy.keys_address == keys.as_pointer():
         return
     copy.keys_address = keys.as_pointer()

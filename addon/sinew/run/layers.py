@@ -107,7 +107,7 @@ def edition_of_bones(armature: Any) -> tuple[int, int]:
     data = armature.data
     key, address = values.key_of(data), data.as_pointer()
     with _editions_lock:
-        if marks.take_mark(data, "ARMATURE") and address in _copies:
+        if marks.test_and_mark(data, "ARMATURE") and address in _copies:
             return key, _copies[address]
         signature = armatures.bone_signature(armature)
         known = _numbers.setdefault(key, [])

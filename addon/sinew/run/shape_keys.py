@@ -26,10 +26,12 @@ def read(keys: Any, vertex_count: int, weights: Any) -> Keys:
     """Reads shape keys. keys: a key data-block that is not silenced; weights: layers.Weights of its mesh. Raises
     ValueError if a key and the mesh have different numbers of vertices."""
     blocks = list(keys.key_blocks)
-    positions = [key_blocks.key_positions(address, vertex_count) for address in key_blocks.key_addresses(keys)]
-    for block, numbers in zip(blocks, positions):
+    positions = []
+    for block, address in zip(blocks, key_blocks.key_addresses(keys)):
+        numbers = key_blocks.key_positions(address, vertex_count)
         if numbers is None:
             raise ValueError(f"Shape key {block.name} and the mesh have different numbers of vertices: delete that key")
+        positions.append(numbers)
     place = {block.name: number for number, block in enumerate(blocks)}
     relative_to = np.array([place.get(block.relative_key.name, -1) for block in blocks], np.int32)
     of_group = {name: weights.of_group(name) for name in {block.vertex_group for block in blocks} if name}
