@@ -273,7 +273,7 @@ def test_a_bone_of_shared_armature_data_is_deleted(fresh_scene, character):
     assert_same_shape(ob, twin)
     assert_plays(ob, twin, (5, 6))
     entry = addon_module("run.characters").character(ob)
-    assert entry.hook_of(ob).driver.is_valid and entry.is_deforming
+    assert entry.plan.hook_of(ob).driver.is_valid and entry.is_deforming
 
 
 def test_a_further_modifier_is_mixed_in_later(character, other_armature):
@@ -284,7 +284,7 @@ def test_a_further_modifier_is_mixed_in_later(character, other_armature):
         second.object, second.use_multi_modifier, second.vertex_group = other_armature, True, "bone1"
     assert_plays(ob, twin, (3, 6))
     entry = addon_module("run.characters").character(ob)
-    targets = [variable.targets[0].id for variable in entry.hook_of(ob).driver.variables]
+    targets = [variable.targets[0].id for variable in entry.plan.hook_of(ob).driver.variables]
     assert entry.taken == ("Armature", "Second") and armature in targets and other_armature in targets
 
 

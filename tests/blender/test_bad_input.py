@@ -97,7 +97,7 @@ def test_bad_rig_folder(tmp_path, case):
     assert after == before
 
 
-@pytest.mark.parametrize("step", ("bind.wiring.wire", "bind.adapt", "bind.show", "meshes.write_weights"))
+@pytest.mark.parametrize("step", ("bind.wiring.wire", "bind.mending.adapt", "bind.show", "meshes.write_weights"))
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
 @pytest.mark.parametrize("kind", (ValueError, KeyboardInterrupt))
 def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkeypatch, tmp_path, kind, step, output):

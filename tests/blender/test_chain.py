@@ -277,7 +277,7 @@ def test_the_bone_of_a_hook_is_deleted_and_made_again(fresh_scene, make, before)
     def assert_it_is_sinew():
         assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 9))
         entry = addon_module("run.characters").character(ob)
-        assert stages(ob) == ["Hook"] and entry.hook_of(ob).driver.is_valid and entry.is_deforming
+        assert stages(ob) == ["Hook"] and entry.plan.hook_of(ob).driver.is_valid and entry.is_deforming
 
     assert_it_is_sinew()
     select(armature)
@@ -309,7 +309,7 @@ def test_the_object_of_a_hook_is_deleted(fresh_scene, make, before):
         each.data.update()
     assert_same_on_all_frames(fresh_scene, ob, twin, (7, 8))
     entry = addon_module("run.characters").character(ob)
-    assert stages(ob) == ["One"] and entry.hook_of(ob).driver.is_valid and entry.is_deforming
+    assert stages(ob) == ["One"] and entry.plan.hook_of(ob).driver.is_valid and entry.is_deforming
 
 
 @pytest.mark.parametrize("before", (nothing, add_shape_keys), ids=lambda part: part.__name__)

@@ -280,14 +280,14 @@ def test_files_of_the_importer_can_be_chosen_from_a_list():
 def test_what_cannot_be_mended_is_asked_for_once(fresh_scene, character, monkeypatch):
     """Else the main thread would tag the object, and be asked again by the evaluation that follows, for ever."""
     ob, twin, _ = character
-    nodes, bind, asked = addon_module("blender.nodes"), addon_module("install.bind"), []
-    adapt = bind.adapt
+    nodes, bind, mending = addon_module("blender.nodes"), addon_module("install.bind"), addon_module("install.mending")
+    adapt, asked = mending.adapt, []
 
     def refuse(*_):
         raise ValueError("Blender does not let it be put there")
 
     monkeypatch.setattr(nodes, "add_modifier", refuse)
-    monkeypatch.setattr(bind, "adapt", lambda ob: asked.append(ob) or adapt(ob))
+    monkeypatch.setattr(mending, "adapt", lambda ob: asked.append(ob) or adapt(ob))
     monkeypatch.setattr(bind, "release_if_undone", lambda ob: False)
     ob.modifiers.remove(ob.modifiers["Sinew"])
     for _ in range(6):

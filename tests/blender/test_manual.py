@@ -46,7 +46,17 @@ def classes():
 def all_operators():
     return [
         cls
-        for name in ("rig_files", "operators", "bake", "crowd", "cures", "methods", "display", "preferences", "profile")
+        for name in (
+            "rig_files",
+            "operators",
+            "bake",
+            "crowd",
+            "cures",
+            "method_settings",
+            "display",
+            "preferences",
+            "profile",
+        )
         for cls in addon_module(f"ui.{name}").CLASSES
         if issubclass(cls, bpy.types.Operator)
     ]
