@@ -123,3 +123,21 @@ def test_a_flat_mesh_with_a_hook_alone(axis):
     bpy.context.view_layer.update()
     assert np.abs(evaluated(ob) - evaluated(twin)).max() < 1e-5 * diagonal(own_positions(ob))
     assert addon_module("run.characters").character(ob).status.error == ""
+
+
+def test_a_hook_that_follows_a_bone_that_is_nowhere():
+    """Blender's own modifiers deform, and nothing is reported."""
+    ob, twin, armature = make_pair(False, False)
+    for each in (ob, twin):
+        hook = each.modifiers.new("Hook", "HOOK")
+        hook.object, hook.subtarget = armature, "side"
+        hook.vertex_indices_set(range(0, 600, 3))
+    bpy.context.view_layer.update()
+    addon_module("main.handlers").look_into_the_mail()
+    bpy.context.view_layer.update()
+    armature.pose.bones["side"].location.x = np.nan
+    bpy.context.view_layer.update()
+    ours, theirs = evaluated(ob), evaluated(twin)
+    finite = np.isfinite(theirs).all(axis=1)
+    assert np.array_equal(np.isfinite(ours).all(axis=1), finite) and np.array_equal(ours[finite], theirs[finite])
+    assert addon_module("run.characters").character(ob).status.error == ""

@@ -148,8 +148,9 @@ def test_armatures_that_came_later_are_mixed(fresh_scene, left_to_blender):
         for each in (ob, twin):
             modifier = each.modifiers.new(f"Armature {turn}", "ARMATURE")
             modifier.object, modifier.use_multi_modifier = armature, turn == 2
-        if turn == 1:
-            addon_module("install.mending").adapt(ob)  # it is at the end when the second one is added
+        if turn == 1:  # it is at the end when the second one is added
+            nodes = addon_module("blender.nodes")
+            nodes.move_modifier_back(ob, nodes.find_modifier(ob))
     bpy.context.view_layer.update()
     addon_module("main.handlers").look_into_the_mail()
     assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5))

@@ -20,7 +20,7 @@ def matrix_to_numpy(matrix: Any) -> np.ndarray:
 
 
 class Flat(ValueError):
-    """An object's scale is 0 along an axis, so its matrix cannot be inverted."""
+    """An object's matrix cannot be inverted, because its scale is 0 along an axis, or is not finite."""
 
 
 def is_flat(ob: bpy.types.Object) -> bool:

@@ -37,9 +37,9 @@ def needed(plan: Plan, ob: bpy.types.Object, newcomers: Collection[int]) -> tupl
     found = []
     if plan.way.in_pass and not _has_its_hook(plan, ob):
         found.append(Mend(HOOK, is_blocking=True))
-    if _has_own_for_nothing(plan, ob):
-        found.append(Mend(TAKE_OWN_AWAY))
     moved = displaced(ob, newcomers)
+    if _has_own_for_nothing(plan, ob, moved):
+        found.append(Mend(TAKE_OWN_AWAY))
     if moved or _are_before_own(plan, ob, newcomers):  # even if none moves: applying clears newcomers
         found.append(Mend(MOVE_DISPLACED, moved))
     if plan.way.kind == ways.ATTRIBUTE:
@@ -76,18 +76,20 @@ def _is_first(plan: Plan, ob: bpy.types.Object) -> bool:
     return names.index(plan.own) <= names.index(first)
 
 
-def _has_own_for_nothing(plan: Plan, ob: bpy.types.Object) -> bool:
-    """Whether the file has Sinew's modifier or the attribute although the plan does not need it.
+def _has_own_for_nothing(plan: Plan, ob: bpy.types.Object, moved: tuple[str, ...]) -> bool:
+    """Whether Sinew's modifier or the attribute is in the file although the plan does without.
 
-    A modifier that carries the hook is kept, but behind all others: Multi Modifier mixes with the modifier directly
-    before it.
+    A modifier that carries the hook stays where it is, unless it keeps others from where they belong: those of `moved`,
+    or an Armature modifier with Multi Modifier, which mixes with the modifier right before it.
     """
     if plan.own is None or plan.way.kind == ways.ATTRIBUTE:
         return False
     own = ob.modifiers[plan.own]
     if plan.hook_path == wiring.path_of(own):
-        is_last = ob.modifiers[-1] == own
-        return not is_last or meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None
+        following = list(ob.modifiers)[ob.modifiers.find(plan.own) + 1 :][:1]
+        is_between = any(modifier.type == "ARMATURE" and modifier.use_multi_modifier for modifier in following)
+        has_attribute = meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is not None
+        return is_between or bool(moved) or has_attribute
     return nodes.is_removable(ob, own)
 
 

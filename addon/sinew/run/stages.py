@@ -105,8 +105,11 @@ class Hook:
             place = place @ target.pose.bones[modifier.subtarget].matrix
         back = np.linalg.pinv(values.matrix_to_numpy(ob.matrix_world))
         inverse = values.matrix_to_numpy(modifier.matrix_inverse)
+        matrix = back @ values.matrix_to_numpy(place) @ inverse
+        if not np.isfinite(matrix).all():
+            raise values.Flat(f"{target.name} is at a place that is not a number")
         return native.stage(
-            back @ values.matrix_to_numpy(place) @ inverse,
+            matrix,
             modifier.strength,
             modifier.falloff_type.lower(),
             modifier.falloff_radius,
