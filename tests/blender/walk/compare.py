@@ -8,8 +8,9 @@ from helpers import addon_module, diagonal, evaluated, own_positions, traces, tr
 from . import scene
 
 TOLERANCE = 1e-5  # of the diagonal
-# Corrective Smooth turns by a corner's sides: where they are nearly parallel, the last bit of a position decides.
-FEW, TOLERANCE_OF_FEW = 1 / 500, 1e-3
+# Corrective Smooth turns by a corner's sides: where they are nearly parallel, the last bit of a position decides. And a
+# negative factor amplifies rounding in each iteration.
+FEW, TOLERANCE_OF_FEW = 1 / 50, 5e-3
 # Says something of the program, not of the modifier; and the property that the hook drives: it counts for curves alone.
 NOT_SAID = {
     "use_apply_on_spline",
