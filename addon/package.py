@@ -1,14 +1,16 @@
-"""Makes the add-on's zip, with one top folder `sinew/`: both Blender 3.4 and the extension system of 4.2 and later can
-install it.
+"""Makes the add-on's zips, each with one top folder `sinew/`: Blender 3.4 and the extension system of 4.2 and later can
+install them.
 
     package.py MODULE... FOLDER
 
-Each MODULE is a compiled `sinew_native` file for one Python version and one platform. Prints the path of the zip in
-FOLDER. The same input gives the same zip.
+Each MODULE is a compiled `sinew_native` file for one Python version and one platform. Prints the paths of the zips in
+FOLDER: first the one for all platforms, then, if there are several, one for each, as an index of extensions wants them.
+The same input gives the same zips.
 """
 
-import platform
+import functools
 import re
+import struct
 import sys
 import zipfile
 from pathlib import Path
@@ -19,13 +21,12 @@ SOURCE = Path(__file__).parent / "sinew"
 ROOT = SOURCE.parent.parent
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the same time for every zip entry, to make the zip reproducible
 
-# A module's name ends with Python's name for the platform; the manifest uses Blender's names.
-PLATFORMS = {
-    "-x86_64-linux-gnu.so": "linux-x64",
-    "-aarch64-linux-gnu.so": "linux-arm64",
-    "-win_amd64.pyd": "windows-x64",
-    "-darwin.so": "macos-arm64" if platform.machine() == "arm64" else "macos-x64",
-}
+# By the number that a module's header has for the processor. The names are Blender's.
+ELF_MACHINES = {62: "linux-x64", 183: "linux-arm64"}
+PE_MACHINES = {0x8664: "windows-x64", 0xAA64: "windows-arm64"}
+MACH_O_PROCESSORS = {0x0100_0007: "macos-x64", 0x0100_000C: "macos-arm64"}
+MACH_O, UNIVERSAL = 0xFEEDFACF, 0xCAFEBABE
+ALIGNMENT = 14  # of the parts of a universal file: 2 to this power, a page of Apple's processors
 
 
 def version():
@@ -41,23 +42,58 @@ def stamped(init):
     return result
 
 
-def for_platforms(manifest, modules):
-    """Returns the manifest with the platforms of the modules filled in. modules: file names."""
-    found = set()
-    for module in modules:
-        names = [name for ending, name in PLATFORMS.items() if module.endswith(ending)]
-        if not names:
-            sys.exit(f"package.py: {module} is for no system that Blender has; expected *{', *'.join(PLATFORMS)}")
-        found |= set(names)
-    listed = ", ".join(f'"{name}"' for name in sorted(found))
+def platform_of(module):
+    """Returns Blender's name of the platform for which a module is compiled. module: path."""
+    with open(module, "rb") as file:
+        data = file.read(4096)
+    found = None
+    if data[:4] == b"\x7fELF":
+        found = ELF_MACHINES.get(struct.unpack_from("<H", data, 18)[0])
+    elif data[:2] == b"MZ":
+        found = PE_MACHINES.get(struct.unpack_from("<H", data, struct.unpack_from("<I", data, 60)[0] + 4)[0])
+    elif data[:4] == struct.pack("<I", MACH_O):
+        found = MACH_O_PROCESSORS.get(struct.unpack_from("<I", data, 4)[0])
+    if found is None:
+        known = ", ".join([*ELF_MACHINES.values(), *PE_MACHINES.values(), *MACH_O_PROCESSORS.values()])
+        sys.exit(f"package.py: {module} is for no system that Blender has; expected a module for {known}")
+    return found
+
+
+def universal(modules):
+    """Returns one file for macOS with several modules in it, for different processors. modules: their bytes."""
+    step = 1 << ALIGNMENT
+    header, body = struct.pack(">II", UNIVERSAL, len(modules)), b""
+    for data in sorted(modules, key=lambda data: data[4:8]):
+        body += bytes(-len(body) % step)
+        header += struct.pack(">8sIII", data[7:3:-1] + data[11:7:-1], step + len(body), len(data), ALIGNMENT)
+        body += data
+    return header.ljust(step, b"\0") + body
+
+
+def for_platforms(manifest, platforms):
+    """Returns the manifest with the platforms filled in."""
+    listed = ", ".join(f'"{name}"' for name in sorted(platforms))
     result, count = re.subn(r"^platforms = .*$", f"platforms = [{listed}]", manifest, flags=re.MULTILINE)
     if count != 1:
         sys.exit("package.py: blender_manifest.toml has no line for the platforms")
     return result
 
 
+@functools.cache
+def manual_pages():
+    return manual.pages(ROOT / "docs")
+
+
+def compiled(modules):
+    """Returns {name in the zip: bytes} of the modules. Those of one name, for different Macs, become one file."""
+    found = {}
+    for module in modules:
+        found.setdefault(module.name, []).append(module.read_bytes())
+    return {name: parts[0] if len(parts) == 1 else universal(parts) for name, parts in found.items()}
+
+
 def contents(modules):
-    """Returns {name in the zip: bytes}."""
+    """Returns {name in the zip: bytes}. modules: {path: platform}."""
     files = {
         path.relative_to(SOURCE).as_posix(): path.read_bytes()
         for path in SOURCE.rglob("*")
@@ -65,19 +101,15 @@ def contents(modules):
     }
     files["__init__.py"] = stamped(files["__init__.py"].decode()).encode()
     manifest = files["blender_manifest.toml"].decode()
-    files["blender_manifest.toml"] = for_platforms(manifest, [module.name for module in modules]).encode()
+    files["blender_manifest.toml"] = for_platforms(manifest, set(modules.values())).encode()
     files["LICENSE"] = (ROOT / "LICENSE").read_bytes()
     files |= {f"licenses/{path.name}": path.read_bytes() for path in (ROOT / "native" / "licenses").iterdir()}
-    files |= {f"manual/{name}": data for name, data in manual.pages(ROOT / "docs").items()}
-    files |= {module.name: module.read_bytes() for module in modules}
-    return files
+    files |= {f"manual/{name}": data for name, data in manual_pages().items()}
+    return files | compiled(modules)
 
 
-def main(arguments):
-    if len(arguments) < 2:
-        sys.exit(__doc__)
-    *modules, folder = map(Path, arguments)
-    target = folder / f"sinew-{version()}.zip"
+def write(target, modules):
+    """Writes a zip. modules: {path: platform}."""
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         # Without an entry for the folder itself, 3.4 overwrites an older version's files in place, including the
         # compiled module that is mapped into the running Blender.
@@ -90,6 +122,18 @@ def main(arguments):
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, data)
     print(target)
+
+
+def main(arguments):
+    if len(arguments) < 2:
+        sys.exit(__doc__)
+    *modules, folder = map(Path, arguments)
+    modules = {module: platform_of(module) for module in modules}
+    write(folder / f"sinew-{version()}.zip", modules)
+    platforms = sorted(set(modules.values()))
+    for platform in platforms if len(platforms) > 1 else ():
+        chosen = {module: each for module, each in modules.items() if each == platform}
+        write(folder / f"sinew-{version()}-{platform}.zip", chosen)
 
 
 if __name__ == "__main__":

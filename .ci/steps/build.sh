@@ -18,6 +18,27 @@ install_packages() {
   ) 9<dev
 }
 
+# The systems besides this one for which there are modules, named as in .ci/toolchains and .ci/pythons.
+SYSTEMS=(windows aarch64 macos-arm64 macos-x64)
+
+# Installs the compiler of a name in .ci/toolchains, and what native tests need. Those for macOS install themselves.
+install_compiler() {
+  case $1 in
+    clang) install_packages googletest clang-16 libc++-16-dev libc++abi-16-dev ;;
+    windows) install_packages googletest g++-mingw-w64-x86-64-posix ;;
+    aarch64) install_packages googletest g++-aarch64-linux-gnu ;;
+  esac
+}
+
+# SYSTEM [CMake options]: its modules, and what else TARGET names, in build/SYSTEM.
+build_for() {
+  install_compiler "$1"
+  local pythons
+  pythons=$(.ci/pythons "$1") || return 1
+  CROSS=$1 configure_and_build "$BUILD/$1" -DSINEW_PYTHON=ON -DSINEW_CROSS_PYTHONS="$pythons" \
+    -DCMAKE_TOOLCHAIN_FILE="$PWD/.ci/toolchains/$1.cmake" "${@:2}"
+}
+
 # FOLDER [CMake options]; CROSS: a name in .ci/toolchains if not for this machine
 configure() {
   install_packages "${PACKAGES[@]}"
@@ -41,36 +62,73 @@ build() {
   configure_and_build "$BUILD" -DSINEW_PYTHON_ROOTS="$roots" "$@"
 }
 
-# A zip with the modules of the Blenders that are set up.
+# [SYSTEM...]: zips with the modules for this system and those.
 package() {
-  install_packages python3-markdown
-  TARGET=modules build
-  say "packaging"
-  ZIP=$($PYTHON addon/package.py "$BUILD"/python/sinew_native.*.so "$BUILD")
-  echo "$ZIP"
+  build_modules "$@"
+  make_zips
 }
 
-# Wheels of the very modules that are in the zip. The platform is what install.md asks for.
-wheel() {
-  install_packages python3-pip
+# Of MODULES. ZIP is the one for all systems.
+make_zips() {
+  install_packages python3-markdown
+  say "packaging"
+  local made
+  made=$($PYTHON addon/package.py "${MODULES[@]}" "$BUILD")
+  echo "$made"
+  ZIP=$(head -1 <<<"$made")
+}
+
+# [SYSTEM...]: sets MODULES to the files, also those for the Pythons of the Blenders that are set up.
+build_modules() {
+  local system
   TARGET=modules build
+  MODULES=("$BUILD"/python/sinew_native.*.so)
+  for system in "$@"; do
+    say "building modules for $system"
+    TARGET=modules build_for "$system"
+    MODULES+=("$BUILD/$system"/python/sinew_native.*.[sp][oy]*)
+  done
+}
+
+# [SYSTEM...]: wheels with the modules for this system and those.
+wheel() {
+  build_modules "$@"
+  make_wheels
+}
+
+# Of MODULES, the very ones that are in the zip. The platform is what install.md asks for.
+make_wheels() {
+  install_packages python3-pip
   say "wheels"
   rm -rf "$BUILD/wheels"
-  local module tag
-  for module in "$BUILD"/python/sinew_native.cpython-*.so; do
-    tag=cp$(sed 's/.*cpython-\([0-9]*\)-.*/\1/' <<<"$module")
+  local module python platform
+  for module in "${MODULES[@]}"; do
+    python=cp$(sed 's/.*\.c[a-z-]*\([0-9]*\)-.*/\1/' <<<"$module")
+    case $module in
+      *-win_amd64.pyd) platform=win_amd64 ;;
+      */macos-arm64/*) platform=macosx_11_0_arm64 ;;
+      */macos-x64/*) platform=macosx_11_0_x86_64 ;;
+      *-aarch64-*) platform=manylinux_2_34_aarch64 ;;
+      *) platform=manylinux_2_34_$(uname -m) ;;
+    esac
     SOURCE_DATE_EPOCH=315532800 $PYTHON -m pip wheel -q --no-deps --wheel-dir "$BUILD/wheels" \
-      --config-settings cmake.define.SINEW_MODULE="$module" \
-      --config-settings wheel.tags="$tag-$tag-manylinux_2_34_$(uname -m)" .
+      --config-settings cmake.define.SINEW_MODULE="$module" --config-settings wheel.tags="$python-$python-$platform" .
   done
   ls "$BUILD"/wheels/*
 }
 
-# package or wheel: with the modules of all versions, for the Debian releases have all of their Pythons.
+# [SYSTEM...]
+package_and_wheel() {
+  package "$@"
+  make_wheels
+}
+
+# package, wheel or both: with the modules of all versions, for the Debian releases have all of their Pythons, and for all
+# systems.
 for_all() {
   local version
   for version in $(.ci/blender programs); do
     .ci/blender "$version" >/dev/null
   done
-  "$1"
+  "$1" "${SYSTEMS[@]}"
 }

@@ -2,34 +2,52 @@
 # ./dev test: everything once. The build uses both cores; then come jobs side by side, and at the end, one at a time,
 # what nothing may run beside.
 
-# [--blender VERSION|all] [pytest arguments for the tests in Blender]
+# For the time that it takes, only a release runs all tests in the Blenders for Windows. Otherwise they run these.
+WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,package,panel,render,safety}.py
+  tests/blender/test_{same_as_modifier,same_pass,shortcuts}.py)
+
+# [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
-  local versions=(own) missing=() version
+  local versions=(own) missing=() systems=() pythons=(3.13) part=() version kind=
   declare -A blenders=([own]=$BLENDER)
   trap 'kill 0' INT # which a command in the background does not hear
   if [ "${1:-}" = --blender ]; then
-    set_up_blenders "${2:?--blender wants a version, or all}" # first: the build makes a module for each one's Python
+    kind=${2:?--blender wants a version, or all}
+    set_up_blenders "$kind" # first: the build makes a module for each one's Python
     shift 2
   else
     [ "$BLENDER" != blender ] || install_packages blender
   fi
   build
-  package
-  wheel
+  package_and_wheel "${systems[@]}"
   start "lint" lint
   start "native tests" ctest --test-dir "$BUILD" --output-on-failure
   start "address sanitizer" sanitize address
   start "thread sanitizer" sanitize thread
-  start "Python tests, numpy 1" python_tests # Debian 12's own
-  start "Python tests, numpy 2" python_tests "$(.ci/pypi numpy)" # official Blenders', and people's
+  start "Python tests" python_tests # with Debian 12's numpy 1; the Python package's are run with 2, too
   start "Windows" cross windows
   start "ARM" cross aarch64
-  start "Clang" cross clang
-  start "fuzzing" fuzz
+  if [[ " ${systems[*]} " = *" windows "* ]]; then
+    [ "$kind" != release ] || pythons=(3.11 3.13 3.14)
+    for version in "${pythons[@]}"; do
+      start "Python $version for Windows" windows_python_tests "$version"
+    done
+  fi
+  if [[ " ${systems[*]} " = *" aarch64 "* ]]; then
+    start "Python for ARM" arm_python_tests
+    start "modules as files" binaries_tests
+  fi
+  if [ "$kind" = release ]; then
+    start "Blender's structs" .ci/layouts
+    start "Clang" cross clang # which also makes the modules for macOS
+    start "fuzzing" fuzz
+  fi
   start "Python package" package_tests
   install_packages assimp-testmodels # characters that nobody here made
   for version in "${versions[@]}"; do
-    start "Blender $version" test_in_blender "$version" "$@"
+    part=()
+    [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
+    start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
   done
   await_all
   for version in "${versions[@]}"; do # one at a time: a window that waits for a core is late
@@ -55,13 +73,40 @@ report() {
   say "all tests passed"
 }
 
-# [FOLDER of another numpy]
 python_tests() {
-  local scipy packages
+  local scipy
   scipy=$(.ci/pypi scipy)
-  packages=${1:+$1:}$scipy
-  say "Python tests, numpy $(PYTHONPATH=$packages $PYTHON -c 'import numpy; print(numpy.__version__)')"
-  PYTHONPATH=$packages SINEW_BUILD=$BUILD $PYTHON -m pytest -q -p no:cacheprovider tests/python
+  say "Python tests"
+  PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q -p no:cacheprovider tests/python
+}
+
+# VERSION of Python: with the wheel, as pip installs it
+windows_python_tests() {
+  local python=$BUILD/environments/windows-$1 original
+  original=$(.ci/windows_python "$1") || return 1
+  say "Python tests, $("$original/run" --version) for Windows"
+  rm -rf "$python" && mkdir -p "${python%/*}" && cp -r "$original" "$python" &&
+    "$python/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-"cp${1/./}"-*-win_amd64.whl &&
+    SINEW_BUILD='' SINEW_ZIP=$ZIP "$python/run" -m pytest -q -p no:cacheprovider tests/wheel tests/python \
+      --ignore tests/python/test_vectorisation.py
+}
+
+# All but those that read machine code.
+arm_python_tests() {
+  local python
+  python=$(.ci/arm_python) || return 1
+  say "Python tests, $("$python/run" --version) for 64-bit ARM"
+  SINEW_BUILD=$BUILD/aarch64 "$python/run" -m pytest -q -p no:cacheprovider tests/python \
+    --ignore tests/python/test_vectorisation.py
+}
+
+# What the modules for all systems need and show.
+binaries_tests() {
+  local lief libraries
+  lief=$(.ci/pypi lief) && libraries=$(.ci/macos_python) || return 1
+  say "tests of the modules as files"
+  PYTHONPATH=$lief SINEW_LIBPYTHONS=$libraries SINEW_MODULES=$(IFS=: && echo "${MODULES[*]}") \
+    $PYTHON -m pytest -q -p no:cacheprovider tests/binaries
 }
 
 package_tests() {
@@ -70,16 +115,21 @@ package_tests() {
   SINEW_ZIP=$ZIP tests/wheel/run "$BUILD/wheels" "$BUILD/environments"
 }
 
-# VERSION|all: fills in versions, their commands in blenders, and missing, which could not be set up.
+# VERSION|all|release: fills in versions, their commands in blenders, missing, which could not be set up, and systems,
+# for which there must be modules.
 set_up_blenders() {
   local version command wanted=("$1")
-  [ "$1" != all ] || mapfile -t wanted < <(.ci/blender versions)
+  case $1 in
+    all) mapfile -t wanted < <(.ci/blender versions) && systems=("${SYSTEMS[@]}") ;;
+    release) mapfile -t wanted < <(.ci/blender releases) && systems=("${SYSTEMS[@]}") ;;
+    windows-*) systems=(windows) ;;
+  esac
   versions=()
   for version in "${wanted[@]}"; do
     if command=$(.ci/blender "$version"); then
       versions+=("$version")
       blenders[$version]=$command
-    elif [ "$1" = all ]; then
+    elif [ ${#wanted[@]} -gt 1 ]; then
       missing+=("$version")
     else
       exit 1
