@@ -212,6 +212,16 @@ inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::
   return matrices;
 }
 
+/// Copies (rows, columns) numbers of any real dtype into a matrix.
+template <int rows, int columns>
+Eigen::Matrix<float, rows, columns> matrix_of(const char* name, const py::array& array) {
+  if (array.ndim() != 2 || array.shape(0) != rows || array.shape(1) != columns) {
+    wrong_shape(name, array, "(" + std::to_string(rows) + ", " + std::to_string(columns) + ")");
+  }
+  const std::vector<float> numbers = copied<float>(name, array);
+  return Eigen::Matrix<float, columns, rows>::Map(numbers.data()).transpose();
+}
+
 /// Returns a read-only array over memory that `owner` keeps alive.
 template <class T>
 py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides,

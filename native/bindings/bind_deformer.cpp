@@ -104,6 +104,19 @@ LayerPose pose_of(const py::handle& given, std::size_t i) {
   return pose;
 }
 
+/// The poses that a stage of layers refers to, and the arrays that they refer to.
+struct PosedLayers {
+  std::shared_ptr<const MixedLayers> layers;
+  py::tuple kept;
+  std::vector<LayerPose> poses;
+};
+
+StageOfPython stage_of_layers(const std::shared_ptr<MixedLayers>& layers, const py::sequence& poses) {
+  const auto posed = std::make_shared<PosedLayers>(PosedLayers{layers, py::tuple(poses), {}});
+  for (const py::handle pose : posed->kept) posed->poses.push_back(pose_of(pose, posed->poses.size()));
+  return StageOfPython(*layers, {posed->poses}, posed);
+}
+
 void deform(const Deformer& deformer, const py::sequence& poses, const py::object& out,
             const std::optional<py::array>& key_values, const std::optional<py::array>& rest_positions,
             const py::sequence& stages, const std::optional<py::array>& milliseconds) {
@@ -164,7 +177,7 @@ void bind_deformer(py::module_& module) {
            "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
            "mask: (V,), how much of the motion each vertex gets: "
            "p' = p + mask (skinned(p) - p). None: all of it.\n"
-           "share: (V,), for a layer that is mixed in: shape += share (own - shape). The first layer of a deformer has "
+           "share: (V,), for a layer that is mixed in: shape += share (own - shape). The first layer has "
            "no share, and every other layer has one.\n"
            "bends: a Bends: influences that are split in the skin as at its rest positions and in split_space. On each "
            "frame, those of vertices that shape keys move are split again at their new place; with other rest "
@@ -178,6 +191,23 @@ void bind_deformer(py::module_& module) {
           "vertex_count", [](const Layer& self) { return self.skin().vertex_count(); }, "V.")
       .def_property_readonly(
           "joint_count", [](const Layer& self) { return self.skin().joint_count(); }, "J.");
+
+  py::class_<MixedLayers, std::shared_ptr<MixedLayers>>(
+      module, "MixedLayers",
+      "Layers as a stage, as Blender's Armature modifiers behind others: all start from the shape that the stage gets, "
+      "and their results are mixed by their shares. Immutable; several threads may use one at once.")
+      .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers) {
+             return std::make_shared<MixedLayers>(
+                 std::vector<std::shared_ptr<const Layer>>(layers.begin(), layers.end()));
+           }),
+           py::arg("layers"),
+           "layers: one or more Layer objects, mixed in this order. The rest positions of their skins have no effect, "
+           "and bends are split where the vertices are in the shape that the stage gets. Raises ValueError if there "
+           "are none, if their numbers of vertices differ, if the first has a share, or if another has none.")
+      .def_property_readonly("vertex_count", &MixedLayers::vertex_count, "V.")
+      .def("stage", &stage_of_layers, py::arg("poses"),
+           "poses: (matrices, space) per layer, as in Deformer.deform. The arrays are kept, not copied. Raises "
+           "ValueError if a shape or dtype does not fit.");
 
   py::class_<ShapeKeys, std::shared_ptr<ShapeKeys>>(
       module, "ShapeKeys",

@@ -55,16 +55,6 @@ std::shared_ptr<Hook> make_hook(std::ptrdiff_t vertex_count, const std::optional
   return std::make_shared<Hook>(vertex_count, named, VertexGroup{group, invert});
 }
 
-/// Copies (rows, columns) numbers of any real dtype into a matrix.
-template <int rows, int columns>
-Eigen::Matrix<float, rows, columns> matrix_of(const char* name, const py::array& array) {
-  if (array.ndim() != 2 || array.shape(0) != rows || array.shape(1) != columns) {
-    wrong_shape(name, array, "(" + std::to_string(rows) + ", " + std::to_string(columns) + ")");
-  }
-  const std::vector<float> numbers = copied<float>(name, array);
-  return Eigen::Matrix<float, columns, rows>::Map(numbers.data()).transpose();
-}
-
 Hook::Settings hook_settings(const py::array& matrix, float strength, const std::string& falloff, float radius,
                              const std::array<float, 3>& center, const std::optional<py::array>& uniform) {
   Hook::Settings settings{matrix_of<4, 4>("matrix", matrix), strength, falloff_named(falloff), radius,
@@ -108,7 +98,7 @@ void bind_stages(py::module_& module) {
       .def_property_readonly("corner_count", &Topology::corner_count, "C.");
 
   py::class_<StageOfPython>(module, "Stage",
-                            "What a CorrectiveSmooth, a Smooth or a Hook does in one frame: made by "
+                            "What a CorrectiveSmooth, a Smooth or another stage does in one frame: made by "
                             "their stage(...), for apply or for Deformer.deform. Immutable.")
       .def("apply", &apply, py::arg("positions"),
            "Works on positions (V, 3) float32, C-contiguous, in place. Several threads may call it at once. "

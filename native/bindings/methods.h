@@ -6,6 +6,7 @@
 
 #include "sinew/corrective_smooth.h"
 #include "sinew/hook.h"
+#include "sinew/lattice.h"
 #include "sinew/skinning_method.h"
 
 namespace sinew::bindings {
@@ -50,6 +51,14 @@ inline Falloff falloff_named(const std::string& name) {
     known += (known.empty() ? "" : ", ") + std::string(own);
   }
   throw InputError("there is no falloff \"" + name + "\"; expected one of " + known);
+}
+
+inline Spline spline_named(const std::string& name) {
+  if (name == "linear") return Spline::linear;
+  if (name == "cardinal") return Spline::cardinal;
+  if (name == "catmull_rom") return Spline::catmull_rom;
+  if (name == "bspline") return Spline::b_spline;
+  throw InputError("there is no interpolation \"" + name + "\"; expected linear, cardinal, catmull_rom or bspline");
 }
 
 }  // namespace sinew::bindings

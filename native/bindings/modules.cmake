@@ -1,10 +1,18 @@
-# The Python module, once for the Python that builds it and once for that of each folder in
-# SINEW_PYTHON_ROOTS. All are written to python/ in the build folder and differ in their suffix.
+# The Python module, once for the Python that builds it and once for that of each folder in SINEW_PYTHON_ROOTS; or, for
+# another system, once for each of SINEW_CROSS_PYTHONS. All are written to python/ in the build folder and differ in
+# their suffix.
 
-find_package(Python3 QUIET COMPONENTS Interpreter Development.Module)
-if(NOT Python3_FOUND)
-  message(FATAL_ERROR "The headers of ${Python3_EXECUTABLE} were not found. On Debian and Ubuntu install those of the "
-    "system's Python with: apt install python3-dev.")
+set(SINEW_PYTHON_ROOTS "" CACHE STRING
+    "Root folders of other Debian releases: a module is built for the Python of each")
+set(SINEW_CROSS_PYTHONS "" CACHE STRING
+    "Pythons of another system: for each suffix|folder of headers, on Windows also |python3XX.dll")
+
+if(NOT SINEW_CROSS_PYTHONS)
+  find_package(Python3 QUIET COMPONENTS Interpreter Development.Module)
+  if(NOT Python3_FOUND)
+    message(FATAL_ERROR "The headers of ${Python3_EXECUTABLE} were not found. On Debian and Ubuntu install those of the "
+      "system's Python with: apt install python3-dev.")
+  endif()
 endif()
 set(PYBIND11_NOPYTHON ON)  # only its headers, which are the same for all
 find_package(pybind11 2.13 REQUIRED)  # knows numpy 2
@@ -13,6 +21,7 @@ add_custom_target(modules)  # all of them
 
 function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
+    bindings/bind_cages.cpp
     bindings/bind_deformer.cpp
     bindings/bind_direct_delta_mush.cpp
     bindings/bind_files.cpp
@@ -22,15 +31,23 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_stages.cpp
     bindings/host/bind_host.cpp
     bindings/host/bind_shortcut.cpp
+    bindings/host/watched.cpp
     bindings/module.cpp)
   target_include_directories(${target} PRIVATE bindings)
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
   target_link_libraries(${target} PRIVATE sinew)
   if(UNIX AND NOT APPLE)
     # The symbols of a static TBB or Highway must be neither visible outside nor taken from another add-on.
-    target_link_options(${target} PRIVATE -Wl,--exclude-libs,ALL $<$<CONFIG:Release>:-s>)
+    set(exports ${CMAKE_CURRENT_SOURCE_DIR}/bindings/exports.map)
+    target_link_options(${target} PRIVATE -Wl,--version-script=${exports} $<$<CONFIG:Release>:-s>)
+    set_target_properties(${target} PROPERTIES LINK_DEPENDS ${exports})
+  elseif(APPLE)
+    # As above. Python's symbols are those of the process.
+    target_link_options(${target} PRIVATE -Wl,-undefined,dynamic_lookup -Wl,-exported_symbol,_PyInit_sinew_native
+      -Wl,-dead_strip $<$<CONFIG:Release>:-Wl,-S,-x>)
   elseif(MINGW)
-    target_link_options(${target} PRIVATE -static $<$<CONFIG:Release>:-s>)  # so that it needs no DLL of the compiler
+    # It needs no DLL of the compiler, and holds no time, so that the same source gives the same file.
+    target_link_options(${target} PRIVATE -static -Wl,--no-insert-timestamp $<$<CONFIG:Release>:-s>)
   endif()
   target_compile_definitions(${target} PRIVATE SINEW_VERSION="${PROJECT_VERSION}")
   set(extension .so)
@@ -44,13 +61,30 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_dependencies(modules ${target})
 endfunction()
 
+foreach(entry IN LISTS SINEW_CROSS_PYTHONS)
+  string(REPLACE "|" ";" entry "${entry}")
+  list(POP_FRONT entry suffix headers)
+  # Python's headers, of which only the configuration differs between systems.
+  set(picked ${CMAKE_BINARY_DIR}/headers/${suffix})
+  file(COPY ${headers}/ DESTINATION ${picked} PATTERN pyconfig.h EXCLUDE)
+  if(WIN32)
+    configure_file(bindings/pyconfig/windows.h ${picked}/pyconfig.h COPYONLY)
+  else()
+    configure_file(bindings/pyconfig/unix.h ${picked}/pyconfig.h COPYONLY)
+  endif()
+  string(MAKE_C_IDENTIFIER sinew_native_${suffix} target)
+  add_python_module(${target} ${suffix} ${picked})
+  target_link_libraries(${target} PRIVATE ${entry})  # the DLL: GNU ld needs no import library
+endforeach()
+if(SINEW_CROSS_PYTHONS)
+  return()
+endif()
+
 add_python_module(sinew_native ${Python3_SOABI} ${Python3_INCLUDE_DIRS})
 target_link_libraries(sinew_native PRIVATE Python3::Module)  # its import library on Windows, nothing on Linux
 include(bindings/install.cmake)
 configure_file(bindings/sinew_native.pyi ${CMAKE_BINARY_DIR}/python/sinew_native.pyi COPYONLY)
 
-set(SINEW_PYTHON_ROOTS "" CACHE STRING
-    "Root folders of other Debian releases: a module is built for the Python of each")
 foreach(root IN LISTS SINEW_PYTHON_ROOTS)
   file(GLOB includes ${root}/usr/include/python3.*)
   list(LENGTH includes count)

@@ -18,6 +18,7 @@ _Method: TypeAlias = Literal["linear", "dual_quaternion", "blended", "rotation_c
 _Laplacian: TypeAlias = Literal["cotangent", "uniform"]
 _SmoothType: TypeAlias = Literal["simple", "length_weighted"]
 _CornerAngle: TypeAlias = Literal["polynomial", "arc_cosine"]
+_Spline: TypeAlias = Literal["linear", "cardinal", "catmull_rom", "bspline"]
 _Falloff: TypeAlias = Literal["none", "constant", "linear", "smooth", "sharp", "root", "sphere", "inverse_square"]
 _Stretch: TypeAlias = Literal["polar", "frame", "frame_each"]
 _Integers: TypeAlias = npt.NDArray[np.integer[Any]]
@@ -411,7 +412,7 @@ class Topology:
         """C."""
 
 class Stage:
-    """What a CorrectiveSmooth, a Smooth or a Hook does in one frame. Immutable."""
+    """What a CorrectiveSmooth, a Smooth or another stage does in one frame. Immutable."""
 
     def apply(self, positions: _Float32) -> None:
         """Works on positions (V, 3), C-contiguous, in place."""
@@ -478,6 +479,92 @@ class Hook:
         uniform: _Reals | None = None,
     ) -> Stage:
         """matrix (4, 4), in mesh space; uniform (3, 3): distances are measured after this transform."""
+
+class MixedLayers:
+    """Layers as a stage, as Blender's Armature modifiers behind others: all start from the shape that the stage gets.
+    Immutable; several threads may use one object at once."""
+
+    def __init__(self, layers: Sequence[Layer]) -> None:
+        """layers: one or more, mixed in this order."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    def stage(self, poses: Sequence[tuple[_Float32, _Float64 | None]]) -> Stage:
+        """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; kept, not copied."""
+
+class Lattice:
+    """Blender's Lattice modifier. Immutable."""
+
+    def __init__(self, vertex_count: int, weights: _Reals | None = None, invert: bool = False) -> None:
+        """weights (V,)."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    def stage(
+        self,
+        points: _Reals,
+        counts: Sequence[int],
+        first: Sequence[float],
+        step: Sequence[float],
+        interpolation: Sequence[_Spline],
+        matrix: _Reals,
+        strength: float = 1.0,
+        point_weights: _Reals | None = None,
+    ) -> Stage:
+        """points (P, 3), in lattice space, along u first; counts, first, step, interpolation: for u, v and w, of the
+        points at rest; matrix (4, 4), lattice space from mesh space; point_weights (P,)."""
+
+class SurfaceDeform:
+    """Blender's Surface Deform modifier. Immutable."""
+
+    def __init__(
+        self,
+        vertex_count: int,
+        vertices: _Integers,
+        offsets: _Integers,
+        attachments: _Integers,
+        corner_offsets: _Integers,
+        corners: _Integers,
+        corner_weights: _Reals,
+        distances: _Reals,
+        influences: _Reals,
+        weights: _Reals | None = None,
+        invert: bool = False,
+    ) -> None:
+        """vertices (B,); offsets (B + 1,), of the attachments; attachments, distances, influences (N,);
+        corner_offsets (N + 1,); weights (V,)."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def least_target_count(self) -> int:
+        """How many vertices a target must have at least."""
+    def stage(self, target: _Reals, matrix: _Reals, strength: float = 1.0) -> Stage:
+        """target (T, 3), in its own space; matrix (4, 4), mesh space from there, as when the mesh was bound."""
+
+class MeshDeform:
+    """Blender's Mesh Deform modifier, bound without Dynamic. Immutable."""
+
+    def __init__(
+        self,
+        offsets: _Integers,
+        cage_vertices: _Integers,
+        cage_weights: _Reals,
+        cage_positions: _Reals,
+        weights: _Reals | None = None,
+        invert: bool = False,
+    ) -> None:
+        """offsets (V + 1,); cage_vertices, cage_weights (N,), of each influence; cage_positions (C, 3), when bound;
+        weights (V,)."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def cage_vertex_count(self) -> int:
+        """C."""
+    def stage(self, cage: _Reals, matrix: _Reals, back: _Reals) -> Stage:
+        """cage (C, 3), in its own space; matrix (4, 4), from there to the space of cage_positions; back (3, 3), from
+        that to mesh space."""
 
 class Deformer:
     """Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks and mix,

@@ -14,8 +14,13 @@ namespace sinew::bindings {
 struct StageOfPython {
   template <class Kind>
   StageOfPython(std::shared_ptr<const Kind> own, const typename Kind::Settings& settings)
-      : stage(Staged<Kind>{own.get(), settings}), owner(std::move(own)) {
-    std::get<Staged<Kind>>(stage).stage->check(settings);
+      : StageOfPython(*own, settings, own) {}
+
+  /// keeper: keeps `own` and what its settings refer to.
+  template <class Kind>
+  StageOfPython(const Kind& own, const typename Kind::Settings& settings, std::shared_ptr<const void> keeper)
+      : stage(Staged<Kind>{&own, settings}), owner(std::move(keeper)) {
+    own.check(settings);
   }
 
   Stage stage;
@@ -28,7 +33,7 @@ inline std::vector<Stage> stages_of(const pybind11::tuple& objects) {
   for (const pybind11::handle stage : objects) {
     if (!pybind11::isinstance<StageOfPython>(stage)) {
       throw InputError("stage " + std::to_string(stages.size()) +
-                       " is not a Stage; expected what stage(...) of a CorrectiveSmooth, Smooth or Hook returns");
+                       " is not a Stage; expected what stage(...) of a Smooth or another stage returns");
     }
     stages.push_back(stage.cast<const StageOfPython&>().stage);
   }

@@ -48,6 +48,46 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
                         given_away(std::move(weights), {entries}));
 }
 
+/// A vertex is {Attachment* attachments; int count; int vertex}, an attachment is
+/// {int* corners; int count; int kind; float* weights; float distance; float influence}.
+py::tuple read_surface_binding(Address vertices, std::ptrdiff_t count) {
+  constexpr std::ptrdiff_t kVertex = 16, kAttachment = 32;
+  constexpr std::int32_t kPolygon = 1;
+  if (count < 0) throw InputError("count is " + std::to_string(count) + "; expected 0 or more");
+  std::vector<std::int32_t> bound, offsets{0}, kinds, corner_offsets{0}, corners;
+  std::vector<float> weights, distances, influences;
+  {
+    const py::gil_scoped_release release;
+    for (std::ptrdiff_t v = 0; v < count; ++v) {
+      const Address vertex = vertices + v * kVertex;
+      const auto first = read<Address>(vertex);
+      const std::int32_t own = first == 0 ? 0 : read<std::int32_t>(vertex + 8);
+      bound.push_back(read<std::int32_t>(vertex + 12));
+      for (std::int32_t i = 0; i < own; ++i) {
+        const Address at = first + i * kAttachment;
+        const auto size = std::max(read<std::int32_t>(at + 8), 0), kind = read<std::int32_t>(at + 12);
+        const auto indices = read<Address>(at), numbers = read<Address>(at + 16);
+        for (std::int32_t c = 0; c < size; ++c) corners.push_back(read<std::int32_t>(indices + 4 * c));
+        for (std::int32_t c = 0; c < (kind == kPolygon ? size : 3); ++c) {
+          weights.push_back(read<float>(numbers + 4 * c));
+        }
+        kinds.push_back(kind);
+        distances.push_back(read<float>(at + 24));
+        influences.push_back(read<float>(at + 28));
+        corner_offsets.push_back(static_cast<std::int32_t>(corners.size()));
+      }
+      offsets.push_back(static_cast<std::int32_t>(kinds.size()));
+    }
+  }
+  const auto given = [](auto numbers) {
+    const auto size = static_cast<py::ssize_t>(numbers.size());
+    return given_away(std::move(numbers), {size});
+  };
+  return py::make_tuple(given(std::move(bound)), given(std::move(offsets)), given(std::move(kinds)),
+                        given(std::move(corner_offsets)), given(std::move(corners)), given(std::move(weights)),
+                        given(std::move(distances)), given(std::move(influences)));
+}
+
 /// layout: offsets in a pose bone of the address of the next bone, its motion, its number of segments, and the address
 /// of the segments' motions.
 void read_pose(Address bone, const py::array_t<std::int32_t>& first_joints,
@@ -79,26 +119,17 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
   return array_of(addresses);
 }
 
-/// layout: offsets in a key of its flags and its value.
-py::array_t<float> silence_keys(const py::array_t<std::int64_t>& keys, const std::array<std::ptrdiff_t, 2>& layout) {
-  const auto addresses = keys.unchecked<1>();
-  std::vector<float> values(addresses.shape(0), 0.0f);
-  for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
-    values[k] = silence_key(static_cast<Address>(addresses(k)), layout[0], layout[1]);
-  }
+/// layout: as in KeyLayout; animated: numbers of keys.
+py::array_t<float> read_and_silence_keys(const std::vector<Address>& keys, const std::array<std::ptrdiff_t, 3>& layout,
+                                         const std::vector<std::size_t>& animated) {
+  std::vector<float> values(keys.size(), 0.0f);
+  silence_keys(keys, {layout[0], layout[1], layout[2]}, chosen_keys(animated, keys.size()), values);
   return array_of(values);
 }
 
 void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_at) {
   const auto addresses = keys.unchecked<1>();
-  for (py::ssize_t k = 1; k < addresses.shape(0); ++k) {
-    const auto at = static_cast<Address>(addresses(k)) + flags_at;
-    auto flags = read<std::uint16_t>(at);
-    if (!(flags & kSeen)) continue;
-    const std::uint16_t muted = flags & kMutedByUser ? kMuted : 0;
-    flags &= static_cast<std::uint16_t>(~(kSeen | kMutedByUser | kMuted));
-    write(at, static_cast<std::uint16_t>(flags | muted));
-  }
+  for (py::ssize_t k = 1; k < addresses.shape(0); ++k) give_key_back(static_cast<Address>(addresses(k)), flags_at);
 }
 
 }  // namespace
@@ -112,6 +143,11 @@ void bind_host(py::module_& parent) {
              "vertices: address of its array of deform vertices; count: V.\n"
              "Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the "
              "order in which Blender stores them.");
+  module.def("read_surface_binding", &read_surface_binding, py::arg("vertices"), py::arg("count"),
+             "Reads what one of Blender's Surface Deform modifiers was bound with.\n\n"
+             "vertices: address of its array of vertices; count: B, of them.\n"
+             "Returns what SurfaceDeform takes: vertices (B,), offsets (B + 1,), attachments (N,), corner_offsets "
+             "(N + 1,) and corners, int32; corner_weights, distances (N,) and influences (N,), float32.");
   module.def("read_pose", &read_pose, py::arg("bone"), py::arg("first_joints"), py::arg("joint_counts"),
              py::arg("layout"), py::arg("out"),
              "Reads the motions of the bones of one of Blender's poses, from rest to pose, armature space.\n\n"
@@ -125,13 +161,17 @@ void bind_host(py::module_& parent) {
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Returns the addresses, int64, of at most count structs of one of Blender's lists, in which each "
              "begins with the address of the next.");
-  module.def("silence_keys", &silence_keys, py::arg("keys"), py::arg("layout"),
-             "Mutes evaluated shape keys and remembers in unused bits of their flags which ones were muted.\n\n"
-             "keys: (K,) int64, addresses, first the reference key, which is not changed; layout: "
-             "byte offsets in a key of its flags and its value.\n"
-             "Returns (K,) float32: their values, 0 for the reference and for what the user has "
-             "muted.");
-  module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"), "Undoes silence_keys.");
+  module.def("silence_keys", &read_and_silence_keys, py::arg("keys"), py::arg("layout"),
+             py::arg("animated") = std::vector<std::size_t>(),
+             "Mutes evaluated shape keys and remembers in unused bits of their flags which ones were muted. Those that "
+             "drivers or keyframes may mute on each frame become relative to themselves instead.\n\n"
+             "keys: (K,) int64, addresses, first the reference key, which is not changed; layout: byte offsets in a "
+             "key of its flags, its value and the number of the key to which it is relative; animated: numbers of the "
+             "keys that may be muted by drivers or keyframes.\n"
+             "Returns (K,) float32: their values, 0 for the reference and for what was muted.\n"
+             "Raises ValueError for a number that is not one of a key.");
+  module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),
+             "Undoes silence_keys for the keys that it has muted.");
   bind_shortcut(module);
 }
 

@@ -8,6 +8,7 @@
 
 #include "arrays.h"
 #include "host/memory.h"
+#include "host/watched.h"
 #include "sinew/deformer.h"
 #include "stages.h"
 
@@ -18,36 +19,22 @@
 namespace sinew::bindings {
 namespace {
 
-/// Memory that must be unchanged since this object was created.
-class Watched {
- public:
-  explicit Watched(const std::vector<std::pair<Address, std::size_t>>& regions) {
-    for (const auto& [address, size] : regions) {
-      regions_.push_back({address, seen_.size(), size});
-      const auto* const bytes = reinterpret_cast<const char*>(address);
-      seen_.insert(seen_.end(), bytes, bytes + size);
-    }
-  }
+/// A struct's address, the index of its parent, the index of the parent's region that vouches for it, and its regions:
+/// offsets and sizes.
+using StructToWatch =
+    std::tuple<Address, std::ptrdiff_t, std::size_t, std::vector<std::pair<std::ptrdiff_t, std::size_t>>>;
 
-  /// Returns whether the memory is unchanged. Checks the regions in order and stops at the first that has changed: a
-  /// region may show whether the memory of the next one still exists.
-  bool holds() const {
-    for (const Region& region : regions_) {
-      if (std::memcmp(reinterpret_cast<const void*>(region.address), seen_.data() + region.first, region.size) != 0) {
-        return false;
-      }
-    }
-    return true;
-  }
+/// The addresses of shape keys, the offsets of KeySource, and the numbers of the keys whose muting is animated.
+using GivenKeys = std::tuple<std::vector<Address>, std::array<std::ptrdiff_t, 5>, std::vector<std::size_t>>;
 
- private:
-  struct Region {
-    Address address;
-    std::size_t first, size;
-  };
-  std::vector<Region> regions_;
-  std::vector<char> seen_;
-};
+Watched watched_of(const std::vector<StructToWatch>& given) {
+  std::vector<WatchedStruct> structs;
+  for (const auto& [address, parent, voucher, regions] : given) {
+    structs.push_back({address, parent, voucher, {}});
+    for (const auto& [offset, size] : regions) structs.back().regions.push_back({offset, size});
+  }
+  return Watched(structs);
+}
 
 bool is_flat(const Matrix4<float>& place) { return place.cast<double>().determinant() == 0; }
 
@@ -108,18 +95,18 @@ struct Switch {
 /// The shape keys of an evaluated mesh. The deformed shape is written into the coordinates of the first key.
 struct KeySource {
   std::vector<Address> keys;
-  std::array<std::ptrdiff_t, 4> layout;  ///< offsets of a key's flags, value, address of its points and their number
+  /// as in KeyLayout, then the offsets of the address of a key's points and of their number
+  std::array<std::ptrdiff_t, 5> layout;
+  std::vector<bool> animated;  ///< which of them drivers or keyframes may mute
   std::vector<float> values;
 
-  /// Reads the keys' values and mutes the keys, so that Blender adds none of them.
-  void read_values() {
-    for (std::size_t k = 1; k < keys.size(); ++k) values[k] = silence_key(keys[k], layout[0], layout[1]);
-  }
+  /// Reads the keys' values, and has Blender add none of the keys.
+  void read_values() { silence_keys(keys, {layout[0], layout[1], layout[2]}, animated, values); }
 
   /// Returns the coordinates of the first key, or null if its number of points is not count.
   float* points(std::ptrdiff_t count) const {
-    if (read<std::int32_t>(keys[0] + layout[3]) != count) return nullptr;
-    return reinterpret_cast<float*>(read<Address>(keys[0] + layout[2]));
+    if (read<std::int32_t>(keys[0] + layout[4]) != count) return nullptr;
+    return reinterpret_cast<float*>(read<Address>(keys[0] + layout[3]));
   }
 };
 
@@ -130,38 +117,38 @@ Matrix4<float> matrix_at(Address at) { return Matrix4<float>::Map(reinterpret_ca
 
 class Shortcut {
  public:
-  Shortcut(py::object deformer, const std::vector<std::pair<Address, std::size_t>>& watched,
+  Shortcut(py::object deformer, const std::vector<StructToWatch>& watched,
            const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>& poses,
            const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
            const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
-           const std::optional<std::pair<std::vector<Address>, std::array<std::ptrdiff_t, 4>>>& keys,
-           const std::optional<py::array>& rest_positions)
+           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
-        watched_(watched),
+        watched_(watched_of(watched)),
         layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}},
         places_(std::move(places)),
         stage_owners_(stages),
         stages_(stages_of(stage_owners_)),
         rest_owner_(rest_positions),
         milliseconds_(stages_.size() + 2, 0.0) {
-    const std::size_t layers = deformer_.layers().size();
-    if (poses.size() != layers || places_.size() != layers) {
+    const std::vector<const Layer*> layers = all_layers();
+    if (poses.size() != layers.size() || places_.size() != layers.size()) {
       throw InputError("poses and places have " + std::to_string(poses.size()) + " and " +
-                       std::to_string(places_.size()) + " entries; the deformer has " + std::to_string(layers) +
-                       " layers");
+                       std::to_string(places_.size()) + " entries; the deformer and the stages have " +
+                       std::to_string(layers.size()) + " layers");
     }
     for (const auto& [at, first_joints, joint_counts] : poses) {
-      const Layer& layer = *deformer_.layers()[sources_.size()];
-      sources_.emplace_back(at, first_joints, joint_counts, layer.skin().joint_count());
+      sources_.emplace_back(at, first_joints, joint_counts, layers[sources_.size()]->skin().joint_count());
     }
     for (const auto& [address, clear, set] : switches) switches_.push_back({address, clear, set});
     if (keys) {
-      if (keys->first.empty()) throw InputError("keys has no address; expected one per key");
-      keys_ = {keys->first, keys->second, std::vector<float>(keys->first.size(), 0.0f)};
+      const auto& [addresses, offsets, animated] = *keys;
+      if (addresses.empty()) throw InputError("keys has no address; expected one per key");
+      keys_ = {addresses, offsets, chosen_keys(animated, addresses.size()), std::vector<float>(addresses.size(), 0.0f)};
     }
     if (rest_owner_) rest_ = numbers_span("rest_positions", *rest_owner_, 2, "(V, 3)");
     poses_.resize(sources_.size());
+    pose_stages();
   }
 
   bool holds() const { return watched_.holds(); }
@@ -186,7 +173,8 @@ class Shortcut {
     }
     const auto count = static_cast<std::size_t>(3 * deformer_.vertex_count());
     milliseconds_[0] = watch.milliseconds();
-    deformer_.deform(poses_, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
+    const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());
+    deformer_.deform(own, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
     }
@@ -205,6 +193,31 @@ class Shortcut {
    private:
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   };
+
+  /// Returns the layers of the deformer, then those of the stages.
+  std::vector<const Layer*> all_layers() const {
+    std::vector<const Layer*> found;
+    const auto add = [&](const auto& layers) {
+      for (const auto& layer : layers) found.push_back(layer.get());
+    };
+    add(deformer_.layers());
+    for (const Stage& stage : stages_) {
+      if (const auto* mixed = std::get_if<Staged<MixedLayers>>(&stage)) add(mixed->stage->layers());
+    }
+    return found;
+  }
+
+  /// Has the stages of layers use the poses of this object, which come behind those of the deformer's layers.
+  void pose_stages() {
+    std::size_t first = deformer_.layers().size();
+    for (Stage& stage : stages_) {
+      auto* const mixed = std::get_if<Staged<MixedLayers>>(&stage);
+      if (!mixed) continue;
+      const std::size_t own = mixed->stage->layers().size();
+      mixed->settings.poses = std::span(poses_).subspan(first, own);
+      first += own;
+    }
+  }
 
   /// Sets the transform from armature space to mesh space of layer i. Returns false if an object's matrix is singular.
   bool place(std::size_t i) {
@@ -254,30 +267,34 @@ void bind_shortcut(py::module_& host) {
   py::class_<Shortcut>(host, "Shortcut",
                        "A frame in which only the pose and the values of shape keys have changed. For one "
                        "evaluated object and one thread at a time.")
-      .def(py::init<py::object, const std::vector<std::pair<Address, std::size_t>>&,
-                    const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
-                    const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
-                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
-                    const std::optional<std::pair<std::vector<Address>, std::array<std::ptrdiff_t, 4>>>&,
-                    const std::optional<py::array>&>(),
-           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
-           py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
-           py::arg("rest_positions") = py::none(),
-           "deformer: a Deformer.\n"
-           "watched: (address, size) of memory that must stay as it is now for the shortcut to hold, checked in this "
-           "order.\n"
-           "poses: for each layer, (address at which the address of the pose is stored, first_joints, "
-           "joint_counts), the last two as in read_pose.\n"
-           "layout: byte offsets in a pose of its list of bones and its array of their addresses, "
-           "then what read_pose takes.\n"
-           "places: for each layer, the addresses of two matrices of 16 float32, column by column: from mesh space to "
-           "world space and from armature space to world space.\n"
-           "switches: (address of an int32, bits to clear, bits to set).\n"
-           "stages: as in Deformer.deform.\n"
-           "keys: (addresses of the shape keys, byte offsets in a key of its flags, its value, the address of its "
-           "points and their number), or None. The shape is written into the first key's points.\n"
-           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
-           "Raises ValueError for sizes that do not fit.")
+      .def(
+          py::init<py::object, const std::vector<StructToWatch>&,
+                   const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
+                   const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
+                   const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
+                   const std::optional<GivenKeys>&, const std::optional<py::array>&>(),
+          py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
+          py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
+          py::arg("rest_positions") = py::none(),
+          "deformer: a Deformer.\n"
+          "watched: memory that must stay as it is now for the shortcut to hold: for each struct (address, parent, "
+          "voucher, [(offset, size) of each region, in bytes]). A struct is read only after region `voucher` of the "
+          "struct `parent`, which comes before it, was found unchanged: a pointer to the struct, or a mark of one "
+          "byte. "
+          "The first struct has the parent -1.\n"
+          "poses: for each layer of the deformer, then of each stage of layers, in order: (address at which the "
+          "address of the pose is stored, first_joints, joint_counts), the last two as in read_pose.\n"
+          "layout: byte offsets in a pose of its list of bones and its array of their addresses, "
+          "then what read_pose takes.\n"
+          "places: for each layer, the addresses of two matrices of 16 float32, column by column: from mesh space to "
+          "world space and from armature space to world space.\n"
+          "switches: (address of an int32, bits to clear, bits to set).\n"
+          "stages: as in Deformer.deform.\n"
+          "keys: (addresses of the shape keys, byte offsets in a key: three as in silence_keys, then of the address of "
+          "its points and of their number, numbers of the keys that drivers or keyframes may mute), or None. The shape "
+          "is written into the first key's points.\n"
+          "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
+          "Raises ValueError for sizes that do not fit, and for a watched struct that its parent does not lead to.")
       .def("holds", &Shortcut::holds, "Whether the watched memory is unchanged.")
       .def("deform", &Shortcut::deform, py::arg("out") = 0,
            "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"

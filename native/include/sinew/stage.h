@@ -5,7 +5,11 @@
 
 #include "sinew/corrective_smooth.h"
 #include "sinew/hook.h"
+#include "sinew/lattice.h"
+#include "sinew/mesh_deform.h"
+#include "sinew/mixed_layers.h"
 #include "sinew/smooth.h"
+#include "sinew/surface_deform.h"
 
 namespace sinew {
 
@@ -17,6 +21,7 @@ struct Staged {
   typename Kind::Settings settings{};
 };
 
-using Stage = std::variant<Staged<CorrectiveSmooth>, Staged<Smooth>, Staged<Hook>>;
+using Stage = std::variant<Staged<CorrectiveSmooth>, Staged<Smooth>, Staged<Hook>, Staged<MixedLayers>, Staged<Lattice>,
+                           Staged<SurfaceDeform>, Staged<MeshDeform>>;
 
 }  // namespace sinew

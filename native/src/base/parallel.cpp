@@ -52,7 +52,9 @@ class Pool {
 };
 
 std::mutex pool_mutex;
-std::shared_ptr<Pool> pool;  // guarded by pool_mutex; a running call keeps its own reference
+// Guarded by pool_mutex; a running call keeps its own reference. Never destroyed: when a process ends, its destructors
+// run while other threads may still compute.
+std::shared_ptr<Pool>& pool = *new std::shared_ptr<Pool>;
 
 // Workers go to sleep about this long after they run out of work.
 constexpr std::chrono::microseconds kAwakeFor(100);

@@ -1,7 +1,8 @@
+#include "sinew/layer.h"
+
 #include "base/check.h"
 #include "base/vertex_numbers.h"
 #include "deformer/method.h"
-#include "sinew/deformer.h"
 
 namespace sinew {
 namespace {

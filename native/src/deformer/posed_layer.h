@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "sinew/deformer.h"
+#include "sinew/layer.h"
 #include "skinning/palette.h"
 #include "skinning/space.h"
 #include "skinning/tile.h"

@@ -9,10 +9,6 @@
 namespace sinew {
 namespace {
 
-// Matrices that went through float32 are orthonormal to about 1e-6. Blender has the same bound, and the same for the
-// dot products of two columns.
-constexpr float kRigidTolerance = 1e-5f;
-
 float dot(const Eigen::Vector3f& a, const Eigen::Vector3f& b) { return a.x() * b.x() + a.y() * b.y() + a.z() * b.z(); }
 
 bool is_rotation(const Eigen::Matrix3f& linear) {

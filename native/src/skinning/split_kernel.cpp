@@ -25,9 +25,8 @@ using Mask = hn::Mask<Narrow>;
 constexpr Wide kWide;
 constexpr Narrow kNarrow;
 
-// Matrices that went through float32 are orthonormal to about 1e-6. Blender has these bounds.
-constexpr float kRigidTolerance = 1e-5f, kExcessTolerance = 1e-8f;
-constexpr float kShortest = 1e-35f;  // squared: shorter vectors have no direction
+constexpr float kExcessTolerance = 1e-8f;  // squared, of the lengths of a posed frame's axes; Blender's
+constexpr float kShortest = 1e-35f;        // squared: shorter vectors have no direction
 
 /// A 3x3 matrix in each lane.
 template <class V>
@@ -48,6 +47,9 @@ HWY_INLINE Doubles wide(Floats a) { return hn::PromoteTo(kWide, a); }
 HWY_INLINE Floats narrow(Doubles a) { return hn::DemoteTo(kNarrow, a); }
 HWY_INLINE VectorsOf<Doubles> wide(const VectorsOf<Floats>& a) { return {wide(a.x), wide(a.y), wide(a.z)}; }
 HWY_INLINE VectorsOf<Floats> narrow(const VectorsOf<Doubles>& a) { return {narrow(a.x), narrow(a.y), narrow(a.z)}; }
+
+HWY_INLINE Matrices<Doubles> wide(const Matrices<Floats>& m) { return {wide(m.x), wide(m.y), wide(m.z)}; }
+HWY_INLINE Matrices<Floats> narrow(const Matrices<Doubles>& m) { return {narrow(m.x), narrow(m.y), narrow(m.z)}; }
 
 template <class V>
 HWY_INLINE VectorsOf<V> operator*(const Matrices<V>& m, const VectorsOf<V>& v) {
@@ -191,7 +193,7 @@ HWY_INLINE void split_some(const MotionsToSplit& motions, std::size_t first, Spl
   const VectorsOf<Floats> translation = load_column(kNarrow, motions.matrix, 3, first);
   const Matrices<Doubles> rest = load_linear(kWide, motions.rest, first);
   const VectorsOf<Doubles> origin = load_column(kWide, motions.rest, 3, first);
-  const Matrices<Floats> base{narrow(rest.x), narrow(rest.y), narrow(rest.z)};
+  const Matrices<Floats> base = narrow(rest);
   const VectorsOf<Floats> base_origin = narrow(origin);
 
   const Matrices<Floats> posed = matrix * base;
@@ -200,22 +202,19 @@ HWY_INLINE void split_some(const MotionsToSplit& motions, std::size_t first, Spl
   const Mask is_rigid = hn::And(is_rotation(matrix), hn::Le(dot(excess, excess), number(kExcessTolerance)));
 
   const Quaternions<Floats> turn = quaternion_of(axes_along_y(posed));
-  const Matrices<Doubles> exact = rotation_of({wide(turn.w), wide(turn.v)});
-  const Matrices<Doubles> rotation{wide(narrow(exact.x)), wide(narrow(exact.y)), wide(narrow(exact.z))};
-  const Matrices<Doubles> back = inverse(rest);
-  const Matrices<Doubles> along{wide(posed.x), wide(posed.y), wide(posed.z)};
-  const Matrices<Doubles> stretch = rest * (inverse(rotation) * along) * back;
+  const Matrices<Floats> rigid = narrow(rotation_of({wide(turn.w), wide(turn.v)}));
+  const Matrices<Doubles> stretch = rest * (inverse(wide(rigid)) * wide(posed)) * inverse(rest);
   const Doubles one = hn::Set(kWide, 1);
   const Matrices<Doubles> displacement{{hn::Sub(stretch.x.x, one), stretch.x.y, stretch.x.z},
                                        {stretch.y.x, hn::Sub(stretch.y.y, one), stretch.y.z},
                                        {stretch.z.x, stretch.z.y, hn::Sub(stretch.z.z, one)}};
   const VectorsOf<Floats> none = zeros(kNarrow);
-  store(choose(is_rigid, none, narrow(displacement.x)), 0, first, split.displacement);
-  store(choose(is_rigid, none, narrow(displacement.y)), 1, first, split.displacement);
-  store(choose(is_rigid, none, narrow(displacement.z)), 2, first, split.displacement);
+  const Matrices<Floats> moves = choose(is_rigid, Matrices<Floats>{none, none, none}, narrow(displacement));
+  store(moves.x, 0, first, split.displacement);
+  store(moves.y, 1, first, split.displacement);
+  store(moves.z, 2, first, split.displacement);
   store(choose(is_rigid, none, narrow(zeros(kWide) - displacement * origin)), 3, first, split.displacement);
 
-  const Matrices<Floats> rigid{narrow(exact.x), narrow(exact.y), narrow(exact.z)};
   const VectorsOf<Floats> moved_by = moved(rigid, posed_origin, load_column(kNarrow, motions.from_rest, 3, first));
   const Matrices<Floats> moved_axes = rigid * load_linear(kNarrow, motions.from_rest, first);
   const Quaternions<Floats> real = quaternion_of(choose(is_rigid, matrix, moved_axes));

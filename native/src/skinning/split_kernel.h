@@ -6,6 +6,10 @@
 
 namespace sinew {
 
+/// How far the dot products of a rotation's columns may be from those of orthonormal ones. Matrices that went through
+/// float32 are orthonormal to about 1e-6. Blender has the same bound.
+constexpr float kRigidTolerance = 1e-5f;
+
 /// How many joints are split at a time.
 constexpr std::size_t kSplitTogether = 8;
 
