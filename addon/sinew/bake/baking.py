@@ -5,7 +5,7 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from . import evaluation, part_files, usd_baking
+from . import evaluation, part_files, systems, usd_baking
 from . import job as jobs
 from . import subject as subjects
 from .baked import Baked
@@ -29,7 +29,7 @@ def steps(context: Any, job: jobs.Job) -> Generator[tuple[float, str], None, lis
     objects = evaluation.objects_to_bake(context, job.names)
     job.check_names([ob.name for ob in objects])
     with part_files.advising_room(job.folder):
-        os.makedirs(job.folder, exist_ok=True)
+        os.makedirs(systems.native(job.folder), exist_ok=True)
     with ExitStack() as stack:
         stack.enter_context(evaluation.undisturbed(context))
         if job.until_subdivision:
@@ -75,7 +75,7 @@ def _check_paths(job, objects):
         part_files.tidy(path)
         if job.overwrite:
             part_files.discard(path)
-        elif os.path.exists(path) and job.chunk is None:
+        elif os.path.exists(systems.native(path)) and job.chunk is None:
             raise ValueError(f"{path} already exists; {part_files.ADVICE}")
 
 
@@ -88,7 +88,7 @@ class _Cache:
         self.baked = Baked(ob.name, path, subject.vertex_count, len(subject.frames))
         if job.chunk is not None and subjects.is_whole(path, subject):
             self.baked.found = self.baked.frames
-        elif job.chunk is not None and os.path.exists(path):
+        elif job.chunk is not None and os.path.exists(systems.native(path)):
             raise ValueError(
                 f"{path} already exists, from another bake: remove it before the first chunk, or choose another folder"
             )

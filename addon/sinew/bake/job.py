@@ -10,6 +10,7 @@ from .frame_range import FrameRange
 
 USD = "usd"
 FORMATS = (*point_cache.FORMATS, USD)
+DEVICE = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3]) *(\.|$)", re.IGNORECASE)  # no files of Windows
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,6 @@ class Job:
 
 
 def file_name(name: str) -> str:
-    """Converts an object's name to a file name."""
+    """Converts an object's name to a file name, the same on all systems."""
     cleaned = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", name)
-    return f"_{cleaned}" if cleaned.startswith(".") else cleaned
+    return f"_{cleaned}" if cleaned.startswith(".") or DEVICE.match(cleaned) else cleaned

@@ -4,8 +4,9 @@ import os
 import platform
 import re
 import shutil
-import sys
 from contextlib import suppress
+
+from . import systems
 
 
 def own_name(path: str, end: str = "") -> str:
@@ -17,7 +18,7 @@ def remove_dead(path: str, end: str = "") -> None:
     """Removes the temporary files of dead processes of this machine. Whether processes on other machines are alive
     cannot be known here."""
     for name, machine, process in _all_of(path, end):
-        if machine == platform.node() and not _is_alive(int(process)):
+        if machine == platform.node() and not systems.is_alive(int(process)):
             _remove(name)
 
 
@@ -35,22 +36,13 @@ def _all_of(path, end):
     return [(os.path.join(folder, match[0]), match[1], match[2]) for match in found if match]
 
 
-def _is_alive(process):
-    if sys.platform == "win32":  # there, os.kill would end the process
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        pass
-    return True
-
-
 def _remove(path):
-    """Removes a file or folder. Another process may do the same at the same time."""
-    if os.path.isdir(path):
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        with suppress(OSError):
+    """Removes a file or folder. A folder goes as a whole, so that its maker, if it lives, notices and makes another.
+    Another process may do the same at the same time."""
+    with suppress(OSError):
+        if os.path.isdir(path):
+            gone = own_name(path)
+            os.rename(path, gone)
+            shutil.rmtree(gone, ignore_errors=True)
+        else:
             os.remove(path)

@@ -6,7 +6,7 @@ import os
 import bpy
 
 from ..blender import animation, modifier_types, nodes
-from . import evaluation, part_files, point_cache
+from . import evaluation, part_files, point_cache, systems
 from . import subject as subjects
 
 NAME = "Sinew Cache"
@@ -59,11 +59,11 @@ def set_up(context: bpy.types.Context, ob: bpy.types.Object, path: str) -> None:
 def _read(path, scene):
     """Returns V, first frame, step, and whether the bake ended before Subdivision: from the file beside the cache, or
     else from the cache itself."""
-    if os.path.isdir(part_files.folder_of(path)):
+    if part_files.is_unfinished(path):
         raise ValueError(f"{path} is not finished: bake the missing frames first")
-    if not os.path.isfile(path):
+    if not os.path.isfile(systems.native(path)):
         raise ValueError(f"there is no file {path}")
-    if os.path.exists(subjects.path_beside(path)):
+    if os.path.exists(systems.native(subjects.path_beside(path))):
         subject = subjects.of_cache(path)
         return subject.vertex_count, subject.frames.first, subject.frames.step, subject.until_subdivision
     vertices, first, step = point_cache.read_header(path)

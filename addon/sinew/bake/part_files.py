@@ -7,7 +7,8 @@ for another, and whichever sees the last mark moves the files to their final pla
 the line.
 
 The folder is prepared under another name, then renamed, and nothing is ever added to it. So a process that has its
-three files open has files that belong together, even if they were moved in the meantime.
+three files open has files that belong together, even if they were moved in the meantime. systems.py opens and moves
+them, so that this holds on Windows, too.
 
 A process may die at any moment. The temporary files that it leaves have its number in their names (leftovers.py) and
 are removed by the next process on that machine, or by the one that finishes the cache. If a process died while moving
@@ -15,17 +16,15 @@ the files, the next one moves the rest.
 """
 
 import errno
-import io
 import os
 import shutil
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from . import leftovers
+from . import leftovers, systems
 from . import subject as subjects
 
 SECONDS_BETWEEN_SYNCS = 1.0  # written frames are marked this often: a process that is killed loses no more
@@ -38,18 +37,11 @@ ADVICE = "overwrite it, or choose another folder"
 NOT_A_BAKE = "{} is not an unfinished bake of this version of Sinew; " + ADVICE
 
 
-def world_header(count: int) -> bytes:
-    """Returns the header of a .npy file with (count, 4, 4) float64."""
-    stream = io.BytesIO()
-    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (count, 4, 4)})
-    return stream.getvalue()
-
-
 def write_at(file: int, data: bytes | memoryview, offset: int) -> None:
     """Writes all of data (bytes or memoryview of bytes) to an open file descriptor."""
     data = memoryview(data)
     while data:
-        count = os.pwrite(file, data, offset)
+        count = systems.pwrite(file, data, offset)
         data, offset = data[count:], offset + count
 
 
@@ -58,9 +50,23 @@ def folder_of(path: str) -> str:
     return f"{path}.part"
 
 
+def is_unfinished(path: str) -> bool:
+    """Whether there is an unfinished cache. An empty folder is none."""
+    folder = folder_of(systems.native(path))
+    try:
+        return bool(os.listdir(folder))
+    except OSError:
+        return os.path.isdir(folder)
+
+
 def read_marks(path: str) -> tuple[subjects.Subject, np.ndarray]:
     """Returns (Subject, (F,) bool: which frames are baked) of the unfinished cache. Raises ValueError or OSError."""
-    with open(os.path.join(folder_of(path), "frames"), "rb") as file:
+    with systems.Folder(folder_of(systems.native(path))) as folder:
+        return _read_marks(folder)
+
+
+def _read_marks(folder):
+    with open(folder.open("frames", os.O_RDONLY), "rb") as file:
         subject = subjects.parse(file.readline())
         marks = np.frombuffer(file.read(), np.uint8) == 1
     if len(marks) != len(subject.frames):
@@ -80,38 +86,51 @@ def advising_room(path: str) -> Iterator[None]:
 
 
 def discard(path: str) -> None:
-    """Deletes the frames of an unfinished cache."""
+    """Deletes the frames of an unfinished cache. Raises OSError."""
+    path = systems.native(path)
+    with suppress(FileNotFoundError, NotADirectoryError), systems.Folder(folder_of(path)) as folder:
+        for name in NAMES:
+            _remove(path, folder, name)
     shutil.rmtree(folder_of(path), ignore_errors=True)
 
 
 def tidy(path: str) -> None:
     """Cleans up after processes that died while starting or finishing a cache. The folder must exist. Live processes
     are not disturbed. Raises OSError."""
+    path = systems.native(path)
     for each in _made_under_other_names(path):
         leftovers.remove_dead(each)
-    with suppress(ValueError, FileNotFoundError, NotADirectoryError):
-        if read_marks(path)[1].all() and not set(NAMES).issubset(os.listdir(folder_of(path))):
-            folder = os.open(folder_of(path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            try:
-                _move_files(path, folder)
-            finally:
-                os.close(folder)
+    with suppress(FileNotFoundError, NotADirectoryError):
+        if not set(NAMES).issubset(os.listdir(folder_of(path))):
+            _move_files(path)
 
 
 def _made_under_other_names(path):
-    """Returns the paths that are written under temporary names and renamed when complete."""
-    return folder_of(path), subjects.path_beside(path)
+    """Returns the paths that are written, or removed, under temporary names."""
+    return folder_of(path), subjects.path_beside(path), *(_aside(path, name) for name in NAMES)
 
 
-def _move_files(path, folder):
-    """Moves the files of a finished cache from its open folder to their places. Another process may do the same."""
-    for name, target in (("world", subjects.world_beside(path)), ("positions", path)):
-        with suppress(FileNotFoundError):  # another process has moved it
-            os.rename(name, target, src_dir_fd=folder)
-    with suppress(FileNotFoundError):
-        os.unlink("frames", dir_fd=folder)
-    with suppress(OSError):
-        os.rmdir(folder_of(path))
+def _aside(path, name):
+    return f"{folder_of(path)}.{name}"
+
+
+def _remove(path, folder, name):
+    with suppress(FileNotFoundError):  # another process has removed it
+        folder.remove(name, leftovers.own_name(_aside(path, name)))
+
+
+def _move_files(path):
+    """Moves the files of a cache to their places, if no frame is missing. Another process may do the same, and others
+    may have the files open. Raises OSError."""
+    with suppress(ValueError, FileNotFoundError, NotADirectoryError), systems.Folder(folder_of(path)) as folder:
+        if not _read_marks(folder)[1].all():  # somebody has begun another cache
+            return
+        for name, target in (("world", subjects.world_beside(path)), ("positions", path)):
+            with suppress(FileNotFoundError):  # another process has moved it
+                folder.move(name, target)
+        _remove(path, folder, "frames")
+    with suppress(OSError):  # it is not empty, or somebody looks at it
+        systems.remove_folder(folder_of(path))
 
 
 class PartFiles:
@@ -123,10 +142,9 @@ class PartFiles:
 
     def __init__(self, path: str, subject: subjects.Subject) -> None:
         """path: of the complete cache, in an existing folder."""
-        if sys.platform == "win32":
-            raise ValueError("on Windows, Sinew cannot write point caches; bake USD instead")
+        path = systems.native(path)
         self.path, self.subject, self._layout = path, subject, subject.layout
-        self._line, self._world_header = subject.line(), world_header(len(subject.frames))
+        self._line, self._world_header = subject.line(), subjects.world_header(len(subject.frames))
         self._pending: list[int]
         self._files: dict[str, int]
         self._pending, self._synced, self._files = [], time.monotonic(), {}
@@ -161,9 +179,9 @@ class PartFiles:
     def _open(self):
         """Opens the folder and its files. Returns whether all of them exist."""
         try:
-            self._folder = os.open(folder_of(self.path), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            for name in NAMES:
-                self._files[name] = os.open(name, os.O_RDWR | os.O_CLOEXEC, dir_fd=self._folder)
+            with systems.Folder(folder_of(self.path)) as folder:
+                for name in NAMES:
+                    self._files[name] = folder.open(name, os.O_RDWR)
         except FileNotFoundError:
             self._close()
             return False
@@ -186,15 +204,16 @@ class PartFiles:
                 ):
                     with open(os.path.join(folder, name), "wb") as file:
                         file.write(start)
-                        file.truncate(size)
-                os.rename(folder, folder_of(self.path))
+                        file.flush()
+                        systems.resize(file.fileno(), size)
+                systems.rename_folder(folder, folder_of(self.path))
         except OSError as error:
             shutil.rmtree(folder, ignore_errors=True)
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT):
                 raise
 
     def _check(self):
-        line = os.pread(self._files["frames"], len(self._line), 0)
+        line = systems.pread(self._files["frames"], len(self._line), 0)
         if line == self._line and os.fstat(self._files["frames"]).st_size == self._marks_size:
             return
         try:
@@ -213,9 +232,6 @@ class PartFiles:
     def _close(self):
         while self._files:
             os.close(self._files.popitem()[1])
-        if getattr(self, "_folder", None) is not None:
-            os.close(self._folder)
-            self._folder = None
 
     @property
     def _marks_size(self):
@@ -227,14 +243,14 @@ class PartFiles:
     # --- frames ---
 
     def _marks(self):
-        return np.frombuffer(os.pread(self._files["frames"], len(self.subject.frames), len(self._line)), np.uint8)
+        return np.frombuffer(systems.pread(self._files["frames"], len(self.subject.frames), len(self._line)), np.uint8)
 
     def done(self) -> list[int]:
         """Returns the indices of the frames that are on the disk, whichever process wrote them."""
         return np.flatnonzero(self._marks() == 1).tolist()
 
     def has(self, index: int) -> bool:
-        return os.pread(self._files["frames"], 1, len(self._line) + index) == b"\1"
+        return systems.pread(self._files["frames"], 1, len(self._line) + index) == b"\1"
 
     def missing(self) -> list[int]:
         return np.flatnonzero(self._marks() != 1).tolist()
@@ -256,7 +272,7 @@ class PartFiles:
                 for name in ("positions", "world"):
                     sync_data(self._files[name])
                 for index in pending:
-                    os.pwrite(self._files["frames"], b"\1", len(self._line) + index)
+                    systems.pwrite(self._files["frames"], b"\1", len(self._line) + index)
                 os.fsync(self._files["frames"])
 
     def finish(self) -> list[int]:
@@ -266,11 +282,12 @@ class PartFiles:
         missing = self.missing()
         if missing:
             if subjects.is_whole(self.path, self.subject):  # others had finished before this process began
-                discard(self.path)
+                with suppress(OSError):
+                    discard(self.path)
                 return []
             return missing
         self._describe()
-        _move_files(self.path, self._folder)
+        _move_files(self.path)
         for each in _made_under_other_names(self.path):
             leftovers.remove_all(each)
         return []
@@ -282,7 +299,7 @@ class PartFiles:
             with open(temporary, "wb") as file:
                 file.write(self._line)
             with suppress(FileNotFoundError):  # another process has finished the same cache and removed it
-                os.replace(temporary, subjects.path_beside(self.path))
+                systems.replace(temporary, subjects.path_beside(self.path))
         except OSError:
             with suppress(FileNotFoundError):
                 os.remove(temporary)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import systems
 from .frame_range import FrameRange
 
 PC2_MAGIC = b"POINTCACHE2\0"
@@ -62,7 +63,7 @@ class Layout:
 def read_header(path: str) -> tuple[int, float | None, float]:
     """Returns (V, first frame or None, step) from the file's header. Raises ValueError if it is neither PC2 nor MDD, or
     OSError."""
-    with open(path, "rb") as file:
+    with open(systems.native(path), "rb") as file:
         start = file.read(PC2_HEADER.size)
     if start.startswith(PC2_MAGIC) and len(start) == PC2_HEADER.size:
         _magic, _version, vertices, first, step, _count = PC2_HEADER.unpack(start)
@@ -74,5 +75,7 @@ def read_header(path: str) -> tuple[int, float | None, float]:
 
 def read_frame(path: str, layout: Layout, index: int) -> np.ndarray:
     """Returns the positions of one frame, (V, 3) float32."""
-    found = np.fromfile(path, NUMBERS[layout.format], 3 * layout.vertex_count, offset=layout.offset(index))
+    found = np.fromfile(
+        systems.native(path), NUMBERS[layout.format], 3 * layout.vertex_count, offset=layout.offset(index)
+    )
     return found.astype(np.float32).reshape(-1, 3)

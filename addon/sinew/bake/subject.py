@@ -1,11 +1,14 @@
 """The description of a cache's content, which is saved beside the cache. Pure."""
 
+import io
 import json
 import math
 import os
 from dataclasses import dataclass
 
-from . import frame_range, point_cache
+import numpy as np
+
+from . import frame_range, point_cache, systems
 
 VERSION = 1
 
@@ -95,10 +98,17 @@ def world_beside(path: str) -> str:
     return f"{path}.world.npy"
 
 
+def world_header(count: int) -> bytes:
+    """Returns the header of a .npy file with (count, 4, 4) float64."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (count, 4, 4)})
+    return stream.getvalue()
+
+
 def of_cache(path: str) -> Subject:
     """Returns the Subject of a complete cache. Raises ValueError or OSError."""
     file = path_beside(path)
-    with open(file, "rb") as stream:
+    with open(systems.native(file), "rb", opener=systems.open_file) as stream:
         try:
             return parse(stream.read())
         except ValueError as error:
@@ -108,6 +118,6 @@ def of_cache(path: str) -> Subject:
 def is_whole(path: str, subject: Subject) -> bool:
     """Whether the finished cache of exactly this subject exists at path."""
     try:
-        return of_cache(path) == subject and os.path.getsize(path) == subject.layout.size
+        return of_cache(path) == subject and os.path.getsize(systems.native(path)) == subject.layout.size
     except (ValueError, OSError):
         return False

@@ -5,15 +5,15 @@ import tokenize
 
 import numpy as np
 
-from . import frame_range, part_files, point_cache
+from . import frame_range, part_files, point_cache, systems
 from . import subject as subjects
 
 
 def problems(path: str, frames: frame_range.FrameRange | None = None) -> list[str]:
     """Returns sentences about what is wrong with the cache at path; none if no frame is missing, the sizes are right
     and all numbers are finite. frames: the FrameRange that it should have, or None."""
-    name = os.path.basename(path)
-    if os.path.isdir(part_files.folder_of(path)):
+    name, path = os.path.basename(path), systems.native(path)
+    if part_files.is_unfinished(path):
         return [_unfinished(path, name)]
     if not os.path.isfile(path):
         return [f"{name} is missing"]

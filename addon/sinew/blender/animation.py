@@ -1,5 +1,6 @@
 """Finds, adds and removes drivers and keyframes."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -32,9 +33,14 @@ def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     return [curve for action in actions for curve in action_curves(action)]
 
 
-def is_muting_animated(keys: bpy.types.Key) -> bool:
-    """Whether the mute setting of any shape key is animated. keys: the shape keys' data-block."""
-    return any(path.endswith(".mute") for path in animated_paths(keys))
+def animated_mutes(keys: bpy.types.Key) -> tuple[int, ...]:
+    """Returns the numbers of the shape keys whose mute setting drivers or keyframes set. keys: the shape keys'
+    data-block."""
+    found = {path for path in animated_paths(keys) if path.endswith(".mute")}
+    if not found:
+        return ()
+    names = (bpy.utils.escape_identifier(block.name) for block in keys.key_blocks)
+    return tuple(number for number, name in enumerate(names) if f'key_blocks["{name}"].mute' in found)
 
 
 def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
@@ -98,7 +104,8 @@ def drive(
     for which Blender runs no Python. Returns the driver.
 
     variables: tuples (name, type of data-block, data-block, path of the property), or (name, "BONE", armature, bone).
-    The latter makes the driver wait until the bone is evaluated, or with "" until the object's transform is.
+    The latter makes the driver wait until the bone is evaluated, or with "" until the object's transform is. Or (name,
+    "COPY", variable of another driver, ""), for a copy of that variable.
     If a property does not exist, because the add-on that defines it is missing, the variable is 0.
     """
     curve = ob.driver_add(path)
@@ -109,6 +116,9 @@ def drive(
     for name, kind, block, place in variables:
         variable = driver.variables.new()
         variable.name = name
+        if kind == "COPY":
+            _copy_variable(block, variable)
+            continue
         variable.type = "TRANSFORMS" if kind == "BONE" else "SINGLE_PROP"
         target = variable.targets[0]
         if kind == "BONE":
@@ -118,3 +128,20 @@ def drive(
         if hasattr(target, "use_fallback_value"):  # 4.1 and later; in earlier versions it is 0 anyway
             target.use_fallback_value, target.fallback_value = True, 0.0
     return driver
+
+
+def _copy_variable(source: bpy.types.DriverVariable, to: bpy.types.DriverVariable) -> None:
+    """Makes a driver's variable read what another one reads."""
+    to.type = source.type
+    for theirs, ours in zip(source.targets, to.targets):
+        if source.type == "SINGLE_PROP":
+            ours.id_type = theirs.id_type
+        for setting in theirs.bl_rna.properties:
+            if not setting.is_readonly and setting.identifier != "id_type":
+                setattr(ours, setting.identifier, getattr(theirs, setting.identifier))
+        if hasattr(ours, "use_fallback_value") and not ours.use_fallback_value:
+            # If the property is removed, the driver with the copy stays valid.
+            ours.use_fallback_value, ours.fallback_value = True, MISSING
+
+
+MISSING = math.nan  # the value of a copied variable whose property does not exist

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..host import deform_verts, vector_arrays
+from . import nodes
 
 
 def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -96,6 +97,71 @@ def write_attribute(mesh: bpy.types.Mesh, name: str, vectors: np.ndarray) -> Non
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
     attribute.data.foreach_set("vector", vectors.reshape(-1))
     mesh.update_tag()
+
+
+# Name of the property and count of numbers of a value, and their type, by the type of an attribute.
+_VALUES = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "BOOLEAN": ("value", 1, bool),
+    "INT8": ("value", 1, np.int32),
+    "FLOAT2": ("vector", 2, np.float32),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+    "BYTE_COLOR": ("color", 4, np.float32),
+    "INT16_2D": ("value", 2, np.int32),
+    "INT32_2D": ("value", 2, np.int32),
+    "QUATERNION": ("value", 4, np.float32),
+    "FLOAT4X4": ("value", 16, np.float32),
+}
+_LEGACY = (("edges", "use_freestyle_mark"), ("polygons", "use_freestyle_mark"))  # no attributes before 5.0
+_SETTINGS = "use_auto_texspace", "texspace_location", "texspace_size"
+
+
+def are_same(one: bpy.types.Mesh, other: bpy.types.Mesh) -> bool:
+    """Whether two meshes have the same vertices, edges, faces, attributes, weights, materials and settings, to the bit.
+    False also if they have an attribute that cannot be compared. Not for meshes with shape keys. Since 4.1."""
+    if _outline(one) != _outline(other):
+        return False
+    for name, kind, _domain in _outline(one)[1]:
+        if kind not in _VALUES:
+            return False
+        if not _same_numbers(*(_read(mesh.attributes[name].data, *_VALUES[kind]) for mesh in (one, other))):
+            return False
+    starts = (_read(mesh.polygons, "loop_start", 1, np.int32) for mesh in (one, other))
+    if not _same_numbers(*starts):
+        return False
+    for collection, flag in _LEGACY:
+        parts = [getattr(mesh, collection) for mesh in (one, other)]
+        if len(parts[0]) and hasattr(parts[0][0], flag):
+            if not _same_numbers(*(_read(part, flag, 1, bool) for part in parts)):
+                return False
+    return all(map(_same_numbers, read_weights(one), read_weights(other)))
+
+
+def _outline(mesh):
+    """Returns what two meshes must have in common before their arrays are compared."""
+    colors, uvs = mesh.color_attributes, mesh.uv_layers
+    return (
+        tuple(map(len, (mesh.vertices, mesh.edges, mesh.polygons, mesh.loops))),
+        [(each.name, each.data_type, each.domain) for each in mesh.attributes],
+        deform_verts.group_names(mesh),
+        [material and material.original for material in mesh.materials],
+        [tuple(value) if hasattr(value, "__len__") else value for value in (getattr(mesh, s) for s in _SETTINGS)],
+        (colors.active_color_index, colors.render_color_index, uvs.active_index, mesh.has_custom_normals),
+        [each.active_render for each in uvs],
+    )
+
+
+def _read(items, name, size, dtype):
+    numbers = np.empty(size * len(items), dtype)
+    items.foreach_get(name, numbers)
+    return numbers
+
+
+def _same_numbers(one, other):
+    """Whether two arrays are equal to the bit, also where they are not numbers."""
+    return one.tobytes() == other.tobytes()
 
 
 def remove_attribute(mesh: bpy.types.Mesh, name: str) -> None:
@@ -217,12 +283,16 @@ def write_weights(mesh: bpy.types.Mesh, dense: np.ndarray) -> None:
 
 
 def count_sharers(ob: bpy.types.Object, among: Iterable[bpy.types.Object] | None = None) -> int:
-    """Returns how many objects that Blender may evaluate use this object's mesh. among: the objects to search; None:
-    all objects of the file."""
+    """Returns how many objects that Blender may evaluate use this object's mesh, without canvases. among: the objects
+    to search; None: all objects of the file."""
     if ob.data.users - ob.data.use_fake_user < 2:
         return 1
     among = bpy.data.objects if among is None else among
-    return sum(other == ob or _may_be_evaluated(other, ob) for other in among if other.data == ob.data)
+    return sum(
+        other == ob or not nodes.is_canvas(other) and _may_be_evaluated(other, ob)
+        for other in among
+        if other.data == ob.data
+    )
 
 
 def _may_be_evaluated(other, ob):

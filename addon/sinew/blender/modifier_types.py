@@ -1,4 +1,4 @@
-"""Lists types of modifiers, and returns their names in the interface. Does not use bpy."""
+"""Lists types of modifiers, and returns their names in Blender's menus. Does not use bpy."""
 
 from typing import Any
 
@@ -28,8 +28,26 @@ MOVING_VERTICES = {
 # With those that do not change even that. Blender inserts a new modifier that needs the original vertices, such as a
 # Hook, before the first modifier that is not of these types.
 ONLY_DEFORMING = MOVING_VERTICES | {"COLLISION", "PARTICLE_SYSTEM", "SURFACE"}
+# Blender allows only deforming modifiers before these.
+ONLY_BEHIND_DEFORMING = {"MULTIRES", "SOFT_BODY"}
+# Modifiers that change neither the vertices nor their positions, and that do not depend on positions either, unless a
+# texture is laid over them.
+BESIDE_SHAPE = {"UV_WARP", "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX"}
+# Modifiers that change neither the vertices nor their positions, but depend on them.
+READING_SHAPE = {"DATA_TRANSFER", "NORMAL_EDIT", "UV_PROJECT", "VERTEX_WEIGHT_PROXIMITY", "WEIGHTED_NORMAL"}
+# Of those, the ones that change a vertex group: the property that names it.
+CHANGED_GROUPS = {
+    "VERTEX_WEIGHT_EDIT": "vertex_group",
+    "VERTEX_WEIGHT_MIX": "vertex_group_a",
+    "VERTEX_WEIGHT_PROXIMITY": "vertex_group",
+}
+# Modifiers that move a mesh with the shape of another object, and for which Sinew has native stages.
+CAGES = {"LATTICE", "MESH_DEFORM", "SURFACE_DEFORM"}
+# Modifiers that make other vertices, and with whose result Sinew may begin: all their settings are plain values, and
+# without other objects and animation it changes only after an edit.
+FRONTS = {"ARRAY", "BEVEL", "DECIMATE", "EDGE_SPLIT", "MASK", "MIRROR", "SOLIDIFY", "SUBSURF", "TRIANGULATE", "WELD"}
 # Modifiers for which Sinew has native stages.
-STAGES = {"CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"}
+STAGES = {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK"} | CAGES
 # Modifiers that play a baked file.
 CACHES = {"MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 
@@ -37,8 +55,3 @@ CACHES = {"MESH_CACHE", "MESH_SEQUENCE_CACHE"}
 def title(modifier: Any) -> str:
     """Returns the name of the modifier's type in Blender's menus."""
     return modifier.bl_rna.properties["type"].enum_items[modifier.type].name
-
-
-def name_and_title(modifier: Any) -> str:
-    """Returns the modifier's name as shown in the stack, followed by its type unless the name begins with it."""
-    return modifier.name if modifier.name.startswith(title(modifier)) else f"{modifier.name} ({title(modifier)})"

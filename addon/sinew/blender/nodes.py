@@ -7,8 +7,18 @@ from . import graph, modifier_types
 MODIFIER_NAME = "Sinew"
 NODE_GROUP_NAME = "Sinew"
 PLACING_GROUP_NAME = "Sinew Placing"  # inside the former
+SHARED_GROUP_NAME = "Sinew Shared"  # of Sinew's modifier on a mesh that several objects share
+SHARED_PLACING_GROUP_NAME = "Sinew Shared Placing"  # inside the former
+FRONT_GROUP_NAME = "Sinew Front"  # of Sinew's modifier behind a front
+FRONT_PLACING_GROUP_NAME = "Sinew Front Placing"  # inside the former
+CANVAS_GROUP_NAME = "Sinew Canvas"  # of the only modifier of a canvas
 NODE_GROUP_VERSION = 5
 VERSION_PROPERTY = "sinew_version"
+READS_PROPERTY = "sinew_reads"  # of the groups that read a canvas: POSITIONS or GEOMETRY
+POSITIONS, GEOMETRY = 1, 2
+CANVAS_PROPERTY = "sinew_canvas"  # of the group of canvases: its version
+CANVAS_GROUP_VERSION = 1
+CANVAS_INPUT = "Canvas"
 POSITION_ATTRIBUTE = ".sinew_position"  # the dot hides it in the interface
 
 
@@ -45,6 +55,46 @@ def renew_group(modifier: bpy.types.Modifier) -> None:
     """Replaces the node group of Sinew's modifier by that of this version."""
     modifier.node_group = node_group()
     forget_unused_groups()
+
+
+def reads_canvas(modifier: bpy.types.Modifier) -> bool:
+    """Whether Sinew's modifier takes the positions from a canvas, not from the object's own mesh."""
+    return READS_PROPERTY in modifier.node_group
+
+
+def reads_front(modifier: bpy.types.Modifier) -> bool:
+    """Whether Sinew's modifier takes all of its result from a canvas."""
+    return modifier.node_group.get(READS_PROPERTY) == GEOMETRY
+
+
+def canvas_of(modifier: bpy.types.Modifier) -> bpy.types.Object | None:
+    """Returns the canvas from which Sinew's modifier takes the positions, or None."""
+    return graph.get_input(modifier, CANVAS_INPUT) if reads_canvas(modifier) else None
+
+
+def set_canvas(modifier: bpy.types.Modifier, canvas: bpy.types.Object | None, has_front: bool = False) -> None:
+    """Has Sinew's modifier take the positions from a canvas, or with None from the object's own mesh. has_front: it
+    takes not only the positions from the canvas, but all."""
+    group = node_group() if canvas is None else front_group() if has_front else shared_group()
+    if modifier.node_group != group:
+        modifier.node_group = group
+    if canvas is not None:
+        graph.set_inputs(modifier, {CANVAS_INPUT: canvas})
+
+
+def is_canvas(ob: bpy.types.Object) -> bool:
+    """Whether an object is a canvas: it is in no scene, has the mesh of another object, and its evaluated copies have
+    that object's deformed positions in an attribute."""
+    return len(ob.modifiers) > 0 and _is_canvas_modifier(ob.modifiers[-1])
+
+
+def _is_canvas_modifier(modifier):
+    return modifier.type == "NODES" and modifier.node_group is not None and CANVAS_PROPERTY in modifier.node_group
+
+
+def add_canvas_modifier(ob: bpy.types.Object) -> None:
+    """Makes an object a canvas, whose result is that of the modifiers which it has."""
+    ob.modifiers.new(MODIFIER_NAME, "NODES").node_group = canvas_group()
 
 
 def is_removable(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> bool:
@@ -111,18 +161,85 @@ def node_group() -> bpy.types.NodeTree:
     """Returns the node group that Sinew's modifiers share, and makes it if there is none. All its work is done in a
     nested group, because for each geometry passed between nodes of the outer group, Blender logs the names of all
     vertex groups for the spreadsheet."""
-    group = graph.find_group(VERSION_PROPERTY, NODE_GROUP_VERSION)
+    group = _found({VERSION_PROPERTY: NODE_GROUP_VERSION, READS_PROPERTY: None})
     if group is not None:
-        if not group.use_fake_user:
-            group.use_fake_user = True
         return group
     group, source, target = _new_group(NODE_GROUP_NAME)
-    group[VERSION_PROPERTY] = NODE_GROUP_VERSION
-    group.use_fake_user = True
+    _keep(group, {VERSION_PROPERTY: NODE_GROUP_VERSION})
     within = group.nodes.new("GeometryNodeGroup")
     within.node_tree = _placing_group()
     _link(group, source, within, target)
     return group
+
+
+def shared_group() -> bpy.types.NodeTree:
+    """Returns the node group of Sinew's modifiers on meshes that several objects share, and makes it if there is none.
+    It moves the vertices to the positions in the attribute of a canvas. Nested like `node_group`."""
+    return _reading_group(SHARED_GROUP_NAME, POSITIONS, _shared_placing_group)
+
+
+def front_group() -> bpy.types.NodeTree:
+    """Returns the node group of Sinew's modifiers behind a front, and makes it if there is none. Its result is that of
+    a canvas, with the vertices at the positions in its attribute. Nested like `node_group`."""
+    return _reading_group(FRONT_GROUP_NAME, GEOMETRY, _front_placing_group)
+
+
+def _reading_group(name, what, make_inner):
+    """Returns a node group that reads a canvas, and makes it if there is none. what: POSITIONS or GEOMETRY; make_inner:
+    function that returns the new group within it."""
+    properties = {VERSION_PROPERTY: NODE_GROUP_VERSION, READS_PROPERTY: what}
+    found = _found(properties)
+    if found is not None:
+        return found
+    group, source, target = _new_group(name, CANVAS_INPUT)
+    _keep(group, properties)
+    within = group.nodes.new("GeometryNodeGroup")
+    within.node_tree = make_inner()
+    _link(group, source, within, target)
+    group.links.new(source.outputs[CANVAS_INPUT], within.inputs[CANVAS_INPUT])
+    return group
+
+
+def canvas_group() -> bpy.types.NodeTree:
+    """Returns the node group of canvases, and makes it if there is none. It adds the attribute, with the positions at
+    rest, to a result that no other object has: Blender's evaluated mesh belongs to all objects that share a mesh."""
+    found = _found({CANVAS_PROPERTY: CANVAS_GROUP_VERSION})
+    if found is not None:
+        return found
+    group, source, target = _new_group(CANVAS_GROUP_NAME)
+    _keep(group, {CANVAS_PROPERTY: CANVAS_GROUP_VERSION})
+    store = group.nodes.new("GeometryNodeStoreNamedAttribute")
+    store.data_type, store.domain = "FLOAT_VECTOR", "POINT"
+    store.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    position = group.nodes.new("GeometryNodeInputPosition")
+    position.location = (0, -200)
+    group.links.new(position.outputs[0], _vector_value(store))
+    _link(group, source, store, target)
+    return group
+
+
+def make_groups() -> None:
+    """Makes all node groups of which a mesh that is bound may need one."""
+    for make in (node_group, shared_group, front_group, canvas_group):
+        make()
+
+
+def _found(properties):
+    """Returns the local group with these custom properties, as a group that Blender saves, or None. A property that
+    must be absent is None."""
+    for group in bpy.data.node_groups:
+        if group.library is None and all(group.get(name) == value for name, value in properties.items()):
+            _keep(group, {})
+            return group
+    return None
+
+
+def _keep(group, properties):
+    """Sets custom properties of a group, and has Blender save the group even if nothing uses it."""
+    for name, value in properties.items():
+        group[name] = value
+    if not group.use_fake_user:
+        group.use_fake_user = True
 
 
 def _placing_group():
@@ -132,18 +249,8 @@ def _placing_group():
     attribute.data_type = "FLOAT_VECTOR"
     attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
     attribute.location = (200, -200)
-    if bpy.app.version >= (4, 0, 0):
-        # The same result as Set Position, but faster.
-        place = group.nodes.new("GeometryNodeStoreNamedAttribute")
-        place.data_type, place.domain = "FLOAT_VECTOR", "POINT"
-        place.inputs["Name"].default_value = "position"
-        value = next(i for i in place.inputs if i.name == "Value" and i.type == "VECTOR")
-    else:
-        place = group.nodes.new("GeometryNodeSetPosition")
-        value = place.inputs["Position"]
-    # Otherwise a later Subdivision Surface would interpolate it.
-    forget = group.nodes.new("GeometryNodeRemoveAttribute")
-    forget.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    place, value = _new_place(group)
+    forget = _new_forget(group)
     group.links.new(attribute.outputs["Attribute"], value)
     # A mesh without the attribute keeps its own shape.
     if "Exists" in attribute.outputs:
@@ -152,11 +259,83 @@ def _placing_group():
     return group
 
 
-def _new_group(name):
-    """Returns a new group with a geometry as input and output, its input node and its output node."""
+def _shared_placing_group():
+    """Returns a new group that moves the vertices to the positions in the attribute of a canvas."""
+    group, source, target = _new_group(SHARED_PLACING_GROUP_NAME, CANVAS_INPUT)
+    canvas, attribute = _canvas_and_attribute(group, source)
+    index = group.nodes.new("GeometryNodeInputIndex")
+    sample = group.nodes.new("GeometryNodeSampleIndex")
+    sample.data_type, sample.domain = "FLOAT_VECTOR", "POINT"
+    index.location, sample.location = (0, -600), (200, -200)
+    place, value = _new_place(group)
+    geometry = next(socket for socket in sample.inputs if socket.type == "GEOMETRY")
+    group.links.new(canvas.outputs["Geometry"], geometry)
+    group.links.new(attribute.outputs["Attribute"], _vector_value(sample))
+    group.links.new(index.outputs[0], graph.enabled(sample.inputs, "Index"))
+    group.links.new(graph.enabled(sample.outputs), value)
+    _link(group, source, place, target)
+    return group
+
+
+def _front_placing_group():
+    """Returns a new group that returns the geometry of a canvas, with its vertices at the positions in its attribute,
+    and without that."""
+    group, source, target = _new_group(FRONT_PLACING_GROUP_NAME, CANVAS_INPUT)
+    canvas, attribute = _canvas_and_attribute(group, source)
+    place, value = _new_place(group)
+    forget = _new_forget(group)
+    group.links.new(canvas.outputs["Geometry"], place.inputs["Geometry"])
+    group.links.new(attribute.outputs["Attribute"], value)
+    _link(group, place, forget, target)
+    return group
+
+
+def _canvas_and_attribute(group, source):
+    """Adds nodes for a canvas and for the attribute of deformed positions, and returns them. source: the group's input
+    node."""
+    canvas = group.nodes.new("GeometryNodeObjectInfo")
+    canvas.transform_space = "ORIGINAL"
+    group.links.new(source.outputs[CANVAS_INPUT], canvas.inputs["Object"])
+    canvas.location = (0, -200)
+    attribute = group.nodes.new("GeometryNodeInputNamedAttribute")
+    attribute.data_type = "FLOAT_VECTOR"
+    attribute.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    attribute.location = (0, -400)
+    return canvas, attribute
+
+
+def _new_forget(group):
+    """Adds a node that removes the attribute of deformed positions: later modifiers would have to process it."""
+    forget = group.nodes.new("GeometryNodeRemoveAttribute")
+    forget.inputs["Name"].default_value = POSITION_ATTRIBUTE
+    return forget
+
+
+def _new_place(group):
+    """Adds a node that sets all positions. Returns it, and its input for them."""
+    if bpy.app.version < (4, 0, 0):
+        place = group.nodes.new("GeometryNodeSetPosition")
+        return place, place.inputs["Position"]
+    # The same result as Set Position, but faster.
+    place = group.nodes.new("GeometryNodeStoreNamedAttribute")
+    place.data_type, place.domain = "FLOAT_VECTOR", "POINT"
+    place.inputs["Name"].default_value = "position"
+    return place, _vector_value(place)
+
+
+def _vector_value(node):
+    """Returns the input of a node for values that are vectors."""
+    return next(socket for socket in node.inputs if socket.name == "Value" and socket.type == "VECTOR")
+
+
+def _new_group(name, object_input=None):
+    """Returns a new group with a geometry as input and output, its input node and its output node. object_input: name
+    of another input, an object."""
     group = bpy.data.node_groups.new(name, "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         graph.new_socket(group, "Geometry", direction, "NodeSocketGeometry")
+    if object_input is not None:
+        graph.new_socket(group, object_input, "INPUT", "NodeSocketObject")
     return group, group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
 
 
@@ -184,4 +363,8 @@ def forget_unused_groups() -> None:
 
 
 def _own_groups():
-    return [group for group in bpy.data.node_groups if VERSION_PROPERTY in group and group.library is None]
+    return [
+        group
+        for group in bpy.data.node_groups
+        if (VERSION_PROPERTY in group or CANVAS_PROPERTY in group) and group.library is None
+    ]

@@ -13,7 +13,7 @@ from ..clips import clip_store
 from ..install import bind
 from ..main import handlers
 from ..main.whole_frames import frame_times
-from ..plan import bindable, ways
+from ..plan import bindable, survey, ways
 from ..rigs import clip_keyframes
 from ..run import characters
 
@@ -40,7 +40,9 @@ def deformed_meshes(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Objec
         for ob in objects
         if ob.type == "MESH"
         and (
-            ob.sinew.is_bound or any(modifier.type == "ARMATURE" for modifier in ob.modifiers) or not ways.why_idle(ob)
+            ob.sinew.is_bound
+            or any(modifier.type == "ARMATURE" for modifier in ob.modifiers)
+            or not ways.why_idle(survey.if_bound(ob))
         )
     ]
 

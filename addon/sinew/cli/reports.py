@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..install import bind
 from ..plan import bindable
 from ..profiling import costs
 from ..rigs import rig_import
@@ -91,19 +90,11 @@ def describe_mesh(ob: bpy.types.Object) -> dict[str, Any]:
 
 
 def problem_of(ob: bpy.types.Object) -> str | None:
-    """Returns why Sinew does not or could not deform a mesh, or None. An unbound mesh is bound for a moment to find
-    out."""
-    was_bound = ob.sinew.is_bound
-    try:
-        if not was_bound:
-            bind.bind(ob, bindable.armature_to_bind(ob))
-    except bindable.BindingError as error:
-        return str(error)
+    """Returns why Sinew does not or could not deform a mesh, or None."""
+    if not ob.sinew.is_bound:
+        return bindable.why_not_accelerated(ob) or None
     entry = characters.character(ob)
-    problem = entry and (entry.status.error or entry.way.reason)
-    if not was_bound:
-        bind.unbind(ob)
-    return problem or None
+    return entry and (entry.status.error or entry.way.reason) or None
 
 
 def report_profile(path: str, profile: costs.Profile) -> tuple[dict[str, Any], str]:

@@ -30,9 +30,14 @@ _NAME = Member("char", 64)  # of a vertex group
 
 # A pointer's name begins with "*". The type of a pointer is omitted if it differs between Blender versions.
 CONTRACT: dict[str, dict[str, Member]] = {
-    "ID": {"*orig_id": _pointer("ID")},
+    "ID": {"*orig_id": _pointer("ID"), "recalc": Member("int", 4)},
     "Object": {"mode": Member("int", 4), "*data": _pointer(), "*pose": _pointer("bPose")},
     "Mesh": {"*key": _pointer("Key"), "vdata": Member("CustomData", 248), "vertex_group_names": Member("ListBase", 16)},
+    "Lattice": {
+        **{name: Member("float", 4) for name in ("fu", "fv", "fw", "du", "dv", "dw")},
+        "*dvert": _pointer("MDeformVert"),
+        "vertex_group_names": Member("ListBase", 16),
+    },
     "Key": {},
     "bArmature": {"flag": Member("int", 4)},
     # A struct in a list begins with the address of the next one.
@@ -42,6 +47,7 @@ CONTRACT: dict[str, dict[str, Member]] = {
         "*next": _pointer("KeyBlock", 0),
         "flag": Member("short", 2),
         "curval": Member("float", 4),
+        "relative": Member("short", 2),
         "*data": _pointer("void"),
         "totelem": Member("int", 4),
     },
@@ -58,6 +64,7 @@ CONTRACT: dict[str, dict[str, Member]] = {
     },
     "bPoseChannel_Runtime": {"bbone_segments": Member("int", 4), "*bbone_deform_mats": _pointer("Mat4")},
     "DriverTarget": {"*id": _pointer("ID")},
+    "DriverVar": {"curval": Member("float", 4)},
     "ModifierData": {"mode": Member("int", 4)},
     "ArmatureModifierData": {
         "deformflag": Member("short", 2),
@@ -76,6 +83,37 @@ CONTRACT: dict[str, dict[str, Member]] = {
         "rest_source": Member("char", 1),
         "defgrp_name": _NAME,
     },
+    "SurfaceDeformModifierData": {
+        "*verts": _pointer("SDefVert"),
+        "num_mesh_verts": Member("int", 4),
+        "numverts": Member("int", 4),
+        "target_verts_num": Member("int", 4),
+        "flags": Member("int", 4),
+        "mat": Member("float", 64),
+    },
+    "MeshDeformModifierData": {
+        "*bindinfluences": _pointer("MDefInfluence"),
+        "*bindoffsets": _pointer("int"),
+        "*bindcagecos": _pointer("float"),
+        "totvert": Member("int", 4),
+        "totcagevert": Member("int", 4),
+        "bindmat": Member("float", 64),
+    },
+    "MDefInfluence": {"vertex": Member("int", 4, 0), "weight": Member("float", 4, 4)},
+    # Read by native code, in which these offsets and sizes are hard-coded.
+    "SDefVert": {
+        "*binds": _pointer("SDefBind", 0),
+        "numbinds": Member("int", 4, 8),
+        "vertex_idx": Member("int", 4, 12),
+    },
+    "SDefBind": {
+        "*vert_inds": _pointer("int", 0),
+        "numverts": Member("int", 4, 8),
+        "mode": Member("int", 4, 12),
+        "*vert_weights": _pointer("float", 16),
+        "normal_dist": Member("float", 4, 24),
+        "influence": Member("float", 4, 28),
+    },
     "SmoothModifierData": {
         "fac": Member("float", 4),
         "repeat": Member("short", 2),
@@ -84,7 +122,7 @@ CONTRACT: dict[str, dict[str, Member]] = {
     },
 }
 # The sizes in bytes of structs that are read from arrays.
-SIZES = {"MDeformVert": 16, "MDeformWeight": 8}
+SIZES = {"MDeformVert": 16, "MDeformWeight": 8, "SDefVert": 16, "SDefBind": 32, "MDefInfluence": 8}
 # Structs with a byte that Blender does not use, for a mark.
 MARKED = ("Object", "Mesh", "Key", "bArmature")
 # The members that may lead to an object's matrix to world space; the first that exists is used. Before 4.1 it is the

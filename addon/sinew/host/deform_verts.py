@@ -13,9 +13,9 @@ _MOST_GROUPS = 1 << 20
 _SOME = 64  # about how many vertices are checked
 
 
-def group_names(mesh: Any) -> tuple[str, ...]:
-    """Returns the names of the vertex groups of this copy of a mesh."""
-    first = contract.address_at(contract.region(mesh, "Mesh", "vertex_group_names")[0])
+def group_names(data: Any, struct: str = "Mesh") -> tuple[str, ...]:
+    """Returns the names of the vertex groups of this copy of a mesh or lattice. struct: "Mesh" or "Lattice"."""
+    first = contract.address_at(contract.region(data, struct, "vertex_group_names")[0])
     offset, size = contract.offset("bDeformGroup", "name"), contract.size("bDeformGroup", "name")
     addresses = sinew_native.host.list_addresses(first, _MOST_GROUPS).tolist()
     return tuple(ctypes.string_at(address + offset, size).partition(b"\0")[0].decode() for address in addresses)

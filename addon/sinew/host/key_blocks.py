@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from . import contract, proof, vector_arrays
 
 @functools.cache
 def key_layout() -> tuple[int, ...]:
-    """Returns the byte offsets in a key of its flags, its value, the address of its points, and their number."""
-    return tuple(contract.offset("KeyBlock", name) for name in ("flag", "curval", "*data", "totelem"))
+    """Returns the byte offsets in a key of its flags, its value, the number of the key that it is relative to, the
+    address of its points, and their number."""
+    return tuple(contract.offset("KeyBlock", name) for name in ("flag", "curval", "relative", "*data", "totelem"))
 
 
 def key_addresses(keys: Any) -> np.ndarray:
@@ -28,33 +30,47 @@ def key_addresses(keys: Any) -> np.ndarray:
 
 def key_positions(address: int, count: int) -> np.ndarray | None:
     """Returns a view of a key's coordinates, (count, 3) float32, or None if it has a different number of points."""
-    _flag, _value, data, total = key_layout()
+    *_, data, total = key_layout()
     address = int(address)
     if ctypes.c_int32.from_address(address + total).value != count:
         return None
     return vector_arrays.vectors_at(contract.address_at(address + data), count)
 
 
-def silence_keys(addresses: np.ndarray) -> np.ndarray:
-    """Mutes the keys of an evaluated copy, so that Blender adds nothing to the reference key. Returns the keys' values,
-    (K,) float32, 0 for those that the user has muted."""
-    return sinew_native.host.silence_keys(addresses, key_layout()[:2])
+def silence_keys(addresses: np.ndarray, animated: Sequence[int]) -> np.ndarray:
+    """Mutes the keys of an evaluated copy, so that Blender adds nothing to the reference key. Those that drivers or
+    keyframes may mute become relative to themselves instead. animated: their numbers. Returns the keys' values, (K,)
+    float32, 0 for those that the user, a driver or keyframes have muted."""
+    return sinew_native.host.silence_keys(addresses, key_layout()[:3], animated)
 
 
-def give_keys_back(addresses: np.ndarray) -> None:
-    """Undoes silence_keys."""
-    sinew_native.host.give_keys_back(addresses, key_layout()[0])
+def give_keys_back(addresses: np.ndarray, originals: np.ndarray) -> None:
+    """Undoes silence_keys. originals: addresses of the keys of the original."""
+    flag, _value, relative, *_ = key_layout()
+    sinew_native.host.give_keys_back(addresses, flag)
+    if len(originals) != len(addresses):
+        return  # the original was edited, and its evaluated copy will be made anew
+    for evaluated, original in zip(addresses.tolist(), originals.tolist()):
+        number = ctypes.c_int16.from_address(original + relative)
+        ctypes.c_int16.from_address(evaluated + relative).value = number.value
 
 
 _MUTED = 1  # a bit of a key's flags
 
 
+def _relative_key(blocks: Any, number: int) -> Any:
+    """Returns the key of that number, or None."""
+    return blocks[number] if 0 <= number < len(blocks) else None
+
+
 def _prove(blocks: Any, addresses: np.ndarray) -> None:
-    """Compares each key's address, value and mute flag with the API, and the coordinates of the last key."""
-    flag, value, _data, _total = key_layout()
+    """Compares each key's address, value, mute flag and relative key with the API, and the coordinates of the last
+    key."""
+    flag, value, relative, _data, _total = key_layout()
     is_same = [block.as_pointer() for block in blocks] == addresses.tolist() and all(
         np.array_equal(ctypes.c_float.from_address(address + value).value, block.value, equal_nan=True)
         and bool(ctypes.c_uint16.from_address(address + flag).value & _MUTED) == block.mute
+        and _relative_key(blocks, ctypes.c_int16.from_address(address + relative).value) == block.relative_key
         for block, address in zip(blocks, addresses.tolist())
     )
     count = len(blocks[-1].data)

@@ -19,13 +19,14 @@ def _mark(block: Any, kind: str) -> ctypes.c_uint8:
     return ctypes.c_uint8.from_address(mark_region(block, kind)[0])
 
 
-def test_and_mark(block: Any, kind: str) -> bool:
+def test_and_mark(block: Any, kind: str, original: Any = None) -> bool:
     """Whether an evaluated data-block is the copy that was seen last; marks it as seen. The mark is lost when Blender
     copies the block again, which it does after an edit.
 
     An original has no mark, unless it was made from an evaluated copy (`evaluated.data.copy()`) or loaded from a file.
-    Then all its copies would be marked from the beginning, so its mark is cleared."""
-    byte, of_original = _mark(block, kind), _mark(block.original, kind)
+    Then all its copies would be marked from the beginning, so its mark is cleared. original: that of a result of
+    modifiers, which does not know it."""
+    byte, of_original = _mark(block, kind), _mark(original or block.original, kind)
     seen = byte.value == _SEEN and of_original.value == 0
     of_original.value = 0
     byte.value = _SEEN

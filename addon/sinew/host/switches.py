@@ -1,12 +1,20 @@
-"""Writes switches of evaluated objects' modifiers by address. Through the API, a change would count as an edit."""
+"""Writes switches of evaluated objects' modifiers by address. Through the API, a change would count as an edit.
+
+A modifier that Sinew replaces is switched off by a bit of its own, with which Blender disables a modifier for a while.
+Its switches for viewport and renders are left to the user, and to drivers and keyframes, which may set them on each
+frame: so they can be read in each evaluation.
+"""
 
 import ctypes
 from collections.abc import Callable
 from typing import Any
 
-from . import contract, proof
+import bpy
+
+from . import contract, layout, proof
 
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
+_ASIDE = 1 << 31  # a bit of a modifier's mode: Blender does not evaluate it, whatever its switches are
 _GROUPS, _ENVELOPES = 1, 2  # bits of an Armature modifier's deformflag
 
 
@@ -44,6 +52,57 @@ def switch_modifier(modifier: Any, viewport: bool, render: bool) -> None:
         (bool(viewport), bool(render)),
         lambda: (modifier.show_viewport, modifier.show_render),
     )
+
+
+def aside_switch(modifier: Any) -> tuple[int, int, int]:
+    """Returns what to change to keep Blender from evaluating a modifier of an evaluated object, as mode_switch."""
+    return contract.region(modifier, "ModifierData", "mode")[0], 0, _signed(_ASIDE)
+
+
+def put_aside(modifier: Any, is_aside: bool) -> None:
+    """Keeps Blender from evaluating a modifier of an evaluated object, or lets it. Call only if can_put_aside()."""
+    mode = ctypes.c_uint32.from_address(contract.region(modifier, "ModifierData", "mode")[0])
+    mode.value = mode.value | _ASIDE if is_aside else mode.value & ~_ASIDE
+
+
+def is_aside(modifier: Any) -> bool:
+    """Whether put_aside keeps Blender from evaluating a modifier of an evaluated object."""
+    return bool(ctypes.c_uint32.from_address(contract.region(modifier, "ModifierData", "mode")[0]).value & _ASIDE)
+
+
+def switches_at(address: int) -> int:
+    """Returns the switches for viewport and renders of a modifier, as a number. address: the first of mode_switch."""
+    return ctypes.c_int32.from_address(address).value & (_VIEWPORT | _RENDER)
+
+
+def can_put_aside() -> bool:
+    """Whether put_aside was seen to work, see prove."""
+    return not proof.is_due("the bit that disables modifiers")
+
+
+def prove() -> None:
+    """Compares with the API what put_aside does. Call it in the main thread. Stops all access to Blender's memory if it
+    does something else."""
+    if can_put_aside() or contract.trouble():
+        return
+    scene = bpy.data.scenes[0]
+    with layout.temporary_data() as data:
+        ob = data.objects.new("", data.meshes.new(""))
+        modifier = ob.modifiers.new("", "CAST")
+        found = []
+        for is_aside in (False, True, False):
+            put_aside(modifier, is_aside)
+            found.append([ob.is_deform_modified(scene, kind) for kind in ("PREVIEW", "RENDER")])
+    is_same = found == [[True, True], [False, False], [True, True]]
+    try:
+        proof.give("the bit that disables modifiers", is_same, "the bit that disables modifiers has another meaning")
+    except contract.Broken:
+        pass  # contract.trouble() tells
+
+
+def _signed(bits: int) -> int:
+    """Returns a number of 32 bits as an int32."""
+    return ctypes.c_int32(bits).value
 
 
 def _write(

@@ -1,11 +1,11 @@
-"""Lists the regions of memory that must be unchanged for the fast path. They are ordered: a region comes after those
-that show that it still exists."""
+"""Lists the memory that must be unchanged for the fast path, as a tree of Blender's structs."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from . import contract, key_blocks, marks, places
 
-_ARMATURE_MODIFIER = "deformflag", "multi", "defgrp_name", "*object"
+_ARMATURE_MODIFIER = "*object", "deformflag", "multi", "defgrp_name"
 # For each type of modifier: its struct, and the members that its stage depends on.
 _STAGES = {
     "CORRECTIVE_SMOOTH": (
@@ -18,44 +18,69 @@ _STAGES = {
 
 def can_watch(modifier_type: str) -> bool:
     """Whether everything that the stage of a modifier of this type depends on can be watched."""
-    return modifier_type in _STAGES
+    return modifier_type in _STAGES or modifier_type == "ARMATURE"
 
 
-def of_object(ob: Any, target: Any, mesh: Any, has_keys: bool) -> list[tuple[int, int]]:
-    """Returns [(address, size)] of an evaluated object. target: the driver target of the hook's variable "mesh"; mesh:
-    the mesh that it refers to, before all modifiers."""
-    found = [
-        marks.mark_region(ob, "OBJECT"),
-        contract.region(ob, "ID", "*orig_id"),
-        contract.region(ob, "Object", "mode"),
-        *places.place_regions(ob),
-        contract.region(target, "DriverTarget", "*id"),
-        marks.mark_region(mesh, "MESH"),
-    ]
-    if has_keys:
-        found += [contract.region(mesh, "Mesh", "*key"), marks.mark_region(mesh.shape_keys, "KEY")]
-    return found
+class Tree:
+    """The structs of Blender that a shortcut depends on. A struct is read only after something in an earlier one was
+    found unchanged: the pointer that leads to it, or the mark of the data-block that owns it."""
+
+    def __init__(self, ob: Any) -> None:
+        """ob: an evaluated object, which exists whenever Blender calls for it."""
+        self.structs: list[tuple[int, int, int, list[tuple[int, int]]]] = []  # as sinew_native.host.Shortcut takes them
+        mark = marks.mark_region(ob, "OBJECT")
+        origin = contract.region(ob, "ID", "*orig_id")
+        mode = contract.region(ob, "Object", "mode")
+        self._add(ob, [mark, origin, mode, *places.place_regions(ob)], -1, 0)
+
+    def _add(self, struct: Any, regions: list[tuple[int, int]], parent: int, voucher: int) -> int:
+        """Adds a struct. regions: [(address, size)]; parent: number of a struct; voucher: which of its regions shows
+        that this one exists. Returns the struct's number."""
+        start = struct.as_pointer()
+        self.structs.append((start, parent, voucher, [(address - start, size) for address, size in regions]))
+        return len(self.structs) - 1
+
+    def _add_owned(self, struct: Any, regions: list[tuple[int, int]]) -> int:
+        """Adds a struct that Blender copies and frees together with the object."""
+        return self._add(struct, regions, 0, 0)
+
+    def add_mesh(self, target: Any, mesh: Any, has_keys: bool) -> None:
+        """Adds the mesh before all modifiers. target: the driver target of the hook's variable "mesh"."""
+        link = self._add_owned(target, [contract.region(target, "DriverTarget", "*id")])
+        mark = marks.mark_region(mesh, "MESH")
+        if not has_keys:
+            self._add(mesh, [mark], link, 0)
+            return
+        data = self._add(mesh, [mark, contract.region(mesh, "Mesh", "*key")], link, 0)
+        self._add(mesh.shape_keys, [marks.mark_region(mesh.shape_keys, "KEY")], data, 1)
+
+    def add_canvas(self, target: Any, mesh: Any) -> None:
+        """Adds a canvas and its result. target: the driver target of the hook's variable "canvas"."""
+        link = self._add_owned(target, [contract.region(target, "DriverTarget", "*id")])
+        canvas = target.id
+        held = self._add(canvas, [contract.region(canvas, "Object", "*data")], link, 0)
+        self._add(mesh, [marks.mark_region(mesh, "MESH")], held, 0)
+
+    def add_modifier(self, modifier: Any) -> None:
+        """Adds an evaluated modifier of a type that can be watched, with its armature if it has one."""
+        if modifier.type == "ARMATURE":
+            self._add_armature(modifier)
+            return
+        struct, members = _STAGES[modifier.type]
+        self._add_owned(modifier, [contract.region(modifier, struct, name) for name in members])
+
+    def _add_armature(self, modifier: Any) -> None:
+        armature, data = modifier.object, modifier.object.data
+        settings = [contract.region(modifier, "ArmatureModifierData", name) for name in _ARMATURE_MODIFIER]
+        owner = self._add_owned(modifier, settings)
+        mode = contract.region(armature, "Object", "mode")
+        link = contract.region(armature, "Object", "*data")
+        posed = self._add(armature, [link, mode, *places.place_regions(armature)], owner, 0)
+        flag = contract.region(data, "bArmature", "flag")
+        self._add(data, [marks.mark_region(data, "ARMATURE"), flag], posed, 0)
 
 
-def of_armature(modifier: Any) -> list[tuple[int, int]]:
-    """Returns [(address, size)] of an evaluated Armature modifier and of its armature."""
-    armature = modifier.object
-    return [
-        *(contract.region(modifier, "ArmatureModifierData", name) for name in _ARMATURE_MODIFIER),
-        *places.place_regions(armature),
-        contract.region(armature, "Object", "mode"),
-        contract.region(armature, "Object", "*data"),
-        marks.mark_region(armature.data, "ARMATURE"),
-        contract.region(armature.data, "bArmature", "flag"),
-    ]
-
-
-def of_stage(modifier: Any) -> list[tuple[int, int]]:
-    """Returns [(address, size)] of an evaluated modifier of a type that can be watched."""
-    struct, members = _STAGES[modifier.type]
-    return [contract.region(modifier, struct, name) for name in members]
-
-
-def key_source(block: Any) -> tuple[list[int], tuple[int, ...]]:
-    """Returns the `keys` of `sinew_native.host.Shortcut` for an evaluated key data-block: addresses and layout."""
-    return key_blocks.key_addresses(block).tolist(), key_blocks.key_layout()
+def key_source(block: Any, animated: Sequence[int]) -> tuple[list[int], tuple[int, ...], Sequence[int]]:
+    """Returns the `keys` of `sinew_native.host.Shortcut` for an evaluated key data-block: addresses, layout, and the
+    numbers of the keys that drivers or keyframes may mute, which are given."""
+    return key_blocks.key_addresses(block).tolist(), key_blocks.key_layout(), animated

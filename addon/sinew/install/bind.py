@@ -6,10 +6,10 @@ from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..plan import runs, wiring
+from ..plan import canvas_survey, runs, survey, wiring
 from ..plan.bindable import BindingError, check_bindable, modifiers_to_take
 from ..run import characters, mail, methods
-from . import deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
+from . import canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from .deformed_copy import OutputError
 
 MODIFIER_NAME = "Armature"  # of the modifier that is added to a mesh without one
@@ -149,6 +149,7 @@ def unbind(ob: bpy.types.Object) -> None:
     taken = wiring.taken_modifiers(ob)
     wiring.unwire(ob)
     mending.remove_own_modifier(ob)
+    canvases.remove(ob)
     if settings.has_added_modifier:
         settings.has_added_modifier = False
         for modifier in taken[:1]:
@@ -179,9 +180,15 @@ def release_if_undone(ob: bpy.types.Object) -> bool:
     if ob.data.is_editmode or ob.library or ob.override_library or old_files.is_old(ob) or has_hook and not lacks_own:
         return False
     # The node group removes the attribute: the mesh has lost it if the modifier was applied, not if it was removed.
-    took_shape = lacks_own and meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None
+    canvas = ob.sinew.canvas
+    took_shape = lacks_own and (
+        # Applying a modifier gives the object a mesh of its own.
+        meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None
+        if not canvas_survey.is_canvas_of(canvas, ob)
+        else canvas.data != ob.data and not meshes.are_same(canvas.data, ob.data)
+    )
     was_applied = took_shape and (taken or ob.sinew.last_armature is None)
-    stood_in_for = (*taken, *runs.of(ob, taken).stages)
+    stood_in_for = (*taken, *runs.of(survey.of(ob)).stages)
     unbind(ob)
     for name in stood_in_for if was_applied else ():
         ob.modifiers[name].show_viewport = ob.modifiers[name].show_render = False

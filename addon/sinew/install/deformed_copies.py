@@ -117,7 +117,7 @@ def _shape_of(seen, ob, evaluated):
     if not seen.is_deforming:
         shape = meshes.read_positions(evaluated.data) if _ends_with_ours(plan, ob) else None
         return shape if shape is not None and len(shape) == len(ob.data.vertices) else None
-    mesh = wiring.waits_for(plan.hook_of(evaluated), "mesh")
+    mesh = wiring.source_of(plan.hook_of(evaluated))
     count = len(mesh.vertices)
     if count == 0:
         return meshes.read_positions(ob.data)
@@ -128,11 +128,8 @@ def _shape_of(seen, ob, evaluated):
 
 def _is_shown(plan, evaluated):
     """Whether the modifiers that Sinew replaces are shown in the viewport."""
-    if not plan.shown:
-        return plan.run.shown[0]
-    if plan.shown[0] is None:  # animated: its value on this frame
-        return evaluated.modifiers[plan.taken[0]].show_viewport
-    return plan.shown[0][0]
+    names = [name for name in plan.replaced if name in evaluated.modifiers]
+    return not names or any(evaluated.modifiers[name].show_viewport for name in names)
 
 
 def _ends_with_ours(plan, ob):

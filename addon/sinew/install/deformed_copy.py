@@ -14,7 +14,7 @@ import bpy
 from mathutils import Matrix
 
 from ..blender import meshes, nodes, values
-from ..plan import ways
+from ..plan import survey, ways
 
 SUFFIX = ".deformed"
 _copies: dict[int, bpy.types.Object] = {}  # key of a bound object -> its copy, which may have become invalid
@@ -30,9 +30,14 @@ def check(
     """Raises OutputError if Blender's own modifier would have to deform the mesh.
 
     taken: the Armature modifiers that Sinew replaces or would replace; sharer_count: number of objects with its mesh;
-    gets_armature: see ways.foresee.
+    gets_armature: see survey.if_bound.
     """
-    way = ways.foresee(ob, ob.data, taken, sharer_count, gets_armature=gets_armature)
+    way = ways.whatever_its_size(survey.if_bound(ob, taken, sharer_count, gets_armature))
+    if way.front:
+        raise OutputError(
+            f"{ob.name} cannot use the output Mesh, because {way.front[0]} makes other vertices than the mesh's own. "
+            "Use the output Modifier"
+        )
     if not way.in_pass:
         raise OutputError(
             f"{ob.name} cannot use the output Mesh, because Blender's own modifier deforms it: "

@@ -3,8 +3,10 @@
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..plan import mends, runs, ways, wiring
-from ..run import characters
+from ..host import contract, switches
+from ..plan import mends, survey, ways, wiring
+from ..run import characters, switching
+from . import canvases
 
 _adapting: set[int] = set()  # keys of objects; before 3.5, moving a modifier evaluates, which delivers mail
 
@@ -27,13 +29,24 @@ def adapt(ob: bpy.types.Object) -> None:
 
 
 def _adapt(ob):
+    switches.prove()
+    if not contract.trouble():
+        switching.release(ob)  # which a script may have made from an evaluated copy
     carrier = wiring.carrier_of(ob)
     entry = characters.of(ob)
     entry.look_again()
     plan = entry.look(ob)
+    canvas = _canvas(entry, ob) if plan.way.kind == ways.CANVAS else None
     if carrier is not None:  # even without the mend HOOK: the bones that it waits for depend on the weights
-        wiring.wire(ob, carrier, runs.hooks(ob, plan.run), waits=plan.way.kind != ways.BLENDER)
-    needs_attribute = plan.way.kind == ways.ATTRIBUTE
+        wiring.wire(
+            ob,
+            carrier,
+            wiring.followed_by(ob, plan.run.stages),
+            waits=plan.way.kind != ways.BLENDER,
+            canvas=canvas,
+            replaced=plan.replaced,
+        )
+    needs_attribute = plan.way.has_own
     if ob.sinew.needs_attribute != needs_attribute:
         ob.sinew.needs_attribute = needs_attribute
     try:
@@ -46,9 +59,24 @@ def _adapt(ob):
     entry.look(ob)
 
 
+def _canvas(entry, ob):
+    """Returns the canvas of an object, as its plan wants it."""
+    way, planning = entry.plan.way, entry.planning
+    is_stale, planning.is_copy_stale = planning.is_copy_stale, False
+    return canvases.provide(ob, way.front, way.has_copy, is_stale)
+
+
 def _apply(mend, plan, ob):
     """Applies one mend. Raises ValueError if Blender does not allow it."""
-    if mend.what == mends.TAKE_OWN_AWAY:
+    if mend.what == mends.RELEASE_CANVAS:
+        if plan.own is not None:
+            nodes.set_canvas(ob.modifiers[plan.own], None)
+        canvases.remove(ob)
+    elif mend.what == mends.READ_CANVAS:
+        nodes.set_canvas(nodes.find_modifier(ob), ob.sinew.canvas, bool(plan.way.front))
+    elif mend.what == mends.REMOVE_ATTRIBUTE:
+        remove_attribute(ob)
+    elif mend.what == mends.TAKE_OWN_AWAY:
         _take_own_away(plan, ob)
     elif mend.what == mends.MOVE_DISPLACED:
         for name in mend.modifiers:
@@ -62,18 +90,18 @@ def _apply(mend, plan, ob):
 
 
 def _put_own_first(plan, ob):
-    """Adds Sinew's modifier, or moves it, before everything that the plan replaces."""
+    """Adds Sinew's modifier, or moves it, right before everything that the plan replaces."""
     own = nodes.find_modifier(ob)
     index = ob.modifiers.find(plan.taken[0]) if plan.taken else 0
     if own is None:
         nodes.add_modifier(ob, index)
         return
-    if nodes.has_old_group(own):
-        nodes.renew_group(own)
+    if ob.modifiers.find(own.name) < index:
+        index -= 1  # which becomes free when it moves
     try:
-        nodes.move_modifier(ob, own, min(index, ob.modifiers.find(own.name)))
+        nodes.move_modifier(ob, own, index)
     except ValueError:
-        if not mends.is_in_place(plan, ob):
+        if not mends.is_in_place(plan, survey.of(ob)):
             raise
 
 
@@ -95,7 +123,8 @@ def remove_own_modifier(ob: bpy.types.Object) -> None:
 
 def remove_attribute(ob: bpy.types.Object) -> None:
     """Removes the attribute of deformed positions, unless another object with the same mesh needs it."""
-    if not any(other.sinew.is_bound and nodes.find_modifier(other) for other in _sharers(ob)):
+    others = (nodes.find_modifier(other) for other in _sharers(ob) if other.sinew.is_bound)
+    if not any(own is not None and not nodes.reads_canvas(own) for own in others):
         meshes.remove_attribute(ob.data, nodes.POSITION_ATTRIBUTE)
 
 

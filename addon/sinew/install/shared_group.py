@@ -1,7 +1,7 @@
-"""Keeps the node group that Sinew's modifiers share in the file as long as a mesh of the file is bound.
+"""Keeps the node groups that Sinew's modifiers share in the file as long as a mesh of the file is bound.
 
-It is kept even if no modifier uses it. What handlers change comes after the step that Blender's undo has saved, and
-data-blocks that two steps have in common stay as they are now. So if a handler gave an object a modifier with a new
+They are kept even if no modifier uses them. What handlers change comes after the step that Blender's undo has saved,
+and data-blocks that two steps have in common stay as they are now. So if a handler gave an object a modifier with a new
 group, undo would keep the object but not the group.
 """
 
@@ -10,20 +10,20 @@ from ..run import characters
 
 
 def see_to() -> None:
-    """Adds the group or removes it, after a mesh was bound or released, after a file was opened, and before saving."""
+    """Adds the groups or removes them: after a mesh was bound or released, a file was opened, and before saving."""
     if _is_needed():
-        nodes.node_group()
+        nodes.make_groups()
     else:
         nodes.forget_unused_groups()
 
 
 def follow() -> None:
-    """Adds the group or gives it up, in handlers: bound meshes may have been appended or deleted.
+    """Adds the groups or gives them up, in handlers: bound meshes may have been appended or deleted.
 
     It removes no data-block, because an operator may be running.
     """
     if _is_needed():
-        nodes.node_group()
+        nodes.make_groups()
     else:
         nodes.let_groups_go()
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..host import key_blocks, marks
 from ..plan import wiring
-from ..run import characters
+from ..run import characters, switching
 
 
 def tidy(depsgraph: Any) -> None:
@@ -25,7 +25,7 @@ def tidy(depsgraph: Any) -> None:
             copy = entry.copy_of(evaluated)
             with entry.lock:
                 if copy.plan is not None:
-                    copy.plan.switch(evaluated, False)
+                    switching.switch(evaluated, copy.plan, False)
                     _restore_keys(copy, evaluated)
 
 
@@ -36,7 +36,7 @@ def _restore_keys(copy, ob):
     if not keys or copy.keys is None or not marks.is_marked(keys, "KEY"):
         return
     addresses = key_blocks.key_addresses(keys)
-    key_blocks.give_keys_back(addresses)
+    key_blocks.give_keys_back(addresses, key_blocks.key_addresses(keys.original))
     base = key_blocks.key_positions(addresses[0], len(copy.keys.base))
     if base is not None:
         base[:] = copy.keys.base

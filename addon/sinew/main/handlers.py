@@ -9,13 +9,13 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..blender import meshes, nodes, values
+from ..blender import animation, meshes, nodes, values
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..host import places
-from ..install import bind, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
-from ..plan import ways, wiring
+from ..host import graph_modes, places, switches
+from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
+from ..plan import canvas_survey, survey, ways, wiring
 from ..run import characters, mail
 from . import callbacks, exporters, whole_frames, write_lock
 
@@ -47,6 +47,7 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     exporters.tidy(depsgraph)
     if not _is_main_thread():
         return
+    _learn_graphs(depsgraph)
     copied = characters.with_copy()
     if copied:
         deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
@@ -59,6 +60,15 @@ def _pose(scene):
 
 def _pose_anew(scene, depsgraph):
     posing.pose_anew(_clip_armatures(), scene, depsgraph)
+
+
+def _learn_graphs(depsgraph):
+    """Finds how to tell renders from viewports. Runs of meshes whose modifiers are on in only one of them may then be
+    longer."""
+    if graph_modes.learn(depsgraph):
+        for ob in characters.known():
+            characters.of(ob).look_again()
+            characters.of(ob).look(ob)
 
 
 def _is_main_thread():
@@ -86,6 +96,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     has_gathered, has_other_bones = _has_gathered(), _has_other_bones(edits.armatures)
     if has_gathered:
         shared_group.follow()
+        mail.post(canvases.remove_unused)
     may_lack = has_gathered or has_other_bones
     objects = characters.known() if may_lack or edits.of_collections else affected.values()
     _note_edits(objects, affected, edits, may_lack)
@@ -97,6 +108,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     if has_gathered or edits.of_collections:
         deformed_copies.tidy(copied, depsgraph, has_gathered)
     exporters.tidy(depsgraph)
+    _learn_graphs(depsgraph)
     mail.deliver()
 
 
@@ -113,12 +125,22 @@ def on_load(*_: Any) -> None:
 
 @persistent
 def before_save(*_: Any) -> None:
+    canvases.remove_unused()
     shared_group.see_to()
+
+
+@persistent
+def before_undo_redo(*_: Any) -> None:
+    canvases.remove_all()
 
 
 @persistent
 def on_undo_redo(*_: Any) -> None:
     forget(is_undo=True)
+    for ob in characters.bound_objects():
+        own = nodes.find_modifier(ob)
+        if own is not None and nodes.reads_canvas(own):
+            mail.post(bind.rewire, values.key_of(ob))
 
 
 def forget(is_undo: bool = False) -> None:
@@ -136,6 +158,7 @@ class Edits:
     keys: set = field(default_factory=set)  # of all updated data-blocks
     meshes: list = field(default_factory=list)  # (original mesh object, whether its geometry has changed)
     armatures: list = field(default_factory=list)  # original armature data
+    vertex_parents: set = field(default_factory=set)  # keys of the objects whose vertices updated objects follow
 
     @classmethod
     def of(cls, depsgraph: bpy.types.Depsgraph) -> "Edits":
@@ -147,6 +170,8 @@ class Edits:
                 edits.armatures.append(block.original)
             elif isinstance(block, bpy.types.Object) and block.type == "MESH":
                 edits.meshes.append((block.original, update.is_updated_geometry))
+            if isinstance(block, bpy.types.Object) and canvas_survey.is_parented_to_vertices(block):
+                edits.vertex_parents.add(values.key_of(block.parent))
         return edits
 
 
@@ -177,6 +202,9 @@ def _note_edits(objects, affected, edits, may_lack):
     """Updates characters after edits, which may have applied or removed a modifier. affected: {key: object} of the
     objects of which some part was edited; may_lack: whether a driver may wait for something that no longer exists, or
     may not wait for all that it should."""
+    for key, ob in characters.made_of(edits.vertex_parents).items():
+        if characters.of(ob).way.front:
+            mail.post(bind.rewire, key)
     for ob in objects:
         key = values.key_of(ob)
         is_edited = key in edits.keys
@@ -193,15 +221,24 @@ def _note_edits(objects, affected, edits, may_lack):
         elif entry.is_wired and (
             entry.planning.should_revive(ob)
             or (may_lack or is_edited and edits.of_collections)
-            and not entry.plan.waits_for_targets(ob)
+            and not survey.waits_for_targets(ob, entry.plan)
+            or key in affected
+            and survey.may_go_on(ob, entry.plan)
         ):
             mail.post(bind.rewire, key)
+        keys = ob.data.shape_keys
+        if keys is not None and values.key_of(keys) in edits.keys and entry.way.kind == ways.KEYS:
+            if animation.animated_mutes(keys) != entry.plan.animated_mutes:  # Blender does not copy the object for that
+                entry.look_again()
+                ob.update_tag()
 
 
 def receive_strangers(edits: Edits) -> None:
     """Notices bound meshes that appeared while as many objects disappeared, and bound meshes that were also assigned to
     a second object. Removes Sinew's modifiers from a mesh that was only given copies of them, and so is not bound."""
     for ob, is_reshaped in edits.meshes:
+        if nodes.is_canvas(ob):
+            continue
         if is_reshaped:  # it may have been assigned the mesh of a bound object
             characters.see_mesh(ob.data, edits.of_collections)
         if ob.sinew.copy_of is not None:
@@ -255,6 +292,7 @@ def take_over_open_file() -> None:
         return
     _is_file_unknown = False
     places.place_layout()
+    switches.prove()
     for ob in characters.bound_objects():
         if old_files.is_old(ob):
             bind.bind_anew(ob)
@@ -272,6 +310,8 @@ HANDLERS = (
     ("depsgraph_update_post", on_depsgraph_update),
     ("load_post", on_load),
     ("save_pre", before_save),
+    ("undo_pre", before_undo_redo),
+    ("redo_pre", before_undo_redo),
     ("undo_post", on_undo_redo),
     ("redo_post", on_undo_redo),
 )

@@ -153,7 +153,8 @@ class SinewObjectSettings(bpy.types.PropertyGroup):
     is_bound: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
     installed_output: EnumProperty(items=OUTPUT_ITEMS, options={"HIDDEN"}, override=OVERRIDE)
     has_added_modifier: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)
-    needs_attribute: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)  # and Sinew's own modifier
+    needs_attribute: BoolProperty(options={"HIDDEN"}, override=OVERRIDE)  # or a canvas, and Sinew's own modifier
+    canvas: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)  # see canvases.py
     last_armature: PointerProperty(type=bpy.types.Object, options={"HIDDEN"}, override=OVERRIDE)
 
     # Of a deformed copy (deformed_copy.py): the name of its object, the number of vertices that it was given, and the

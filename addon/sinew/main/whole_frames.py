@@ -54,9 +54,8 @@ def measure(scene: Any, progress: Any) -> Measured:
     place = scene.frame_current, scene.frame_subframe
     length = scene.frame_end - scene.frame_start + 1
     frames = [scene.frame_start + i % length for i in range(MOST_FRAMES)]
-    sinew: list[float]
-    blender: list[float]
-    sinew, blender = [], []
+    sinew: list[float] = []
+    blender: list[float] = []
     start = perf_counter()
     try:
         for first in range(0, MOST_FRAMES, BLOCK):

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..blender import animation
-from . import ways, wiring
+from ..blender import animation, meshes
+from . import survey, ways, wiring
 
 
 class BindingError(Exception):
@@ -45,7 +45,7 @@ def meshes_of(context: Any, armature: Any) -> list[Any]:
         ob
         for ob in context.view_layer.objects
         if ob.type == "MESH"
-        and (ob.sinew.armature == armature if ob.sinew.is_bound else armature_modifier(ob, armature) is not None)
+        and (ob.sinew.is_bound and ob.sinew.armature == armature or armature_modifier(ob, armature) is not None)
     ]
 
 
@@ -58,8 +58,20 @@ def armature_to_bind(ob: Any) -> Any:
     if armature is None or ob.sinew.is_bound and ob.sinew.armature is not None:
         return armature
     modifier = armature_modifier(ob, armature)
-    is_deformed = wiring.is_shown(modifier) if modifier else has_group_of(ob, armature)
-    return armature if is_deformed or ways.why_idle(ob) else None
+    is_deformed = wiring.may_be_shown(ob, modifier) if modifier else has_group_of(ob, armature)
+    return armature if is_deformed or ways.why_idle(survey.if_bound(ob)) else None
+
+
+def armature_to_begin_with(ob: Any, armature: Any) -> Any:
+    """Returns the armature to bind a mesh to if the user has chosen this one.
+
+    If its modifier comes behind another Armature modifier, that is the other's: Sinew begins with the first and also
+    replaces later ones.
+    """
+    chosen, first = armature_modifier(ob, armature), armature_modifier(ob)
+    if chosen is None or not wiring.is_shown(first) or first_of_mix(ob, chosen) != chosen:
+        return armature
+    return first.object
 
 
 def has_group_of(ob: Any, armature: Any) -> bool:
@@ -72,6 +84,31 @@ def modifiers_to_take(ob: Any, armature: Any) -> list[Any]:
     """Returns the Armature modifiers that Sinew would replace if the mesh were bound to this armature (or to none)."""
     modifier = armature and armature_modifier(ob, armature)
     return wiring.mixed_modifiers(ob, modifier) if modifier else []
+
+
+def why_not_accelerated(ob: Any) -> str:
+    """Returns why Sinew would not deform a mesh if it were bound to its own armature, or "". Changes nothing."""
+    armature = armature_to_bind(ob)
+    try:
+        check_bindable(ob, armature)
+    except BindingError as error:
+        return str(error)
+    return _way_if_bound(ob, armature).reason
+
+
+def is_too_small(ob: Any, armature: Any) -> bool:
+    """Whether a mesh is not bound, could be bound to the armature (or to none), and is faster without Sinew."""
+    try:
+        check_bindable(ob, armature)
+    except BindingError:
+        return False
+    return not ob.sinew.is_bound and _way_if_bound(ob, armature).is_small
+
+
+def _way_if_bound(ob: Any, armature: Any) -> ways.Way:
+    taken = modifiers_to_take(ob, armature)
+    gets_armature = armature is not None and not taken
+    return ways.choose(survey.if_bound(ob, taken, meshes.count_sharers(ob), gets_armature))
 
 
 def check_bindable(ob: Any, armature: Any) -> None:
@@ -87,7 +124,7 @@ def check_bindable(ob: Any, armature: Any) -> None:
     if ob.data.is_editmode:
         raise BindingError(f"{ob.name} is in Edit Mode; leave it first")
     if armature is None:
-        idle = ways.why_idle(ob)
+        idle = ways.why_idle(survey.if_bound(ob))
         if idle:
             raise BindingError(f"{ob.name} {idle}")
         return
@@ -107,13 +144,12 @@ def check_bindable(ob: Any, armature: Any) -> None:
                 else f"{first.name} has no armature: choose one there, or remove it"
             )
         )
-    held = {*wiring.SHOWS, wiring.CARRIER}
     for modifier in modifiers_to_take(ob, armature):
-        animated = held.intersection(animation.animated_properties(ob, modifier))
-        if animated and modifier not in wiring.taken_modifiers(ob):
+        is_held = wiring.CARRIER in animation.animated_properties(ob, modifier)
+        if is_held and modifier not in wiring.taken_modifiers(ob):
             raise BindingError(
-                f"{modifier.name} of {ob.name} is switched by drivers or keyframes ({', '.join(sorted(animated))}), "
-                "but Sinew has to switch it itself: remove them first"
+                f"{wiring.CARRIER} of {modifier.name} of {ob.name} is driven or animated, but Sinew has to drive it "
+                "itself: remove that first"
             )
     if replaced and replaced.use_bone_envelopes:
         return

@@ -1,16 +1,16 @@
-"""Finds the run: the modifiers after the Armature modifiers that Sinew replaces too, and where it ends.
+"""Finds the run: the modifiers after the first Armature modifiers that Sinew replaces too, and where it ends.
 
 Without an armature, the run begins at the top of the stack. Blender evaluates the remaining modifiers, with Sinew's
-shape as their input.
+shape as their input. Does not use Blender.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from ..blender import modifier_types, nodes
-from ..host import vector_arrays
-from . import wiring
+from ..blender import modifier_types
+from . import fronts
+from .situation import Modifier, Situation
 
 
 @dataclass(frozen=True)
@@ -20,79 +20,93 @@ class Run:
     stages: tuple[str, ...] = ()  # names of modifiers, in stack order
     end: str = ""  # name of the first that Blender still evaluates
     reason: str = ""  # why, a sentence for users
-    shown: tuple[bool, bool] = (True, True)  # (in the viewport, in renders), the same for all, Armature modifiers too
+    mixes: tuple[tuple[str, ...], ...] = ()  # its Armature modifiers, those together that Multi Modifier mixes
 
 
-def of(ob: Any, taken: Sequence[str]) -> Run:
-    """Returns the run of a mesh object.
-
-    ob: original or evaluated; taken: names of the Armature modifiers that Sinew replaces, in stack order.
-    """
-    original = ob.original
-    # All must have the same switches: those of the Armature modifiers, else of shape keys, else of the first.
-    like: str | None
-    shown: Any  # None if animated: then the run has no stages
-    like, shown = None, (True, True)
+def of(situation: Situation) -> Run:
+    """Returns the run of a mesh object."""
+    modifiers, taken = situation.modifiers, situation.taken
+    # An evaluation skips what is switched off in it. If it cannot tell whether it is for a render, all must have the
+    # same switches: those of the Armature modifiers, else of shape keys, else of the first.
+    like, shown = "", (True, True)
     if taken:
-        like, shown = taken[0], wiring.shown_of(ob, original.modifiers[taken[0]])
-    elif original.data.shape_keys is not None:
+        like, shown = taken[0], situation.modifier(taken[0]).shown
+    elif situation.keys is not None:
         like = "the mesh"
-    start = original.modifiers.find(taken[-1]) + 1 if taken else 0
-    stages: list[str]
-    stages, end = [], ("", "")
-    for modifier in list(original.modifiers)[start:]:
-        if nodes.is_sinew(modifier) or wiring.does_nothing(modifier):
+    start = [modifier.name for modifier in modifiers].index(taken[-1]) + 1 if taken else 0
+    has_front = bool(fronts.of(modifiers, taken))
+    stages: list[str] = []
+    mixes: list[tuple[str, ...]] = []
+    end = "", ""
+    for i, modifier in enumerate(modifiers[start:], start):
+        if modifier.is_own or modifier.does_nothing or modifier.is_beside_shape or modifier.name in stages:
             continue
-        if like is None:
-            like, shown = modifier.name, wiring.shown_of(ob, modifier)
-        reason = _why_not(original, modifier, like, shown)
-        if modifier.type == "ARMATURE" and not taken and not stages:
-            reason = "the mesh was bound without it: unbind the mesh and accelerate it again"
+        if not like:
+            like, shown = modifier.name, modifier.shown
+        mix = _mix_at(modifiers, i)
+        asked = None if situation.tells_renders else shown
+        reason = _why_not(modifier, like, asked) or _why_not_mixed(mix[1:], like, asked)
+        if modifier.type == "ARMATURE" and not taken:
+            reason = _without_armature(stages)
+        if has_front and not reason and modifier.type != "ARMATURE":
+            reason = f"modifiers before {like} make other vertices than the mesh's own"
         if reason:
             end = modifier.name, reason
             break
-        stages.append(modifier.name)
-    return Run(tuple(stages), *end, shown)
+        stages += [each.name for each in mix]
+        if modifier.type == "ARMATURE":
+            mixes.append(tuple(each.name for each in mix))
+    return Run(tuple(stages), *end, tuple(mixes))
 
 
-def _why_not(ob: Any, modifier: Any, like: str, shown: tuple[bool, bool] | None) -> str:
-    """Returns why Sinew cannot replace a modifier, or "".
+def _mix_at(modifiers: Sequence[Modifier], index: int) -> list[Modifier]:
+    """Returns the modifier with that index, and those that Multi Modifier mixes with it: the Armature modifiers right
+    behind it, as long as they have that setting. They start from the shape from which it starts."""
+    mix = [modifiers[index]]
+    if mix[0].type == "ARMATURE":
+        behind = itertools.takewhile(lambda each: each.type == "ARMATURE" and each.is_mixed, modifiers[index + 1 :])
+        mix += [each for each in behind if not each.does_nothing]
+    return mix
 
-    shown: the switches, as returned by wiring.shown_of, of what is named `like`.
-    """
+
+def _why_not_mixed(others: Sequence[Modifier], like: str, shown: tuple[bool, bool] | None) -> str:
+    """Returns why Sinew cannot replace one of the other modifiers of a mix, or "". like, shown: see _why_not."""
+    for other in others:
+        reason = _why_not(other, like, shown)
+        if reason:
+            return f"it is mixed with {other.name}, which Sinew cannot replace: {reason}"
+    return ""
+
+
+def _without_armature(stages: Collection[str]) -> str:
+    """Returns why an Armature modifier ends the run of a mesh that was bound without one. stages: before it."""
+    if stages:
+        return "the mesh was bound without it, because other modifiers come before it"
+    return "the mesh was bound without it: unbind the mesh and accelerate it again"
+
+
+def _why_not(modifier: Modifier, like: str, shown: tuple[bool, bool] | None) -> str:
+    """Returns why Sinew cannot replace a modifier, or "". shown: the switches of what is named `like`, which it must
+    have too, unless it is None."""
     if modifier.type not in modifier_types.STAGES:
-        return f"Sinew cannot evaluate modifiers of the type {modifier_types.title(modifier)}"
-    if wiring.is_switched(ob, modifier):
-        return "it is switched by drivers or keyframes"
-    if wiring.shown_of(ob, modifier) != shown:
+        return f"Sinew cannot evaluate modifiers of the type {modifier.title}"
+    reason = why_not_driven(modifier, "its {}") or modifier.trouble
+    if not reason and shown is not None and not modifier.is_switched and modifier.shown != shown:
         return f"its switches for viewport and renders differ from those of {like}"
-    driven = wiring.driven_settings(ob, [modifier])
-    if driven:
-        return f"its {driven[0]} is driven, and the driver may run too late"
-    if modifier.type == "HOOK" and modifier.falloff_type == "CURVE":
-        return "Sinew cannot evaluate its falloff curve"
-    return why_not_bound(ob, modifier)
+    return reason
 
 
-def why_not_bound(ob: Any, modifier: Any) -> str:
-    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or ""."""
-    if modifier.type != "CORRECTIVE_SMOOTH" or modifier.rest_source != "BIND" or modifier.use_only_smooth:
-        return ""
-    if not modifier.is_bind:
+def why_not_bound(bound: int | None, own: int) -> str:
+    """Returns why a modifier that has to be bound has no effect, or another one, on a mesh, or "". bound: number of
+    vertices to which it was bound, None if it is not; own: those of the mesh."""
+    if bound is None:
         return "it is not bound: press Bind in that modifier"
-    bound, own = vector_arrays.bound_count(modifier), len(ob.data.vertices)
     return f"it was bound to {bound:,} vertices, and the mesh has {own:,}: bind it again" if bound != own else ""
 
 
-def hooks(ob: Any, run: Run) -> list[tuple[Any, str]]:
-    """Returns [(object, name of a bone or "")] that the run's Hook modifiers follow.
-
-    ob: original. A bone that does not exist is left out (""): a driver that waited for it would become invalid.
-    """
-    found = [ob.modifiers[name] for name in run.stages if name in ob.modifiers]
-    found = [modifier for modifier in found if modifier.type == "HOOK" and modifier.object is not None]
-    return [(hook.object, hook.subtarget if _has_bone(hook.object, hook.subtarget) else "") for hook in found]
-
-
-def _has_bone(ob: Any, name: str) -> bool:
-    return ob.type == "ARMATURE" and name in ob.data.bones
+def why_not_driven(modifier: Modifier, setting: str) -> str:
+    """Returns why Sinew cannot follow a driver of a modifier's setting, or "". setting: how to name it, with {}."""
+    for each in modifier.driven:
+        if each.trouble:
+            return f"{setting.format(each.name)} is driven, and {each.trouble}"
+    return ""

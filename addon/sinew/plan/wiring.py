@@ -8,21 +8,27 @@ expression, so it works where scripts in files are disabled. Without the add-on 
 happens.
 
 The Armature modifier itself is left as it is, switched on. In the same pass, and only in the evaluated copy, Sinew
-switches it off and its own modifier on (`switch`). So a file plays without Sinew as if it had never been bound, and
-Blender's tools find the modifier that they look for.
+switches it off and its own modifier on (run/switching.py). So a file plays without Sinew as if it had never been bound,
+and Blender's tools find the modifier that they look for.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..blender import animation, meshes, values
-from ..host import switches
+from . import driver_variables
 
 HOOK = "sinew.deform_now"
 CARRIER = "use_apply_on_spline"  # of a modifier: affects only curves
+SHOWS = ("show_viewport", "show_render")  # of a modifier
+BINDS = ("use_vertex_groups", "use_bone_envelopes")  # of an Armature modifier
+# For each type of modifier that follows the shape of another object: a property of that object which Blender reads only
+# after it has evaluated the shape, and with dimensions the transform. (Blender has no such property for the shape of a
+# lattice alone. The dimensions of a large mesh take time; those of a cage do not.)
+SHAPES = {"LATTICE": "dimensions[0]", "MESH_DEFORM": "dimensions[0]", "SURFACE_DEFORM": "data.use_auto_texspace"}
 
 
 def path_of(modifier: bpy.types.Modifier, name: str = CARRIER) -> str:
@@ -75,24 +81,9 @@ def mixed_modifiers(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> list[
     for later in list(ob.modifiers)[ob.modifiers.find(modifier.name) + 1 :]:
         if later.type != "ARMATURE" or not later.use_multi_modifier:
             break
-        if later.object is not None and is_shown(originals[later.name]):
+        if later.object is not None and may_be_shown(ob.original, originals[later.name]):
             chain.append(later)
     return chain
-
-
-def driven_settings(ob: bpy.types.Object, modifiers: Iterable[bpy.types.Modifier]) -> list[str]:
-    """Returns the names of the properties of these modifiers that drivers set, except for the hook.
-
-    Keyframes are left out: Blender evaluates them before the hook.
-    """
-    if not ob.animation_data:
-        return []
-    starts = tuple(path_of(modifier, "") for modifier in modifiers)
-    return [
-        curve.data_path.rpartition(".")[2]
-        for curve in ob.animation_data.drivers
-        if curve.data_path.startswith(starts) and not curve.data_path.endswith(CARRIER)
-    ]
 
 
 def is_shown(modifier: bpy.types.Modifier) -> bool:
@@ -100,57 +91,9 @@ def is_shown(modifier: bpy.types.Modifier) -> bool:
     return modifier.show_viewport or modifier.show_render
 
 
-def does_nothing(modifier: bpy.types.Modifier) -> bool:
-    """Whether a modifier is switched off, or lacks the object that it needs to have an effect."""
-    return not is_shown(modifier) or modifier.type in {"ARMATURE", "HOOK"} and modifier.object is None
-
-
-SHOWS = ("show_viewport", "show_render")
-OFF = (False, False)
-
-
-def switch(
-    ob: bpy.types.Object,
-    taken: Sequence[str],
-    shown: Sequence[Any],
-    binds: Sequence[tuple[bool, bool]],
-    run: Any,
-    own: str | None,
-    deforms: bool,
-    through_keys: bool,
-) -> None:
-    """Sets which modifiers deform an evaluated object in the current pass.
-
-    taken: names of the Armature modifiers; shown, binds: of each, as returned by `shown_of` and `binds_of`; run: the
-    runs.Run behind them; own: name of Sinew's modifier, or None; deforms: Sinew deforms, otherwise Blender's own
-    modifiers do; through_keys: the evaluated keys have the shape. Then the Armature modifiers are also unbound, so that
-    code that applies both them and the keys (Save as Shape Key) does not deform twice.
-    """
-    modifiers = ob.modifiers
-    for number, name in enumerate(taken):
-        evaluated = modifiers[name]
-        if deforms or shown[number] is not None:
-            switches.switch_modifier(evaluated, *(OFF if deforms else shown[number]))
-        if through_keys:
-            switches.bind_armature_modifier(evaluated, *(OFF if deforms else binds[number]))
-    for name in run.stages:
-        switches.switch_modifier(modifiers[name], *(OFF if deforms else run.shown))
-    if own is not None:
-        switches.switch_modifier(modifiers[own], *(run.shown if deforms and not through_keys else OFF))
-
-
-def shown_of(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> tuple[bool, bool] | None:
-    """Returns (in the viewport, in renders): the switches of a modifier as the user set them.
-
-    None if keyframes or drivers set them; then Sinew must not. ob: original or evaluated.
-    """
-    original = ob.original.modifiers[modifier.name]
-    return None if is_switched(ob.original, original) else (original.show_viewport, original.show_render)
-
-
-def is_switched(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> bool:
-    """Whether keyframes or drivers of the object switch that modifier on and off."""
-    return not set(SHOWS).isdisjoint(animation.animated_properties(ob, modifier))
+def may_be_shown(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> bool:
+    """Whether a modifier is switched on, or drivers or keyframes may do that. ob: original."""
+    return is_shown(modifier) or not set(SHOWS).isdisjoint(animation.animated_properties(ob, modifier))
 
 
 def hook_variables(
@@ -159,25 +102,97 @@ def hook_variables(
     bones: Collection[str] | None,
     targets: Iterable[tuple[bpy.types.Object, str]],
     waits: bool,
+    canvas: bpy.types.Object | None = None,
+    replaced: Collection[str] = (),
 ) -> list[tuple[str, str, Any, str]]:
     """Returns the variables that the hook must have: [(name, kind of data-block, data-block, path or bone)].
 
-    bones: names of the bones whose motion matters, None for all; targets: [(object, name of a bone or "")] besides the
+    bones: names of the bones whose motion matters, None for all; targets: as returned by `followed_by`, besides the
     armatures' bones; waits: whether the hook waits on each frame for all that deforming needs. Otherwise it only marks
-    the modifier.
+    the modifier; canvas: what is read and written in place of a mesh that several objects share, or None; replaced:
+    names of the modifiers that Sinew replaces, whose switches and settings may be driven.
+
+    Blender evaluates the variables in this order, so those that Sinew reads come before the one that calls it.
     """
     mesh = ob.data
-    wanted = [("deform", "OBJECT", ob, HOOK)]
+    wanted: list[tuple[str, str, Any, str]] = [("deform", "OBJECT", ob, HOOK)]
     if not waits:
         return wanted
-    wanted.append(("mesh", "MESH", mesh, "vertices[0].hide"))
+    switches, copied = [], []
+    for modifier in (each for each in ob.modifiers if each.name in replaced):
+        for curve in drivers_of_settings(ob, modifier):
+            if sets_switch(curve):
+                switches.append(("OBJECT", ob, curve.data_path))
+            else:
+                copied += curve.driver.variables
+    wanted[:0] = [(f"{driver_variables.COPIED}{i}", "COPY", variable, "") for i, variable in enumerate(copied)]
+    wanted += [(f"switch{i}", *variable) for i, variable in enumerate(switches)]
+    if canvas is None:
+        wanted.append(("mesh", "MESH", mesh, "vertices[0].hide"))
+    else:  # a path that begins with "data." makes Blender evaluate the object's geometry first
+        wanted.append(("canvas", "OBJECT", canvas, "data.use_auto_texspace"))
+        if canvas.data != mesh:
+            wanted.append(("mesh", "MESH", mesh, "use_auto_texspace"))
+            wanted.append(("copied", "MESH", canvas.data, "use_auto_texspace"))
     if mesh.shape_keys is not None:
         wanted.append(("keys", "KEY", mesh.shape_keys, "use_relative"))
     wanted.append(("place", "OBJECT", ob, "location[0]"))  # the whole transform: Blender does not tell its parts apart
     for number, armature in enumerate(armatures):
         wanted.append((f"armature{number}", "BONE", armature, ""))
         wanted += [(f"bone{number}_{i}", *variable) for i, variable in enumerate(_bones(armature, bones))]
-    return wanted + [(f"target{i}", "BONE", *target) for i, target in enumerate(targets)]
+    for i, (target, place) in enumerate(targets):
+        wanted.append((f"target{i}", "OBJECT" if place in SHAPES.values() else "BONE", target, place))
+    return wanted
+
+
+def drivers_of_settings(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> list[Any]:
+    """Returns the drivers of a modifier's settings and switches that Blender evaluates, except for the hook; sorted."""
+    start, hook = path_of(modifier, ""), path_of(modifier)
+    return sorted(
+        (
+            curve
+            for curve in animation.drivers_of(ob)
+            if curve.data_path.startswith(start) and curve.data_path != hook and not curve.mute
+        ),
+        key=lambda curve: (curve.data_path, curve.array_index),
+    )
+
+
+def sets_switch(curve: bpy.types.FCurve) -> bool:
+    """Whether a driver of drivers_of_settings sets a modifier's switch for viewport or renders."""
+    return curve.data_path.rpartition(".")[2] in SHOWS
+
+
+def followed_by(ob: bpy.types.Object, names: Iterable[str]) -> list[tuple[bpy.types.Object, str]]:
+    """Returns what the modifiers of these names follow, each as returned by `followed`. ob: original."""
+    found = [followed(ob.modifiers[name]) for name in names if name in ob.modifiers]
+    return [each for each in found if each is not None]
+
+
+def followed(modifier: Any) -> tuple[bpy.types.Object, str] | None:
+    """Returns what a modifier follows: (object, name of a bone, property in SHAPES, or "" for the transform), or
+    None."""
+    if modifier.type == "HOOK":
+        return None if modifier.object is None else (modifier.object, bone_of(modifier))
+    target = cage_of(modifier)
+    return None if target is None else (target, SHAPES[modifier.type])
+
+
+def cage_of(modifier: Any) -> Any:
+    """Returns the object whose shape a modifier follows, or None, also for other modifiers."""
+    if modifier.type not in SHAPES:
+        return None
+    target = modifier.target if modifier.type == "SURFACE_DEFORM" else modifier.object
+    kind = "LATTICE" if modifier.type == "LATTICE" else "MESH"
+    return target if target is not None and target.type == kind else None
+
+
+def bone_of(modifier: Any) -> str:
+    """Returns the name of the bone that a Hook modifier follows; "" if there is none of that name, and for other
+    modifiers. A driver that waited for a bone that does not exist would become invalid."""
+    if modifier.type != "HOOK" or modifier.object is None or modifier.object.type != "ARMATURE":
+        return ""
+    return modifier.subtarget if modifier.subtarget in modifier.object.data.bones else ""
 
 
 def _bones(armature: bpy.types.Object, names: Collection[str] | None) -> Iterator[tuple[str, bpy.types.Object, str]]:
@@ -213,7 +228,10 @@ def awaited_bones(hook: bpy.types.FCurve) -> frozenset[tuple[int, str]]:
 
     For a B-bone, the path is the property that waits for its segments.
     """
-    targets = [variable.targets[0] for variable in hook.driver.variables]
+    return _awaited(variable.targets[0] for variable in driver_variables.own(hook))
+
+
+def _awaited(targets: Iterable[Any]) -> frozenset[tuple[int, str]]:
     return frozenset(
         (values.key_of(target.id), target.bone_target or target.data_path)
         for target in targets
@@ -240,9 +258,9 @@ def is_waiting_for(
     )
 
 
-def targets_of(hook: bpy.types.FCurve) -> set[tuple[int, str]]:
-    """Returns {(key of an object, name of a bone or "")} that a hook waits for."""
-    return {(values.key_of(target.id), target.bone_target) for target in _objects_of(hook) if target.id is not None}
+def targets_of(hook: bpy.types.FCurve) -> frozenset[tuple[int, str]]:
+    """Returns {(key of an object, name of a bone, property in SHAPES or "")} that a hook waits for."""
+    return _awaited(_objects_of(hook))
 
 
 def has_lost_target(hook: bpy.types.FCurve) -> bool:
@@ -257,8 +275,12 @@ def has_lost_target(hook: bpy.types.FCurve) -> bool:
 
 
 def _objects_of(hook: bpy.types.FCurve) -> list[Any]:
-    """Returns the targets of a hook that are objects or bones."""
-    return [variable.targets[0] for variable in hook.driver.variables if variable.type == "TRANSFORMS"]
+    """Returns the targets of a hook that are objects, with their transforms or shapes, or bones."""
+    return [
+        variable.targets[0]
+        for variable in driver_variables.own(hook)
+        if variable.type == "TRANSFORMS" or variable.targets[0].data_path in SHAPES.values()
+    ]
 
 
 def wire(
@@ -266,31 +288,48 @@ def wire(
     modifier: bpy.types.Modifier,
     targets: Iterable[tuple[bpy.types.Object, str]] = (),
     waits: bool = True,
+    canvas: bpy.types.Object | None = None,
+    replaced: Iterable[str] = (),
 ) -> None:
     """Adds the hook to that modifier, or renews it, so that it waits for everything that it needs now.
 
-    targets, waits: see `hook_variables`.
+    targets, waits, canvas, replaced: see `hook_variables`. Of an Armature modifier that carries the hook, those that
+    Multi Modifier mixes with it need not be among `replaced`.
     """
     for other in ob.modifiers:
         if other != modifier and hook_of(ob, other):
             animation.remove_driver(ob, path_of(other))
-    mixed = mixed_modifiers(ob, modifier) if modifier.type == "ARMATURE" else ()
+    replaced = set(replaced)
+    mixed = mixed_modifiers(ob, modifier) if modifier.type == "ARMATURE" else []
+    mixed += [each for each in ob.modifiers if each.type == "ARMATURE" and each.name in replaced and each not in mixed]
     armatures = dict.fromkeys(each.object for each in mixed if each.object is not None)
     bones = None if any(each.use_bone_envelopes for each in mixed) else weighted_groups(ob)
-    wanted = hook_variables(ob, list(armatures), bones, targets, waits)
+    if canvas is not None and len(canvas.modifiers) > 1 and bones is not None:
+        bones = set(ob.vertex_groups.keys())  # a front may give weights to any of them, as Mirror does
+    wanted = hook_variables(ob, list(armatures), bones, targets, waits, canvas, replaced)
     hook = hook_of(ob, modifier)
-    if hook is not None and hook.driver.is_valid and _present(hook) == [variable[1:] for variable in wanted]:
+    if hook is not None and hook.driver.is_valid and _present(hook) == _described(wanted):
         return
     animation.remove_driver(ob, path_of(modifier))
     animation.drive(ob, path_of(modifier), wanted)
 
 
-def _present(hook: bpy.types.FCurve) -> list[tuple[str, Any, str]]:
-    """Returns the variables of a hook, as in `hook_variables` but without their names."""
-    found = []
+def _described(wanted: Iterable[tuple[str, str, Any, str]]) -> list[tuple[Any, ...]]:
+    """Returns the variables of `hook_variables` without their names, with the description of those that are copies."""
+    return [
+        ("COPY", driver_variables.description(block), "") if kind == "COPY" else (kind, block, place)
+        for _name, kind, block, place in wanted
+    ]
+
+
+def _present(hook: bpy.types.FCurve) -> list[tuple[Any, ...]]:
+    """Returns the variables of a hook, as `_described` returns those that it must have."""
+    found: list[tuple[Any, ...]] = []
     for variable in hook.driver.variables:
         target = variable.targets[0]
-        if variable.type == "TRANSFORMS":
+        if driver_variables.is_copy(variable):
+            found.append(("COPY", driver_variables.description(variable), ""))
+        elif variable.type == "TRANSFORMS":
             found.append(("BONE", target.id, target.bone_target))
         else:
             found.append((target.id_type, target.id, target.data_path))
@@ -307,13 +346,20 @@ def unwire(ob: bpy.types.Object) -> None:
 
 
 def waits_for(hook: bpy.types.FCurve, name: str) -> Any:
-    """Returns the data-block that the hook waits for under the name "mesh" or "keys", or None.
+    """Returns the data-block that the hook waits for under the name "mesh", "keys" or "canvas", or None.
 
     In an evaluated object's hook it is an evaluated copy: the mesh before all modifiers. (The object's own `data` is
     still the last result.)
     """
     target = target_of(hook, name)
     return target and target.id
+
+
+def source_of(hook: bpy.types.FCurve) -> Any:
+    """Returns the evaluated mesh that an evaluated object's hook reads, and writes the shape to: the mesh before all
+    modifiers, or the result of the object's canvas, in which no other object has a part. None if there is none."""
+    canvas = waits_for(hook, "canvas")
+    return canvas.data if canvas is not None else waits_for(hook, "mesh")
 
 
 def target_of(hook: bpy.types.FCurve, name: str) -> Any:
@@ -329,15 +375,3 @@ def revive(ob: bpy.types.Object) -> None:
     if hook and not hook.driver.is_valid:
         hook.driver.is_valid = True
         ob.update_tag()
-
-
-BINDS = ("use_vertex_groups", "use_bone_envelopes")
-
-
-def binds_of(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> tuple[bool, bool]:
-    """Returns (use_vertex_groups, use_bone_envelopes) of a modifier as the user set them.
-
-    ob: original or evaluated. Evaluated copies that deform through shape keys have them cleared.
-    """
-    original = ob.original.modifiers[modifier.name]
-    return tuple(getattr(original, name) for name in BINDS)

@@ -96,6 +96,6 @@ def why_not_muted(ob: bpy.types.Object, keys: bpy.types.Key) -> str:
         return "absolute keys cannot be muted"
     if ob.show_only_shape_key:
         return "only the active key is shown"
-    if animation.is_muting_animated(keys):
+    if animation.animated_mutes(keys):
         return "their muting is animated"
     return ""

@@ -14,8 +14,9 @@ from typing import Any
 import bpy
 
 from ..blender import animation, modifier_types, nodes, values
+from ..host import contract, switches
 from ..main import whole_frames
-from ..plan import bindable, ways, wiring
+from ..plan import bindable, survey, ways, wiring
 from ..run import characters
 from . import absences, costs, rigs
 from .costs import CLOCK, DIFFERENCE, OWN_CLOCK, ObjectCost, Part
@@ -201,8 +202,10 @@ class _Subject:
             self.cost.parts.append(self._own[0])
 
     def _add_modifiers(self, evaluated):
-        """Adds the modifiers that Blender runs. Those that Sinew replaces are switched off in the evaluated copy."""
+        """Adds the modifiers that Blender runs."""
         shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
+        if not contract.trouble():
+            shown = [modifier for modifier in shown if not switches.is_aside(modifier)]
         kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
         tail = costs.after_deforming(kinds, {"ARMATURE", *modifier_types.STAGES})
         for modifier in shown:
@@ -239,17 +242,16 @@ class _Subject:
             self.absences.append(_Absence(self.ob.name, [part], absent, what, stage))
 
     def try_accelerate(self) -> None:
-        """Prepares to measure what Accelerate saves. Only binding shows whether Sinew can deform the mesh."""
+        """Prepares to measure what Accelerate saves, by playing frames with the mesh bound."""
         armature = bindable.armature_to_bind(self.ob)
-        is_deformed = not ways.why_idle(self.ob) if armature is None else bindable.armature_modifier(self.ob, armature)
+        if armature is None:
+            is_deformed = not ways.why_idle(survey.if_bound(self.ob))
+        else:
+            is_deformed = bindable.armature_modifier(self.ob, armature) is not None
         if not is_deformed:
             self.cost.reason = "nothing deforms it that Sinew could take over"
             return
-        try:
-            with absences.bound_for_now(self.ob) as entry:
-                self.cost.reason = entry.status.error or entry.way.reason
-        except bindable.BindingError as error:
-            self.cost.reason = str(error)
+        self.cost.reason = bindable.why_not_accelerated(self.ob)
         if not self.cost.reason:
             self.cost.saves = Part("Blender's deformation", "SAVES", None, DIFFERENCE)
             self.absences.append(_Absence(self.ob.name, [self.cost.saves], absences.bound_for_now, self.ob, DEFORMED))

@@ -10,15 +10,18 @@ from typing import Any
 
 import bpy
 
-from ..host import marks
+from ..host import marks, switches
 from ..plan import plans, runs, ways
-from . import methods, stages
+from . import cage_stages, methods, stages, switching
 from .graph_copies import GraphCopy, OlderThanOriginal, Shared
 from .planning import Planning
 from .status import Status
 
 # Modes in which people edit what they see: Blender's own modifier shows the shape there, as its tools expect.
 EDITING = {"EDIT", "SCULPT"}
+# Modes in which Blender's tools do not need to know which vertex of the mesh one of the result was made from. Behind a
+# front, only Blender's own modifiers tell them.
+WITHOUT_INDICES = {"OBJECT", "POSE"}
 # Evaluated objects per mesh of which something is kept: each render has objects of its own.
 MOST_COPIES = 16
 
@@ -68,8 +71,9 @@ class Character:
         return self.plan.run
 
     def stage_names(self, ob: bpy.types.Object) -> tuple[str, ...]:
-        """Returns the names of the stages after skinning, in the order of GraphCopy's."""
-        return stages.names(ob, self.plan.run)
+        """Returns the names of the stages after skinning that the last evaluation had."""
+        last = self.data.last
+        return last.stage_names(ob) if last is not None and last.is_deforming else stages.names(ob, self.plan.run)
 
     def look(self, ob: bpy.types.Object) -> plans.Plan:
         """Makes a plan for the object, original or evaluated, and returns it."""
@@ -133,7 +137,12 @@ class Character:
                 raise OlderThanOriginal
             looks = self.planning.looks
             copy.follow(self.look(ob), looks)
-        return copy.plan.is_wired and not _stands_aside and ob.mode not in EDITING
+            switching.release(ob)
+            if copy.plan.way.in_pass and any(map(cage_stages.was_unbound_late, ob.modifiers)):
+                self.planning.ask_to_rewire()  # which has Blender copy the object again, without the binding
+        if copy.plan.way.front and ob.mode not in WITHOUT_INDICES:
+            return False
+        return copy.plan.is_wired and not _stands_aside and ob.mode not in EDITING and switches.can_put_aside()
 
 
 _stands_aside = False

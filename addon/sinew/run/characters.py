@@ -8,7 +8,7 @@ objects are known from the hook, which Blender calls with them, and from updates
 
 import logging
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import bpy
@@ -33,8 +33,9 @@ class _File:
     users_of: dict[int, int] = field(default_factory=dict)  # users of each one's mesh when its sharers were counted
     parts: dict[int, set[int]] = field(default_factory=dict)  # key of a data-block -> keys of the objects that use it
 
-    def sort_in(self, key: int, ob: bpy.types.Object, armatures: Sequence[bpy.types.Object]) -> None:
-        """Enters a bound object. armatures: the objects that deform it."""
+    def sort_in(self, key: int, ob: bpy.types.Object) -> None:
+        """Enters a bound object."""
+        armatures = [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object]
         for kept, belongs in (self.by_clip, _may_follow_clip(ob)), (self.with_copy, _has_copy(ob)):
             if belongs:
                 kept[key] = ob
@@ -171,8 +172,7 @@ def see(ob: bpy.types.Object) -> None:
         return
     entry = of(ob)
     entry.name = _name(ob)
-    modifiers = [ob.modifiers[name] for name in entry.taken if name in ob.modifiers]
-    _file.sort_in(key, ob, [each.object for each in modifiers if getattr(each, "object", None) is not None])
+    _file.sort_in(key, ob)
 
 
 def see_mesh(mesh: bpy.types.Mesh, is_in_doubt: bool) -> None:
@@ -216,8 +216,7 @@ def _gather() -> None:
             entries[key] = _characters[key]
         _characters = entries
     for key, ob in file.objects.items():
-        armatures = [modifier.object for modifier in ob.sinew.modifiers if modifier.object is not None]
-        file.sort_in(key, ob, armatures)
+        file.sort_in(key, ob)
         file.users_of[key] = ob.data.users
         entries[key].name = _name(ob)
         entries[key].planning.set_sharer_count(meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ())))

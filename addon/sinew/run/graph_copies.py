@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..blender import meshes
-from ..host import deform_verts
+from ..host import deform_verts, marks
 from ..native import sinew_native
-from ..plan import ways, wiring
-from . import layers, methods, stages
+from ..plan import ways
+from . import driven_settings, layers, methods, mixes, stages, switching
 
 # Rebuilds allowed between two edits before Blender takes over. If influences depend on where the shape is (envelopes,
 # curved B-bones) and the mesh moves relative to its armature, they would have to be rebuilt on every frame.
@@ -33,15 +33,7 @@ def new_edition() -> int:
     return next(_edition_numbers)
 
 
-class NotYet(Exception):
-    """Blender's own modifiers deform the mesh in this evaluation, and that is not an error."""
-
-
-class NotYetWired(NotYet):
-    """The hook does not wait for everything it needs. The main thread fixes that and has Blender evaluate again."""
-
-
-class OlderThanOriginal(NotYet):
+class OlderThanOriginal(mixes.NotYet):
     """This copy has different modifiers than the original has now, so the original's settings do not apply to it."""
 
 
@@ -77,28 +69,48 @@ class GraphCopy:
         self.weights: Any = None  # layers.Weights, or None
         self.rest: Any = None  # (V, 3), or None
         self.keys: Any = None  # shape_keys.Keys, or None if the mesh has no shape keys
-        self.layers: list[layers.Layer] = []  # one per modifier
-        self.deformer: Any = None  # sinew_native.Deformer of these layers, or None if it has to be made
+        self.first = mixes.Mix(self)  # of the Armature modifiers with which the chain begins
+        self.later: dict[str, mixes.Mix] = {}  # of the Armature modifiers of the run, by the name of each mix's first
         self.stages = stages.Stages()  # of the run
         self.method = methods.Method()
+        # Names of the modifiers that Sinew replaces and that are on in this evaluation.
+        self.shown: tuple[str, ...] = ()
+        self.driven_settings: Any = None  # driven_settings.DrivenSettings, or None if the plan is new
         self.is_deforming = False  # Sinew deformed the mesh in the last evaluation; otherwise Blender did
         self.patience = LEAST_PATIENCE  # how many equal frames in a row there must be before the fast path is used
         self._alike, self._has_failed, self._frame_before = 0, False, (None, None)
         self._is_method_known = False
         self._faces = ""  # methods.digest of the mesh's faces; "": not known
-        self._rebuilds = 0  # of layers since the last edit
+        self._has_asked = False  # for a plan that leaves later Armature modifiers to Blender
+        self._is_copy_true: bool | None = None  # the canvas's copy is like the mesh; None: to be compared
+        self._compared = (0, 0)  # addresses of the two
+
+    @property
+    def layers(self) -> list[layers.Layer]:
+        """The layers with which the chain begins, one per modifier."""
+        return self.first.layers
+
+    @property
+    def deformer(self) -> Any:
+        """The sinew_native.Deformer of these layers, or None if it has to be made."""
+        return self.first.native
 
     def forget_plan(self) -> None:
         """Discards the plan. Call this when Blender has copied the object again, because the new copy's modifiers are
         switched as in the original."""
         self.plan, self.looks = None, -1
+        self._compared = (0, 0)
 
     def follow(self, plan: Any, looks: int) -> None:
         """Uses another plan from now on, after an edit of the object. plan: plans.Plan; looks: the planning's number
         when the plan was made."""
         self.plan, self.looks = plan, looks
         self._is_method_known = False
-        self._rebuilds = 0
+        self.first.begin_anew()
+        for mix in self.later.values():
+            mix.begin_anew()
+        self._has_asked = False
+        self.driven_settings = None
         self.stages.look_again()
 
     # --- equal frames, see shortcuts.py -----------------------------------------------------------
@@ -128,7 +140,7 @@ class GraphCopy:
 
     def forget_shape(self) -> None:
         """Has weights, rest positions and shape keys read again."""
-        self.layers, self.deformer, self.keys = [], None, None
+        self.first, self.later, self.keys = mixes.Mix(self), {}, None
         self.stages = stages.Stages()
         self.weights = self.rest = None
         self.mesh_address = self.keys_address = 0
@@ -136,7 +148,7 @@ class GraphCopy:
     def forget_keys(self) -> None:
         """Discards the shape keys of a mesh that no longer has any."""
         if self.keys is not None:
-            self.keys = self.deformer = None
+            self.keys = self.first.native = None
 
     def read_mesh(self, mesh: Any, is_edited: bool) -> None:
         """Reads a mesh and keeps what has not changed. mesh: evaluated, before all modifiers."""
@@ -154,7 +166,7 @@ class GraphCopy:
         if not found.same_as(self.weights):
             shared = self.character.data.shared
             self.weights = shared.equal_to(layers.Weights, found.same_as) or shared.add(found)
-            self.deformer = None
+            self.first.native = None
 
     def set_rest(self, found: np.ndarray) -> None:
         """Sets the rest shape, (V, 3). With shape keys, that is the reference key."""
@@ -163,7 +175,7 @@ class GraphCopy:
         shared = self.character.data.shared
         known = shared.equal_to(np.ndarray, lambda each: np.array_equal(each, found))
         self.rest = shared.add(found) if known is None else known
-        self.deformer = None
+        self.first.native = None
 
     def is_read(self) -> bool:
         return self.rest is not None
@@ -180,86 +192,96 @@ class GraphCopy:
         self._faces = self._faces or methods.digest(*meshes.read_faces(mesh)[:2])
         return self._faces
 
+    def has_work(self, ob: Any) -> bool:
+        """Reads which modifiers are on in this evaluation. Returns whether Sinew has anything to deform. ob: evaluated.
+        Raises switching.NotTold."""
+        self.shown = switching.shown(ob, self.plan)
+        if self.driven_settings is None:
+            self.driven_settings = driven_settings.DrivenSettings(ob, self.plan)
+        if self.goes_through_keys() and self.plan.taken:
+            # With the Armature modifier off, exporters expect shape keys that they can read.
+            return any(name in self.shown for name in self.plan.taken)
+        return bool(self.shown) or not self.plan.replaced
+
+    def taken_now(self, ob: Any) -> list[Any]:
+        """Returns the Armature modifiers that Sinew replaces in this evaluation, with the values of their driven
+        settings. ob: evaluated. Raises driven_settings.NoValue."""
+        return [self.driven_settings.of(ob.modifiers[name]) for name in self.plan.taken if name in self.shown]
+
+    def mixes_now(self) -> list[tuple[list[str], mixes.Mix]]:
+        """Returns [(names of its modifiers that are on in this evaluation, mix)]: of the modifiers with which the chain
+        begins, then of those of the run that have any."""
+        run = [([name for name in names if name in self.shown], names[0]) for names in self.plan.run.mixes]
+        first = [name for name in self.plan.taken if name in self.shown]
+        return [(first, self.first), *((names, self.later[key]) for names, key in run if names)]
+
     def poses(
-        self, ob: Any, modifiers: Sequence[Any], channels_of: Callable[[Any], np.ndarray | None] = lambda modifier: None
+        self, ob: Any, modifiers: Sequence[Any], channels_of: Callable[[Any], np.ndarray | None] = mixes.no_channels
     ) -> list[tuple[np.ndarray, np.ndarray | None]]:
         """Returns (motions, mesh_from_armature) per layer, as `deformer.deform` takes them. Also updates layers and
-        deformer to the current modifiers. ob, modifiers: evaluated; channels_of(modifier): returns the motions of all
-        bones (B, 4, 4) to use instead of the armature's, or None. Raises NotYet or values.Flat."""
-        found = []
-        for number, modifier in enumerate(modifiers):
-            if number > 0 and modifier.object.mode == "EDIT":
-                raise NotYet  # Blender skips such a modifier; a layer at rest would mix in the rest shape
-            space = layers.space_between(ob, modifier.object)
-            layer = self._layer(number, ob, modifier, space)
-            channels = channels_of(modifier)
-            pose = layer.read_pose(modifier.object) if channels is None else layer.with_channels(channels)
-            found.append((pose, space))
-        if len(self.layers) > len(modifiers):
-            del self.layers[len(modifiers) :]
-            self.deformer = None
+        deformer to the current modifiers. ob, modifiers: evaluated, see taken_now; channels_of: see mixes.Mix.poses.
+        Raises NotYet or values.Flat."""
+        plan = self.plan
+        found = self.first.poses(
+            ob, modifiers, dict(zip(plan.taken, plan.binds)), dict.fromkeys(plan.taken[:1], self.method), channels_of
+        )
         if self.deformer is None:
-            self.deformer = sinew_native.Deformer(
+            self.first.native = sinew_native.Deformer(
                 [layer.native for layer in self.layers],
                 self.keys and self.keys.native,
                 vertex_count=len(self.rest) if self.is_of_stages_alone() else None,
             )
         return found
 
-    def _layer(self, number: int, ob: Any, modifier: Any, space: np.ndarray | None) -> layers.Layer:
-        """Returns the layer with that number, and makes it if there is none or it is out of date."""
-        armature = modifier.object
-        # The other modifiers that Multi Modifier mixes use the method of their own settings.
-        method = self.method if number == 0 else methods.Method()
-        settings = layers.Settings.of(modifier, self.plan.binds[number])
-        made_of = (settings, method, number), *layers.edition_of_bones(armature)
+    def stages_at(
+        self,
+        ob: Any,
+        source: Callable[[], stages.Source] | None = None,
+        channels_of: Callable[[Any], np.ndarray | None] = mixes.no_channels,
+    ) -> list:
+        """Returns the stages of an evaluated object in this frame, a list of sinew_native.Stage. source: see
+        stages.Stages.at; channels_of: see mixes.Mix.poses. Raises NotYet, cage_stages.NotReadable,
+        driven_settings.NoValue or values.Flat."""
+        ready = self._later_stages(ob, channels_of)
+        return self.stages.at(ob, self.stage_names(ob), source, ready, self.driven_settings.of)
 
-        def holds(layer: layers.Layer) -> bool:
-            return layer.holds(self.weights, self.rest, made_of, space)
+    def _later_stages(self, ob: Any, channels_of: Callable[[Any], np.ndarray | None]) -> dict[str, Any]:
+        """Returns {name of its first modifier that is on: sinew_native.Stage} of each mix of the run in this
+        evaluation."""
+        plan, found = self.plan, {}
+        binds = dict(plan.later)
+        self.later = {names[0]: self.later.get(names[0]) or mixes.Mix(self) for names in plan.run.mixes}
+        for names, mix in self.mixes_now()[1:]:
+            modifiers = [self.driven_settings.of(ob.modifiers[name]) for name in names]
+            poses = mix.poses(ob, modifiers, binds, {}, channels_of)
+            if mix.native is None:
+                self._check_weights(mix)
+                mix.native = sinew_native.MixedLayers([layer.native for layer in mix.layers])
+                self._frame_before = (None, None)
+            found[names[0]] = mix.native.stage(poses)
+        return found
 
-        old = self.layers[number] if number < len(self.layers) else None
-        if old is not None and holds(old):
-            return old
-        self._rebuilds += old is not None
-        # First, because Blender may not have evaluated a bone yet that the hook does not wait for.
-        self._check_wires(armature, settings, old is not None and old.made_of != made_of)
-        shared = self.character.data.shared
-        layer = shared.equal_to(layers.Layer, holds) or shared.add(
-            layers.make_layer(
-                self.weights,
-                self.rest,
-                armature,
-                space,
-                made_of,
-                ob.original.sinew.skinning.data,
-                self.character.data.kept,
-            )
-        )
-        self.layers[number : number + 1] = [layer]
-        self.deformer = None
-        return layer
-
-    def _check_wires(self, armature: Any, settings: layers.Settings, were_edited: bool) -> None:
-        """Checks that the hook waits for all bones. They may be new, have become B-bones, or got their first weight.
-        Raises NotYetWired."""
-        names = None if settings.use_envelopes else self.weights.used_names
-        is_missed = not wiring.is_waiting_for(self.plan.waits_for, armature, names)
-        if were_edited or is_missed:
+    def _check_weights(self, mix: mixes.Mix) -> None:
+        """Checks that the weights of a later mix do not follow the shape: after an edit of the bones, they may. Then
+        the main thread is asked for another plan. Raises NotYet."""
+        if not any(layer.influences.depend_on_shape for layer in mix.layers):
+            return
+        if not self._has_asked:
+            self._has_asked = True
             self.character.planning.ask_to_rewire()
-        if is_missed:
-            raise NotYetWired
+        raise mixes.NotYet
 
     def check_it_pays(self) -> None:
         """Leaves the mesh to Blender from the next evaluation on if its influences had to be rebuilt on every frame."""
         depends_on_shape = any(layer.influences.depend_on_shape for layer in self.layers)
         planning = self.character.planning
-        planning.moves_against_armature |= depends_on_shape and self._rebuilds > MOST_REBUILDS
+        planning.moves_against_armature |= depends_on_shape and self.first.rebuilds > MOST_REBUILDS
         if depends_on_shape and (planning.moves_against_armature or self.keys is not None):
             planning.ask_to_rewire()
 
     def stage_names(self, ob: Any) -> tuple[str, ...]:
-        """Returns the names of the stages after skinning."""
-        return stages.names(ob, self.plan.run)
+        """Returns the names of the stages after skinning in this evaluation."""
+        return stages.names(ob, self.plan.run, self.shown)
 
     def is_of_stages_alone(self) -> bool:
         """Whether the mesh has neither layers nor shape keys."""
@@ -268,6 +290,30 @@ class GraphCopy:
     def rest_of_stages(self) -> np.ndarray | None:
         """Returns the positions (V, 3) that the stages start from if nothing runs before them; otherwise None."""
         return self.rest if self.is_of_stages_alone() else None
+
+    def check_copy(self, mesh: Any, copied: Any) -> None:
+        """Compares the mesh with the canvas's copy, if either may have been edited. mesh, copied: evaluated, before all
+        modifiers. Raises NotYet if they differ, or if the mesh has just been edited: then it may be again. In a new
+        graph, they are compared at once."""
+        is_mesh_seen = marks.test_and_mark(mesh, "MESH")
+        is_copy_seen = marks.test_and_mark(copied, "MESH")
+        before, self._compared = self._compared, (mesh.as_pointer(), copied.as_pointer())
+        if not is_mesh_seen or not is_copy_seen or before != self._compared:
+            self._is_copy_true = None
+            if not is_mesh_seen and before != (0, 0):
+                raise mixes.NotYet
+        planning = self.character.planning
+        if self._is_copy_true is None:
+            self._is_copy_true = meshes.are_same(mesh, copied)
+        if not self._is_copy_true:
+            if is_mesh_seen:
+                planning.ask_for_copy()
+            raise mixes.NotYet
+        planning.note_copy()
+
+    def goes_through_canvas(self) -> bool:
+        """Whether the mesh is read from a canvas, and the deformed shape goes there."""
+        return self.plan.way.kind == ways.CANVAS
 
     def goes_through_keys(self) -> bool:
         """Whether the deformed shape goes into the reference shape key."""

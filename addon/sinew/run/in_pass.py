@@ -12,14 +12,17 @@ import numpy as np
 
 from ..blender import meshes, nodes, values
 from ..clips import posing
-from ..host import contract, key_blocks, marks, vector_arrays
+from ..host import contract, evaluations, key_blocks, marks, vector_arrays
 from ..plan import wiring
-from . import characters, graph_copies, shape_keys, shortcuts, stages
+from . import cage_stages, characters, driven_settings, graph_copies, mixes, shape_keys, shortcuts, stages, switching
 
 
 def deform_now(ob: Any) -> None:
-    """Deforms the mesh of an evaluated object in the current evaluation, or leaves it to Blender's own modifiers."""
+    """Deforms the mesh of an evaluated object in the current evaluation, or leaves it to Blender's own modifiers. Does
+    nothing outside an evaluation, for a script that reads the hook's property."""
     try:
+        if not evaluations.is_running(ob):
+            return
         if not shortcuts.deform(ob) and ob.is_evaluated and ob.sinew.is_bound:
             entry = characters.of(ob)
             if contract.is_broken():
@@ -28,7 +31,8 @@ def deform_now(ob: Any) -> None:
                     entry.look(ob)
                 return
             _deform(entry, entry.copy_of(ob), ob)
-    except (graph_copies.NotYet, values.Flat):  # Flat: versions of Blender differ in what they do
+    # Flat: versions of Blender differ in what they do
+    except (mixes.NotYet, cage_stages.NotReadable, switching.NotTold, driven_settings.NoValue, values.Flat):
         entry = characters.of(ob)
         _stand_back(entry, entry.copy_of(ob), ob)
     except Exception as error:
@@ -42,7 +46,7 @@ def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) 
     """Runs the full path, or switches Blender's own modifiers on if Sinew does not deform the object now."""
     start = perf_counter()
     with entry.lock:  # a render may evaluate the same object at the same time
-        work = _prepare(copy, ob) if entry.is_at_work(copy, ob) else None
+        work = _prepare(copy, ob) if entry.is_at_work(copy, ob) and copy.has_work(ob) else None
     if work is not None:
         deformer, poses, out, key_values, rest, in_order = work
         milliseconds = np.empty(len(in_order) + 2)
@@ -55,7 +59,7 @@ def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) 
         else:
             entry.status.timings.forget()
     copy.is_deforming = work is not None
-    copy.plan.switch(ob, copy.is_deforming)
+    switching.switch(ob, copy.plan, copy.is_deforming)
     if work is None:
         _give_keys_back(copy, ob)
 
@@ -66,7 +70,7 @@ def _stand_back(entry: characters.Character, copy: graph_copies.GraphCopy, ob: A
     if copy.plan is None:
         return
     try:
-        copy.plan.switch(ob, False)
+        switching.switch(ob, copy.plan, False)
         _give_keys_back(copy, ob)
     except Exception as error:
         characters.keep_error(entry, error)
@@ -75,25 +79,34 @@ def _stand_back(entry: characters.Character, copy: graph_copies.GraphCopy, ob: A
 def _prepare(copy: graph_copies.GraphCopy, ob: Any) -> tuple[Any, ...]:
     """Returns what the frame needs: the deformer, the poses, the array for the result, the values of the shape keys or
     None, what the stages start from or None, and the stages."""
-    mesh = wiring.waits_for(copy.hook_of(ob), "mesh")
+    hook = copy.hook_of(ob)
+    mesh = wiring.source_of(hook)
+    if copy.plan.way.has_copy:
+        copy.check_copy(wiring.waits_for(hook, "mesh"), wiring.waits_for(hook, "copied"))
+    if copy.goes_through_canvas() and nodes.POSITION_ATTRIBUTE not in mesh.attributes:
+        raise mixes.NotYet  # Blender has not evaluated the canvas
     addresses: Any
     key_values = addresses = None
-    is_edited = not marks.test_and_mark(mesh, "MESH") or copy.mesh_address != mesh.as_pointer()
+    canvas = wiring.waits_for(hook, "canvas")
+    is_seen = marks.test_and_mark(mesh, "MESH", canvas and canvas.original.data)
+    is_edited = not is_seen or copy.mesh_address != mesh.as_pointer()
     is_fresh = is_edited or not copy.is_read()
     if is_fresh:
         copy.read_mesh(mesh, is_edited)
     if copy.goes_through_keys():
         addresses = key_blocks.key_addresses(mesh.shape_keys)
         _read_keys(copy, ob, mesh)
-        key_values = key_blocks.silence_keys(addresses)
+        key_values = key_blocks.silence_keys(addresses, copy.plan.animated_mutes)
     elif is_fresh:
         copy.forget_keys()
         copy.set_rest(meshes.read_positions(mesh))
     copy.read_method(ob, mesh)
     count = len(mesh.vertices)
-    poses = copy.poses(
-        ob, [ob.modifiers[name] for name in copy.plan.taken], lambda modifier: posing.channels_of(ob, modifier.object)
-    )
+
+    def channels_of(armature: Any) -> np.ndarray | None:
+        return posing.channels_of(ob, armature)
+
+    poses = copy.poses(ob, copy.taken_now(ob), channels_of)
     copy.check_it_pays()
     if copy.goes_through_keys():
         out = key_blocks.key_positions(addresses[0], count)
@@ -101,9 +114,7 @@ def _prepare(copy: graph_copies.GraphCopy, ob: Any) -> tuple[Any, ...]:
         out = vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
     if out is None:
         out = np.empty((count, 3), np.float32)  # no vertex
-    in_order = copy.stages.at(
-        ob, copy.stage_names(ob), lambda: stages.Source(mesh, meshes.read_positions(mesh), copy.weights)
-    )
+    in_order = copy.stages_at(ob, lambda: stages.Source(mesh, meshes.read_positions(mesh), copy.weights), channels_of)
     return copy.deformer, poses, out, key_values, copy.rest_of_stages(), in_order
 
 
@@ -118,7 +129,7 @@ def _read_keys(copy: graph_copies.GraphCopy, ob: Any, mesh: Any) -> None:
     source = keys if fresh else ob.original.data.shape_keys
     copy.keys = shape_keys.read(source, len(mesh.vertices), copy.weights)
     copy.set_rest(copy.keys.base)
-    copy.deformer = None
+    copy.first.native = None
 
 
 def _give_keys_back(copy: graph_copies.GraphCopy, ob: Any) -> None:

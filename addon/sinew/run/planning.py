@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import bpy
 
-from ..blender import meshes, nodes, values
-from ..plan import mends, plans
+from ..blender import meshes
+from ..plan import mends, plans, survey
 from . import mail
 
 # Blender disables a driver that names something that is gone. It is made anew, but not for ever if that does not help.
 MOST_REVIVALS = 100
+MOST_RENEWALS = 4  # of a copy in a row
 
 
 class Planning:
@@ -24,6 +25,8 @@ class Planning:
         self.newcomers: frozenset[int] = frozenset()  # nodes.identity of modifiers added since mends were last applied
         self.sharer_count: int | None = None  # objects that have the mesh; None: to be counted
         self.moves_against_armature = False  # frame by frame
+        self.is_copy_stale = False  # the canvas's copy of the mesh is not like the mesh
+        self._renewals = 0  # of that copy, since it was last like the mesh
         self._modifiers: frozenset[int] | None = None  # nodes.identity of all modifiers at the last look
         self._lacks: tuple | None = None  # the situation in which the file lacks something
         self._given_up: tuple | None = None  # the situation that cannot be mended
@@ -33,17 +36,20 @@ class Planning:
         """Makes a plan for the object, original or evaluated, and returns it. The main thread is asked for the mends
         that the file needs; until the blocking ones are applied, Blender's own modifier deforms."""
         original = ob.original
-        modifiers = frozenset(map(nodes.identity, original.modifiers))
+        if self.sharer_count is None:
+            self.sharer_count = meshes.count_sharers(original)
+        situation = survey.of(ob, self.sharer_count, self.moves_against_armature)
+        # An evaluated copy may be older.
+        file = survey.of(original, self.sharer_count) if ob.is_evaluated else situation
+        modifiers = frozenset(modifier.identity for modifier in file.modifiers)
         if self._modifiers is not None:
             self.newcomers |= modifiers - self._modifiers
         self._modifiers = modifiers
-        if self.sharer_count is None:
-            self.sharer_count = meshes.count_sharers(original)
-        plan = plans.make(ob, self.sharer_count, self.moves_against_armature)
-        self.mends = mends.needed(plan, original, self.newcomers)
+        plan = plans.make(situation)
+        self.mends = mends.needed(plan, file, self.newcomers)
         is_wired = plan.way.in_pass and not any(mend.is_blocking for mend in self.mends)
         self.plan = replace(plan, is_wired=is_wired)
-        self._lacks = (plan.way, plan.taken, values.key_of(original.data)) if self.mends else None
+        self._lacks = (plan.way, plan.taken, file.mesh) if self.mends else None
         if self.mends and self._lacks != self._given_up:
             self.ask_to_rewire()
         return self.plan
@@ -56,6 +62,17 @@ class Planning:
     def ask_to_rewire(self) -> None:
         """Asks the main thread to apply the mends."""
         mail.post(mail.REWIRE, self._key)
+
+    def ask_for_copy(self) -> None:
+        """Asks the main thread to copy the mesh for the canvas again, unless that does not help."""
+        self._renewals += 1
+        if self._renewals <= MOST_RENEWALS:
+            self.is_copy_stale = True
+            self.ask_to_rewire()
+
+    def note_copy(self) -> None:
+        """Notes that the canvas's copy is like the mesh."""
+        self._renewals = 0
 
     def give_up_on_what_lacks(self) -> None:
         """Notes that the main thread has done what it could: it is not asked again in the same situation."""

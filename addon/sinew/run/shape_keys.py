@@ -2,7 +2,8 @@
 
 Blender's own evaluation starts from the reference key and adds the others. In the evaluated copy, Sinew mutes the
 others and writes the deformed shape into the reference key, so that Blender's evaluation only copies that shape. The
-original is never changed.
+original is never changed. The mute flag of a key whose muting is animated is left to drivers and keyframes: it is made
+relative to itself instead, so that Blender adds nothing.
 """
 
 from dataclasses import dataclass
@@ -48,7 +49,7 @@ def give_back(keys: Any, known: Keys) -> None:
     if len(addresses) == 0 or not marks.is_marked(keys, "KEY"):
         return
     marks.clear_mark(keys, "KEY")
-    key_blocks.give_keys_back(addresses)
+    key_blocks.give_keys_back(addresses, key_blocks.key_addresses(keys.original))
     base = key_blocks.key_positions(addresses[0], len(known.base))
     if base is not None:
         base[:] = known.base

@@ -11,7 +11,7 @@ from ..blender import nodes
 from ..host import contract, motions, places, switches, watch
 from ..native import sinew_native
 from ..plan import wiring
-from . import character, graph_copies, layers
+from . import character, graph_copies, layers, switching
 
 _known: dict[int, "Shortcut"] = {}  # by the address of the evaluated object
 
@@ -23,45 +23,49 @@ class Shortcut:
         """ob: an evaluated object that the full path has just deformed; copy: its GraphCopy."""
         plan = copy.plan
         self.copy = copy
-        taken = [ob.modifiers[name] for name in plan.taken]
-        behind = [ob.modifiers[name] for name in plan.run.stages]
-        armatures = [modifier.object for modifier in taken]
-        self._editions = [
-            (armature.data.as_pointer(), layer.edition) for armature, layer in zip(armatures, copy.layers)
-        ]
-        target = wiring.target_of(copy.hook_of(ob), "mesh")
-        self._mesh = target.id
+        replaced = [ob.modifiers[name] for name in plan.replaced]
+        armatures, own = _armatures_and_layers(copy, ob)
+        self._editions = [(armature.data.as_pointer(), layer.edition) for armature, layer in zip(armatures, own)]
+        hook = copy.hook_of(ob)
+        self._mesh = wiring.source_of(hook)
         has_keys = copy.goes_through_keys()
-        watched = watch.of_object(ob, target, self._mesh, has_keys)
-        for modifier in taken:
-            watched += watch.of_armature(modifier)
-        for modifier in behind:
-            watched += watch.of_stage(modifier)
-        modes = [switches.mode_switch(modifier, *wiring.OFF) for modifier in (*taken, *behind)]
+        watched = watch.Tree(ob)
+        if copy.goes_through_canvas():
+            watched.add_canvas(wiring.target_of(hook, "canvas"), self._mesh)
+            for name in ("mesh", "copied") if plan.way.has_copy else ():
+                target = wiring.target_of(hook, name)
+                watched.add_mesh(target, target.id, False)
+        else:
+            watched.add_mesh(wiring.target_of(hook, "mesh"), self._mesh, has_keys)
+        for modifier in replaced:
+            if modifier.name in copy.shown:
+                watched.add_modifier(modifier)
+        front = [ob.modifiers[name] for name in plan.way.front]
+        modes = [switches.aside_switch(modifier) for modifier in (*replaced, *front)]
+        self._switches = [(address, switches.switches_at(address)) for address, *_ in modes[: len(replaced)]]
         if plan.own is not None:
-            shown = wiring.OFF if has_keys else plan.run.shown
-            modes.append(switches.mode_switch(ob.modifiers[plan.own], *shown))
+            modes.append(switches.mode_switch(ob.modifiers[plan.own], *switching.switches_of_own(ob, plan)))
         poses = [
             (motions.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
-            for layer, armature in zip(copy.layers, armatures)
+            for layer, armature in zip(own, armatures)
         ]
         self._has_keys = has_keys
         self._native = sinew_native.host.Shortcut(
             copy.deformer,
-            watched,
+            watched.structs,
             poses,
             motions.pose_layout(),
             [(places.place_address(ob), places.place_address(armature)) for armature in armatures],
             modes,
-            copy.stages.at(ob, copy.stage_names(ob), None),
-            watch.key_source(self._mesh.shape_keys) if has_keys else None,
+            copy.stages_at(ob),
+            watch.key_source(self._mesh.shape_keys, plan.animated_mutes) if has_keys else None,
             copy.rest_of_stages(),
         )
         self.milliseconds = self._native.milliseconds
 
     def holds(self) -> bool:
         """Whether everything is still as it was when the Shortcut was made."""
-        return self._is_asked_for() and self._native.holds()
+        return self._is_asked_for() and self._native.holds() and self._are_switches_alike()
 
     def run(self) -> bool:
         """Deforms the mesh. Returns False if it did nothing and the full path has to run."""
@@ -70,6 +74,11 @@ class Shortcut:
         # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         return self._native.deform(out)
+
+    def _are_switches_alike(self) -> bool:
+        """Whether drivers and keyframes have left the switches of modifiers as they were. Only if the native shortcut
+        holds, because otherwise the modifiers may no longer exist."""
+        return all(switches.switches_at(address) == before for address, before in self._switches)
 
     def _is_asked_for(self) -> bool:
         copy = self.copy
@@ -121,12 +130,21 @@ def learn(copy: graph_copies.GraphCopy, ob: Any) -> bool:
 def _is_plain(copy: graph_copies.GraphCopy, ob: Any) -> bool:
     """Whether everything that the frame depends on can be watched."""
     plan = copy.plan
-    armatures = [ob.modifiers[name].object for name in plan.taken]
+    armatures, own = _armatures_and_layers(copy, ob)
     return (
         copy.deformer.vertex_count > 0
         and ob.sinew.source != "CLIP"
-        and all(watch.can_watch(ob.modifiers[name].type) for name in plan.run.stages)
-        and all(not layer.influences.depend_on_shape for layer in copy.layers)
+        and not copy.driven_settings  # a driver may change them on any frame
+        and all(watch.can_watch(ob.modifiers[name].type) for name in plan.run.stages if name in copy.shown)
+        and all(not layer.influences.depend_on_shape for layer in own)
         and all(layers.is_posed(armature) for armature in armatures)
         and (not armatures or None not in map(places.place_address, (ob, *armatures)))
     )
+
+
+def _armatures_and_layers(copy: graph_copies.GraphCopy, ob: Any) -> tuple[list[Any], list[layers.Layer]]:
+    """Returns the armatures of all mixes of this evaluation, one per layer, and their layers, in the order in which the
+    native deformer and its stages have them. ob: evaluated."""
+    mixes_now = copy.mixes_now()
+    armatures = [ob.modifiers[name].object for names, _mix in mixes_now for name in names]
+    return armatures, [layer for _names, mix in mixes_now for layer in mix.layers]

@@ -1,10 +1,10 @@
-"""The stages after skinning, made from the modifiers of the run.
+"""The stages after skinning, made from the modifiers of the run, except for Armature modifiers: see mixes.py.
 
 The native object of a stage is made once, and again when the data it was made from changes. The settings that may be
 animated are read on every frame from the evaluated modifier.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from ..blender import meshes, values
 from ..host import deform_verts, vector_arrays
 from ..native import sinew_native
+from . import cage_stages
 
 # Blender 4.1 weights corners by a polynomial instead of the arc cosine, and no longer ignores negative factors.
 BEFORE_4_1 = values.VERSION < (4, 1, 0)
@@ -124,7 +125,7 @@ OWN = ""  # used instead of a modifier's name for the smoothing in the mesh's ow
 class OwnSmoothing:
     """Presents the smoothing settings of `object.sinew.skinning` as a Corrective Smooth modifier."""
 
-    type = "CORRECTIVE_SMOOTH"
+    type, name = "CORRECTIVE_SMOOTH", OWN
     scale, smooth_type, rest_source = 1.0, "SIMPLE", "ORCO"
     use_pin_boundary = use_only_smooth = False
 
@@ -133,10 +134,13 @@ class OwnSmoothing:
         self.vertex_group, self.invert_vertex_group = skinning.smooth_group, skinning.smooth_invert
 
 
-def names(ob: Any, run: Any) -> tuple[str, ...]:
-    """Returns the names of the stages after skinning: OWN or names of modifiers. run: runs.Run."""
+def names(ob: Any, run: Any, shown: Collection[str] | None = None) -> tuple[str, ...]:
+    """Returns the names of the stages after skinning: OWN or names of modifiers; of a mix, that of its first. run:
+    runs.Run; shown: names of the modifiers that are switched on, None for all."""
     own = (OWN,) if ob.sinew.skinning.smooth_iterations > 0 else ()
-    return (*own, *run.stages)
+    on = run.stages if shown is None else [name for name in run.stages if name in shown]
+    mixed_in = {name for mix in run.mixes for name in [each for each in mix if each in on][1:]}
+    return (*own, *(name for name in on if name not in mixed_in))
 
 
 def modifier_of(ob: Any, name: str) -> Any:
@@ -144,8 +148,8 @@ def modifier_of(ob: Any, name: str) -> Any:
     return OwnSmoothing(ob.sinew.skinning) if name == OWN else ob.modifiers[name]
 
 
-# By type of modifier, for the types in modifier_types.STAGES.
-KINDS: dict[str, Any] = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook}
+# By type of modifier, for the types in modifier_types.STAGES except ARMATURE.
+KINDS: dict[str, Any] = {"CORRECTIVE_SMOOTH": CorrectiveSmooth, "SMOOTH": Smooth, "HOOK": Hook, **cage_stages.KINDS}
 
 
 @dataclass
@@ -168,30 +172,39 @@ class Stages:
         """Has the next frame check what the stages are made from, after an edit."""
         self._is_fresh = True
 
-    def at(self, ob: Any, names: Sequence[str], source: Any) -> list:
+    def at(
+        self, ob: Any, names: Sequence[str], source: Any, ready: Mapping[str, Any], driven: Callable[[Any], Any]
+    ) -> list:
         """Returns the stages of an evaluated object in this frame, a list of sinew_native.Stage. source: function that
-        returns a Source; may be None if nothing has changed since the last call."""
-        if self._is_fresh and names:
-            self._renew(ob, names, source())
+        returns a Source; may be None if nothing has changed since the last call; ready: {name: stage} of those that
+        are made elsewhere; driven(modifier): returns the modifier with the values of its driven settings."""
+        wanted = [name for name in names if name not in ready]
+        if self._is_fresh and wanted:
+            self._renew(ob, wanted, source(), driven)
         found = []
         for name in names:
-            modifier = modifier_of(ob, name)
-            kind, made = KINDS[modifier.type], self._made[name]
+            if name in ready:
+                found.append(ready[name])
+                continue
+            modifier = driven(modifier_of(ob, name))
+            kind, made = KINDS[modifier.type], self._made.get(name)
             settings = _settings(kind, modifier)
-            if settings != made.settings:  # by keyframes
+            if made is None or settings != made.settings:  # by keyframes or drivers, or it has just been switched on
                 made = self._make(kind, modifier, settings, kind.arrays(modifier, source()))
                 self._made[name] = made
             found.append(kind.stage(made.native, ob, modifier))
         return found
 
-    def _renew(self, ob: Any, names: Sequence[str], source: Source) -> None:
+    def _renew(self, ob: Any, names: Sequence[str], source: Source, driven: Callable[[Any], Any]) -> None:
         connections = meshes.read_topology(source.mesh)
-        if self._topology is None or not _same(connections, self._connections):
-            self._topology = sinew_native.Topology(len(source.positions), *connections)
+        count = len(source.positions)  # which a loose vertex changes, but none of the connections
+        is_same = self._topology is not None and self._topology.vertex_count == count
+        if not is_same or not _same(connections, self._connections):
+            self._topology = sinew_native.Topology(count, *connections)
             self._connections, self._made = connections, {}
         old, self._made = self._made, {}
         for name in names:
-            modifier = modifier_of(ob, name)
+            modifier = driven(modifier_of(ob, name))
             kind = KINDS[modifier.type]
             settings, arrays = _settings(kind, modifier), kind.arrays(modifier, source)
             made = old.get(name)

@@ -9,7 +9,7 @@ from ..bake import mesh_cache
 from ..blender import materials, meshes
 from ..clips import clip_store
 from ..install import bind, deformed_copies
-from ..plan import ways
+from ..plan import survey
 from ..run import characters
 from . import cures, display
 from .operators import Unbind
@@ -32,7 +32,7 @@ def warnings(ob: bpy.types.Object) -> list[Advice]:
         *_about_doubles(ob),
         *_about_weights(entry),
         *_about_armature(ob, ob.sinew.armature),
-        *_about_sharers(ob),
+        *_about_sharers(ob, entry),
     ]
 
 
@@ -81,7 +81,7 @@ def _about_weights(entry: Any) -> list[Advice]:
     if entry is None or not entry.layers:
         return []
     influences, found = entry.layers[0].influences, []
-    if influences.unweighted_count:
+    if influences.unweighted_count and not entry.run.mixes:  # a later armature may move them
         found.append(
             Advice(
                 f"{_vertices(influences.unweighted_count)} without a bone: kept in the rest pose",
@@ -125,9 +125,11 @@ def _about_armature(ob: bpy.types.Object, armature: bpy.types.Object | None) -> 
     return found
 
 
-def _about_sharers(ob: bpy.types.Object) -> list[Advice]:
+def _about_sharers(ob: bpy.types.Object, entry: Any) -> list[Advice]:
+    if entry is not None and entry.way.in_pass:
+        return []
     sharers = meshes.count_sharers(ob)
-    if sharers < 2 or not ways.may_be_single_user(ob):
+    if sharers < 2 or not survey.may_be_single_user(ob):
         return []
     return [Advice(f"{sharers} objects share this mesh", ((cures.MakeSingleUser.bl_idname, "Make Single User"),))]
 

@@ -8,7 +8,7 @@ from mathutils.kdtree import KDTree
 
 from ..blender import meshes
 from ..install import bind, mending
-from ..plan import runs
+from ..plan import survey
 
 
 def doubles(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -193,7 +193,7 @@ class BindSmoothing(_Cure, bpy.types.Operator):
 
     def execute(self, context):
         ob = context.active_object
-        unbound = [modifier for modifier in ob.modifiers if runs.why_not_bound(ob, modifier)]
+        unbound = [modifier for modifier in ob.modifiers if survey.why_not_bound(ob, modifier)]
         if not unbound:
             self.report({"ERROR"}, f"{ob.name} has no Corrective Smooth that needs to be bound")
             return {"CANCELLED"}

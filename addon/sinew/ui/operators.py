@@ -32,7 +32,8 @@ def selected_armature(context: bpy.types.Context) -> bpy.types.Object | None:
 
 class Bind(bpy.types.Operator):
     """Let Sinew deform the selected meshes, with the selected armature or their own, or only with shape keys and
-    smoothing. If only an armature is selected: all meshes that it deforms"""
+    smoothing. If only an armature is selected: all meshes that it deforms. Of several meshes, those that are so small
+    that Blender is faster are left to it"""
 
     bl_idname = "object.sinew_bind"
     bl_label = "Bind with Sinew"
@@ -45,22 +46,27 @@ class Bind(bpy.types.Operator):
         return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(selected_meshes(context))
 
     def execute(self, context):
-        bound, problems = 0, []
+        bound, small, problems = 0, 0, []
         meshes = selected_meshes(context)
         with progress.shown(context) as shown:
             for number, ob in enumerate(meshes):
                 shown.step(number / len(meshes), f"binding {ob.name}")
-                armature = selected_armature(context) or bindable.armature_to_bind(ob)
+                chosen = selected_armature(context)
+                armature = bindable.armature_to_begin_with(ob, chosen) if chosen else bindable.armature_to_bind(ob)
                 try:
+                    if len(meshes) > 1 and self.output == "MODIFIER" and bindable.is_too_small(ob, armature):
+                        small += 1
+                        continue
                     bind.bind(ob, armature, self.output)
                     bound += 1
                 except bindable.BindingError as error:
                     problems.append(str(error))
         for problem in problems:
             self.report({"WARNING" if bound else "ERROR"}, problem)
-        if bound > 1:
-            self.report({"INFO"}, f"Sinew deforms {bound} meshes")
-        return {"FINISHED"} if bound else {"CANCELLED"}
+        if bound > 1 or small:
+            left = f"; {small} with few vertices are left to Blender, which is faster there" if small else ""
+            self.report({"INFO"}, f"Sinew deforms {bound} meshes{left}")
+        return {"FINISHED"} if bound or small else {"CANCELLED"}
 
 
 class Unbind(bpy.types.Operator):

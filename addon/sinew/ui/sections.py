@@ -11,14 +11,14 @@ from ..crowd import crowd
 from ..feedback import notice
 from ..main import whole_frames
 from ..native import sinew_native
-from ..plan import bindable, runs, ways
+from ..plan import bindable, survey, ways
 from . import advice, cures, display, method_settings
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .rig_files import ImportRig
 
-WAYS = {"ATTRIBUTE": "Attribute", "KEYS": "Shape Keys", "BLENDER": "Blender's Modifier"}
+WAYS = {"ATTRIBUTE": "Attribute", "CANVAS": "Canvas", "KEYS": "Shape Keys", "BLENDER": "Blender's Modifier"}
 CROWD_SETTINGS = ("Agents", "Lanes", "Lane Distance", "Jitter", "Seed", "Speed", "Speed Variation", "Size Variation")
 NOT_PLAYED = "not played yet"  # shown instead of a time
 MOST_MESHES = 10  # the largest number of an armature's meshes that is listed
@@ -76,7 +76,7 @@ def draw_crowd(layout: bpy.types.UILayout, ob: bpy.types.Object) -> None:
 
 def draw_free(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.types.Object) -> None:
     modifier = bindable.armature_modifier(ob)
-    if modifier is None and ways.why_idle(ob):
+    if modifier is None and ways.why_idle(survey.if_bound(ob)):
         layout.label(text="Not bound", icon="UNLINKED")
         layout.operator(Bind.bl_idname, icon="LINKED")
     else:
@@ -223,13 +223,14 @@ def draw_chain(layout: bpy.types.UILayout, ob: bpy.types.Object, entry: Any) -> 
     draw_value(column, "Pose" if entry.taken else "Settings", time_text(timings and timings.pose))
     if before:
         draw_value(column, " + ".join(before), time_text(timings and timings.skin))
+    mixes = {mix[0]: " + ".join(mix) for mix in entry.run.mixes}
     for name, milliseconds in zip(behind, timings.stages if timings else (None for _ in behind)):
-        draw_value(column, name or "Smooth", time_text(milliseconds))
+        draw_value(column, mixes.get(name, name or "Smooth"), time_text(milliseconds))
     if entry.run.end:
         draw_value(column, entry.run.end, "in Blender")
         notice.draw_sentence(column, bpy.context, f"Blender takes over at {entry.run.end}: {entry.run.reason}", False)
         end = ob.modifiers.get(entry.run.end)
-        if end is not None and runs.why_not_bound(ob, end):
+        if end is not None and survey.why_not_bound(ob, end):
             layout.operator(cures.BindSmoothing.bl_idname)
 
 

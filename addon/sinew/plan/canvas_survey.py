@@ -1,0 +1,103 @@
+"""Reads the canvas of an object, and what a front depends on. Only reads."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+
+from ..blender import animation, nodes, values
+
+
+def canvas_of(ob: bpy.types.Object, front: Sequence[str], sharer_count: int) -> bpy.types.Object | None:
+    """Returns the canvas of an original object if it has one with that front, and with the object's mesh, or a copy if
+    no other object has that mesh; otherwise None. front: names of modifiers; sharer_count: number of objects with the
+    mesh."""
+    canvas = ob.sinew.canvas
+    if not is_canvas_of(canvas, ob):
+        return None
+    is_right_mesh = canvas.data == ob.data if sharer_count > 1 else canvas.data != ob.data and canvas.data.users == 1
+    is_current = not front or canvas.get(SIMPLIFIED) == simplification()
+    return canvas if is_right_mesh and is_current and has_front_of(canvas, ob, front) else None
+
+
+# Custom property of a canvas: what `simplification` returned when Blender was last told to evaluate it.
+SIMPLIFIED = "simplified"
+_SIMPLIFY = "use_simplify", "simplify_subdivision", "simplify_subdivision_render"
+
+
+def simplification() -> str:
+    """Returns the settings of all scenes on which the result of a front depends. Blender tells the objects of a scene
+    when they change, but not canvases."""
+    return str([[getattr(scene.render, name) for name in _SIMPLIFY] for scene in bpy.data.scenes])
+
+
+def has_front_of(canvas: bpy.types.Object, ob: bpy.types.Object, front: Sequence[str]) -> bool:
+    """Whether the modifiers of a canvas before its last one have the settings of these modifiers of an object."""
+    copies = canvas.modifiers[:-1]
+    return len(copies) == len(front) and all(
+        copy.type == ob.modifiers[name].type and settings_of(copy) == settings_of(ob.modifiers[name])
+        for copy, name in zip(copies, front)
+    )
+
+
+def settings_of(modifier: bpy.types.Modifier) -> dict[str, Any]:
+    """Returns the settings that decide a modifier's result, by the names of its properties."""
+    found = {}
+    for each in modifier.bl_rna.properties:
+        if not each.is_readonly and each.identifier not in _BESIDE_RESULT:
+            value = getattr(modifier, each.identifier)
+            found[each.identifier] = tuple(value) if getattr(each, "is_array", False) else value
+    return found
+
+
+_BESIDE_RESULT = {
+    "name",
+    "is_active",
+    "show_expanded",
+    "show_in_editmode",
+    "show_on_cage",
+    "use_apply_on_spline",
+    "use_pin_to_last",
+}
+
+
+def why_not_in_front(modifier: bpy.types.Modifier) -> str:
+    """Returns why Sinew cannot begin with the result of a modifier of FRONTS, a clause, or ""."""
+    if any(isinstance(value, bpy.types.ID) for value in settings_of(modifier).values()):
+        return "it depends on another object"
+    return "it has a curve of its own" if getattr(modifier, "profile_type", "") == "CUSTOM" else ""
+
+
+def front_trouble(ob: bpy.types.Object) -> str:
+    """Returns why Sinew cannot begin with a front on this object, a sentence, or "". ob: original."""
+    mesh = ob.data
+    if ob.particle_systems:
+        return "Its particles need to know which vertex of the mesh each one behind the first modifiers was made from"
+    child = next((each for each in bpy.data.objects if is_parented_to_vertices(each) and each.parent == ob), None)
+    if child is not None:
+        return (
+            f"The parent of {child.name} is a vertex of the mesh, which only Blender finds behind the first modifiers"
+        )
+    if values.VERSION < (4, 1, 0):
+        return "In this version of Blender Sinew cannot begin with the result of other modifiers"
+    if any("simplify" in path for scene in bpy.data.scenes for path in animation.animated_paths(scene)):
+        return "The simplification of a scene is animated, on which the modifiers before the Armature modifier depend"
+    if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:
+        return "Its custom normals cannot be compared in this version of Blender"
+    return ""
+
+
+def is_canvas_of(canvas: bpy.types.Object | None, ob: bpy.types.Object) -> bool:
+    """Whether an object, or None, is the canvas of another one."""
+    return (
+        canvas is not None
+        and canvas.type == "MESH"
+        and nodes.is_canvas(canvas)
+        and len(canvas.constraints) == 1
+        and canvas.constraints[0].target == ob
+    )
+
+
+def is_parented_to_vertices(ob: bpy.types.Object) -> bool:
+    """Whether an object follows vertices of its parent."""
+    return ob.parent is not None and ob.parent_type in {"VERTEX", "VERTEX_3"}

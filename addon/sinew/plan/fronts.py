@@ -1,0 +1,40 @@
+"""Finds the front: the modifiers before the first Armature modifier that make other vertices, and those between them.
+
+Blender evaluates a front on a canvas, once, as long as nothing of it is edited; Sinew begins with the result. Does not
+use Blender.
+"""
+
+from collections.abc import Sequence
+
+from ..blender import modifier_types
+from .situation import Modifier, Situation
+
+
+def of(modifiers: Sequence[Modifier], taken: Sequence[str]) -> tuple[Modifier, ...]:
+    """Returns the front, in stack order; none if all modifiers before the first taken one keep the vertices. modifiers:
+    of an object, in stack order; taken: as in Situation."""
+    found = []
+    for modifier in modifiers if taken else ():
+        if modifier.name == taken[0]:
+            break
+        if not modifier.is_own and modifier.is_shown:
+            found.append(modifier)
+    return () if all(modifier.keeps_shape for modifier in found) else tuple(found)
+
+
+def why_not(situation: Situation) -> str:
+    """Returns why Sinew cannot begin with the result of the object's front, a clause about a modifier or a sentence, or
+    ""."""
+    for modifier in of(situation.modifiers, situation.taken):
+        if modifier.type not in modifier_types.FRONTS or situation.keys is not None:
+            return f"{modifier.full_name} comes before {situation.taken[0]}, with which Sinew has to begin"
+        reason = "it is animated" if modifier.is_animated else modifier.front_trouble
+        if not reason and situation.is_linked and situation.canvas is None:
+            reason = "the object is linked, so Sinew cannot add what it needs to begin with the result"
+        if reason:
+            return f"{modifier.full_name} comes before {situation.taken[0]}, and {reason}"
+    if situation.wants_more:
+        return (
+            "Its method or output needs the mesh's own vertices, and modifiers before the Armature modifier make others"
+        )
+    return situation.front_trouble

@@ -1,0 +1,64 @@
+"""Sets which modifiers of an evaluated object deform it in the current pass: Blender's own, or Sinew's for them."""
+
+from typing import Any
+
+from ..host import graph_modes, switches
+from ..plan import plans, ways
+
+OFF = (False, False)
+
+
+class NotTold(Exception):
+    """Some modifiers are on for the viewport or for renders only, and which it is cannot be told."""
+
+
+def shown(ob: Any, plan: plans.Plan) -> tuple[str, ...]:
+    """Returns the names of those modifiers that the plan replaces which are switched on in this evaluation of an
+    evaluated object. Their switches may be driven or animated. Raises NotTold."""
+    modes = {name: _switches(ob.modifiers[name]) for name in plan.replaced}
+    if all(viewport == render for viewport, render in modes.values()):
+        return tuple(name for name, (viewport, _render) in modes.items() if viewport)
+    is_render = graph_modes.is_render(ob)
+    if is_render is None:
+        if plan.way.kind == ways.KEYS or len(set(modes.values())) > 1:
+            raise NotTold
+        return tuple(modes)  # Sinew's modifier gets the switches that all have, so Blender decides
+    return tuple(name for name, mode in modes.items() if mode[is_render])
+
+
+def _switches(modifier: Any) -> tuple[bool, bool]:
+    """Returns the user's switches of an evaluated modifier: for the viewport, for renders."""
+    return modifier.show_viewport, modifier.show_render
+
+
+def switches_of_own(ob: Any, plan: plans.Plan) -> tuple[bool, bool]:
+    """Returns the switches of Sinew's modifier while it deforms, for the viewport and for renders."""
+    if plan.way.kind == ways.KEYS:
+        return OFF
+    modes = [_switches(ob.modifiers[name]) for name in plan.replaced]
+    return any(viewport for viewport, _render in modes), any(render for _viewport, render in modes)
+
+
+def switch(ob: Any, plan: plans.Plan, deforms: bool) -> None:
+    """Switches the modifiers of an evaluated object.
+
+    deforms: Sinew deforms, otherwise Blender's own modifiers do. If the evaluated keys have the shape, the Armature
+    modifiers are also unbound, so that code that applies both them and the keys (Save as Shape Key) does not deform
+    twice.
+    """
+    modifiers, through_keys = ob.modifiers, plan.way.kind == ways.KEYS
+    if plan.own is not None:
+        switches.switch_modifier(modifiers[plan.own], *(switches_of_own(ob, plan) if deforms else OFF))
+    for name in (*plan.way.front, *plan.replaced):
+        switches.put_aside(modifiers[name], deforms)
+    if through_keys:
+        for name, binds in (*zip(plan.taken, plan.binds), *plan.later):
+            switches.bind_armature_modifier(modifiers[name], *(OFF if deforms else binds))
+
+
+def release(ob: Any) -> None:
+    """Lets Blender evaluate all modifiers of an object again. After an edit, Sinew may no longer replace some
+    of those that it did, and Blender does not always copy the object anew."""
+    if switches.can_put_aside():
+        for modifier in ob.modifiers:
+            switches.put_aside(modifier, False)
