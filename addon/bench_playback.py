@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import ADDON, CHAIN, RIGS, VARIANTS, make_characters, select
+from bench_rigs import ADDON, CHAIN, RIGS, STACKS, make_characters, select
 
 FRAMES = range(2, 42)
 SIZES, LARGE = (30_000, 180_000), 1_000_000
@@ -87,13 +87,13 @@ def difference(ours, theirs):
     return max(float(np.abs(a - b).max() / np.linalg.norm(np.ptp(b, axis=0))) for a, b in zip(ours, theirs))
 
 
-def measure(rig, vertices, count=1, variant="", outputs=("MODIFIER",)):
+def measure(rig, vertices, count=1, stack="", outputs=("MODIFIER",)):
     """Returns one row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    meshes = make_characters(rig, vertices, count, variant)
+    meshes = make_characters(rig, vertices, count, stack)
     select(*meshes)
-    looked_at = meshes if variant == "subdivision" else ()
+    looked_at = meshes if stack == "subdivision" else ()
     times, bound, worst = {}, {}, 0.0
     for _ in range(ROUNDS if vertices * count < 500_000 else 1):  # alternating, because the machine's speed drifts
         with without_handlers():
@@ -116,7 +116,7 @@ def measure(rig, vertices, count=1, variant="", outputs=("MODIFIER",)):
             "bones": len(meshes[0].parent.data.bones),
             "vertices": len(meshes[0].data.vertices),
             "characters": count,
-            "with": variant,
+            "stack": stack,
             "sinew_extremes_ms": (min(times["MODIFIER"]), max(times["MODIFIER"])),
             "accelerate_s": bound["MODIFIER"],
             "difference": worst,
@@ -141,17 +141,17 @@ def row_of(medians, about):
 
 
 def rows(options):
-    variants = options.variants or [""]
+    stacks = options.stacks or [""]
     for rig in options.rig or (CHAIN, "human"):
-        if rig == CHAIN and not (options.variants or options.characters or options.vertices):
-            for variant in ("", "preserve-volume"):
+        if rig == CHAIN and not (options.stacks or options.characters or options.vertices):
+            for stack in ("", "preserve-volume"):
                 for size in (*SIZES, LARGE):
-                    yield measure(rig, size, 1, variant, ("MODIFIER", "MESH"))
+                    yield measure(rig, size, 1, stack, ("MODIFIER", "MESH"))
             yield measure(rig, SIZES[0], 10, "", ("MODIFIER", "MESH"))
             continue
-        for variant in variants:
+        for stack in stacks:
             for size in options.vertices or (SIZES[:1] if options.characters else SIZES):
-                yield measure(rig, size, options.characters or 1, variant)
+                yield measure(rig, size, options.characters or 1, stack)
 
 
 def measure_beside(others=10_000, count=20):
@@ -188,7 +188,7 @@ def line(row):
             (
                 f"{row['rig']} ({row['bones']})",
                 f"{count}{row['vertices']:,}",
-                row["with"] or "-",
+                row["stack"] or "-",
                 number(row["rig_ms"]),
                 number(row["modifier_ms"]),
                 number(row["sinew_ms"]),
@@ -206,7 +206,7 @@ def line(row):
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="bench_playback.py", description=__doc__.splitlines()[0])
     parser.add_argument("--rig", action="append", choices=(*RIGS, "all"), help="may be repeated")
-    parser.add_argument("--with", action="append", choices=VARIANTS, dest="variants", help="may be repeated")
+    parser.add_argument("--stack", action="append", choices=STACKS, dest="stacks", help="may be repeated")
     parser.add_argument("--vertices", action="append", type=int, help="of a mesh; may be repeated")
     parser.add_argument("--characters", type=int, help="how many are in one scene")
     parser.add_argument("--beside", type=int, help="measure only with this many objects more that are in no scene")
@@ -214,7 +214,7 @@ def parsed(arguments):
     options = parser.parse_args(arguments)
     if options.rig and "all" in options.rig:
         options.rig = RIGS
-    elif options.variants or options.characters or options.vertices:
+    elif options.stacks or options.characters or options.vertices:
         options.rig = options.rig or ["human"]
     return options
 
@@ -222,7 +222,7 @@ def parsed(arguments):
 def main(arguments):
     options = parsed(arguments)
     results = [] if options.beside else table(options)
-    if options.beside or not (options.rig or options.variants):
+    if options.beside or not (options.rig or options.stacks):
         row = measure_beside(options.beside or 10_000)
         results.append(row)
         print(

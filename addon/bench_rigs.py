@@ -1,8 +1,10 @@
 """Makes the characters for benchmarks: a chain of 22 bones, or one of the rigs that ship with Blender (Rigify), with a
 mesh of tubes around the deforming bones.
 
-A `variant` is what the mesh has in addition: one of VARIANTS, or "" for nothing.
+A `stack` is what the mesh has besides its Armature modifier: one of STACKS, or "" for nothing.
 """
+
+import contextlib
 
 import bmesh
 import bpy
@@ -12,12 +14,34 @@ from mathutils import Euler
 CHAIN, CHAIN_BONES = "chain", 22
 METARIGS = ("human", "horse", "cat", "wolf", "bird", "shark", "basic_human", "basic_quadruped")
 RIGS = (CHAIN, *METARIGS)
-VARIANTS = ("keys", "driven-keys", "smooth", "smooth-part", "keys-smooth", "subdivision", "preserve-volume")
+STACKS = (
+    "keys",
+    "driven-keys",
+    "smooth",
+    "smooth-part",
+    "keys-smooth",
+    "subdivision",
+    "preserve-volume",
+    "second-armature",
+    "driven-smooth",
+    "render-smooth",
+    "lattice-smooth",
+    "surface-deform",
+    "mesh-deform",
+    "before-subsurf",
+    "before-triangulate",
+    "before-mirror",
+    "before-weld",
+    "before-solidify",
+    "before-mask",
+    "before-uv_warp",
+    "shared",
+)
 KEYED_FRAMES = (1, 15, 30, 45)
 CONTROLS = 60  # how many controls of a generated rig are animated
 INFLUENCES = 3
 KEYS, KEY_SHARE = 50, 0.05  # the number of shape keys, and the share of the vertices that each moves
-SMOOTHED_SHARE = 0.2  # the share of the vertices that the variant smooth-part smooths
+SMOOTHED_SHARE = 0.2  # the share of the vertices that the stack smooth-part smooths
 CHUNK = 10_000  # vertices
 
 
@@ -30,15 +54,17 @@ def sinew(name):
     return __import__(f"{ADDON}.{name}", fromlist=["_"])
 
 
-def make_characters(rig, vertices, count=1, variant=""):
+def make_characters(rig, vertices, count=1, stack=""):
     """Adds `count` characters to the open file, each with its own armature. Returns [mesh object]."""
     armature = make_chain() if rig == CHAIN else make_generated(rig)
     meshes = [make_mesh(armature, vertices, one_tube=rig == CHAIN)]
-    add_variant(meshes[0], variant)
-    meshes += [duplicate(meshes[0]) for _ in range(count - 1)]
+    add_stack(meshes[0], stack)
+    meshes += [duplicate(meshes[0], linked=stack == "shared") for _ in range(count - 1)]
     for seed, ob in enumerate(meshes, start=1):
         animate(ob.parent, seed)
-        animate_keys(ob, variant, seed)
+        animate_keys(ob, stack, seed)
+    if stack == "surface-deform":
+        meshes.append(make_clothes(meshes[0]))
     return meshes
 
 
@@ -50,10 +76,10 @@ def select(*objects):
     bpy.context.view_layer.objects.active = objects[0]
 
 
-def duplicate(ob):
-    """Duplicates a mesh together with its rig, as Shift D does."""
+def duplicate(ob, linked=False):
+    """Duplicates a mesh together with its rig, as Shift D does, or linked as Alt D does."""
     select(ob, ob.parent)
-    bpy.ops.object.duplicate()
+    bpy.ops.object.duplicate(linked=linked)
     return bpy.context.active_object
 
 
@@ -203,20 +229,126 @@ def write_weights(mesh, bones, weights):
     bm.free()
 
 
-# --- variants -------------------------------------------------------------------------------------
+# --- stacks ---------------------------------------------------------------------------------------
 
 
-def add_variant(ob, variant):
-    if "keys" in variant:
+def add_stack(ob, stack):
+    if "keys" in stack:
         add_keys(ob)
-    if "smooth" in variant:
+    if stack == "lattice-smooth":
+        ob.modifiers.new("Lattice", "LATTICE").object = make_lattice(ob)
+    if "smooth" in stack:
         smooth = ob.modifiers.new("Smooth", "CORRECTIVE_SMOOTH")
-        if variant == "smooth-part":
+        if stack == "smooth-part":
             smooth.vertex_group = ob.vertex_groups.new(name="Smoothed").name
             ob.vertex_groups["Smoothed"].add(range(int(SMOOTHED_SHARE * len(ob.data.vertices))), 1, "REPLACE")
-    ob.modifiers["Armature"].use_deform_preserve_volume = variant == "preserve-volume"
-    if variant == "subdivision":
+        elif stack == "driven-smooth":
+            bone = ob.vertex_groups[len(ob.vertex_groups) // 2].name
+            drive(smooth, ob.parent, bone, "factor")
+        elif stack == "render-smooth":
+            smooth.show_viewport = False
+    ob.modifiers["Armature"].use_deform_preserve_volume = stack == "preserve-volume"
+    if stack == "subdivision":
         ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    elif stack == "second-armature":
+        ob.modifiers.new("Face", "ARMATURE").object = make_face(ob)
+    elif stack == "mesh-deform":
+        bind_to_cage(ob)
+    elif stack.startswith("before-"):
+        add_before(ob, stack.removeprefix("before-").upper())
+
+
+def make_lattice(ob):
+    """Adds a lattice around a mesh, with points that are not where they were."""
+    lattice = bpy.data.lattices.new("Lattice")
+    lattice.points_u = lattice.points_v = lattice.points_w = 4
+    for number, point in enumerate(lattice.points):
+        point.co_deform.x += 0.05 * (number % 3)
+    cage = bpy.data.objects.new("Lattice", lattice)
+    bpy.context.collection.objects.link(cage)
+    cage.location = np.mean(ob.bound_box, axis=0)
+    cage.scale = 1.1 * np.array(ob.dimensions)
+    return cage
+
+
+def make_face(ob):
+    """Adds a second armature, with a bone for every third of the first one's that deform."""
+    body = ob.parent
+    armature = body.copy()
+    armature.data = body.data.copy()
+    bpy.context.collection.objects.link(armature)
+    for number, bone in enumerate(armature.data.bones):
+        bone.use_deform = bone.use_deform and number % 3 == 0
+    animate(armature, 99)
+    return armature
+
+
+def bind_to_cage(ob):
+    """Adds a Mesh Deform modifier and its cage behind the armature."""
+    low, high = np.min(ob.bound_box, axis=0), np.max(ob.bound_box, axis=0)
+    bpy.ops.mesh.primitive_cube_add()
+    cage = bpy.context.active_object
+    cage.location, cage.scale = (low + high) / 2, 0.6 * (high - low)
+    cage.name = "Cage"
+    for number, vertex in enumerate(cage.data.vertices):
+        vertex.co.y *= 1 + 0.05 * (number % 3)
+    modifier = ob.modifiers.new("Mesh Deform", "MESH_DEFORM")
+    modifier.object, modifier.precision = cage, 4
+    select(ob)
+    bpy.ops.object.meshdeform_bind(modifier=modifier.name)
+    assert modifier.is_bound
+    for vertex in cage.data.vertices:
+        vertex.co.x *= 1.2
+    cage.hide_render = cage.hide_viewport = True
+
+
+def make_clothes(body):
+    """Adds a slightly larger copy of a mesh with a Surface Deform modifier alone, which binds it to that mesh."""
+    clothes = body.copy()
+    clothes.data = body.data.copy()
+    clothes.name = "Clothes"
+    bpy.context.collection.objects.link(clothes)
+    clothes.modifiers.clear()
+    points = np.empty(3 * len(clothes.data.vertices), np.float32)
+    normals = points.copy()
+    clothes.data.vertices.foreach_get("co", points)
+    clothes.data.vertices.foreach_get("normal", normals)
+    clothes.data.vertices.foreach_set("co", points + 0.01 * normals)
+    modifier = clothes.modifiers.new("Surface Deform", "SURFACE_DEFORM")
+    modifier.target = body
+    select(clothes)
+    with at_rest(body.parent):
+        bpy.ops.object.surfacedeform_bind(modifier=modifier.name)
+    assert modifier.is_bound
+    return clothes
+
+
+@contextlib.contextmanager
+def at_rest(armature):
+    armature.data.pose_position = "REST"
+    bpy.context.view_layer.update()
+    try:
+        yield
+    finally:
+        armature.data.pose_position = "POSE"
+
+
+def add_before(ob, kind):
+    """Adds a modifier of that type before the Armature modifier."""
+    modifier = ob.modifiers.new("Before", kind)
+    if kind == "SUBSURF":
+        modifier.levels = 1
+    elif kind == "SOLIDIFY":
+        modifier.thickness = 0.01
+    elif kind == "MASK":
+        group = ob.vertex_groups.new(name="Shown")
+        group.add(range(len(ob.data.vertices) // 2), 1, "REPLACE")
+        modifier.vertex_group = group.name
+    elif kind == "UV_WARP":
+        ob.data.uv_layers.new()
+        modifier.offset = 0.1, 0.2
+    with bpy.context.temp_override(object=ob):
+        bpy.ops.object.modifier_move_to_index(modifier="Before", index=0)
 
 
 def add_keys(ob, count=KEYS):
@@ -236,13 +368,13 @@ def add_keys(ob, count=KEYS):
         key.value = 0.3
 
 
-def animate_keys(ob, variant, seed):
+def animate_keys(ob, stack, seed):
     """Animates half of the shape keys, with keyframes or with drivers on bones."""
     if not ob.data.shape_keys:
         return
     random = np.random.default_rng(seed)
     for key in ob.data.shape_keys.key_blocks[1 : KEYS // 2 + 1]:
-        if variant == "driven-keys":
+        if stack == "driven-keys":
             drive_by_some_bone(key, ob, random)
         else:
             for frame in KEYED_FRAMES:
@@ -252,11 +384,12 @@ def animate_keys(ob, variant, seed):
 
 def drive_by_some_bone(key, ob, random):
     key.driver_remove("value")
-    drive(key, ob.parent, ob.vertex_groups[int(random.integers(len(ob.vertex_groups)))].name)
+    drive(key, ob.parent, ob.vertex_groups[int(random.integers(len(ob.vertex_groups)))].name, "value")
 
 
-def drive(key, armature, bone):
-    driver = key.driver_add("value").driver
+def drive(owner, armature, bone, name):
+    """Has the rotation of a bone set a property of that name."""
+    driver = owner.driver_add(name).driver
     driver.type = "SUM"
     variable = driver.variables.new()
     variable.type = "TRANSFORMS"

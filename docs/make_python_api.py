@@ -22,7 +22,7 @@ GROUPS = {
     "Skinning": "Skin group_influences skin_linear skin_dual_quaternion skin_all Bends Layer ShapeKeys Deformer",
     "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
     "DirectDeltaMush skin_direct_delta_mush Progress",
-    "After skinning": "Topology CorrectiveSmooth Smooth Hook Stage",
+    "After skinning": "Topology CorrectiveSmooth Smooth Hook MixedLayers Lattice SurfaceDeform MeshDeform Stage",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }
 MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings: change it there. -->\n"

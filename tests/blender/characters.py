@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
-from helpers import select
+from helpers import select, twin_of
 
 BONES = 5
 
@@ -128,3 +128,65 @@ def pose(armature, frame, scaled):
 def accelerate(ob, output="MODIFIER"):
     select(ob)
     assert bpy.ops.object.sinew_bind(output=output) == {"FINISHED"}
+
+
+# --- with several armatures ---------------------------------------------------------------------------
+
+
+def with_twin(ob):
+    """Accelerates a mesh. Returns it and a twin that Blender deforms."""
+    twin = twin_of(ob)
+    if ob.data.shape_keys:  # a copy's keys play the original's action
+        twin.data.shape_keys.animation_data.action = ob.data.shape_keys.animation_data.action
+    accelerate(ob)
+    return ob, twin
+
+
+def make_body(volume=False):
+    """A mesh whose armature is animated."""
+    armature = make_armature()
+    for frame in (1, 7, 14, 20):
+        pose(armature, frame, scaled=True)
+    return make_mesh(armature, volume)
+
+
+def face_of(ob, name="Face", tip=(0.1, 0.2, 0.6), **settings):
+    """A rig of three bones near the top, with groups of its own, which overlap those of the body. Returns its
+    modifier, the last of the mesh."""
+    armature = bpy.data.objects.get(name) or make_face(name, tip)
+    random = np.random.default_rng(8)
+    for bone in armature.data.bones:
+        if bone.name not in ob.vertex_groups:
+            group = ob.vertex_groups.new(name=bone.name)
+            for v, vertex in enumerate(ob.data.vertices):
+                if vertex.co.z > 2.5 and random.uniform() < 0.6:
+                    group.add([v], float(random.uniform(0.1, 1)), "REPLACE")
+    return smoothed(ob, name, "ARMATURE", object=armature, **settings)
+
+
+def make_face(name, tip):
+    data = bpy.data.armatures.new(name)
+    armature = bpy.data.objects.new(name, data)
+    bpy.context.collection.objects.link(armature)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    parent = None
+    for i, bone_name in enumerate(("neck", "jaw", "brow")):
+        bone = data.edit_bones.new(f"{name} {bone_name}")
+        bone.head = (0.1 * i, -0.1, 2.6 + 0.6 * i)
+        bone.tail = tuple(np.add(bone.head, tip))
+        bone.roll, bone.parent = 0.4 * i, parent
+        parent = bone
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for frame in (1, 8, 15, 20):
+        pose(armature, frame + 2, scaled=True)
+    return armature
+
+
+def place(armature):
+    """Somewhere else, turned and scaled unevenly."""
+    armature.matrix_world = (
+        Matrix.Translation((0.2, -0.1, 0.3))
+        @ Euler((0.3, 0.2, 0.1)).to_matrix().to_4x4()
+        @ Matrix.Diagonal((1, 2, 0.5, 1))
+    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, evaluated, select, traces, twin_of, way
+from helpers import addon_module, assert_same_shape, evaluated, select, stages, traces, twin_of, way
 
 
 @pytest.fixture(autouse=True)
@@ -82,7 +82,7 @@ def test_bound_again_to_another_armature(character, other_armature):
 
 
 def test_bound_again_to_the_armature_of_another_modifier(character, other_armature):
-    """It has one for each: Blender deforms it by both, and so does Sinew."""
+    """It has one for each: Blender deforms it by both, and so does Sinew, which begins with the first."""
     ob, twin, armature = character
     for each in ob, twin:
         each.modifiers.new("Other", "ARMATURE").object = other_armature
@@ -90,7 +90,8 @@ def test_bound_again_to_the_armature_of_another_modifier(character, other_armatu
     select(ob, other_armature)
     assert bpy.ops.object.sinew_bind() == {"FINISHED"}
     assert_plays(ob, twin)
-    assert ob.sinew.armature == other_armature and ob.modifiers["Armature"].object == armature
+    assert ob.sinew.armature == armature and ob.modifiers["Armature"].object == armature
+    assert stages(ob) == ["Other"]
     assert_given_back(ob, twin)
 
 

@@ -183,7 +183,8 @@ def test_what_cannot_be_bound_is_said():
 
 @pytest.mark.parametrize("kind", ("MIRROR", "ARRAY", "SUBSURF", "SOLIDIFY", "BEVEL"))
 def test_modifiers_with_other_vertices_before_the_armature(fresh_scene, kind):
-    """Blender's own modifier goes on deforming, there from the start or coming later."""
+    """Blender's own modifier goes on deforming where Sinew cannot begin with their result, there from the start or
+    coming later."""
     armature = make_armature()
     ob = make_mesh(armature, False)
     twin = twin_of(ob)
@@ -195,7 +196,9 @@ def test_modifiers_with_other_vertices_before_the_armature(fresh_scene, kind):
     accelerate(ob)
     fresh_scene.frame_set(1)
     assert_same_shape(ob, twin)
-    assert way(ob) == "BLENDER" and [m.name for m in ob.modifiers] == ["Early", "Armature"]
+    can_begin = bpy.app.version >= (4, 1, 0)
+    assert way(ob) == ("CANVAS" if can_begin else "BLENDER")
+    assert [m.name for m in ob.modifiers] == ["Early", *(["Sinew"] if can_begin else []), "Armature"]
     for each in ob, twin:
         each.modifiers.remove(each.modifiers["Early"])
     fresh_scene.frame_set(2)
@@ -207,7 +210,7 @@ def test_modifiers_with_other_vertices_before_the_armature(fresh_scene, kind):
         to_front(each, "Early")
     fresh_scene.frame_set(3)
     assert_same_shape(ob, twin)
-    assert way(ob) == "BLENDER"
+    assert way(ob) == ("CANVAS" if can_begin else "BLENDER")
 
 
 def to_front(ob, name):
@@ -219,13 +222,13 @@ def test_what_cannot_be_followed_is_refused_and_left_alone():
     ob, _ = import_rig("capsule")
     select(ob)
     bpy.ops.object.sinew_unbind()
+    ob.shape_key_add(name="Basis")
     twin = ob.copy()
     bpy.context.collection.objects.link(twin)
     select(ob)
     with pytest.raises(RuntimeError, match="cannot use the output Mesh.*: 2 objects share this mesh"):
         bpy.ops.object.sinew_bind(output="MESH")
     bpy.data.objects.remove(twin)
-    ob.shape_key_add(name="Basis")
     ob.data.shape_keys.use_relative = False
     with pytest.raises(RuntimeError, match="cannot use the output Mesh.*are absolute"):
         bpy.ops.object.sinew_bind(output="MESH")

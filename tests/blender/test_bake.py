@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 
 import bpy
 import numpy as np
@@ -360,9 +361,11 @@ def test_what_the_command_cannot_do(sinew, blend, tmp_path, words, code, said):
 def test_a_place_that_cannot_be_written_to(sinew, blend, tmp_path):
     (tmp_path / "file").write_text("")
     code, _, err = sinew(blend, "-o", tmp_path / "file" / "out")
-    assert code == 1 and err == f"sinew: {tmp_path / 'file' / 'out'}: Not a directory\n"
-    code, _, err = sinew("-o", "/proc/sinew")
-    assert code == 1 and err.startswith("sinew: /proc/sinew: ") and err.count("\n") == 1
+    reason = "Not a directory" if os.name == "posix" else "\\w[^:]+"  # Windows has other words
+    assert code == 1 and re.fullmatch(f"sinew: {re.escape(str(tmp_path / 'file' / 'out'))}: {reason}\n", err)
+    if os.name == "posix":  # whoever may write anywhere may not write there
+        code, _, err = sinew("-o", "/proc/sinew")
+        assert code == 1 and err.startswith("sinew: /proc/sinew: ") and err.count("\n") == 1
 
 
 def test_the_command_without_a_file(sinew, tmp_path):
@@ -462,7 +465,7 @@ def test_the_file_plays_and_gives_back_after_it_was_saved(figure, tmp_path):
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     ob = bpy.data.objects["Tube"]
-    assert ob.modifiers["Sinew Cache"].filepath == "//out/Tube.pc2"
+    assert ob.modifiers["Sinew Cache"].filepath.replace("\\", "/") == "//out/Tube.pc2"
     assert_plays(ob, expected)
     select(ob)
     assert bpy.ops.object.sinew_take_off_cache() == {"FINISHED"}

@@ -1,8 +1,8 @@
 """USD: points as Blender shows them, and skeletons that USD's own skinning moves to the same shape."""
 
 import os
-import resource
 import signal
+import subprocess
 import sys
 
 import bpy
@@ -254,16 +254,19 @@ def test_what_a_dead_process_has_left_goes(figure, tmp_path):
     leftovers = addon_module("bake.leftovers")
     own = leftovers.own_name(f"{tmp_path / 'Tube.usdc'}.part", ".usdc")
     dead = own.replace(str(os.getpid()), "4194399")  # beyond any
-    living = own.replace(str(os.getpid()), "1")
-    for path in (dead, living):
-        with open(path, "w"):
-            pass
-    bake(tmp_path)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
+        living = own.replace(str(os.getpid()), str(other.pid))
+        for path in (dead, living):
+            with open(path, "w"):
+                pass
+        bake(tmp_path)
+        other.communicate(b"\n")
     assert sorted(os.listdir(tmp_path)) == ["Tube.usdc", os.path.basename(living)]
 
 
 def test_a_full_disk(figure, tmp_path):
     """The kernel refuses to make a file longer, as it does where there is no room left."""
+    resource = pytest.importorskip("resource")  # Windows sets no such limits
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     (tmp_path / "Tube.usdc").write_text("mine")
@@ -277,8 +280,10 @@ def test_a_full_disk(figure, tmp_path):
 
 
 def test_a_folder_that_forbids_it(figure, tmp_path):
-    with pytest.raises(OSError, match="/proc/sinew"):
-        bake("/proc/sinew")
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(OSError, match="sinew"):
+        bake(tmp_path / "file" / "sinew")
+    (tmp_path / "file").unlink()
     select(figure)
     (tmp_path / "Tube.usdc").mkdir()
     with pytest.raises(OSError, match="Tube.usdc"):

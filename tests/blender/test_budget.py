@@ -141,6 +141,7 @@ def test_a_frame_of_clips_and_copies(fresh_scene, counted):
 def test_meshes_left_to_blender(counted):
     """Which way they go is decided again, by what was edited alone."""
     armature, (ob,) = bound_meshes(1)
+    ob.shape_key_add(name="Basis")
     other = ob.copy()
     bpy.context.collection.objects.link(other)
     settle(armature)
@@ -213,7 +214,7 @@ def test_a_mesh_is_shared_and_single_again_while_others_are_there(fresh_scene, c
     assert entry.way.kind == "ATTRIBUTE"
     other.data = ob.data
     bpy.context.view_layer.update()
-    assert entry.way.kind == "BLENDER" and entry.planning.sharer_count == 2
+    assert entry.way.kind == "CANVAS" and entry.planning.sharer_count == 2
     bpy.data.objects.remove(other)
     bpy.context.view_layer.update()
     assert entry.way.kind == "ATTRIBUTE" and entry.planning.sharer_count == 1

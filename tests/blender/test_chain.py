@@ -1,6 +1,7 @@
 """The whole run of deforming modifiers, shape keys to smoothing, in one pass: Blender's own chain on a twin is the
 judge."""
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -243,16 +244,6 @@ def subdivided(ob):
     smoothed(ob, "After it")
 
 
-def driven(ob):
-    smoothed(ob)
-    smoothed(ob, "Driven")
-    driver = ob.driver_add('modifiers["Driven"].factor').driver
-    variable = driver.variables.new()
-    variable.type, variable.targets[0].id = "TRANSFORMS", ob.modifiers["Armature"].object
-    variable.targets[0].bone_target, variable.targets[0].transform_type = "bone2", "LOC_X"
-    driver.expression = "0.5 + var / 10"
-
-
 def by_number(ob):
     """Blender would take others behind a Geometry Nodes modifier."""
     smoothed(ob)
@@ -340,24 +331,11 @@ def by_curve(ob):
     hook(ob, vertex_group="bone2", falloff_type="CURVE", falloff_radius=3)
 
 
-def in_renders_alone(ob):
-    smoothed(ob)
-    smoothed(ob, "Render", show_viewport=False)
-
-
-def switched_by_keyframes(ob):
-    smoothed(ob)
-    animate(smoothed(ob, "Switched"), show_viewport=(True, False))
-
-
 @pytest.mark.parametrize(
     "behind, name, reason",
     [
         (subdivided, "Finer", "Sinew cannot evaluate modifiers of the type Subdivision Surface"),
-        (driven, "Driven", "its factor is driven"),
         (by_curve, "Hook", "falloff curve"),
-        (in_renders_alone, "Render", "differ from those of Armature"),
-        (switched_by_keyframes, "Switched", "drivers or keyframes"),
     ],
     ids=lambda part: getattr(part, "__name__", ""),
 )
@@ -456,6 +434,16 @@ def one_vertex_more(ob):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+def a_loose_vertex(ob):
+    """No edge or face is another."""
+    select(ob)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bm = bmesh.from_edit_mesh(ob.data)
+    bm.verts.new((0.1, 0.2, 3.3))
+    bmesh.update_edit_mesh(ob.data)
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
 EDITS = (
     settings,
     another_group,
@@ -472,6 +460,7 @@ EDITS = (
     other_vertices,
     cut,
     one_vertex_more,
+    a_loose_vertex,
 )
 
 
@@ -605,3 +594,9 @@ def test_an_armature_of_a_mix_in_edit_mode(fresh_scene, make, number):
     assert_same_on_all_frames(fresh_scene, ob, twin, range(6, 9))
     bpy.ops.object.mode_set(mode="OBJECT")
     assert_same_on_all_frames(fresh_scene, ob, twin, range(9, 12))
+
+
+def test_the_types_of_stages_are_the_same_everywhere():
+    types = addon_module("blender.modifier_types").STAGES
+    assert {"ARMATURE", *addon_module("run.stages").KINDS} == types  # mixes.py makes those of Armature modifiers
+    assert addon_module("host.watch")._STAGES.keys() < types  # Hooks are read on each frame

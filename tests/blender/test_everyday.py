@@ -123,22 +123,8 @@ def test_the_armature_is_brought_back(fresh_scene, character):
 
 
 @pytest.mark.parametrize("means", ("driver", "keyframe"))
-def test_switches_that_are_animated_are_refused(character, means):
-    _, twin, _ = character
-    modifier = twin.modifiers["Armature"]
-    if means == "driver":
-        modifier.driver_add("show_viewport").driver.expression = "frame < 10"
-    else:
-        modifier.keyframe_insert("show_viewport")
-    select(twin)
-    with pytest.raises(RuntimeError, match="Armature of Tube.001 is switched by drivers or keyframes .show_viewport."):
-        bpy.ops.object.sinew_bind()
-    assert not twin.sinew.is_bound and modifier.object
-
-
-@pytest.mark.parametrize("means", ("driver", "keyframe"))
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
-def test_switches_that_are_animated_later_are_blenders(fresh_scene, character, means, output):
+def test_switches_that_are_animated_later_are_followed(fresh_scene, character, means, output):
     ob, twin, _ = character
     ob.sinew.output = output
     fresh_scene.frame_set(2)
@@ -155,18 +141,20 @@ def test_switches_that_are_animated_later_are_blenders(fresh_scene, character, m
         fresh_scene.frame_set(frame)
         assert_same_shape(ob, twin)
         shapes.append(evaluated(ob))
-    assert way(ob) == "BLENDER" and not np.allclose(shapes[0], shapes[1]) and np.array_equal(shapes[1], shapes[3])
+    assert way(ob) == "ATTRIBUTE" and not np.allclose(shapes[0], shapes[1]) and np.array_equal(shapes[1], shapes[3])
 
 
 @pytest.mark.parametrize("first", ((False, False), (True, False), (False, True)))
-def test_a_mix_that_is_not_shown_alike_is_blenders(fresh_scene, character, first):
+def test_a_mix_that_is_not_shown_alike(fresh_scene, character, first):
     ob, twin, armature = character
     for each in (ob, twin):
         second = each.modifiers.new("Second", "ARMATURE")
         second.object, second.use_multi_modifier = armature, True
         each.modifiers["Armature"].show_viewport, each.modifiers["Armature"].show_render = first
     assert_same_on_all_frames(fresh_scene, ob, twin, (3, 8))
-    assert not np.allclose(evaluated(ob), own_positions(ob)) and way(ob) == "BLENDER"
+    assert not np.allclose(evaluated(ob), own_positions(ob))
+    # The data-block of an evaluated object leads to its graph since Blender 4.0.
+    assert way(ob) == ("ATTRIBUTE" if bpy.app.version >= (4, 0, 0) else "BLENDER")
     for each in (ob, twin):
         each.modifiers["Armature"].show_viewport = each.modifiers["Armature"].show_render = True
     assert_same_on_all_frames(fresh_scene, ob, twin, (5, 6))
@@ -199,7 +187,8 @@ def test_where_people_edit_what_they_see_blender_deforms(fresh_scene, character,
         bpy.context.view_layer.update()
         modifiers = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).modifiers
         assert ob.modifiers["Armature"].show_viewport and not ob.modifiers["Sinew"].show_viewport
-        return [modifier.name for modifier in modifiers if modifier.show_viewport]
+        is_aside = addon_module("host.switches").is_aside
+        return [modifier.name for modifier in modifiers if modifier.show_viewport and not is_aside(modifier)]
 
     assert who() == ["Sinew"]
     select(ob)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, assert_same_on_all_frames, diagonal, evaluated, twin_of, way
+from helpers import addon_module, assert_same_on_all_frames, diagonal, evaluated, maps_files, twin_of, way
 
 FRAMES = range(1, 5)
 USD = ("wm.usd_export", "wm.usd_import", "usdc")
@@ -111,8 +111,12 @@ def imported(name, path):
 
 @pytest.mark.parametrize(
     "name, with_keys, is_smoothed",
-    [(name, with_keys, False) for name in EXPORTERS for with_keys in (False, True)]
-    + [(name, with_keys, True) for name in SMOOTHED for with_keys in (False, True)],
+    [
+        pytest.param(name, with_keys, is_smoothed, marks=[maps_files] if name.startswith("OBJ") else [])
+        for names, is_smoothed in ((EXPORTERS, False), (SMOOTHED, True))
+        for name in names
+        for with_keys in (False, True)
+    ],
 )
 def test_a_bound_character_is_exported_as_an_unbound_one(tmp_path, name, with_keys, is_smoothed):
     ob = make_figure(with_keys, is_smoothed)

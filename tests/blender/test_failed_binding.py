@@ -67,10 +67,10 @@ def mixed_with_nobody(ob):
     return other
 
 
-def switched_by_keyframes(ob):
+def held_by_keyframes(ob):
     second = ob.modifiers.new("Second", "ARMATURE")
     second.object = make_armature()
-    animate(second, show_viewport=(True, False))
+    animate(second, use_apply_on_spline=(True, False))
     return second.object
 
 
@@ -93,7 +93,7 @@ FAILURES = {
     in_edit_mode: "Edit Mode",
     mixed: "Multi Modifier",
     mixed_with_nobody: "has no armature: choose one there",
-    switched_by_keyframes: "switched by drivers or keyframes",
+    held_by_keyframes: "use_apply_on_spline of Second of Tube is driven or animated",
     nothing_to_take_over: "no armature, shape keys or smoothing",
     refused_by_blender: r"Blender does not allow Armature\S* before Corrective on Tube",
 }

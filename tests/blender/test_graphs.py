@@ -1,6 +1,8 @@
 """Several dependency graphs evaluate the same bound mesh, and their copies of it need not be of the same age: what was
 read from one must not count for another. And what tells a graph's copy from a new one must not get into originals."""
 
+import ctypes
+
 import bpy
 import numpy as np
 import pytest
@@ -70,6 +72,12 @@ def as_if_just_copied(old):
     mesh = wiring.waits_for(hook, "mesh")
     marks.clear_mark(old, "OBJECT")
     marks.clear_mark(mesh, "MESH")
+    recalc_of(old).value = 2  # as while Blender evaluates it
+
+
+def recalc_of(ob):
+    """Blender's flags of what it evaluates in an object."""
+    return ctypes.c_uint32.from_address(addon_module("host.contract").region(ob, "ID", "recalc")[0])
 
 
 @pytest.mark.parametrize(
@@ -113,6 +121,35 @@ def test_copies_that_are_equal_share_what_was_made(two_graphs):
     first, second = (characters.character(ob).copy_of(ob.evaluated_get(each)) for each in scenes)
     assert first is not second and first.deformer is not second.deformer
     assert first.weights is second.weights and first.rest is second.rest and first.layers[0] is second.layers[0]
+
+
+def test_a_script_that_reads_the_hooks_property_changes_nothing(two_graphs):
+    scene, ob, twin, _, graph = two_graphs
+    marks, switches = addon_module("host.marks"), addon_module("host.switches")
+    for each in (bpy.context.evaluated_depsgraph_get(), graph):
+        evaluated_ob = ob.evaluated_get(each)
+        modifier = evaluated_ob.modifiers["Armature"]
+        assert recalc_of(evaluated_ob).value == 0 and switches.is_aside(modifier)
+        switches.put_aside(modifier, False)
+        marks.clear_mark(evaluated_ob, "OBJECT")
+        assert evaluated_ob.sinew.deform_now == 0
+        assert not switches.is_aside(modifier) and not marks.is_marked(evaluated_ob, "OBJECT")
+    assert ob.sinew.deform_now == 0
+    scene.frame_set(5)
+    assert_same_shape(ob, twin)
+
+
+def test_what_never_shows_an_evaluation_is_not_asked(two_graphs, monkeypatch):
+    """Flags that are never set do not say what Sinew takes them for."""
+    _, ob, _, _, graph = two_graphs
+    evaluations, old = addon_module("host.evaluations"), ob.evaluated_get(graph)
+    assert not evaluations.is_running(old)
+    monkeypatch.setattr(evaluations, "_has_been_set", False)
+    assert evaluations.is_running(old)
+    recalc_of(old).value = 2
+    assert evaluations.is_running(old)
+    recalc_of(old).value = 0
+    assert not evaluations.is_running(old)
 
 
 # --- marks ----------------------------------------------------------------------------------------

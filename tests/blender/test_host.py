@@ -189,6 +189,10 @@ def spoil_switches(host, monkeypatch):
     monkeypatch.setattr(host["switches"], "_VIEWPORT", 4)
 
 
+def spoil_setting_aside(host, monkeypatch):
+    monkeypatch.setattr(host["switches"], "_ASIDE", 1 << 30)
+
+
 def plain(ob):
     pass
 
@@ -202,6 +206,7 @@ def plain(ob):
         (spoil_keys, add_shape_keys, "shape keys are not where they were"),
         (spoil_attributes, plain, "attributes are not where they were"),
         (spoil_switches, plain, "the bits of switches of modifiers have another meaning"),
+        (spoil_setting_aside, plain, "the bit that disables modifiers has another meaning"),
     ),
 )
 def test_another_meaning_is_noticed_before_it_makes_a_wrong_shape(
@@ -254,8 +259,8 @@ def test_each_is_compared_once(host, monkeypatch, fresh_scene):
     accelerate(ob)
     fresh_scene.frame_set(1)
     assert way(ob) == "ATTRIBUTE"
-    off = "switches of modifiers", (False, False)
-    assert {"bones", "segments", "attributes", off} <= host["proof"]._proved
+    on = "switches of modifiers", (True, True)
+    assert {"bones", "segments", "attributes", on, "the bit that disables modifiers"} <= host["proof"]._proved
     monkeypatch.setattr(host["proof"], "give", lambda *_: pytest.fail("it was compared again"))
     for frame in (2, 3, 4):
         fresh_scene.frame_set(frame)

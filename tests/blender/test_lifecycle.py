@@ -16,7 +16,6 @@ from helpers import (
     depsgraph,
     evaluated,
     import_rig,
-    needs_program,
     own_positions,
     select,
     twin_of,
@@ -165,7 +164,6 @@ def test_save_and_reload(fresh_scene, tmp_path, output):
     assert np.allclose(evaluated(ob), later, atol=1e-6)
 
 
-@needs_program
 @pytest.mark.parametrize("hidden", (False, True), ids=("armature shown", "armature hidden"))
 @pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
 def test_a_file_plays_without_the_addon(fresh_scene, tmp_path, keys, hidden):

@@ -147,7 +147,7 @@ def test_the_example_of_a_bake_runs(character, capsys, tmp_path):
     ob.name = "Body"
     package = addon_module("bake").__name__
     code = example(
-        "bake.md", **{"bl_ext.user_default.sinew.bake": package, "/shots/010/bake": str(tmp_path), "240": "3"}
+        "bake.md", **{"bl_ext.user_default.sinew.bake": package, "/shots/010/bake": tmp_path.as_posix(), "240": "3"}
     )
     exec(code, {"bpy": bpy})
     assert "3 of 3 frames baked" in capsys.readouterr().out and (tmp_path / "Body.pc2").is_file()

@@ -12,7 +12,6 @@ from helpers import (
     depsgraph,
     diagonal,
     evaluated,
-    needs_program,
     select,
     twin_of,
     way,
@@ -138,7 +137,6 @@ def test_saved_and_opened(character, tmp_path, method):
     assert lacks(ob) == ""
 
 
-@needs_program
 @pytest.mark.parametrize("method", (BLENDED, CENTERS, MUSH))
 def test_without_sinew_the_file_plays_by_the_modifier(character, tmp_path, method):
     ob, twin = character

@@ -1,5 +1,6 @@
 """What the panels say in each situation, drawn into a layout that only takes notes."""
 
+from importlib.machinery import EXTENSION_SUFFIXES
 from types import SimpleNamespace
 
 import bpy
@@ -304,9 +305,7 @@ def test_preferences_without_a_module():
         "this package has those for Python 3.7 (win_amd64), Python 3.6 (x86_64-linux-gnu)"
     )
     assert problem(ImportError("nothing"), []).endswith("this package has none")
-    import sys
-
-    here = f"sinew_native.cpython-{sys.version_info.major}{sys.version_info.minor}-x86_64-linux-gnu.so"
+    here = f"sinew_native{EXTENSION_SUFFIXES[0]}"
     assert problem(ImportError("GLIBC_9 not found"), [*files, here]).endswith("does not load: GLIBC_9 not found")
 
 
@@ -496,6 +495,8 @@ def test_what_comes_before_is_called_what_people_see(fresh_scene):
 
 def test_single_user_is_advised_where_it_can_be_done(fresh_scene, tmp_path):
     ob, armature = figure()
+    if ob.data.shape_keys is None:
+        ob.shape_key_add(name="Basis")
     twin = ob.copy()
     collection = bpy.data.collections.new("Character")
     for each in (ob, twin, armature):
@@ -504,7 +505,7 @@ def test_single_user_is_advised_where_it_can_be_done(fresh_scene, tmp_path):
         collection.objects.link(each)
     fresh_scene.collection.children.link(collection)
     fresh_scene.frame_set(2)
-    advice = "2 objects share this mesh, and Blender evaluates them at the same time"
+    advice = "2 objects share this mesh, and Blender blends its shape keys for all of them"
     assert f"{advice}: make it single-user" in " ".join(draw()) and "Make Single User" in draw()
     scene = into_a_shot(tmp_path, overridden=True)
     scene.frame_set(3)

@@ -1,10 +1,11 @@
 """A mesh so small that the node group would cost more than Sinew saves is left to Blender's own modifier."""
 
+import bmesh
 import bpy
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
-from helpers import addon_module, assert_same_on_all_frames, twin_of, way
+from helpers import addon_module, assert_same_on_all_frames, select, twin_of, way
 
 VERTICES = 1_200  # of the tests' tube
 
@@ -72,3 +73,22 @@ def test_a_small_mesh_that_is_smoothed(fresh_scene, limit):
     ob, twin = character(smoothed)
     assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 6))
     assert way(ob) == "ATTRIBUTE"
+
+
+def test_of_several_meshes_the_small_ones_are_left_alone(fresh_scene, limit):
+    """Each alone is bound if the user asks for it, so that smoothing can be added later."""
+    limit(VERTICES)
+    armature = make_armature()
+    large, small = make_mesh(armature, False), make_mesh(armature, False)
+    bm = bmesh.new()
+    bm.from_mesh(small.data)
+    bmesh.ops.delete(bm, geom=list(bm.verts)[:600])
+    bm.to_mesh(small.data)
+    bm.free()
+    select(armature)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert (large.sinew.is_bound, small.sinew.is_bound) == (True, False)
+    assert [modifier.type for modifier in small.modifiers] == ["ARMATURE"] and not small.animation_data
+    select(small)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    assert small.sinew.is_bound and way(small) == "BLENDER"

@@ -15,7 +15,6 @@ from helpers import (
     end,
     evaluated,
     into_a_shot,
-    needs_program,
     own_positions,
     select,
     stages,
@@ -260,8 +259,12 @@ def test_shown_in_renders_alone(fresh_scene, make):
     assert np.array_equal(evaluated(ob), own_positions(ob)) and stages(ob) == ["First", "Second"]
     ob, twin = make(add_shape_keys, in_renders_alone)
     assert_same_on_all_frames(fresh_scene, ob, twin, (3, 7))
-    assert way(ob) == "KEYS" and stages(ob) == []
-    assert end(ob) == ("First", "its switches for viewport and renders differ from those of the mesh")
+    assert way(ob) == "KEYS"
+    if bpy.app.version >= (4, 0, 0):  # where the data-block of an evaluated object leads to its graph
+        assert stages(ob) == ["First", "Second"] and end(ob) == ("", "")
+    else:
+        assert stages(ob) == []
+        assert end(ob) == ("First", "its switches for viewport and renders differ from those of the mesh")
 
 
 # --- edits ----------------------------------------------------------------------------------------
@@ -523,7 +526,7 @@ def test_objects_that_share_the_mesh(fresh_scene, make):
     bpy.context.collection.objects.link(copy)
     for each in (ob, copy):
         assert_same_on_all_frames(fresh_scene, each, twin, (4, 5))
-        assert way(each) == "BLENDER"
+        assert way(each) == ("BLENDER" if ob.data.shape_keys else "CANVAS")
     select(copy)
     assert bpy.ops.object.sinew_make_single_user() == {"FINISHED"}
     for each in (ob, copy):
@@ -597,7 +600,6 @@ def test_from_a_library(fresh_scene, make, tmp_path, keys, when):
     assert_it_is_sinew(ob)
 
 
-@needs_program
 @pytest.mark.parametrize(
     "keys, behind",
     ((nothing, all_of_them), (add_shape_keys, nothing), (add_shape_keys, plain)),
@@ -617,7 +619,7 @@ def test_a_file_plays_without_the_addon(fresh_scene, make, tmp_path, keys, behin
 
 def driven_smoothing(ob):
     modifier = smoothed(ob)
-    ob.driver_add(f'modifiers["{modifier.name}"].factor')
+    ob.driver_add(f'modifiers["{modifier.name}"].factor').driver.expression = "frame / 9"
 
 
 def lone_basis(ob):

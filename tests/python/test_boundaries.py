@@ -28,14 +28,16 @@ LAYERS = (
     {"__init__"},
 )
 # Likewise the folders of native/src.
-NATIVE_LAYERS = ({"base"}, {"files", "mesh", "skeleton"}, {"skinning"}, {"mush", "smoothing"}, {"deformer"})
+NATIVE_LAYERS = ({"base"}, {"files", "mesh", "skeleton"}, {"skinning"}, {"cages", "mush", "smoothing"}, {"deformer"})
 PURE = {
     "bake.baked",
     "bake.frame_range",
     "bake.job",
+    "bake.leftovers",
     "bake.part_files",
     "bake.point_cache",
     "bake.subject",
+    "bake.systems",
     "bake.usd",
     "bake.verify",
     "blender.materials",
@@ -45,6 +47,12 @@ PURE = {
     "deform.clips",
     "deform.influences",
     "native",
+    "plan.mends",
+    "plan.plans",
+    "plan.fronts",
+    "plan.runs",
+    "plan.situation",
+    "plan.ways",
     "profiling.costs",
     "run.mail",
 }

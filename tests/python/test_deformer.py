@@ -98,6 +98,35 @@ def test_layers_are_mixed_by_their_shares(random):
     assert np.abs(out - shape).max() < 4e-6
 
 
+def test_layers_as_a_stage_start_from_the_shape_before_them(random):
+    (skin, _, _), (other, _, _) = rigs.dense_skin(random, 300, J), rigs.dense_skin(random, 300, 5)
+    layers = [sinew.Layer(skin, "linear"), sinew.Layer(other, "dual_quaternion", share=random.random(300))]
+    first, poses = [(turned(random, J), None)], [(turned(random, J), spaces(random)[2]), (turned(random, 5), None)]
+    deformer, mixed = sinew.Deformer([sinew.Layer(skin, "dual_quaternion")]), sinew.MixedLayers(layers)
+    before, out, expected = np.empty((3, 300, 3), np.float32)
+    deformer.deform(first, before)
+    sinew.Deformer(layers).deform(poses, expected, rest_positions=before)
+    stage = mixed.stage(poses)
+    assert mixed.vertex_count == 300
+    del layers, poses
+    gc.collect()  # the stage keeps what it is made of
+    deformer.deform(first, out, stages=[stage])
+    assert np.array_equal(out, expected)
+    stage.apply(before)
+    assert np.array_equal(before, expected)
+
+
+def test_refuses_layers_and_poses_that_do_not_fit_a_stage(random):
+    skin, _, _ = rigs.dense_skin(random, 300, J)
+    layer, pose = sinew.Layer(skin, "linear"), turned(random, J)
+    assert said(sinew.MixedLayers, []) == "there are no layers; expected at least one"
+    assert said(sinew.MixedLayers, [layer, layer]) == "layer 1 has no share; only the first has none"
+    stage = sinew.MixedLayers([layer]).stage
+    assert said(stage, []) == "there are 0 poses; the stage has 1 layer"
+    assert said(stage, [pose]) == "pose 0 is not a tuple (matrices, space)"
+    assert said(stage, [(pose[1:], None)]) == "layer 0: there are 7 matrices per frame; the skin has 8 joints"
+
+
 def some_keys(random, vertices=V):
     """Positions, what they are relative to, groups: a key of a part, a key of all, one relative to another,
     one with a group, one that is relative to none there is."""

@@ -5,6 +5,7 @@ the file."""
 
 import gc
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def rig_folder(path, skeleton="-1 -1 0 0 0\n0 0 1 0 0\n1 1 1 0 0\n"):
         "pose.dmat": "2 9\n0 0 0 0 0 0 0 0 0\n0 0 0 0 0 90 0 0 0\n",
     }
     for name, text in texts.items():
-        (path / name).write_text(text)
+        (path / name).write_text(text, "utf-8")
     return path
 
 
@@ -369,6 +370,7 @@ def test_excerpts_are_cut_between_letters(tmp_path):
     assert said(sinew.read_dmat, path) == r'a.dmat, row 0, column 0: expected a finite number, found "gr\xf6\xdfe"'
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="on Windows every name of a file is text")
 def test_files_with_names_that_are_no_text(tmp_path):
     path = os.fsencode(tmp_path) + b"/gr\xf6\xdfe.dmat"
     assert said(sinew.read_dmat, path) == rf"there is no file {tmp_path}/gr\xf6\xdfe.dmat"

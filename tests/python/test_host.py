@@ -28,11 +28,16 @@ class Bone(ctypes.Structure):
 
 
 class Key(ctypes.Structure):
-    _fields_ = [("next", ctypes.c_void_p), ("value", ctypes.c_float), ("flags", ctypes.c_uint16)]
+    _fields_ = [
+        ("next", ctypes.c_void_p),
+        ("value", ctypes.c_float),
+        ("flags", ctypes.c_uint16),
+        ("relative", ctypes.c_int16),
+    ]
 
 
 BONE = (Bone.next.offset, Bone.motion.offset, Bone.segment_count.offset, Bone.segments.offset)
-KEY = (Key.flags.offset, Key.value.offset)
+KEY = (Key.flags.offset, Key.value.offset, Key.relative.offset)
 
 
 def chained(structs):
@@ -123,7 +128,7 @@ def posed():
     address = ctypes.addressof(owner)
     shortcut = host.Shortcut(
         deformer,
-        [(address + Owner.state.offset, 4)],
+        [(address, -1, 0, [(Owner.state.offset, 4)])],
         [(address, [0, -1, 1], [1, 0, 3])],
         (Pose.first.offset, Pose.array.offset, *BONE),
         [(address + Owner.mesh_place.offset, address + Owner.armature_place.offset)],
@@ -161,6 +166,30 @@ def test_a_shortcut_gives_the_deformers_bits(posed, mesh, armature):
     assert posed.shortcut.milliseconds.shape == (2,) and (posed.shortcut.milliseconds >= 0).all()
 
 
+def test_a_shortcut_poses_the_layers_of_stages(posed):
+    """A second pose, read after the deformer's own: here from the same bones, in other places."""
+    rest = np.random.default_rng(3).normal(size=(3, 3)).astype(np.float32)
+    skin = sinew_native.Skin(rest, np.arange(4), np.array([2, 0, 3]), np.ones(3), 5)
+    mixed = sinew_native.MixedLayers([sinew_native.Layer(skin, "dual_quaternion")])
+    identities = np.tile(np.eye(4, dtype=np.float32), (5, 1, 1))
+    address = ctypes.addressof(posed.owner)
+    shortcut = host.Shortcut(
+        posed.deformer,
+        [],
+        [(address, [0, -1, 1], [1, 0, 3])] * 2,
+        (Pose.first.offset, Pose.array.offset, *BONE),
+        [(address + Owner.mesh_place.offset, address + Owner.armature_place.offset)] * 2,
+        [],
+        (mixed.stage([(identities, None)]),),
+    )
+    posed.owner.mesh_place, posed.owner.armature_place = placed(MESH), placed(ARMATURE)
+    out, wanted = np.empty((2, 3, 3), np.float32)
+    assert shortcut.deform(out.ctypes.data)
+    poses = as_poses(posed, host.space_between(MESH, ARMATURE))
+    posed.deformer.deform(poses, wanted, stages=[mixed.stage(poses)])
+    assert np.array_equal(out, wanted) and shortcut.milliseconds.shape == (3,)
+
+
 def test_the_space_between_two_places():
     assert host.space_between(MESH, MESH.copy()) is None
     wanted = np.linalg.inv(MESH.astype(np.float64)) @ ARMATURE
@@ -191,19 +220,39 @@ def test_a_shortcut_holds_as_long_as_nothing_has_changed(posed):
     assert posed.shortcut.holds()
 
 
+def test_a_shortcut_watches_a_tree(posed):
+    """What the parts of the tree do is tested in tests/native/watched_test.cpp."""
+    address = ctypes.addressof(posed.owner)
+    root = address, -1, 0, [(Owner.state.offset, 4), (Owner.pose.offset, 8)]
+    below = ctypes.addressof(posed.pose), 0, 1, [(Pose.first.offset, 8)]
+
+    def made(*watched):
+        return host.Shortcut(sinew_native.Deformer(vertex_count=3), list(watched), [], (0,) * 6, [], [])
+
+    shortcut = made(root, below)
+    assert shortcut.holds()
+    posed.pose.first += 8
+    assert not shortcut.holds()
+    with pytest.raises(ValueError, match="watched struct 1 is not where region 0 of its parent points"):
+        made(root, (*below[:2], 0, below[3]))
+    with pytest.raises(ValueError, match="watched struct 0 has the parent 0, which is not one of those before it"):
+        made(below, root)
+
+
 class KeyWithPoints(ctypes.Structure):
     _fields_ = [*Key._fields_, ("points", ctypes.c_void_p), ("count", ctypes.c_int32)]
 
 
-def keyed(stages=(), mode=0b11):
+def keyed(stages=(), mode=0b11, animated=()):
     """A shortcut for two shape keys, without an armature; all that it reads and writes."""
     base = np.random.default_rng(4).normal(size=(5, 3)).astype(np.float32)
     native = sinew_native.ShapeKeys([base, base + 1, base - 2], np.array([0, 0, 0]))
     deformer = sinew_native.Deformer(keys=native)
     points = base.copy()
-    structs = [KeyWithPoints(None, 1.0, 0, points.ctypes.data, 5), KeyWithPoints(None, 0.25), KeyWithPoints(None, 0.5)]
+    structs = [KeyWithPoints(None, 1.0, 0, 0, points.ctypes.data, 5)]
+    structs += [KeyWithPoints(None, 0.25), KeyWithPoints(None, 0.5)]
     owner = Owner(None, 7, mode)
-    layout = tuple(getattr(KeyWithPoints, name).offset for name in ("flags", "value", "points", "count"))
+    layout = tuple(getattr(KeyWithPoints, name).offset for name in ("flags", "value", "relative", "points", "count"))
     shortcut = host.Shortcut(
         deformer,
         [],
@@ -212,7 +261,7 @@ def keyed(stages=(), mode=0b11):
         [],
         [(ctypes.addressof(owner) + Owner.mode.offset, 0b01, 0)],
         stages,
-        ([ctypes.addressof(key) for key in structs], layout),
+        ([ctypes.addressof(key) for key in structs], layout, animated),
     )
     return SimpleNamespace(shortcut=shortcut, deformer=deformer, keys=structs, points=points, owner=owner)
 
@@ -235,6 +284,18 @@ def test_a_shortcut_leaves_out_a_key_that_the_user_has_muted():
     made.deformer.deform([], wanted, np.array([0, 0, 0.5], np.float32))
     for _ in range(2):
         assert made.shortcut.deform() and np.array_equal(made.points, wanted)
+
+
+def test_a_shortcut_leaves_out_a_key_while_keyframes_mute_it():
+    made = keyed(animated=[1])
+    wanted = np.empty((5, 3), np.float32)
+    for muted in (1, 1, 0, 1):
+        made.keys[1].flags = muted
+        made.deformer.deform([], wanted, np.array([0, 0 if muted else 0.25, 0.5], np.float32))
+        assert made.shortcut.deform() and np.array_equal(made.points, wanted)
+        assert [key.relative for key in made.keys] == [0, 1, 0] and made.keys[1].flags == muted
+    with pytest.raises(ValueError, match="animated has a number that is not one of a key"):
+        keyed(animated=[3])
 
 
 def test_a_shortcut_through_keys_of_another_mesh():
@@ -296,7 +357,7 @@ def test_a_shortcut_through_another_pose(posed, spoil):
 @pytest.mark.parametrize(
     "poses, sentence",
     [
-        ([], "0 and 1 entries; the deformer has 1 layers"),
+        ([], "0 and 1 entries; the deformer and the stages have 1 layers"),
         ([(0, [], [])], "one number per bone"),
         ([(0, [0, 1], [1])], "one number per bone"),
         ([(0, [3], [3])], "too few joints"),
@@ -316,7 +377,20 @@ def test_keys_are_silenced_and_given_back():
         assert host.silence_keys(addresses, KEY).tolist() == [0, 0.5, 0, 0.75]
         assert [key.flags & 1 for key in keys] == [0, 1, 1, 1]
     host.give_keys_back(addresses, KEY[0])
-    assert [key.flags for key in keys] == [0, 2, 1, 0]
+    assert [key.flags for key in keys] == [0, 2, 1, 0] and [key.relative for key in keys] == [0, 0, 0, 0]
+
+
+def test_keys_that_keyframes_may_mute_become_relative_to_themselves():
+    keys = chained([Key(None, 1.0, 0), Key(None, 0.5, 2), Key(None, 0.25, 1), Key(None, 0.75, 0)])
+    addresses = host.list_addresses(ctypes.addressof(keys[0]), 4)
+    assert host.silence_keys(addresses, KEY).tolist() == [0, 0.5, 0, 0.75]  # before they were animated
+    for muted, value in ((1, 0), (0, 0.25), (1, 0)):
+        if keys[2].flags & 1 << 14 == 0:
+            keys[2].flags = muted
+        assert host.silence_keys(addresses, KEY, [2]).tolist() == [0, 0.5, value, 0.75]
+        assert [key.relative for key in keys] == [0, 0, 2, 0] and keys[2].flags == muted
+    with pytest.raises(ValueError, match="animated has a number that is not one of a key"):
+        host.silence_keys(addresses, KEY, [4])
 
 
 def test_a_list_ends_where_it_ends():

@@ -259,6 +259,153 @@ def test_refuses_settings(topology, shape):
     assert said(hook.stage, np.eye(4), uniform=np.eye(4)) == "uniform has shape (4, 4); expected (3, 3)"
 
 
+# --- what follows another object's shape ------------------------------------------------------------
+
+GRID = {"counts": (2, 1, 3), "first": (0, 0, 0), "step": (1, 0, 2), "interpolation": ("linear",) * 3}
+
+
+def test_a_lattice_moves_what_is_between_its_points(shape, random):
+    rest = np.array([(u, 0, 2 * w) for w in range(3) for u in range(2)], float)
+    points = rest + random.uniform(-1, 1, (6, 3))
+    stage = sinew.Lattice(V).stage(points, **GRID, matrix=np.eye(4), strength=0.5)
+    u, w = np.clip(shape[:, :1], 0, 1), np.clip(shape[:, 2:] / 2, 0, 2)
+    moved = (points - rest).reshape(3, 2, 3)[:2]  # all of the shape is below the second row
+    rows = moved[:, 0] + u[:, None] * (moved[:, 1] - moved[:, 0])
+    expected = shape + 0.5 * (rows[:, 0] + w * (rows[:, 1] - rows[:, 0]))
+    np.testing.assert_allclose(applied(stage, shape), expected, atol=1e-6)
+
+
+def test_a_lattice_with_groups(shape, random):
+    """Its own weighs the effect once more."""
+    points, half = random.uniform(-1, 1, (6, 3)), np.full(6, 0.5)
+    weights = random.uniform(0, 1, V)
+    lattice = sinew.Lattice(V, weights, True)
+    whole = applied(sinew.Lattice(V).stage(points, **GRID, matrix=np.eye(4)), shape) - shape
+    own = applied(lattice.stage(points, **GRID, matrix=np.eye(4), point_weights=half), shape)
+    assert lattice.vertex_count == V
+    np.testing.assert_allclose(own, shape + 0.5 * (1 - weights[:, None]) ** 2 * whole, atol=1e-6)
+
+
+def test_refuses_lattices():
+    points, matrix = np.zeros((6, 3)), np.eye(4)
+    lattice = sinew.Lattice(3)
+    assert said(sinew.Lattice, 3, np.ones(2)) == "weights has 2 numbers; the mesh has 3 vertices"
+    assert said(lattice.stage, points[:5], **GRID, matrix=matrix) == "points has 15 numbers; expected 18 (6 x 3)"
+    assert said(lattice.stage, points, **GRID, matrix=np.eye(3)) == "matrix has shape (3, 3); expected (4, 4)"
+    assert said(lattice.stage, points, **GRID, matrix=0 * matrix) == "the matrix has no inverse"
+    assert said(lattice.stage, points, **GRID, matrix=matrix, strength=np.nan) == (
+        "strength is nan; expected a finite number"
+    )
+    assert said(lattice.stage, points, **GRID, matrix=matrix, point_weights=np.ones(2)) == (
+        "weights has 2 numbers; the lattice has 6 vertices"
+    )
+    assert said(lattice.stage, points, **GRID | {"interpolation": ("cubic",) * 3}, matrix=matrix) == (
+        'there is no interpolation "cubic"; expected linear, cardinal, catmull_rom or bspline'
+    )
+
+
+def attached(vertices, attachments, **more):
+    """What SurfaceDeform takes: attachments of each vertex, [(kind, corners, weights, distance, influence)]."""
+    flat = [each for own in attachments for each in own]
+    kinds, corners, weights, distances, influences = zip(*flat)
+    counts, sizes = [len(own) for own in attachments], [len(each) for each in corners]
+    return sinew.SurfaceDeform(
+        V,
+        np.array(vertices),
+        np.cumsum([0, *counts]),
+        np.array(kinds),
+        np.cumsum([0, *sizes]),
+        np.concatenate(corners),
+        np.concatenate(weights),
+        np.array(distances),
+        np.array(influences),
+        **more,
+    )
+
+
+SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)], float)
+MATRIX = np.array([(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 5), (0, 0, 0, 1)], float)
+
+
+@pytest.mark.parametrize(
+    "attachment, place",
+    [
+        ((0, [0, 1, 2, 3], [0.5, 0.25, 0.25], 1, 1), (1, 0.5, 6)),
+        ((1, [0, 1, 2, 3], [0.1, 0.2, 0.3, 0.4], -1, 1), (1, 1.4, 4)),
+        ((2, [1, 2, 3, 0], [0.5, 0.25, 0.25], 0.5, 1), (1.75, 0.75, 5.5)),
+        ((1, [3, 2, 1, 0], [1, 0, 0, 0], 1, 0.5), (0, 1, 2)),
+    ],
+    ids=("corner triangle", "polygon", "centroid", "half, from below"),
+)
+def test_a_surface_takes_what_is_attached_to_it_along(shape, attachment, place):
+    own = attached([3], [[attachment]])
+    out = applied(own.stage(SQUARE, MATRIX), shape)
+    np.testing.assert_allclose(out[3], place, atol=1e-6)
+    np.testing.assert_array_equal(np.delete(out, 3, 0), np.delete(shape, 3, 0))
+    half = applied(own.stage(SQUARE, MATRIX, 0.5), shape)
+    np.testing.assert_allclose(half[3], (shape[3] + place) / 2, atol=1e-6)
+    assert (own.vertex_count, own.least_target_count) == (V, 4)
+
+
+def test_a_surface_with_a_group(shape):
+    weights = np.zeros(V)
+    weights[3] = 0.25
+    attachment = [(1, [0, 1, 2], [0, 1, 0], 0, 1)]
+    for own, share in ((attached([3], [attachment], weights=weights), 0.25),
+                       (attached([3], [attachment], weights=weights, invert=True), 0.75)):  # fmt: skip
+        out = applied(own.stage(SQUARE, np.eye(4)), shape)
+        np.testing.assert_allclose(out[3], (1 - share) * shape[3] + share * SQUARE[1], atol=1e-6)
+
+
+def test_refuses_surfaces():
+    whole = (1, [0, 1, 2], [0, 1, 0], 0, 1)
+    own = attached([3], [[whole]])
+    assert said(attached, [V], [[whole]]) == "vertices names vertex 2000; the mesh has 2,000 vertices"
+    assert said(attached, [3], [[(3, *whole[1:])]]) == "attachments holds 3; expected 0, 1 or 2"
+    assert said(attached, [3], [[whole]], weights=np.ones(2)) == "weights has 2 numbers; the mesh has 2,000 vertices"
+    assert said(own.stage, SQUARE[:2], MATRIX) == "the target has 2 vertices; the mesh was bound to 3"
+    assert said(own.stage, SQUARE, np.eye(3)) == "matrix has shape (3, 3); expected (4, 4)"
+    assert said(own.stage, SQUARE, MATRIX, np.inf) == "strength is inf; expected a finite number"
+
+
+def caged(**more):
+    """The first three vertices follow a cage of two."""
+    offsets = np.minimum([0, 1, 3, 4] + (V - 3) * [4], 4)
+    return sinew.MeshDeform(offsets, np.array([0, 0, 1, 1]), np.array([0.5, 1, 3, 2]), np.zeros((2, 3)), **more)
+
+
+CAGE = np.array([(1, 0, 0), (0, 0, 4)], float)
+
+
+def test_a_cage_takes_vertices_along(shape):
+    own = caged()
+    out = applied(own.stage(CAGE, np.eye(4), np.eye(3)), shape)
+    np.testing.assert_allclose(out[:3], shape[:3] + [(1, 0, 0), (0.25, 0, 3), (0, 0, 4)], atol=1e-6)
+    np.testing.assert_array_equal(out[3:], shape[3:])
+    out = applied(own.stage(CAGE, MATRIX, np.diag([2, 1, 1])), shape)
+    np.testing.assert_allclose(out[:3], shape[:3] + [(2, 0, 5), (0.5, 0, 8), (0, 0, 9)], atol=1e-6)
+    assert (own.vertex_count, own.cage_vertex_count) == (V, 2)
+
+
+def test_a_cage_with_a_group(shape):
+    weights = np.linspace(0, 0.5, V)
+    for own, share in ((caged(weights=weights), weights), (caged(weights=weights, invert=True), 1 - weights)):
+        out = applied(own.stage(CAGE, np.eye(4), np.eye(3)), shape)
+        moved = share[:3, None] * [(1, 0, 0), (0.25, 0, 3), (0, 0, 4)]
+        np.testing.assert_allclose(out[:3], shape[:3] + moved, atol=1e-6)
+
+
+def test_refuses_cages():
+    own = caged()
+    assert said(sinew.MeshDeform, np.array([0, 1]), np.array([2]), np.ones(1), np.zeros((2, 3))) == (
+        "vertex 0 follows vertex 2 of a cage that has 2 vertices"
+    )
+    assert said(caged, weights=np.ones(2)) == "weights has 2 numbers; the mesh has 2,000 vertices"
+    assert said(own.stage, CAGE[:1], np.eye(4), np.eye(3)) == "cage has 3 numbers; expected 6 (2 x 3)"
+    assert said(own.stage, CAGE, np.eye(3), np.eye(3)) == "matrix has shape (3, 3); expected (4, 4)"
+    assert said(own.stage, CAGE, np.eye(4), np.full((3, 3), np.nan)) == "the matrix is not finite"
+
+
 def test_refuses_what_it_works_on(topology, shape):
     stage = sinew.Smooth(topology).stage()
     assert said(stage.apply, shape[:5].copy()) == "positions has shape (5, 3); expected (2000, 3)"
@@ -270,7 +417,7 @@ def test_refuses_what_it_works_on(topology, shape):
     deformer, out = sinew.Deformer(vertex_count=V), np.zeros((V, 3), np.float32)
     assert (
         said(deformer.deform, [], out, rest_positions=shape, stages=[stage, 7])
-        == "stage 1 is not a Stage; expected what stage(...) of a CorrectiveSmooth, Smooth or Hook returns"
+        == "stage 1 is not a Stage; expected what stage(...) of a Smooth or another stage returns"
     )
     assert (
         said(deformer.deform, [], out, rest_positions=shape, stages=[sinew.Hook(3).stage(np.eye(4))])

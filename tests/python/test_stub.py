@@ -120,10 +120,14 @@ def samples():
     mush = sinew.DirectDeltaMush(np.zeros((1, 3)), numbers, np.array([], int), np.ones((1, 1)))
     topology = sinew.Topology(1, np.zeros((0, 2), int))
     hook = sinew.Hook(1)
+    none, start = np.zeros(0, int), np.zeros(1, int)
     return {
         "Topology": topology,
         "Smooth": sinew.Smooth(topology),
         "Hook": hook,
+        "Lattice": sinew.Lattice(1),
+        "MeshDeform": sinew.MeshDeform(np.zeros(2, int), none, none, np.zeros((0, 3))),
+        "SurfaceDeform": sinew.SurfaceDeform(1, none, start, none, start, *4 * [none]),
         "Stage": hook.stage(np.eye(4)),
         "CorrectiveSmooth": sinew.CorrectiveSmooth(topology),
         "MethodData": shares,
@@ -140,6 +144,7 @@ def samples():
         "Layer": layer,
         "ShapeKeys": keys,
         "Deformer": sinew.Deformer([layer], keys),
+        "MixedLayers": sinew.MixedLayers([layer]),
     }
 
 

@@ -40,6 +40,9 @@ MAKERS = {
     "Smooth": lambda: sinew.Smooth(TOPOLOGY, GROUP),
     "CorrectiveSmooth": lambda: sinew.CorrectiveSmooth(TOPOLOGY, SHAPE),
     "Hook": lambda: sinew.Hook(V, weights=GROUP),
+    "Lattice": lambda: sinew.Lattice(V, GROUP),
+    "MeshDeform": lambda: sinew.MeshDeform(3 * np.arange(V + 1), TRIPLES, THIRDS, SHAPE, GROUP),
+    "SurfaceDeform": lambda: sinew.SurfaceDeform(V, **BINDING, weights=GROUP),
     "Bends": lambda: sinew.Bends(NUMBERS, OFFSETS, JOINTS, WEIGHTS, ONES, ONES, AXES),
     "BlendShares": lambda: sinew.BlendShares(GROUP),
     "RotationCenters": lambda: sinew.RotationCenters(SHAPE, HAS_CENTER),
@@ -47,6 +50,17 @@ MAKERS = {
 }
 DENSE, ONES = np.full((V, 4), 0.25), np.ones(60, np.int32)
 NUMBERS, HAS_CENTER, AXES = np.arange(V), np.ones(V, bool), np.zeros((60, 4))
+TRIPLES, THIRDS = np.repeat(NUMBERS % 100, 3), np.full(3 * V, 1 / 3)
+BINDING = {
+    "vertices": NUMBERS,
+    "offsets": np.arange(V + 1),
+    "attachments": np.zeros(V, int),
+    "corner_offsets": 3 * np.arange(V + 1),
+    "corners": TRIPLES,
+    "corner_weights": THIRDS,
+    "distances": GROUP,
+    "influences": GROUP,
+}
 OTHER_SKIN = sinew.Skin(SHAPE, OFFSETS, JOINTS, WEIGHTS, 60)
 MUSH_ARRAYS = MUSH.arrays()
 every_call = pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())

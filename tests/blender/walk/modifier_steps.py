@@ -1,6 +1,7 @@
 """Modifiers: added, set, moved, switched, renamed, removed, applied."""
 
 import bpy
+import numpy as np
 from mathutils import Euler, Matrix
 
 from helpers import select
@@ -51,6 +52,24 @@ def add_modifier(random, ob):
         return  # Blender puts it before Sinew's, which is mended when the mesh is evaluated
     modifier = ob.modifiers.new(name, kind)
     set_modifier(random, ob, modifier)
+
+
+@on_both(4)
+def add_armature_behind(random, ob):
+    """One that Sinew can take over, right behind another one or at the end."""
+    first = one_of(random, ob, "ARMATURE")
+    if first is None or len(own(ob)) >= MOST:
+        return
+    modifier = ob.modifiers.new(f"Behind {random.randrange(100)}", "ARMATURE")
+    modifier.object = random.choice((first.object, *scene.armatures()))
+    modifier.use_deform_preserve_volume = random.random() < 0.5
+    modifier.use_multi_modifier = random.random() < 0.2
+    modifier.show_viewport, modifier.show_render = first.show_viewport, first.show_render
+    if random.random() < 0.4:
+        modifier.vertex_group, modifier.invert_vertex_group = group_of(random, ob), random.random() < 0.3
+    if random.random() < 0.6:
+        select(ob)
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=ob.modifiers.find(first.name) + 1)
 
 
 def is_evaluated(ob):
@@ -151,9 +170,23 @@ def apply_modifier(random, ob):
     """But for a Corrective Smooth among others: out of turn it takes the shape of the moment for its rest shape, which
     bound meshes have elsewhere. The manual says to unbind first."""
     modifier = own(ob)[0] if own(ob) and random.random() < 0.7 else one_of(random, ob)
+    if not are_poses_written_back(ob):
+        return
     if modifier and (modifier.type != "CORRECTIVE_SMOOTH" or len(own(ob)) == 1):
         select(ob)
         bpy.ops.object.modifier_apply(modifier=modifier.name)
+
+
+def are_poses_written_back(ob):
+    """Whether the original armatures have the pose that was evaluated. After a scene was removed, they may have that of
+    the other scene; 3.4 applies from there what Sinew has switched off."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    rigs = [modifier.object for modifier in own(ob) if modifier.type == "ARMATURE" and modifier.object]
+    return all(
+        np.allclose(bone.matrix_channel, seen.matrix_channel, atol=1e-4, equal_nan=True)
+        for rig in rigs
+        for bone, seen in zip(rig.pose.bones, rig.evaluated_get(graph).pose.bones)
+    )
 
 
 @on_both(0.7)
@@ -161,6 +194,8 @@ def apply_as_shape_key(random, ob):
     """But for one among others on a mesh that has keys already: Blender starts from the evaluated keys, in which a
     bound mesh has its whole shape. The manual says to unbind first."""
     modifier = one_of(random, ob, "ARMATURE", "CAST", "HOOK")
+    if not are_poses_written_back(ob):
+        return
     if modifier and (not keys_of(ob) or len(own(ob)) == 1 and modifier.type != "HOOK"):
         select(ob)
         bpy.ops.object.modifier_apply_as_shapekey(keep_modifier=random.random() < 0.5, modifier=modifier.name)
