@@ -190,3 +190,60 @@ def place(armature):
         @ Euler((0.3, 0.2, 0.1)).to_matrix().to_4x4()
         @ Matrix.Diagonal((1, 2, 0.5, 1))
     )
+
+
+def linked(name, data=None):
+    ob = bpy.data.objects.new(name, data)
+    bpy.context.collection.objects.link(ob)
+    return ob
+
+
+def make_cage(splines=("KEY_BSPLINE", "KEY_LINEAR", "KEY_CARDINAL"), counts=(3, 2, 5)):
+    """A lattice around the tube, turned and scaled, of which some points were moved."""
+    random = np.random.default_rng(7)
+    data = bpy.data.lattices.new("Cage")
+    data.points_u, data.points_v, data.points_w = counts
+    data.interpolation_type_u, data.interpolation_type_v, data.interpolation_type_w = splines
+    cage = linked("Cage", data)
+    cage.location, cage.rotation_euler, cage.scale = (0.1, 0, 2.4), (0.1, 0.2, 0.3), (1.5, 1.2, 5)
+    for point in data.points:
+        point.co_deform = np.array(point.co_deform) + random.uniform(-0.15, 0.15, 3)
+    return cage
+
+
+def by_keys(cage):
+    random = np.random.default_rng(8)
+    cage.shape_key_add(name="Basis")
+    key = cage.shape_key_add(name="Bent")
+    for point in key.data:
+        point.co = np.array(point.co) + random.uniform(-0.3, 0.3, 3)
+    for frame, value in ((1, 0), (15, 1)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+
+
+def in_a_cage(ob, cage=None, name="Lattice", **settings):
+    """Adds a Lattice modifier: of that cage or of the one that is called so."""
+    return smoothed(ob, name, "LATTICE", object=cage or bpy.data.objects["Cage"], **settings)
+
+
+def drive(block, path, expression="var", kind="TRANSFORMS", bone="bone2", channel="ROT_X", target=None, **settings):
+    """A driver with one variable: of a bone, or of a custom property if kind is SINGLE_PROP."""
+    driver = block.driver_add(path).driver
+    driver.type = settings.pop("type", "SCRIPTED")
+    if driver.type == "SCRIPTED":
+        driver.expression = expression
+    variable = driver.variables.new()
+    variable.name, variable.type = "var", kind
+    armature = bpy.data.objects["Rig"] if target is None else target
+    variable.targets[0].id = armature
+    if kind == "SINGLE_PROP":
+        variable.targets[0].data_path = settings.pop("prop", '["amount"]')
+    else:
+        for each in variable.targets:
+            each.id, each.bone_target = armature, bone
+        variable.targets[0].transform_type = channel
+        variable.targets[0].transform_space = "LOCAL_SPACE"
+    for name, value in settings.items():
+        setattr(variable.targets[0], name, value)
+    return driver

@@ -4,7 +4,19 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, animate, make_armature, make_tube, pose, smoothed
+from characters import (
+    accelerate,
+    add_shape_keys,
+    animate,
+    by_keys,
+    in_a_cage,
+    linked,
+    make_armature,
+    make_cage,
+    make_tube,
+    pose,
+    smoothed,
+)
 from helpers import (
     addon_module,
     assert_plays_without_the_addon,
@@ -23,36 +35,6 @@ from helpers import (
 from test_render import add_camera, assert_same_pictures, pictures_of_both, with_motion_blur
 
 SPLINES = ("KEY_LINEAR", "KEY_CARDINAL", "KEY_CATMULL_ROM", "KEY_BSPLINE")
-
-
-def linked(name, data=None):
-    ob = bpy.data.objects.new(name, data)
-    bpy.context.collection.objects.link(ob)
-    return ob
-
-
-def make_cage(splines=("KEY_BSPLINE", "KEY_LINEAR", "KEY_CARDINAL"), counts=(3, 2, 5)):
-    """A lattice around the tube, turned and scaled, of which some points were moved."""
-    random = np.random.default_rng(7)
-    data = bpy.data.lattices.new("Cage")
-    data.points_u, data.points_v, data.points_w = counts
-    data.interpolation_type_u, data.interpolation_type_v, data.interpolation_type_w = splines
-    cage = linked("Cage", data)
-    cage.location, cage.rotation_euler, cage.scale = (0.1, 0, 2.4), (0.1, 0.2, 0.3), (1.5, 1.2, 5)
-    for point in data.points:
-        point.co_deform = np.array(point.co_deform) + random.uniform(-0.15, 0.15, 3)
-    return cage
-
-
-def by_keys(cage):
-    random = np.random.default_rng(8)
-    cage.shape_key_add(name="Basis")
-    key = cage.shape_key_add(name="Bent")
-    for point in key.data:
-        point.co = np.array(point.co) + random.uniform(-0.3, 0.3, 3)
-    for frame, value in ((1, 0), (15, 1)):
-        key.value = value
-        key.keyframe_insert("value", frame=frame)
 
 
 def by_a_hook(cage):
@@ -89,10 +71,6 @@ def by_its_parent(cage):
 
 
 MOVED = (by_keys, by_a_hook, by_its_place, by_an_armature, by_its_parent)
-
-
-def in_a_cage(ob, cage=None, name="Lattice", **settings):
-    return smoothed(ob, name, "LATTICE", object=cage or bpy.data.objects["Cage"], **settings)
 
 
 def assert_it_is_sinew(ob):

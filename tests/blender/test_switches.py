@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, animate, hook, make_armature, make_mesh, pose, smoothed
+from characters import accelerate, add_shape_keys, animate, drive, hook, make_armature, make_mesh, pose, smoothed
 from helpers import (
     addon_module,
     assert_plays_without_the_addon,
@@ -56,28 +56,6 @@ def make(request, fresh_scene):
         return ob, twin
 
     return make
-
-
-def drive(block, path, expression="var", kind="TRANSFORMS", bone="bone2", channel="ROT_X", target=None, **settings):
-    """A driver with one variable: of a bone, or of a custom property if kind is SINGLE_PROP."""
-    driver = block.driver_add(path).driver
-    driver.type = settings.pop("type", "SCRIPTED")
-    if driver.type == "SCRIPTED":
-        driver.expression = expression
-    variable = driver.variables.new()
-    variable.name, variable.type = "var", kind
-    armature = bpy.data.objects["Rig"] if target is None else target
-    variable.targets[0].id = armature
-    if kind == "SINGLE_PROP":
-        variable.targets[0].data_path = settings.pop("prop", '["amount"]')
-    else:
-        for each in variable.targets:
-            each.id, each.bone_target = armature, bone
-        variable.targets[0].transform_type = channel
-        variable.targets[0].transform_space = "LOCAL_SPACE"
-    for name, value in settings.items():
-        setattr(variable.targets[0], name, value)
-    return driver
 
 
 def of(name, setting):

@@ -1,6 +1,7 @@
 """sinew_native.host: structs laid out in memory as Blender lays them out, read and written by address."""
 
 import ctypes
+import gc
 from types import SimpleNamespace
 
 import numpy as np
@@ -307,15 +308,41 @@ def test_a_shortcut_through_keys_of_another_mesh():
     assert [key.flags for key in made.keys] == [0, 0, 0]
 
 
-def test_a_shortcut_with_stages():
+def smooth_of_five():
     edges = np.array([[0, 1], [1, 2], [2, 3], [3, 4]], np.int32)
-    topology = sinew_native.Topology(5, edges, np.zeros(1, np.int32), np.zeros(0, np.int32))
-    stage = sinew_native.Smooth(topology).stage(0.5, 2)
-    made = keyed([stage])
+    return sinew_native.Smooth(sinew_native.Topology(5, edges, np.zeros(1, np.int32), np.zeros(0, np.int32)))
+
+
+def assert_smooths(made, stage):
     wanted = np.empty((5, 3), np.float32)
     made.deformer.deform([], wanted, np.array([0, 0.25, 0.5], np.float32), stages=[stage])
     assert made.shortcut.deform() and np.array_equal(made.points, wanted)
+
+
+def test_a_shortcut_with_stages():
+    stage = smooth_of_five().stage(0.5, 2)
+    made = keyed([stage])
+    assert_smooths(made, stage)
     assert made.shortcut.milliseconds.shape == (3,)
+
+
+def test_a_shortcut_of_which_a_stage_changes():
+    smooth = smooth_of_five()
+    made = keyed([smooth.stage(0.5, 2)])
+    for factor in (0.1, 0.9):
+        made.shortcut.set_stage(0, smooth.stage(factor, 3))
+        gc.collect()  # the shortcut keeps it
+        assert_smooths(made, smooth.stage(factor, 3))
+    before = smooth.stage(0.9, 3)
+    hook = sinew_native.Hook(5, None, None, False).stage(np.eye(4))
+    for number, stage, message in (
+        (1, before, "there is no stage 1; there are 1"),
+        (0, hook, "stage 0 can only be replaced by one of the same kind"),
+        (0, "smooth", "stage 0 is not a Stage"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            made.shortcut.set_stage(number, stage)
+    assert_smooths(made, before)
 
 
 def test_a_shortcut_for_stages_alone():

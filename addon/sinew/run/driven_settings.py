@@ -78,8 +78,9 @@ class DrivenSettings:
                 own, copies = copies[: len(each.variables)], copies[len(each.variables) :]
                 self._settings.setdefault(name, []).append(_Setting(ob, ob.modifiers[name], each.name, own))
 
-    def __bool__(self) -> bool:
-        return bool(self._settings)
+    def __contains__(self, name: str) -> bool:
+        """Whether the modifier of that name has driven settings."""
+        return name in self._settings
 
     def of(self, modifier: Any) -> Any:
         """Returns an evaluated modifier with the values that its driven settings have in this evaluation. Raises

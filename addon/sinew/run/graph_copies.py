@@ -245,6 +245,11 @@ class GraphCopy:
         ready = self._later_stages(ob, channels_of)
         return self.stages.at(ob, self.stage_names(ob), source, ready, self.driven_settings.of)
 
+    def stage_again(self, ob: Any, name: str) -> Any:
+        """Returns one of the stages that stages_at has made, except one of layers, in this frame. Returns None if it
+        must be made from other settings. Raises what stages_at raises."""
+        return self.stages.again(ob, name, self.driven_settings.of)
+
     def _later_stages(self, ob: Any, channels_of: Callable[[Any], np.ndarray | None]) -> dict[str, Any]:
         """Returns {name of its first modifier that is on: sinew_native.Stage} of each mix of the run in this
         evaluation."""

@@ -2,7 +2,7 @@
 
 After the full path has run at least twice with the same data, everything that it depended on is watched in Blender's
 memory. While none of it changes, the next frame of this evaluated object needs only its pose, its transform and the
-array to write to.
+array to write to. Stages that follow something else on each frame, another object's shape or a driver, are made anew.
 """
 
 from typing import Any
@@ -37,8 +37,10 @@ class Shortcut:
                 watched.add_mesh(target, target.id, False)
         else:
             watched.add_mesh(wiring.target_of(hook, "mesh"), self._mesh, has_keys)
+        self._live = _live_stages(copy, ob)
+        live = {name for _number, name in self._live}
         for modifier in replaced:
-            if modifier.name in copy.shown:
+            if modifier.name in copy.shown and modifier.name not in live:
                 watched.add_modifier(modifier)
         front = [ob.modifiers[name] for name in plan.way.front]
         modes = [switches.aside_switch(modifier) for modifier in (*replaced, *front)]
@@ -67,10 +69,16 @@ class Shortcut:
         """Whether everything is still as it was when the Shortcut was made."""
         return self._is_asked_for() and self._native.holds() and self._are_switches_alike()
 
-    def run(self) -> bool:
-        """Deforms the mesh. Returns False if it did nothing and the full path has to run."""
+    def run(self, ob: Any) -> bool:
+        """Deforms the mesh. ob: the evaluated object. Returns False if it did nothing and the full path has to run.
+        Raises what GraphCopy.stages_at raises."""
         if not self.holds():
             return False
+        for number, name in self._live:
+            stage = self.copy.stage_again(ob, name)
+            if stage is None:
+                return False
+            self._native.set_stage(number, stage)
         # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         return self._native.deform(out)
@@ -108,7 +116,7 @@ def deform(ob: Any) -> bool:
         return False
     has_run = False
     try:
-        has_run = shortcut.run()
+        has_run = shortcut.run(ob)
     finally:
         if not has_run:  # removed for good: its modifiers may no longer exist
             _known.pop(address, None)
@@ -129,17 +137,25 @@ def learn(copy: graph_copies.GraphCopy, ob: Any) -> bool:
 
 def _is_plain(copy: graph_copies.GraphCopy, ob: Any) -> bool:
     """Whether everything that the frame depends on can be watched."""
-    plan = copy.plan
     armatures, own = _armatures_and_layers(copy, ob)
     return (
         copy.deformer.vertex_count > 0
         and ob.sinew.source != "CLIP"
-        and not copy.driven_settings  # a driver may change them on any frame
-        and all(watch.can_watch(ob.modifiers[name].type) for name in plan.run.stages if name in copy.shown)
+        and not any(name in copy.driven_settings for names, _mix in copy.mixes_now() for name in names)
         and all(not layer.influences.depend_on_shape for layer in own)
         and all(layers.is_posed(armature) for armature in armatures)
         and (not armatures or None not in map(places.place_address, (ob, *armatures)))
     )
+
+
+def _live_stages(copy: graph_copies.GraphCopy, ob: Any) -> list[tuple[int, str]]:
+    """Returns [(number, name)] of the stages that are made anew on each frame: a driver may change them, or they depend
+    on more than their modifiers. ob: evaluated."""
+    return [
+        (number, name)
+        for number, name in enumerate(copy.stage_names(ob))
+        if name in ob.modifiers and (name in copy.driven_settings or not watch.can_watch(ob.modifiers[name].type))
+    ]
 
 
 def _armatures_and_layers(copy: graph_copies.GraphCopy, ob: Any) -> tuple[list[Any], list[layers.Layer]]:

@@ -183,17 +183,24 @@ class Stages:
             self._renew(ob, wanted, source(), driven)
         found = []
         for name in names:
-            if name in ready:
-                found.append(ready[name])
-                continue
-            modifier = driven(modifier_of(ob, name))
-            kind, made = KINDS[modifier.type], self._made.get(name)
-            settings = _settings(kind, modifier)
-            if made is None or settings != made.settings:  # by keyframes or drivers, or it has just been switched on
-                made = self._make(kind, modifier, settings, kind.arrays(modifier, source()))
+            stage = ready.get(name) or self.again(ob, name, driven)
+            if stage is None:  # settings changed by keyframes or drivers, or it has just been switched on
+                modifier = driven(modifier_of(ob, name))
+                kind = KINDS[modifier.type]
+                made = self._make(kind, modifier, _settings(kind, modifier), kind.arrays(modifier, source()))
                 self._made[name] = made
-            found.append(kind.stage(made.native, ob, modifier))
+                stage = kind.stage(made.native, ob, modifier)
+            found.append(stage)
         return found
+
+    def again(self, ob: Any, name: str, driven: Callable[[Any], Any]) -> Any:
+        """Returns one of the stages in this frame, a sinew_native.Stage, or None if what it is made from has other
+        settings now. driven: see at."""
+        modifier = driven(modifier_of(ob, name))
+        kind, made = KINDS[modifier.type], self._made.get(name)
+        if made is None or _settings(kind, modifier) != made.settings:
+            return None
+        return kind.stage(made.native, ob, modifier)
 
     def _renew(self, ob: Any, names: Sequence[str], source: Source, driven: Callable[[Any], Any]) -> None:
         connections = meshes.read_topology(source.mesh)

@@ -127,7 +127,7 @@ class Shortcut {
         watched_(watched_of(watched)),
         layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}},
         places_(std::move(places)),
-        stage_owners_(stages),
+        stage_owners_(py::list(stages)),
         stages_(stages_of(stage_owners_)),
         rest_owner_(rest_positions),
         milliseconds_(stages_.size() + 2, 0.0) {
@@ -152,6 +152,20 @@ class Shortcut {
   }
 
   bool holds() const { return watched_.holds(); }
+
+  /// Replaces a stage by one of the same kind. Throws InputError for another one, and if there is no such stage.
+  void set_stage(std::size_t number, const py::object& given) {
+    const std::vector<Stage> stage = stages_of(py::make_tuple(given));
+    if (number >= stages_.size()) {
+      throw InputError("there is no stage " + std::to_string(number) + "; there are " + std::to_string(stages_.size()));
+    }
+    if (stage[0].index() != stages_[number].index() || std::holds_alternative<Staged<MixedLayers>>(stage[0])) {
+      throw InputError("stage " + std::to_string(number) +
+                       " can only be replaced by one of the same kind, and not if " + "it has layers");
+    }
+    stage_owners_[number] = given;
+    stages_[number] = stage[0];
+  }
 
   /// Returns false if the full code must compute this frame.
   /// out: address of V x 3 floats; unused if there are keys.
@@ -250,7 +264,7 @@ class Shortcut {
   Watched watched_;
   PoseLayout layout_;
   std::vector<Places> places_;
-  py::tuple stage_owners_;  // not a list, which may change
+  py::list stage_owners_;  // a copy
   std::vector<Stage> stages_;
   std::optional<py::array> rest_owner_;
   std::span<const float> rest_;
@@ -296,6 +310,11 @@ void bind_shortcut(py::module_& host) {
           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
           "Raises ValueError for sizes that do not fit, and for a watched struct that its parent does not lead to.")
       .def("holds", &Shortcut::holds, "Whether the watched memory is unchanged.")
+      .def("set_stage", &Shortcut::set_stage, py::arg("number"), py::arg("stage"),
+           "Replaces a stage by one with other settings.\n\n"
+           "number: which of the stages.\n"
+           "stage: a sinew_native.Stage of the same kind, which is not of layers.\n"
+           "Raises ValueError for another one, and if there is no such stage.")
       .def("deform", &Shortcut::deform, py::arg("out") = 0,
            "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"
            "out: address of V x 3 float32, C-contiguous, for the shape; not used if there are keys.\n"

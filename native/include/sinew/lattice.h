@@ -38,13 +38,11 @@ class LatticePoints {
  private:
   struct Taps;
   Taps taps_of(int axis, float place) const;
-  template <int along_u>
-  Eigen::Array4f sum_of(const std::array<Taps, 3>& taps) const;
 
   Grid grid_;
   Matrix4<float> lattice_from_mesh_;
   std::array<std::array<Eigen::Array4f, 4>, 3> weights_;  // along each axis, by the powers of the place in a cell
-  std::vector<float> differences_;                        // P x 4: from the rest grid, mesh space; the weight
+  std::vector<float> differences_;                        // P x 4: from the rest grid, mesh space; the weight; zeros
   bool has_weights_;
 };
 

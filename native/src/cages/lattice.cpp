@@ -5,6 +5,7 @@
 
 #include "base/parallel.h"
 #include "base/vertex_numbers.h"
+#include "cages/lattice_kernel.h"
 
 // CMakeLists.txt has this file compiled without fused multiply-adds: Blender rounds in between.
 
@@ -38,11 +39,10 @@ std::array<Four, 4> weights_of(Spline spline) {
 
 }  // namespace
 
-/// The points along one axis that have an effect on a vertex.
+/// The points along one axis that have an effect on a vertex: neighbours.
 struct LatticePoints::Taps {
-  std::int32_t count;
-  std::array<std::int32_t, 4> points;
-  std::array<float, 4> weights;
+  std::int32_t first, count;
+  std::array<float, LatticeBlock::kMost> weights;
 };
 
 LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, const Matrix4<float>& lattice_from_mesh,
@@ -65,7 +65,7 @@ LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, co
   const Eigen::Matrix3f mesh_from_lattice =
       lattice_from_mesh.cast<double>().inverse().topLeftCorner<3, 3>().cast<float>();
   if (!mesh_from_lattice.allFinite()) fail("the matrix has no inverse");
-  differences_.reserve(4 * static_cast<std::size_t>(count));
+  differences_.reserve(4 * (static_cast<std::size_t>(count) + LatticeBlock::kMost));
   std::size_t p = 0;
   Eigen::Vector3f rest;
   // Added up point by point, as in Blender.
@@ -81,11 +81,12 @@ LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, co
       }
     }
   }
+  differences_.resize(differences_.size() + LatticeBlock::kMost * LatticeBlock::kNumbers);  // for the last block
 }
 
 LatticePoints::Taps LatticePoints::taps_of(int axis, float place) const {
   const std::int32_t last = grid_.counts[axis] - 1;
-  if (last == 0) return {1, {0}, {1}};
+  if (last == 0) return {0, 1, {1}};
   // Farther away all four points are the same one. What is not a number is there, too.
   const float along = std::max(-3.0f, std::min((place - grid_.first[axis]) / grid_.step[axis], last + 2.0f));
   auto cell = static_cast<std::int32_t>(along);
@@ -93,41 +94,13 @@ LatticePoints::Taps LatticePoints::taps_of(int axis, float place) const {
   const float t = along - static_cast<float>(cell);
   const auto& c = weights_[axis];
   const Four weights = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
+  const bool is_linear = grid_.interpolation[axis] == Spline::linear;
+  const int begin = is_linear ? 1 : 0, end = is_linear ? 3 : 4;
+  // Beyond an end of the lattice, its last point stands for the missing ones.
   const auto point = [&](int i) { return std::clamp(cell - 1 + i, 0, last); };
-  if (grid_.interpolation[axis] == Spline::linear) {
-    return {2, {point(1), point(2)}, {weights[1], weights[2]}};
-  }
-  if (last < 3) {  // each of so few only once
-    Taps taps{last + 1, {0, 1, 2}, {}};
-    for (int i = 0; i < 4; ++i) taps.weights[point(i)] += weights[i];
-    return taps;
-  }
-  return {4, {point(0), point(1), point(2), point(3)}, {weights[0], weights[1], weights[2], weights[3]}};
-}
-
-/// Returns the weighted sum of the differences. along_u: the number of points along the first axis; loops of known
-/// length take less time.
-template <int along_u>
-Eigen::Array4f LatticePoints::sum_of(const std::array<Taps, 3>& taps) const {
-  const std::size_t row = grid_.counts[0], layer = row * grid_.counts[1];
-  const Taps &u = taps[0], &v = taps[1], &w = taps[2];
-  std::array<Four, along_u> weights;
-  std::array<std::size_t, along_u> points;
-  for (int i = 0; i < along_u; ++i) {
-    weights[i] = Four::Constant(u.weights[i]);
-    points[i] = 4 * static_cast<std::size_t>(u.points[i]);
-  }
-  Four sum = Four::Zero();
-  for (int k = 0; k < w.count; ++k) {
-    const float* const of_layer = differences_.data() + 4 * w.points[k] * layer;
-    for (int j = 0; j < v.count; ++j) {
-      const float* const start = of_layer + 4 * v.points[j] * row;
-      Four of_row = weights[0] * Eigen::Map<const Four>(start + points[0]);
-      for (int i = 1; i < along_u; ++i) of_row += weights[i] * Eigen::Map<const Four>(start + points[i]);
-      sum += (w.weights[k] * v.weights[j]) * of_row;
-    }
-  }
-  return sum;
+  Taps taps{point(begin), point(end - 1) - point(begin) + 1, {}};
+  for (int i = begin; i < end; ++i) taps.weights[point(i) - taps.first] += weights[i];
+  return taps;
 }
 
 void LatticePoints::move(float share, float* point) const {
@@ -136,11 +109,19 @@ void LatticePoints::move(float share, float* point) const {
   for (int axis = 0; axis < 3; ++axis) {
     taps[axis] = taps_of(axis, point[0] * m(axis, 0) + point[1] * m(axis, 1) + m(axis, 2) * point[2] + m(axis, 3));
   }
-  const std::int32_t along_u = taps[0].count;
-  Four sum = along_u == 1   ? sum_of<1>(taps)
-             : along_u == 2 ? sum_of<2>(taps)
-             : along_u == 3 ? sum_of<3>(taps)
-                            : sum_of<4>(taps);
+  LatticeBlock block;
+  block.row_size = LatticeBlock::kNumbers * grid_.counts[0];
+  block.layer_size = block.row_size * grid_.counts[1];
+  block.first = differences_.data() + LatticeBlock::kNumbers * taps[0].first + block.row_size * taps[1].first +
+                block.layer_size * taps[2].first;
+  for (int axis = 0; axis < 3; ++axis) block.counts[axis] = taps[axis].count;
+  for (std::size_t i = 0; i < LatticeBlock::kMost; ++i) {
+    Four::Map(block.along_u + LatticeBlock::kNumbers * i).setConstant(taps[0].weights[i]);
+    block.along_v[i] = taps[1].weights[i];
+    block.along_w[i] = taps[2].weights[i];
+  }
+  Four sum;
+  sum_block(block, sum.data());
   sum *= share;
   if (!has_weights_) {
     for (int axis = 0; axis < 3; ++axis) point[axis] += sum[axis];
