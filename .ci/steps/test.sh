@@ -35,6 +35,8 @@ run_tests() {
   fi
   if [[ " ${systems[*]} " = *" aarch64 "* ]]; then
     start "Python for ARM" arm_python_tests
+  fi
+  if [[ "$kind" =~ ^(all|release)$ ]]; then
     start "modules as files" binaries_tests
   fi
   if [ "$kind" = release ]; then
@@ -120,7 +122,7 @@ package_tests() {
 set_up_blenders() {
   local version command wanted=("$1")
   case $1 in
-    all) mapfile -t wanted < <(.ci/blender versions) && systems=("${SYSTEMS[@]}") ;;
+    all) mapfile -t wanted < <(.ci/blender versions) && systems=(windows macos-arm64) ;;
     release) mapfile -t wanted < <(.ci/blender releases) && systems=("${SYSTEMS[@]}") ;;
     windows-*) systems=(windows) ;;
   esac
