@@ -23,6 +23,7 @@ GROUPS = {
     "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
     "DirectDeltaMush skin_direct_delta_mush Progress",
     "After skinning": "Topology CorrectiveSmooth Smooth Hook MixedLayers Lattice SurfaceDeform MeshDeform Stage",
+    "Baking to bones": "decompose Decomposition",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }
 MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings: change it there. -->\n"

@@ -17,6 +17,7 @@ void bind_skinning(pybind11::module_& module);
 void bind_stages(pybind11::module_& module);
 void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
+void bind_decompose(pybind11::module_& module);
 }  // namespace sinew::bindings
 
 namespace {
@@ -61,6 +62,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_stages(module);
   sinew::bindings::bind_cages(module);
   sinew::bindings::bind_deformer(module);
+  sinew::bindings::bind_decompose(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
              "Lets later calls use at most `count` threads, the calling one included, and never more "
              "than the machine has; 0 means as many as it has. Results never depend on it. Raises "

@@ -694,3 +694,68 @@ def instruction_set() -> str:
 
 def set_instruction_set(name: str) -> None:
     """Uses this instruction set from now on, or the best for "auto". Waits until running skinning calls have ended."""
+
+class Decomposition:
+    """Joints, weights and motions that play a deformation, from decompose. Immutable."""
+
+    @property
+    def joint_count(self) -> int:
+        """J."""
+    @property
+    def offsets(self) -> _Int64:
+        """(V + 1,), read-only: where the influences of each vertex begin."""
+    @property
+    def joints(self) -> _Int32:
+        """(N,), read-only, ascending at each vertex."""
+    @property
+    def weights(self) -> _Float32:
+        """(N,), read-only, above 0, with sum 1 at each vertex; given ones as they were."""
+    @property
+    def rest(self) -> _Float64:
+        """(J, 4, 4), read-only: the joints at rest, unturned."""
+    @property
+    def poses(self) -> _Float64:
+        """(F, J, 4, 4), read-only: skinning matrices; poses[f, j] @ rest[j] is the joint in frame f."""
+    @property
+    def rms(self) -> float:
+        """The root of the mean square distance to the frames, in the unit of the positions."""
+    @property
+    def mean(self) -> float:
+        """The mean distance."""
+    @property
+    def largest(self) -> float:
+        """The largest distance."""
+    @property
+    def vertex_rms(self) -> _Float32:
+        """(V,), read-only: of each vertex, over the frames."""
+    @property
+    def vertex_largest(self) -> _Float32:
+        """(V,), read-only: the largest distance of each vertex."""
+    @property
+    def iterations(self) -> int:
+        """How many were done."""
+
+def decompose(
+    rest: _Reals,
+    frames: _Reals,
+    face_offsets: _Integers,
+    face_vertices: _Integers,
+    *,
+    bones: int = 0,
+    heads: _Reals | None = None,
+    matrices: _Reals | None = None,
+    weights: _Reals | Skin | None = None,
+    max_influences: int = 8,
+    iterations: int = 30,
+    smoothing: float = 1e-4,
+    local: bool = True,
+    tolerance: float = 1e-3,
+    progress: Progress | None = None,
+) -> Decomposition | None:
+    """Finds joints and weights whose linear skinning plays a deformation (Le and Deng 2012).
+
+    rest (V, 3); frames (F, V, 3), the same vertices in each frame; face_offsets (faces + 1,); face_vertices, face after
+    face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4, 4),
+    skinning matrices whose weights are found; or weights, a table (V, J) or a Skin, whose motions are found. Returns None
+    if progress was cancelled.
+    """

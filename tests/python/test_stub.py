@@ -120,6 +120,7 @@ def samples():
     mush = sinew.DirectDeltaMush(np.zeros((1, 3)), numbers, np.array([], int), np.ones((1, 1)))
     topology = sinew.Topology(1, np.zeros((0, 2), int))
     hook = sinew.Hook(1)
+    points = np.zeros((1, 3))
     none, start = np.zeros(0, int), np.zeros(1, int)
     return {
         "Topology": topology,
@@ -130,6 +131,7 @@ def samples():
         "SurfaceDeform": sinew.SurfaceDeform(1, none, start, none, start, *4 * [none]),
         "Stage": hook.stage(np.eye(4)),
         "CorrectiveSmooth": sinew.CorrectiveSmooth(topology),
+        "Decomposition": sinew.decompose(points, points[None], none, none, bones=1),
         "MethodData": shares,
         "BlendShares": shares,
         "Progress": sinew.Progress(),

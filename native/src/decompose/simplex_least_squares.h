@@ -1,0 +1,37 @@
+/// Least squares whose unknowns are not negative and sum to 1.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace sinew {
+
+/// Minimises x^T G x / 2 - b^T x over x >= 0, sum x = 1, by a primal active set: solved by Cholesky on the unknowns in
+/// use; what would become negative leaves, what lowers the sum enters. One object for each thread.
+class SimplexLeastSquares {
+ public:
+  /// G  n x n, positive definite.
+  /// x  n: not negative, with sum 1, to begin with; or all 0. The solution.
+  void solve(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, Eigen::VectorXd& x);
+
+  /// The same with at most `most` unknowns that are not 0. Those that raise the sum least leave, one by one.
+  void solve_sparse(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, int most, Eigen::VectorXd& x);
+
+  /// The same with no unknowns but those in `used`, ascending; the others become 0.
+  void solve_among(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, const std::vector<int>& used,
+                   Eigen::VectorXd& x);
+
+ private:
+  bool factor(const Eigen::MatrixXd& g);
+  void substitute(std::vector<double>& values) const;
+  void solve_equality(const Eigen::VectorXd& b);
+  void improve(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, Eigen::VectorXd& x, bool may_enter);
+  double& lower(std::size_t row, std::size_t column) { return lower_[row * used_.size() + column]; }
+  double lower(std::size_t row, std::size_t column) const { return lower_[row * used_.size() + column]; }
+
+  std::vector<int> used_;  // the unknowns that may differ from 0
+  std::vector<double> lower_, ones_, values_;
+  double multiplier_ = 0;
+};
+
+}  // namespace sinew
