@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "base/parallel.h"
+#include "weights/welded_mesh.h"
 
 namespace sinew {
 namespace {
@@ -13,28 +14,11 @@ namespace {
 using Pair = std::pair<std::uint32_t, std::uint32_t>;
 constexpr std::uint32_t kSeveral = 0xffffffff;
 
-class Parts {
- public:
-  explicit Parts(std::size_t count) : parents_(count) { std::iota(parents_.begin(), parents_.end(), 0u); }
-  std::uint32_t root(std::uint32_t member) {
-    while (parents_[member] != member) member = parents_[member] = parents_[parents_[member]];
-    return member;
-  }
-  bool join(std::uint32_t a, std::uint32_t b) {
-    a = root(a), b = root(b);
-    if (a == b) return false;
-    parents_[std::max(a, b)] = std::min(a, b);
-    return true;
-  }
-  std::vector<std::uint32_t> roots() {
-    std::vector<std::uint32_t> all(parents_.size());
-    for (std::uint32_t i = 0; i < all.size(); ++i) all[i] = root(i);
-    return all;
-  }
-
- private:
-  std::vector<std::uint32_t> parents_;
-};
+std::vector<std::uint32_t> roots_of(DisjointSets& parts, std::size_t count) {
+  std::vector<std::uint32_t> roots(count);
+  for (std::uint32_t i = 0; i < count; ++i) roots[i] = parts.root(i);
+  return roots;
+}
 
 /// Finds the nearest point of another part.
 class PointTree {
@@ -168,7 +152,7 @@ double change_of_distance(const Clip& clip, const Pair& edge) {
 }  // namespace
 
 std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, std::span<const Pair> edges) {
-  Parts parts(points.size());
+  DisjointSets parts(points.size());
   double length = 0;
   for (const auto& [a, b] : edges) {
     parts.join(a, b);
@@ -176,7 +160,7 @@ std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, st
   }
   std::vector<Pair> ties;
   PointTree tree(points);
-  tree.set_parts(parts.roots());
+  tree.set_parts(roots_of(parts, points.size()));
   const auto has_several = [&] {
     return std::any_of(tree.parts().begin(), tree.parts().end(), [](std::uint32_t part) { return part != 0; });
   };
@@ -196,9 +180,11 @@ std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, st
       if (own == kSeveral || nearest[p].second < nearest[own].second) own = p;
     }
     for (const std::uint32_t p : best) {
-      if (p != kSeveral && parts.join(p, nearest[p].first)) ties.push_back(sorted(p, nearest[p].first));
+      if (p == kSeveral || parts.root(p) == parts.root(nearest[p].first)) continue;
+      parts.join(p, nearest[p].first);
+      ties.push_back(sorted(p, nearest[p].first));
     }
-    tree.set_parts(parts.roots());
+    tree.set_parts(roots_of(parts, points.size()));
   }
   return ties;
 }
