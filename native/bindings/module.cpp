@@ -19,6 +19,7 @@ void bind_automatic_weights(pybind11::module_& module);
 void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 void bind_decompose(pybind11::module_& module);
+void bind_weight_tools(pybind11::module_& module);
 }  // namespace sinew::bindings
 
 namespace {
@@ -64,6 +65,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_cages(module);
   sinew::bindings::bind_deformer(module);
   sinew::bindings::bind_decompose(module);
+  sinew::bindings::bind_weight_tools(module);
   sinew::bindings::bind_automatic_weights(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
              "Lets later calls use at most `count` threads, the calling one included, and never more "

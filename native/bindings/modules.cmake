@@ -31,6 +31,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
+    bindings/bind_weight_tools.cpp
     bindings/host/bind_host.cpp
     bindings/host/bind_shortcut.cpp
     bindings/host/watched.cpp

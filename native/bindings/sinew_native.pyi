@@ -846,3 +846,68 @@ def decompose(
     skinning matrices whose weights are found; or weights, a table (V, J) or a Skin, whose motions are found. Returns None
     if progress was cancelled.
     """
+
+def smooth_weights(
+    weights: _Reals,
+    face_offsets: _Integers,
+    face_vertices: _Integers,
+    *,
+    strength: float = 0.0,
+    steps: int = 5,
+    factor: float = 0.5,
+    mask: _Reals | _Bool | None = None,
+    locked: _Integers | None = None,
+    positions: _Reals | None = None,
+) -> _Float32:
+    """Smooths weights (V, B) along edges: with a strength in one solve, (I + t L) w' = w, otherwise in steps.
+
+    mask (V,): where it is 0, weights stay; locked: bones whose weights stay; positions (V, 3): vertices that coincide get
+    equal weights.
+    """
+
+def reduce_weights(
+    weights: _Reals, positions: _Reals, matrices: _Reals, *, max_influences: int = 4
+) -> tuple[_Float32, _Float32, _Float32]:
+    """Leaves each vertex at most max_influences of its weights (V, B), by how far it moves without the others.
+
+    positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices. Returns (weights (V, B), largest (V,), mean
+    (V,)): how far each vertex moves over the poses.
+    """
+
+def mirror_weights(
+    weights: _Reals,
+    positions: _Reals,
+    face_offsets: _Integers,
+    face_vertices: _Integers,
+    pairs: _Integers,
+    *,
+    axis: int = 0,
+    origin: float = 0.0,
+    from_positive: bool = True,
+    middle: float = 1e-5,
+    mask: _Reals | _Bool | None = None,
+) -> _Float32:
+    """Copies weights (V, B) from one side to the other, by the closest points of the mirrored surface.
+
+    positions (V, 3); pairs (B,), the bone on the other side of each; origin: where the mirror is on the axis; middle: a
+    share of the mesh's size, vertices so near the mirror are of both sides; mask (V,): below 0.5, weights stay.
+    """
+
+def transfer_weights(
+    source_positions: _Reals,
+    source_face_offsets: _Integers,
+    source_face_vertices: _Integers,
+    source_weights: _Reals,
+    positions: _Reals,
+    face_offsets: _Integers,
+    face_vertices: _Integers,
+    *,
+    distance: float = 0.05,
+    angle: float = 30.0,
+    flipped: bool = False,
+) -> tuple[_Float32, _Bool]:
+    """Copies weights (V, B) from one surface to another, W vertices: from the closest points, smooth between them.
+
+    distance: a share of the diagonal of the target's bounding box; angle between normals in degrees; flipped: normals may
+    be opposite. Returns (weights (W, B), matched (W,)).
+    """

@@ -1,0 +1,177 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/parallel.h"
+#include "decompose/simplex_least_squares.h"
+#include "sinew/weight_tools.h"
+#include "weight_tools/check_tables.h"
+
+namespace sinew {
+namespace {
+
+/// So many sets are tried at a vertex, times poses.
+constexpr double kTries = 100000;
+
+/// Draws fitted weights to those of before where the poses do not determine them.
+constexpr double kPull = 1e-6;
+
+double combinations(int n, int k) {
+  double count = 1;
+  for (int i = 1; i <= k; ++i) count = count * (n - k + i) / i;
+  return count;
+}
+
+/// One vertex: where its bones take it in the poses. One object for each thread.
+class VertexReduction {
+ public:
+  VertexReduction(const WeightTable& weights, std::span<const float> positions, MatrixStack<const double> matrices,
+                  int most)
+      : weights_(weights), positions_(positions), matrices_(matrices), most_(most) {}
+
+  void run(std::ptrdiff_t v, ReducedWeights& result) {
+    const float* const row = weights_.row(v);
+    bones_.clear();
+    for (std::ptrdiff_t j = 0; j < weights_.bones; ++j) {
+      if (row[j] > 0) bones_.push_back(static_cast<std::int32_t>(j));
+    }
+    if (std::ssize(bones_) <= most_) return;
+    read(v, row);
+    const std::vector<int> kept = choose();
+    Eigen::VectorXd own = normalized(kept);
+    Eigen::VectorXd fitted = fit(kept, own);
+    if (largest(fitted) <= largest(own)) own = fitted;
+    const Eigen::VectorXd off = moves(own);
+    double sum = 0, longest = 0;
+    for (Eigen::Index f = 0; f < matrices_.frames; ++f) {
+      const double move = off.segment<3>(3 * f).norm();
+      sum += move;
+      longest = std::max(longest, move);
+    }
+    result.largest[v] = static_cast<float>(longest);
+    result.mean[v] = static_cast<float>(sum / static_cast<double>(std::max<std::ptrdiff_t>(1, matrices_.frames)));
+    float* const written = result.weights.data() + v * weights_.bones;
+    for (std::size_t i = 0; i < bones_.size(); ++i) {
+      written[bones_[i]] = static_cast<float>(sum_ * own[static_cast<Eigen::Index>(i)]);
+    }
+  }
+
+ private:
+  void read(std::ptrdiff_t v, const float* row) {
+    const auto n = static_cast<Eigen::Index>(bones_.size());
+    const Eigen::Vector3d rest = Eigen::Vector3f::Map(positions_.data() + 3 * v).cast<double>();
+    shares_.resize(n);
+    for (Eigen::Index i = 0; i < n; ++i) shares_[i] = row[bones_[i]];
+    sum_ = shares_.sum();
+    shares_ /= sum_;
+    places_.resize(3 * matrices_.frames, n);
+    for (Eigen::Index f = 0; f < matrices_.frames; ++f) {
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const auto matrix = matrices_.at(f, bones_[i]);
+        places_.block<3, 1>(3 * f, i) = matrix.topLeftCorner<3, 3>() * rest + matrix.topRightCorner<3, 1>();
+      }
+    }
+    target_ = places_ * shares_;
+    places_.colwise() -= target_;  // so that what is left out of a sum with shares of 1 is the move
+  }
+
+  Eigen::VectorXd moves(const Eigen::VectorXd& shares) const { return places_ * shares; }
+
+  double largest(const Eigen::VectorXd& shares) const {
+    const Eigen::VectorXd off = moves(shares);
+    double most = 0;
+    for (Eigen::Index f = 0; f < matrices_.frames; ++f) most = std::max(most, off.segment<3>(3 * f).squaredNorm());
+    return most;
+  }
+
+  Eigen::VectorXd normalized(const std::vector<int>& kept) const {
+    Eigen::VectorXd own = Eigen::VectorXd::Zero(shares_.size());
+    for (const int i : kept) own[i] = shares_[i];
+    return own / own.sum();
+  }
+
+  /// The kept weights for which the largest move is smallest; among equals, those that keep more weight.
+  std::vector<int> choose() const {
+    const int n = static_cast<int>(bones_.size());
+    std::pair<double, double> best(std::numeric_limits<double>::infinity(), 0);
+    std::vector<int> kept, tried;
+    const auto try_it = [&] {
+      double weight = 0;
+      for (const int i : tried) weight += shares_[i];
+      const std::pair cost(largest(normalized(tried)), -weight);
+      if (cost < best) best = cost, kept = tried;
+    };
+    if (combinations(n, most_) * static_cast<double>(std::max<std::ptrdiff_t>(1, matrices_.frames)) <= kTries) {
+      std::vector<std::uint8_t> is_kept(n);
+      std::fill_n(is_kept.begin(), most_, 1);
+      do {
+        tried.clear();
+        for (int i = 0; i < n; ++i) {
+          if (is_kept[i]) tried.push_back(i);
+        }
+        try_it();
+      } while (std::prev_permutation(is_kept.begin(), is_kept.end()));
+      return kept;
+    }
+    std::vector<int> left(n);
+    for (int i = 0; i < n; ++i) left[i] = i;
+    while (std::ssize(left) > most_) {
+      best = {std::numeric_limits<double>::infinity(), 0};
+      for (std::size_t out = 0; out < left.size(); ++out) {
+        tried = left;
+        tried.erase(tried.begin() + static_cast<std::ptrdiff_t>(out));
+        try_it();
+      }
+      left = kept;
+    }
+    return left;
+  }
+
+  Eigen::VectorXd fit(const std::vector<int>& kept, const Eigen::VectorXd& near) {
+    Eigen::MatrixXd g = places_.transpose() * places_;
+    const double pull = kPull * g.diagonal().maxCoeff() + std::numeric_limits<double>::min();
+    const Eigen::VectorXd b = pull * near;
+    g.diagonal().array() += pull;
+    Eigen::VectorXd own(shares_.size());
+    solver_.solve_among(g, b, kept, own);
+    return own;
+  }
+
+  const WeightTable& weights_;
+  std::span<const float> positions_;
+  MatrixStack<const double> matrices_;
+  int most_;
+  std::vector<std::int32_t> bones_;  // of the vertex
+  Eigen::VectorXd shares_, target_;  // of the bones; where they take it
+  Eigen::MatrixXd places_;           // where each bone takes it, less the target
+  double sum_ = 0;
+  SimplexLeastSquares solver_;
+};
+
+}  // namespace
+
+ReducedWeights reduce_weights(const WeightTable& weights, std::span<const float> positions,
+                              MatrixStack<const double> matrices, int most) {
+  check_table("weights", weights);
+  check_positions("positions", positions, weights.vertices);
+  check_range("max_influences", most, 1, 64);
+  if (matrices.joints != weights.bones) {
+    fail("matrices has ", plural(matrices.joints, "joint"), ", weights ", plural(weights.bones, "column"));
+  }
+  if (matrices.frames < 1) fail("matrices has no poses; expected one at least");
+  for (std::ptrdiff_t f = 0; f < matrices.frames; ++f) {
+    for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
+      if (!matrices.at(f, j).allFinite()) fail("matrices is not finite in pose ", f, " at joint ", j);
+    }
+  }
+  const auto vertices = static_cast<std::size_t>(weights.vertices);
+  ReducedWeights result{
+      {weights.numbers.begin(), weights.numbers.end()}, std::vector<float>(vertices), std::vector<float>(vertices)};
+  parallel_for(vertices, 64, [&](std::size_t begin, std::size_t end) {
+    VertexReduction reduction(weights, positions, matrices, most);
+    for (std::size_t v = begin; v < end; ++v) reduction.run(static_cast<std::ptrdiff_t>(v), result);
+  });
+  return result;
+}
+
+}  // namespace sinew

@@ -1,0 +1,70 @@
+/// A surface whose weights are read at its points.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mesh/faces.h"
+#include "sinew/weight_tools.h"
+#include "weights/triangle_tree.h"
+
+namespace sinew {
+
+class WeightedSurface {
+ public:
+  /// points  of all vertices, in any space.
+  /// triangles  with three different vertices, at least one. weights  kept as a reference.
+  WeightedSurface(std::vector<Eigen::Vector3d> points, std::vector<Triangle> triangles, const WeightTable& weights)
+      : points_(std::move(points)), triangles_(std::move(triangles)), weights_(weights), tree_(points_, triangles_) {}
+  WeightedSurface(const WeightedSurface&) = delete;
+  WeightedSurface& operator=(const WeightedSurface&) = delete;
+
+  const TriangleTree& tree() const { return tree_; }
+  const Triangle& triangle(const SurfacePoint& at) const { return triangles_[at.triangle]; }
+
+  /// Writes the weights there, B.
+  void read(const SurfacePoint& at, float* row) const {
+    std::fill_n(row, weights_.bones, 0.0f);
+    for (int i = 0; i < 3; ++i) {
+      const float* const own = weights_.row(triangle(at)[i]);
+      for (std::ptrdiff_t j = 0; j < weights_.bones; ++j) row[j] += static_cast<float>(at.shares[i]) * own[j];
+    }
+  }
+
+ private:
+  std::vector<Eigen::Vector3d> points_;
+  std::vector<Triangle> triangles_;
+  const WeightTable& weights_;
+  TriangleTree tree_;
+};
+
+/// The positions in a frame.
+inline std::vector<Eigen::Vector3d> points_in(const UnitFrame& frame, std::span<const double> positions) {
+  std::vector<Eigen::Vector3d> points(positions.size() / 3);
+  for (std::size_t v = 0; v < points.size(); ++v) points[v] = frame(positions.data() + 3 * v);
+  return points;
+}
+
+/// The triangles of faces that name three different vertices.
+inline std::vector<Triangle> triangles_of(const Faces& faces) {
+  std::vector<Triangle> triangles;
+  for_triangles(faces.offsets, faces.vertices, [&](const std::array<std::int32_t, 3>& own) {
+    if (own[0] == own[1] || own[1] == own[2] || own[2] == own[0]) return;
+    triangles.push_back(
+        {static_cast<std::uint32_t>(own[0]), static_cast<std::uint32_t>(own[1]), static_cast<std::uint32_t>(own[2])});
+  });
+  return triangles;
+}
+
+/// Divides by the sum; a sum of 0 stays. Returns whether there is one.
+inline bool normalize(float* row, std::ptrdiff_t bones) {
+  double sum = 0;
+  for (std::ptrdiff_t j = 0; j < bones; ++j) sum += row[j];
+  if (!(sum > 0)) return false;
+  for (std::ptrdiff_t j = 0; j < bones; ++j) row[j] = static_cast<float>(row[j] / sum);
+  return true;
+}
+
+}  // namespace sinew
