@@ -16,6 +16,7 @@ def place(random, ob):
     ob.location, ob.rotation_euler = scene.some(random, 2), scene.some(random, 1)
     if random.random() < 0.3:
         ob.scale = [random.uniform(0.5, 2) for _ in range(3)]
+    scene.take_keyframes()
 
 
 @on_both(0.7, in_any_mode=True)
@@ -24,6 +25,7 @@ def key_place(random, ob):
         ob.location, ob.rotation_euler = scene.some(random, 1), scene.some(random, 1)
         ob.keyframe_insert("location", frame=frame)
         ob.keyframe_insert("rotation_euler", frame=frame)
+    scene.take_keyframes()
 
 
 @on_both(1.5)
