@@ -35,7 +35,7 @@ struct FixedWeights {
 
 struct WeightSettings {
   WeightMethod method = WeightMethod::heat;
-  int resolution = 128;        ///< 8 to 256: voxels along the longest side of the mesh
+  int resolution = 128;        ///< 8 to 256: voxels along the longest side of the mesh; fewer if it is bulky
   double stiffness = 8;        ///< c, above 0: how closely weights follow the nearest bone
   int max_influences = 0;      ///< of a vertex; 0: any number
   double least_weight = 0.01;  ///< 0 to 0.5: smaller ones are left out
@@ -66,14 +66,14 @@ struct AutomaticWeights {
 /// vertices closer than about 1e-5 are welded. With L the Laplacian of cotangents, clamped to 0..20, A the barycentric
 /// areas:
 ///   (L + A H) w_j = A H p_j,  H_i = c / d_i^2,  d_i = min_j d_ij,
-///   d_ij = g_ij / (0.5 (cos_ij + 1.001)),  p_ij the share of bone j in those about as near as the nearest.
+///   d_ij = g_ij / (0.5 (cos_ij + 1.001))^1.5,  p_ij the share of bone j in those about as near as the nearest.
 /// g_ij is the distance from vertex i to bone j through the solid, cos_ij between the vertex's normal and the direction
 /// from the bone's closest point. Baran, Popović, "Automatic rigging and animation of 3D characters", ACM TOG 26(3),
 /// 2007, with distances through a solid in place of visibility. The solid is made of voxels: those that the surface
 /// meets and those with |generalised winding number| > 1/2 (Jacobson, Kavan, Sorkine-Hornung 2013, by Barill et al.
 /// 2018). L has no positive entry off its diagonal and H is above 0, so that the matrix is positive definite for any
-/// mesh, weights lie between 0 and 1, and their sum is 1. For parts smaller than a few voxels and for loose vertices
-/// the same equation is solved among voxels, where L is the Laplacian of their graph, A = 1, H = c h^2 / d^2, with h
+/// mesh, weights lie between 0 and 1, and their sum is 1. For parts smaller than a few voxels the same equation
+/// is solved among voxels, where L is the Laplacian of their graph, A = 1, H = c h^2 / d^2, with h
 /// the voxel's size.
 ///
 /// positions      V x 3, finite, in any unit and space.

@@ -16,11 +16,14 @@
 namespace sinew {
 namespace {
 
-// A part with fewer triangles, or smaller than this many voxels, says too little about its own shape.
-constexpr std::uint32_t kFewestTriangles = 16;
+// A part with fewer triangles, or one of few that is smaller than this many voxels, says too little about its own shape.
+constexpr std::uint32_t kFewestTriangles = 16, kFewTriangles = 200;
 constexpr double kFewestVoxels = 4;
 // No place counts as closer to a bone than this many voxels.
 constexpr double kLeastOnSurface = 0.25, kLeastInVolume = 0.5;
+// A solid has this many cells at most, times the resolution squared: a person has 2.
+constexpr double kMostCells = 6;
+constexpr int kLeastResolution = 8;
 // Steps of the progress for each phase.
 constexpr std::int64_t kWeldSteps = 100, kSolidSteps = 150, kDistanceSteps = 150, kSurfaceSteps = 450,
                        kVolumeSteps = 150;
@@ -58,7 +61,7 @@ class Computation {
     set_fixed();
     std::vector<WeightEntry> entries;
     if (frame_.size() > 0) {
-      VoxelSolid solid(mesh_.points, mesh_.triangles, tree, settings_.resolution, progress_);
+      VoxelSolid solid = make_solid(tree);
       advance(kSolidSteps);
       const BoneDistances distances(solid, bones_, progress_);
       for (std::int32_t bone = 0; bone < std::ssize(bones_); ++bone) {
@@ -82,6 +85,18 @@ class Computation {
   void advance(std::int64_t steps) {
     stop_if_cancelled(progress_);
     if (progress_) progress_->advance(steps);
+  }
+
+  /// Makes a solid of the resolution that was asked for, or a lower one if it is so bulky that it would take long. What
+  /// decides is near the surface, where distances are exact if nothing is in between.
+  VoxelSolid make_solid(const TriangleTree& tree) const {
+    const double most = kMostCells * settings_.resolution * settings_.resolution;
+    for (int resolution = settings_.resolution;;) {
+      VoxelSolid solid(mesh_.points, mesh_.triangles, tree, resolution, progress_);
+      const double ratio = most / static_cast<double>(solid.size());
+      if (ratio >= 1 || resolution <= kLeastResolution) return solid;
+      resolution = std::max(kLeastResolution, static_cast<int>(resolution * std::cbrt(ratio)));
+    }
   }
 
   /// Gives coincident vertices the mean of their fixed weights.
@@ -120,7 +135,8 @@ class Computation {
     const std::vector<double> diagonals = part_diagonals(mesh_);
     for (std::size_t p = 0; p < has_triangle.size(); ++p) {
       const std::int32_t part = mesh_.part_of[p];
-      const bool is_fragment = triangles[part] < kFewestTriangles || diagonals[part] < kFewestVoxels * voxel;
+      const std::uint32_t fewest = diagonals[part] < kFewestVoxels * voxel ? kFewTriangles : kFewestTriangles;
+      const bool is_fragment = triangles[part] < fewest;
       if (is_fragment || settings_.method == WeightMethod::volume) has_triangle[p] = 0;
     }
     return has_triangle;
@@ -136,7 +152,7 @@ class Computation {
     bool has_surface = false;
     for (std::uint32_t p = 0; p < has_heat.size(); ++p) {
       has_surface |= has_heat[p] != 0;
-      if (!has_heat[p]) wanted.push_back(p);
+      if (!has_heat[p] && solid.index_of(solid.grid().cell_at(places[p].point)) >= 0) wanted.push_back(p);
     }
     if (has_surface) {
       const NearestBones nearest = distances.nearest(places, kLeastOnSurface, progress_, kDistanceSteps);

@@ -16,7 +16,10 @@ constexpr std::uint32_t kFar = std::numeric_limits<std::uint32_t>::max();
 constexpr std::uint32_t kTimes = 4, kSlack = 3 * kStepsPerVoxel;
 // Bones that are no farther than the nearest by more than this share of its distance have a part, too, so that a weight
 // does not depend on rounding.
-constexpr double kBlend = 0.1;
+constexpr double kBlend = 0.05;
+// Distances are measured to bones that are shorter by this share of their length at both ends. Where the closest point of
+// two bones is their common end, they would be equally near; so the one that points there is nearer.
+constexpr double kShorter = 0.05;
 // Of the mesh's size; the distances of places on a bone must not be 0.
 constexpr double kShortest = 1e-6;
 
@@ -29,6 +32,11 @@ double octile(const Eigen::Vector3d& way) {
   return kStepsPerVoxel * (a - b) + 91 * (b - c) + kLongestStep * c;
 }
 
+Segment shorter(const Segment& bone) {
+  const Eigen::Vector3d less = kShorter * (bone.tail - bone.head);
+  return {bone.head + less, bone.tail - less};
+}
+
 double share_of(double distance, double nearest) { return 1 - (distance - nearest) / (kBlend * nearest); }
 
 /// d_ij. detour  by how much the way is longer than the straight one.
@@ -38,7 +46,8 @@ double distance_from(const Segment& bone, const Place& place, double detour, dou
   double cosine = 1;
   if (straight > 0 && !place.normal.isZero()) cosine = way.dot(place.normal) / straight;
   if (place.is_two_sided) cosine = std::abs(cosine);
-  return std::max(straight * detour, shortest) / (0.5 * (cosine + 1.001));
+  const double facing = 0.5 * (cosine + 1.001);
+  return std::max(straight * detour, shortest) / (facing * std::sqrt(facing));
 }
 
 void normalise_shares(NearestBones& nearest) {
@@ -75,22 +84,19 @@ BoneDistances::BoneDistances(VoxelSolid& solid, std::span<const Segment> bones, 
       steps_(grid_steps(solid.grid())),
       seeds_(bones.size()),
       is_outside_(bones.size()) {
-  const auto find_seeds = [&] {
-    parallel_for(bones.size(), 1, [&](std::size_t begin, std::size_t end) {
-      stop_if_cancelled(progress);
-      for (std::size_t bone = begin; bone < end; ++bone) begin_at(bone);
-    });
-  };
-  find_seeds();
+  parallel_for(bones.size(), 1, [&](std::size_t begin, std::size_t end) {
+    stop_if_cancelled(progress);
+    for (std::size_t bone = begin; bone < end; ++bone) begin_at(bone);
+  });
+  const std::vector<std::int32_t> cells(solid.cells().begin(), solid.cells().end());
   std::vector<std::uint32_t> all;
   for (const auto& seeds : seeds_) {
     for (const auto& seed : seeds) all.push_back(seed.item);
   }
-  const std::vector<std::uint8_t> is_outside = is_outside_;
-  const std::size_t before = solid.size();
   solid.connect(all);
-  if (solid.size() != before) find_seeds();
-  is_outside_ = is_outside;  // of the solid as it was
+  for (auto& seeds : seeds_) {  // the same cells, which have other numbers now
+    for (auto& seed : seeds) seed.item = static_cast<std::uint32_t>(solid.index_of(cells[seed.item]));
+  }
 
   nearest_.assign(solid.size(), kFar);
   std::vector<BucketQueue::Seed> from;
@@ -210,14 +216,17 @@ double BoneDistances::detour_at(const Eigen::Vector3d& point, const Search& sear
 NearestBones BoneDistances::nearest(std::span<const Place> places, double least, Progress* progress,
                                     std::int64_t steps) const {
   // The places in each cell.
-  std::vector<std::uint32_t> begin(solid_.size() + 1), cell_of(places.size()), in_cell(places.size());
+  std::vector<std::uint32_t> begin(solid_.size() + 1), in_cell(places.size());
+  std::vector<std::int32_t> cell_of(places.size());
   for (std::size_t place = 0; place < places.size(); ++place) {
-    cell_of[place] = static_cast<std::uint32_t>(solid_.index_of(solid_.grid().cell_at(places[place].point)));
-    ++begin[cell_of[place] + 1];
+    cell_of[place] = solid_.index_of(solid_.grid().cell_at(places[place].point));
+    if (cell_of[place] >= 0) ++begin[cell_of[place] + 1];
   }
   for (std::size_t cell = 1; cell < begin.size(); ++cell) begin[cell] += begin[cell - 1];
   std::vector<std::uint32_t> at(begin.begin(), begin.end() - 1);
-  for (std::uint32_t place = 0; place < places.size(); ++place) in_cell[at[cell_of[place]]++] = place;
+  for (std::uint32_t place = 0; place < places.size(); ++place) {
+    if (cell_of[place] >= 0) in_cell[at[cell_of[place]]++] = place;
+  }
 
   const double shortest = least * solid_.grid().voxel();
   std::vector<std::vector<Found>> found(bones_.size());
@@ -227,10 +236,11 @@ NearestBones BoneDistances::nearest(std::span<const Place> places, double least,
     for (std::size_t bone = first; bone < end; ++bone) {
       stop_if_cancelled(progress_);
       spread(bone, *search);
+      const Segment measured = shorter(bones_[bone]);
       for (const std::uint32_t cell : search->reached) {
         for (std::uint32_t i = begin[cell]; i < begin[cell + 1]; ++i) {
           const Place& place = places[in_cell[i]];
-          const double distance = distance_from(bones_[bone], place, detour_at(place.point, *search), shortest);
+          const double distance = distance_from(measured, place, detour_at(place.point, *search), shortest);
           found[bone].push_back({in_cell[i], static_cast<float>(distance)});
         }
       }
@@ -275,7 +285,7 @@ NearestBones nearest_in_air(std::span<const Place> places, std::span<const Segme
   std::vector<double> distances(bones.size());
   for (const Place& place : places) {
     for (std::size_t bone = 0; bone < bones.size(); ++bone) {
-      distances[bone] = std::max((place.point - bones[bone].closest(place.point)).norm(), kShortest);
+      distances[bone] = std::max((place.point - shorter(bones[bone]).closest(place.point)).norm(), kShortest);
     }
     result.distances.push_back(*std::ranges::min_element(distances));
     for (std::uint32_t bone = 0; bone < bones.size(); ++bone) {

@@ -26,7 +26,8 @@ struct Place {
 
 /// The nearest bones of places: the sources of heat.
 struct NearestBones {
-  std::vector<std::uint32_t> begin;  ///< places + 1: where the bones of each begin; each has one at least
+  std::vector<std::uint32_t>
+      begin;  ///< places + 1: where the bones of each begin; each has one at least if it is in the solid
   std::vector<std::uint32_t> bones;  ///< ascending at each place
   std::vector<double> shares;        ///< above 0, with sum 1 at each place
   std::vector<double> distances;     ///< of the nearest, above 0, of each place

@@ -1,9 +1,11 @@
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
+#include "base/kept.h"
 #include "base/parallel.h"
 #include "weights/heat.h"
+#include "weights/panel_solver.h"
 
 namespace sinew {
 namespace {
@@ -11,7 +13,8 @@ namespace {
 constexpr double kMostCotangent = 20;
 // Of the mesh's size squared: points of triangles without extent have an area, too.
 constexpr double kLeastArea = 1e-10;
-constexpr int kLanes = 8;  // right-hand sides that are solved together
+// Smaller weights need not be exact, if they are not kept anyway.
+constexpr double kNegligible = 1e-6;
 
 /// cot / 2 at the corner between two sides, not negative and bounded.
 double half_cotangent(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
@@ -71,33 +74,38 @@ std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points
   matrix.setFromTriplets(entries.begin(), entries.end());
   entries = {};
   stop_if_cancelled(progress);
-  Eigen::SimplicialLDLT<Matrix> solver(matrix);
+  const PanelSolver solver(matrix);
+  matrix = {};
   if (progress) progress->advance(steps / 2);
 
+  const double negligible = std::min(kNegligible, settings.least / 10);
   const std::int32_t joints = sources.joint_count;
   const std::size_t blocks = (static_cast<std::size_t>(joints) + kLanes - 1) / kLanes;
   std::vector<std::vector<WeightEntry>> found(joints);
+  Kept<PanelSolver::Scratch> kept;
   parallel_for(blocks, 1, [&](std::size_t begin, std::size_t end) {
+    const auto scratch = kept.borrow([] { return std::make_unique<PanelSolver::Scratch>(); });
     for (std::size_t block = begin; block < end; ++block) {
       stop_if_cancelled(progress);
       const auto first = static_cast<std::int32_t>(block) * kLanes, lanes = std::min(kLanes, joints - first);
-      using Panel = Eigen::Matrix<double, Eigen::Dynamic, kLanes, Eigen::RowMajor>;
-      Panel panel = Panel::Zero(count, kLanes);
-      for (Eigen::Index u = 0; u < count; ++u) {
-        sources.add_shares(unknowns[u], first, lanes, &panel(u, 0));
-        panel.row(u) *= heat[u];
+      scratch->values.assign(unknowns.size(), Lanes::Zero());
+      for (std::size_t u = 0; u < unknowns.size(); ++u) {
+        Lanes& values = scratch->values[solver.position(u)];
+        sources.add_shares(unknowns[u], first, lanes, values.data());
+        values *= heat[u];
       }
       for (const Known& known : knowns) {
         const double* const given =
             &fixed.weights[static_cast<std::size_t>(fixed.row_of[known.place]) * joints + first];
-        for (int lane = 0; lane < lanes; ++lane) panel(known.unknown, lane) += known.value * given[lane];
+        Lanes& values = scratch->values[solver.position(known.unknown)];
+        for (int lane = 0; lane < lanes; ++lane) values[lane] += known.value * given[lane];
       }
-      const Panel solution = solver.solve(panel);
-      for (int lane = 0; lane < lanes; ++lane) {
-        for (Eigen::Index u = 0; u < count; ++u) {
-          const double weight = solution(u, lane);
-          if (!(weight >= settings.least)) continue;
-          found[first + lane].push_back({unknowns[u], first + lane, static_cast<float>(weight)});
+      solver.solve(*scratch, negligible);
+      for (std::size_t u = 0; u < unknowns.size(); ++u) {
+        const Lanes& values = scratch->values[solver.position(u)];
+        for (int lane = 0; lane < lanes; ++lane) {
+          if (!(values[lane] >= settings.least) || values[lane] == 0) continue;
+          found[first + lane].push_back({unknowns[u], first + lane, static_cast<float>(values[lane])});
         }
       }
       if (progress) {

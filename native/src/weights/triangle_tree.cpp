@@ -1,14 +1,18 @@
 #include "weights/triangle_tree.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <numeric>
+
+#include "base/parallel.h"
 
 namespace sinew {
 namespace {
 
 constexpr std::uint32_t kLeaf = 8;
+constexpr std::uint32_t kParallel = 20000;  // triangles from which both halves are built at once
 constexpr double kBeta = 2;
 
 /// Van Oosterom, Strackee, "The solid angle of a plane triangle", 1983; divided by 4 pi.
@@ -50,6 +54,12 @@ Eigen::Vector3d closest_shares(const Eigen::Vector3d& a, const Eigen::Vector3d& 
   return {va / sum, vb / sum, vc / sum};
 }
 
+/// How many nodes a tree over this many triangles has.
+std::size_t node_count(std::size_t triangles) {
+  if (triangles <= kLeaf) return 1;
+  return 1 + node_count(triangles / 2) + node_count(triangles - triangles / 2);
+}
+
 }  // namespace
 
 TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles)
@@ -60,47 +70,22 @@ TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<co
   for (std::uint32_t t = 0; t < triangles.size(); ++t) {
     centroids[t] = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
   }
-  nodes_.reserve(4 * triangles.size() / kLeaf + 8);
-  build(0, static_cast<std::uint32_t>(order_.size()), centroids);
+  nodes_.resize(node_count(order_.size()));
+  split(0, static_cast<std::uint32_t>(order_.size()), 0, centroids);
 }
 
-void TriangleTree::build(std::uint32_t begin, std::uint32_t end, std::vector<Eigen::Vector3d>& centroids) {
-  const std::size_t own = nodes_.size();
-  Node& node = nodes_.emplace_back();
+void TriangleTree::split(std::uint32_t begin, std::uint32_t end, std::size_t at,
+                         std::span<const Eigen::Vector3d> centroids) {
+  Node& node = nodes_[at];
   node.begin = begin;
   node.end = end;
   node.right = 0;
-  node.low.setConstant(std::numeric_limits<double>::infinity());
-  node.high = -node.low;
-  node.centre.setZero();
-  node.normal.setZero();
-  Eigen::Vector3d low = node.low, high = node.high, mean = Eigen::Vector3d::Zero();
-  double area = 0;
+  if (end - begin <= kLeaf) return fill_leaf(node);
+  Eigen::Vector3d low = centroids[order_[begin]], high = low;
   for (std::uint32_t i = begin; i < end; ++i) {
-    const std::uint32_t t = order_[i];
-    for (int k = 0; k < 3; ++k) {
-      node.low = node.low.cwiseMin(corner(t, k));
-      node.high = node.high.cwiseMax(corner(t, k));
-    }
-    low = low.cwiseMin(centroids[t]);
-    high = high.cwiseMax(centroids[t]);
-    const Eigen::Vector3d normal = (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0)) / 2;
-    node.normal += normal;
-    node.centre += normal.norm() * centroids[t];
-    mean += centroids[t];
-    area += normal.norm();
+    low = low.cwiseMin(centroids[order_[i]]);
+    high = high.cwiseMax(centroids[order_[i]]);
   }
-  node.centre = area > 0 ? Eigen::Vector3d(node.centre / area) : Eigen::Vector3d(mean / (end - begin));
-  node.moment.setZero();
-  double radius = 0;
-  for (std::uint32_t i = begin; i < end; ++i) {
-    const std::uint32_t t = order_[i];
-    const Eigen::Vector3d normal = (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0)) / 2;
-    node.moment += (centroids[t] - node.centre) * normal.transpose();
-    for (int k = 0; k < 3; ++k) radius = std::max(radius, (corner(t, k) - node.centre).squaredNorm());
-  }
-  node.radius = std::sqrt(radius);
-  if (end - begin <= kLeaf) return;
   Eigen::Index axis = 0;
   (high - low).maxCoeff(&axis);
   const std::uint32_t middle = begin + (end - begin) / 2;
@@ -109,9 +94,68 @@ void TriangleTree::build(std::uint32_t begin, std::uint32_t end, std::vector<Eig
                      const double ca = centroids[a][axis], cb = centroids[b][axis];
                      return ca != cb ? ca < cb : a < b;
                    });
-  build(begin, middle, centroids);
-  nodes_[own].right = static_cast<std::uint32_t>(nodes_.size());
-  build(middle, end, centroids);
+  node.right = static_cast<std::uint32_t>(at + 1 + node_count(middle - begin));
+  const std::array halves{std::array{begin, middle}, std::array{middle, end}};
+  const std::array<std::size_t, 2> places{at + 1, node.right};
+  parallel_for(2, end - begin >= kParallel ? 1 : 2, [&](std::size_t first, std::size_t last) {
+    for (std::size_t half = first; half < last; ++half) {
+      split(halves[half][0], halves[half][1], places[half], centroids);
+    }
+  });
+  fill_from_children(at);
+}
+
+void TriangleTree::fill_leaf(Node& node) const {
+  node.low.setConstant(std::numeric_limits<double>::infinity());
+  node.high = -node.low;
+  node.centre.setZero();
+  node.normal.setZero();
+  node.moment.setZero();
+  node.area = 0;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  const auto area_normal = [&](std::uint32_t t) -> Eigen::Vector3d {
+    return (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0)) / 2;
+  };
+  const auto centroid = [&](std::uint32_t t) -> Eigen::Vector3d {
+    return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
+  };
+  for (std::uint32_t i = node.begin; i < node.end; ++i) {
+    const std::uint32_t t = order_[i];
+    for (int k = 0; k < 3; ++k) {
+      node.low = node.low.cwiseMin(corner(t, k));
+      node.high = node.high.cwiseMax(corner(t, k));
+    }
+    const Eigen::Vector3d normal = area_normal(t);
+    node.normal += normal;
+    node.centre += normal.norm() * centroid(t);
+    node.area += normal.norm();
+    mean += centroid(t) / (node.end - node.begin);
+  }
+  node.centre = node.area > 0 ? Eigen::Vector3d(node.centre / node.area) : mean;
+  double radius = 0;
+  for (std::uint32_t i = node.begin; i < node.end; ++i) {
+    const std::uint32_t t = order_[i];
+    node.moment += (centroid(t) - node.centre) * area_normal(t).transpose();
+    for (int k = 0; k < 3; ++k) radius = std::max(radius, (corner(t, k) - node.centre).norm());
+  }
+  node.radius = radius;
+}
+
+void TriangleTree::fill_from_children(std::size_t at) {
+  Node& node = nodes_[at];
+  const Node &a = nodes_[at + 1], &b = nodes_[node.right];
+  node.low = a.low.cwiseMin(b.low);
+  node.high = a.high.cwiseMax(b.high);
+  node.normal = a.normal + b.normal;
+  node.area = a.area + b.area;
+  const double share = node.area > 0 ? a.area / node.area : 0.5;
+  node.centre = share * a.centre + (1 - share) * b.centre;
+  node.moment = a.moment + b.moment + (a.centre - node.centre) * a.normal.transpose() +
+                (b.centre - node.centre) * b.normal.transpose();
+  const Eigen::Vector3d farthest = (node.centre - node.low).cwiseMax(node.high - node.centre);
+  const double of_balls =
+      std::max((a.centre - node.centre).norm() + a.radius, (b.centre - node.centre).norm() + b.radius);
+  node.radius = std::min(farthest.norm(), of_balls);
 }
 
 double TriangleTree::winding_number(const Eigen::Vector3d& point) const {

@@ -36,11 +36,14 @@ class TriangleTree {
     Eigen::Vector3d centre;  ///< weighted by areas
     Eigen::Vector3d normal;  ///< sum of area times normal
     Eigen::Matrix3d moment;  ///< sum of (centroid - centre) (area times normal)^T
-    double radius;           ///< of a ball about the centre that holds all
+    double area;
+    double radius;  ///< of a ball about the centre that holds all
     std::uint32_t begin, end;
     std::uint32_t right;  ///< the second child, 0 for a leaf; the first follows its parent
   };
-  void build(std::uint32_t begin, std::uint32_t end, std::vector<Eigen::Vector3d>& centroids);
+  void split(std::uint32_t begin, std::uint32_t end, std::size_t at, std::span<const Eigen::Vector3d> centroids);
+  void fill_leaf(Node& node) const;
+  void fill_from_children(std::size_t at);
   Eigen::Vector3d corner(std::uint32_t triangle, int i) const { return points_[triangles_[triangle][i]]; }
 
   std::span<const Eigen::Vector3d> points_;

@@ -3,12 +3,11 @@
 
 #include "base/parallel.h"
 #include "weights/heat.h"
+#include "weights/panel_solver.h"
 
 namespace sinew {
 namespace {
 
-constexpr int kLanes = 8;  // right-hand sides that are solved together
-using Lanes = Eigen::Array<double, kLanes, 1>;
 constexpr int kMostIterations = 1000;
 constexpr double kTolerance = 1e-6;  // of the right-hand side
 

@@ -47,6 +47,12 @@ VoxelGrid::VoxelGrid(std::span<const Eigen::Vector3d> points, int resolution) : 
   strides_ = {1, counts_[0], counts_[0] * counts_[1]};
 }
 
+Eigen::Vector3d VoxelGrid::between_centres(const Eigen::Vector3d& point) const {
+  Eigen::Vector3d at = coordinates(point).array() - 0.5;
+  for (int axis = 0; axis < 3; ++axis) at[axis] = std::clamp(at[axis], 0.0 + kMargin, counts_[axis] - 1.0 - kMargin);
+  return at;
+}
+
 std::int32_t VoxelGrid::cell_at(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d at = coordinates(point);
   std::int32_t cell = 0;
@@ -83,11 +89,14 @@ std::array<GridStep, 26> grid_steps(const VoxelGrid& grid) {
 VoxelSolid::VoxelSolid(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
                        const TriangleTree& tree, int resolution, const Progress* progress)
     : grid_(points, resolution), is_solid_(grid_.cell_count()) {
-  for (const Eigen::Vector3d& point : points) is_solid_[grid_.cell_at(point)] = 1;
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     if (t % 1024 == 0) stop_if_cancelled(progress);
     std::array<Eigen::Vector3d, 3> corners;
-    for (int i = 0; i < 3; ++i) corners[i] = grid_.coordinates(points[triangles[t][i]]);
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3d& point = points[triangles[t][i]];
+      is_solid_[grid_.cell_at(point)] = 1;  // also where it is astray
+      corners[i] = grid_.coordinates(point);
+    }
     mark_triangle(corners);
   }
   const auto& counts = grid_.counts();
@@ -109,17 +118,21 @@ void VoxelSolid::mark_triangle(const std::array<Eigen::Vector3d, 3>& corners) {
   const auto& [a, b, c] = corners;
   const Eigen::Vector3d low = a.cwiseMin(b).cwiseMin(c), high = a.cwiseMax(b).cwiseMax(c);
   std::array<int, 3> first, last;
-  std::int64_t cells = 1;
+  int cells = 1;
+  double around = 1;  // cells, also those outside the grid
   for (int axis = 0; axis < 3; ++axis) {
-    first[axis] = static_cast<int>(std::floor(low[axis]));
-    last[axis] = static_cast<int>(std::floor(high[axis]));
+    const int end = grid_.counts()[axis] - kMargin;  // what is astray is clipped
+    if (high[axis] < kMargin || low[axis] >= end) return;
+    first[axis] = std::max(kMargin, static_cast<int>(std::floor(std::max(low[axis], 0.0))));
+    last[axis] = std::min(end - 1, static_cast<int>(std::floor(std::min(high[axis], 1.0 * end))));
     cells *= last[axis] - first[axis] + 1;
+    around *= high[axis] - low[axis] + 1;
   }
   if (cells == 1) {
     is_solid_[grid_.cell(first[0], first[1], first[2])] = 1;
     return;
   }
-  if (cells > 512) {  // in halves, of which most cells of the whole's box are outside
+  if (around > 512) {  // in halves, of which most cells of the whole's box are outside
     const std::array sides{(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()};
     const auto longest = std::ranges::max_element(sides) - sides.begin();
     const Eigen::Vector3d &from = corners[longest], &to = corners[(longest + 1) % 3],

@@ -28,6 +28,8 @@ class VoxelGrid {
   /// Coordinates in which cell (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
   Eigen::Vector3d coordinates(const Eigen::Vector3d& point) const { return point / voxel_ + half_; }
   Eigen::Vector3d point(const Eigen::Vector3d& coordinates) const { return (coordinates - half_) * voxel_; }
+  /// Coordinates in which the centre of cell (i, j, k) is (i, j, k), moved to within the grid.
+  Eigen::Vector3d between_centres(const Eigen::Vector3d& point) const;
   /// Returns the cell that holds a point, or the closest.
   std::int32_t cell_at(const Eigen::Vector3d& point) const;
   std::array<int, 3> place_of(std::int32_t cell) const;
@@ -49,7 +51,7 @@ struct GridStep {
 constexpr std::uint32_t kStepsPerVoxel = 64, kLongestStep = 111;
 std::array<GridStep, 26> grid_steps(const VoxelGrid& grid);
 
-/// The cells that the surface meets, that the points are in, or whose centres have |winding number| > 1/2.
+/// The cells that the surface meets, or whose centres have |winding number| > 1/2.
 class VoxelSolid {
  public:
   VoxelSolid(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles, const TriangleTree& tree,
@@ -66,7 +68,7 @@ class VoxelSolid {
   /// interpolation between their centres.
   template <class Visit>
   void around(const Eigen::Vector3d& point, const Visit& visit) const {
-    const Eigen::Vector3d at = grid_.coordinates(point).array() - 0.5;
+    const Eigen::Vector3d at = grid_.between_centres(point);
     const Eigen::Vector3d low = at.array().floor(), high = at - low;
     const std::int32_t first =
         grid_.cell(static_cast<int>(low.x()), static_cast<int>(low.y()), static_cast<int>(low.z()));

@@ -12,10 +12,14 @@ namespace {
 
 // Cells in which all vertices are one point, and how close to a cell's border a vertex joins those beyond it.
 constexpr double kCell = 8e-6, kClose = 1e-6;
-// Far bones are moved to this many sizes of the mesh away, where nothing overflows.
+// If the box of all vertices is this many times as large as that of all but one in fifty along each axis, some are astray
+// and the box is kGrown times the smaller one. It is taken from this many vertices.
+constexpr double kAstray = 8, kGrown = 3, kOutermost = 0.02;
+constexpr std::size_t kSample = 4096;
+// Far bones and vertices are moved to this many sizes of the mesh away, where nothing overflows.
 constexpr double kFarthest = 1e9;
 
-using Cell = std::array<std::int32_t, 3>;
+using Cell = std::array<std::int64_t, 3>;
 
 /// The cells that have vertices, in an open hash table.
 class Cells {
@@ -43,9 +47,9 @@ class Cells {
     std::uint32_t vertex;
   };
   std::size_t at(const Cell& cell) const {
-    std::uint64_t hash = static_cast<std::uint32_t>(cell[0]);
-    hash = hash * 0x9e3779b97f4a7c15u + static_cast<std::uint32_t>(cell[1]);
-    hash = hash * 0x9e3779b97f4a7c15u + static_cast<std::uint32_t>(cell[2]);
+    auto hash = static_cast<std::uint64_t>(cell[0]);
+    hash = hash * 0x9e3779b97f4a7c15u + static_cast<std::uint64_t>(cell[1]);
+    hash = hash * 0x9e3779b97f4a7c15u + static_cast<std::uint64_t>(cell[2]);
     hash = (hash ^ (hash >> 29)) * 0xbf58476d1ce4e5b9u;
     const std::size_t mask = entries_.size() - 1;
     std::size_t slot = (hash ^ (hash >> 32)) & mask;
@@ -61,15 +65,15 @@ std::vector<std::uint32_t> weld_points(std::span<const Eigen::Vector3d> all, std
   std::vector<Cell> cell_of(all.size());
   for (std::uint32_t v = 0; v < all.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
-      cell_of[v][axis] = static_cast<std::int32_t>(std::floor(all[v][axis] / kCell));
+      cell_of[v][axis] = static_cast<std::int64_t>(std::floor(all[v][axis] / kCell));
     }
     sets.join(v, cells.first_or(cell_of[v], v));
   }
   for (std::uint32_t v = 0; v < all.size(); ++v) {
     Cell low = cell_of[v], high = cell_of[v];
     for (int axis = 0; axis < 3; ++axis) {
-      low[axis] = static_cast<std::int32_t>(std::floor((all[v][axis] - kClose) / kCell));
-      high[axis] = static_cast<std::int32_t>(std::floor((all[v][axis] + kClose) / kCell));
+      low[axis] = static_cast<std::int64_t>(std::floor((all[v][axis] - kClose) / kCell));
+      high[axis] = static_cast<std::int64_t>(std::floor((all[v][axis] + kClose) / kCell));
     }
     if (low == high) continue;
     for (Cell cell = low; cell[0] <= high[0]; ++cell[0]) {
@@ -88,6 +92,18 @@ std::vector<std::uint32_t> weld_points(std::span<const Eigen::Vector3d> all, std
     if (std::exchange(is_set[point_of[v]], 1) == 0) points[point_of[v]] = all[v];
   }
   return std::move(point_of);
+}
+
+/// Returns the box of most positions, along one axis.
+std::array<double, 2> box_of_most(std::span<const double> positions, std::size_t axis, int exponent) {
+  std::vector<double> sample;
+  const std::size_t vertices = positions.size() / 3, step = vertices / kSample + 1;
+  for (std::size_t v = 0; v < vertices; v += step) {
+    sample.push_back(std::scalbn(positions[3 * v + axis], -exponent));
+  }
+  std::ranges::sort(sample);
+  const auto left_out = static_cast<std::size_t>(kOutermost * static_cast<double>(sample.size()));
+  return {sample[left_out], sample[sample.size() - 1 - left_out]};
 }
 
 /// One side of a triangle.
@@ -283,7 +299,18 @@ UnitFrame::UnitFrame(std::span<const double> positions) {
     high[axis] = i < 3 ? number : std::max(high[axis], number);
   }
   centre_ = (low + high) / 2;
-  const double side = (high - low).maxCoeff();
+  double side = (high - low).maxCoeff();
+  Eigen::Vector3d core_low = low, core_high = high;
+  for (std::size_t axis = 0; axis < 3 && !positions.empty(); ++axis) {
+    const auto box = box_of_most(positions, axis, exponent_);
+    core_low[static_cast<Eigen::Index>(axis)] = box[0];
+    core_high[static_cast<Eigen::Index>(axis)] = box[1];
+  }
+  const double core = (core_high - core_low).maxCoeff();
+  if (core > 1e-14 && side > kAstray * core) {
+    centre_ = (core_low + core_high) / 2;
+    side = kGrown * core;
+  }
   // Below this nothing but rounding would be seen.
   if (side > 1e-14) scale_ = 1 / side;
   size_ = side > 1e-14 ? std::scalbn(side, exponent_) : 0;
