@@ -20,6 +20,7 @@ GROUPS = {
     "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices rotation_transforms",
     "Skinning": "Skin group_influences skin_linear skin_dual_quaternion skin_all Bends Layer ShapeKeys Deformer",
+    "Automatic weights": "automatic_weights AutomaticWeights WeightReport",
     "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
     "DirectDeltaMush skin_direct_delta_mush Progress",
     "After skinning": "Topology CorrectiveSmooth Smooth Hook MixedLayers Lattice SurfaceDeform MeshDeform Stage",

@@ -15,6 +15,7 @@ void bind_method_data(pybind11::module_& module);
 void bind_direct_delta_mush(pybind11::module_& module);
 void bind_skinning(pybind11::module_& module);
 void bind_stages(pybind11::module_& module);
+void bind_automatic_weights(pybind11::module_& module);
 void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 }  // namespace sinew::bindings
@@ -61,6 +62,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_stages(module);
   sinew::bindings::bind_cages(module);
   sinew::bindings::bind_deformer(module);
+  sinew::bindings::bind_automatic_weights(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
              "Lets later calls use at most `count` threads, the calling one included, and never more "
              "than the machine has; 0 means as many as it has. Results never depend on it. Raises "

@@ -21,6 +21,7 @@ add_custom_target(modules)  # all of them
 
 function(add_python_module target soabi)  # ARGN: folders with Python's headers
   add_library(${target} MODULE
+    bindings/bind_automatic_weights.cpp
     bindings/bind_cages.cpp
     bindings/bind_deformer.cpp
     bindings/bind_direct_delta_mush.cpp

@@ -20,6 +20,8 @@ _SmoothType: TypeAlias = Literal["simple", "length_weighted"]
 _CornerAngle: TypeAlias = Literal["polynomial", "arc_cosine"]
 _Spline: TypeAlias = Literal["linear", "cardinal", "catmull_rom", "bspline"]
 _Falloff: TypeAlias = Literal["none", "constant", "linear", "smooth", "sharp", "root", "sphere", "inverse_square"]
+_WeightMethod: TypeAlias = Literal["heat", "volume", "nearest"]
+_RigidFollow: TypeAlias = Literal["attachment", "bone"]
 _Stretch: TypeAlias = Literal["polar", "frame", "frame_each"]
 _Integers: TypeAlias = npt.NDArray[np.integer[Any]]
 _Reals: TypeAlias = npt.NDArray[np.floating[Any] | np.integer[Any]]
@@ -27,6 +29,7 @@ _Float32: TypeAlias = npt.NDArray[np.float32]
 _Float64: TypeAlias = npt.NDArray[np.float64]
 _Int32: TypeAlias = npt.NDArray[np.int32]
 _Int64: TypeAlias = npt.NDArray[np.int64]
+_UInt8: TypeAlias = npt.NDArray[np.uint8]
 _Bool: TypeAlias = npt.NDArray[np.bool_]
 _Float = TypeVar("_Float", np.float32, np.float64)
 
@@ -675,7 +678,8 @@ def read_rig(
     convention: _Convention | None = None,
     quaternion_order: Literal["wxyz", "xyzw"] = "wxyz",
 ) -> Rig:
-    """Reads a rig folder. Files have their usual names, or the given names relative to the folder."""
+    """Reads a rig folder. Files have their usual names, or the given names relative to the folder. weights="auto":
+    made from the bones by automatic_weights, instead of read."""
 
 def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> None:
     """Writes into an existing folder. skeleton: the name of its file, ending in .bf or .tgf."""
@@ -694,3 +698,87 @@ def instruction_set() -> str:
 
 def set_instruction_set(name: str) -> None:
     """Uses this instruction set from now on, or the best for "auto". Waits until running skinning calls have ended."""
+
+class WeightReport:
+    """What automatic_weights did. Immutable."""
+
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def part_count(self) -> int:
+        """How many connected parts the mesh has; coincident vertices are connected."""
+    @property
+    def surface_count(self) -> int:
+        """How many vertices have weights from heat on the surface."""
+    @property
+    def volume_count(self) -> int:
+        """How many have them from heat in the volume: those of fragments and loose vertices."""
+    @property
+    def nearest_count(self) -> int:
+        """How many follow the nearest bone through the air."""
+    @property
+    def fixed_count(self) -> int:
+        """How many were given, with those that coincide with them."""
+    @property
+    def rigid_count(self) -> int:
+        """How many are in rigid parts."""
+    @property
+    def bones_outside(self) -> _Int32:
+        """Bones of which nothing is inside the mesh, ascending."""
+    @property
+    def voxel_size(self) -> float:
+        """In the unit of the positions; 0 if all of them are equal."""
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+
+class AutomaticWeights:
+    """Weights for a Skin, from automatic_weights. Immutable."""
+
+    @property
+    def offsets(self) -> _Int64:
+        """(V + 1,), read-only: where the influences of each vertex begin; each has at least one."""
+    @property
+    def joints(self) -> _Int32:
+        """(N,), read-only, ascending at each vertex."""
+    @property
+    def weights(self) -> _Float32:
+        """(N,), read-only, above 0, with sum 1 at each vertex."""
+    @property
+    def ways(self) -> _UInt8:
+        """(V,), read-only: how each vertex got its weights: 0 surface, 1 volume, 2 nearest, 3 fixed, 4 rigid."""
+    @property
+    def parts(self) -> _Int32:
+        """(V,), read-only: the connected part of each vertex."""
+    @property
+    def report(self) -> WeightReport: ...
+
+def automatic_weights(
+    positions: _Reals,
+    face_offsets: _Integers,
+    face_vertices: _Integers,
+    heads: _Reals,
+    tails: _Reals,
+    *,
+    joints: _Integers | None = None,
+    method: _WeightMethod = "heat",
+    resolution: int = 128,
+    stiffness: float = 8.0,
+    max_influences: int = 0,
+    least_weight: float = 0.01,
+    fixed_vertices: _Integers | None = None,
+    fixed_weights: _Reals | None = None,
+    rigid_parts: _Integers | None = None,
+    rigid_size: float = 0.0,
+    rigid_follow: _RigidFollow = "attachment",
+    progress: Progress | None = None,
+) -> AutomaticWeights | None:
+    """Computes weights for any mesh and any bones by heat diffusion, for a Skin.
+
+    positions (V, 3), any unit and space; face_offsets (faces + 1,); face_vertices, face after face; heads and tails
+    (B, 3), in the same space; joints (B,), the joint of each bone, several bones may share one, None: bone b is joint b;
+    fixed_vertices (F,) with fixed_weights (F, J), around which the others are solved; rigid_parts (V,), equal numbers for
+    the vertices of a rigid part, -1 for the others; rigid_size: connected parts smaller than this share of the mesh are
+    rigid, too. Returns None if progress was cancelled.
+    """

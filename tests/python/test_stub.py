@@ -102,7 +102,14 @@ def test_parameters(live, function):
     assert of_stub(function) == of_docstring(live.__doc__)
 
 
-ALIASES = {"_Float32": np.float32, "_Float64": np.float64, "_Int32": np.int32, "_Int64": np.int64, "_Bool": np.bool_}
+ALIASES = {
+    "_Float32": np.float32,
+    "_Float64": np.float64,
+    "_Int32": np.int32,
+    "_Int64": np.int64,
+    "_UInt8": np.uint8,
+    "_Bool": np.bool_,
+}
 
 
 def samples():
@@ -120,6 +127,7 @@ def samples():
     mush = sinew.DirectDeltaMush(np.zeros((1, 3)), numbers, np.array([], int), np.ones((1, 1)))
     topology = sinew.Topology(1, np.zeros((0, 2), int))
     hook = sinew.Hook(1)
+    weights = sinew.automatic_weights(np.zeros((1, 3)), numbers[:0], numbers[:0], np.zeros((1, 3)), np.ones((1, 3)))
     none, start = np.zeros(0, int), np.zeros(1, int)
     return {
         "Topology": topology,
@@ -132,6 +140,8 @@ def samples():
         "CorrectiveSmooth": sinew.CorrectiveSmooth(topology),
         "MethodData": shares,
         "BlendShares": shares,
+        "AutomaticWeights": weights,
+        "WeightReport": weights.report,
         "Progress": sinew.Progress(),
         "RotationCenters": sinew.RotationCenters(np.zeros((1, 3)), np.ones(1, bool)),
         "DirectDeltaMush": mush,

@@ -5,18 +5,11 @@
 #include <span>
 #include <vector>
 
+#include "base/cancelled.h"
 #include "mush/laplacian.h"
 #include "sinew/progress.h"
 
 namespace sinew {
-
-/// Thrown, and caught within the library, when a computation is cancelled.
-struct Cancelled {};
-
-/// progress  may be null.
-inline void stop_if_cancelled(const Progress* progress) {
-  if (progress && progress->is_cancelled()) throw Cancelled();
-}
 
 /// How many fields are smoothed together: the number of consecutive values per vertex in a panel.
 constexpr int kFields = 12;

@@ -48,6 +48,16 @@ def parent_with_automatic_weights(random, ob):
         bpy.ops.object.parent_set(type=random.choice(("ARMATURE_NAME", "ARMATURE_ENVELOPE", "ARMATURE")))
 
 
+@on_both(0.7)
+def parent_with_sinew_weights(random, ob):
+    """Adds an Armature modifier too, and makes weights."""
+    rigs = scene.armatures()
+    if rigs and len(ob.modifiers) < 8 and ob.data.vertices:
+        select(random.choice(rigs), ob)
+        settings = {"stiffness": random.choice((2.0, 8.0)), "max_influences": random.choice((0, 3))}
+        bpy.ops.object.sinew_parent_with_weights(**settings)
+
+
 @on_both(2)
 def hide(random, ob):
     if random.random() < 0.5:

@@ -1,0 +1,70 @@
+/// How far bones are from the places where weights are wanted, through the solid.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/cancelled.h"
+#include "weights/voxel_solid.h"
+
+namespace sinew {
+
+struct Segment {
+  Eigen::Vector3d head, tail;
+
+  Eigen::Vector3d closest(const Eigen::Vector3d& point) const;
+};
+
+/// A place where weights are wanted.
+struct Place {
+  Eigen::Vector3d point;
+  Eigen::Vector3d normal;  ///< outward and of length 1, or zero: all directions are alike
+  bool is_two_sided;       ///< outward is not known
+};
+
+/// The nearest bones of places: the sources of heat.
+struct NearestBones {
+  std::vector<std::uint32_t>
+      begin;  ///< places + 1: where the bones of each begin; each has one at least if it is in the solid
+  std::vector<std::uint32_t> bones;  ///< ascending at each place
+  std::vector<double> shares;        ///< above 0, with sum 1 at each place
+  std::vector<double> distances;     ///< of the nearest, above 0, of each place
+};
+
+/// Distances through a solid, each with all cells connected.
+class BoneDistances {
+ public:
+  /// Connects the solid with the bones. A bone outside it begins at the closest solid cells.
+  BoneDistances(VoxelSolid& solid, std::span<const Segment> bones, const Progress* progress);
+
+  /// Bones of which nothing is in a solid cell.
+  std::span<const std::uint8_t> is_outside() const { return is_outside_; }
+
+  /// least  no distance counts as shorter, in voxels.
+  NearestBones nearest(std::span<const Place> places, double least, Progress* progress, std::int64_t steps) const;
+
+ private:
+  struct Search;
+  struct Found {
+    std::uint32_t place;
+    float distance;
+  };
+  void begin_at(std::size_t bone);
+  void spread(std::size_t bone, Search& search) const;
+  double detour_at(const Eigen::Vector3d& point, const Search& search) const;
+
+  const VoxelSolid& solid_;
+  std::span<const Segment> bones_;
+  const Progress* progress_;
+  std::array<GridStep, 26> steps_;
+  std::vector<std::vector<BucketQueue::Seed>> seeds_;
+  std::vector<std::uint8_t> is_outside_;
+  std::vector<std::uint32_t> nearest_;  ///< of each solid cell, from any bone, in steps
+};
+
+/// Distances through the air, for what has no solid.
+NearestBones nearest_in_air(std::span<const Place> places, std::span<const Segment> bones);
+
+}  // namespace sinew

@@ -1,0 +1,106 @@
+#include "weights/check_input.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+#include "mesh/faces.h"
+#include "sinew/skin.h"
+
+namespace sinew {
+namespace {
+
+void check_points(const char* name, std::span<const double> numbers, const char* of) {
+  if (numbers.size() % 3 != 0) {
+    fail(name, " has ", plural(std::ssize(numbers), "number"), "; expected three for each ", of);
+  }
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (!std::isfinite(numbers[i])) fail(name, " is not finite at ", of, " ", i / 3);
+  }
+}
+
+std::int32_t check_bones(const WeightBones& bones) {
+  check_points("heads", bones.heads, "bone");
+  check_points("tails", bones.tails, "bone");
+  const auto count = std::ssize(bones.heads) / 3;
+  if (bones.tails.size() != bones.heads.size()) {
+    fail("there are ", plural(count, "head"), " and ", plural(std::ssize(bones.tails) / 3, "tail"),
+         "; expected as many of each");
+  }
+  if (count == 0) fail("there are no bones; expected at least one");
+  if (count > kMostJoints) fail("there are ", plural(count, "bone"), "; expected ", grouped(kMostJoints), " at most");
+  if (bones.joints.empty()) return static_cast<std::int32_t>(count);
+  if (std::ssize(bones.joints) != count) {
+    fail("joints has ", plural(std::ssize(bones.joints), "number"), "; there are ", plural(count, "bone"));
+  }
+  std::int32_t largest = 0;
+  for (std::size_t bone = 0; bone < bones.joints.size(); ++bone) {
+    if (bones.joints[bone] < 0 || bones.joints[bone] >= kMostJoints) {
+      fail("bone ", bone, " has joint ", bones.joints[bone], "; expected 0 to ", grouped(kMostJoints - 1));
+    }
+    largest = std::max(largest, bones.joints[bone]);
+  }
+  return largest + 1;
+}
+
+void check_fixed(const FixedWeights& fixed, std::ptrdiff_t vertices, std::int32_t joints) {
+  check_vertices("fixed_vertices", fixed.vertices, vertices);
+  const auto rows = std::ssize(fixed.vertices);
+  if (std::ssize(fixed.weights) != rows * joints) {
+    fail("fixed_weights has ", plural(std::ssize(fixed.weights), "number"), "; expected ", grouped(rows * joints), " (",
+         plural(rows, "fixed vertex"), " x ", plural(joints, "joint"), ")");
+  }
+  for (std::ptrdiff_t row = 0; row < rows; ++row) {
+    double sum = 0;
+    for (const double weight : fixed.weights.subspan(row * joints, joints)) {
+      if (!(weight >= 0)) fail("fixed_weights has ", weight, " in row ", row, "; expected 0 or more");
+      sum += weight;
+    }
+    if (!(sum > 0) || !std::isfinite(sum)) {
+      fail("fixed_weights has the sum ", sum, " in row ", row, ", of vertex ", fixed.vertices[row],
+           "; expected more than 0");
+    }
+  }
+}
+
+void check_settings(const WeightSettings& settings, std::ptrdiff_t vertices) {
+  if (settings.resolution < 8 || settings.resolution > 256) {
+    fail("resolution is ", settings.resolution, "; expected 8 to 256");
+  }
+  if (!(settings.stiffness >= 1e-3 && settings.stiffness <= 1e6)) {
+    fail("stiffness is ", settings.stiffness, "; expected 0.001 to 1,000,000");
+  }
+  if (settings.max_influences < 0) {
+    fail("max_influences is ", settings.max_influences, "; expected 0 (any number) or more");
+  }
+  if (!(settings.least_weight >= 0 && settings.least_weight <= 0.5)) {
+    fail("least_weight is ", settings.least_weight, "; expected 0 to 0.5");
+  }
+  if (!(settings.rigid_size >= 0 && settings.rigid_size <= 1)) {
+    fail("rigid_size is ", settings.rigid_size, "; expected 0 to 1");
+  }
+  if (!settings.rigid_parts.empty() && std::ssize(settings.rigid_parts) != vertices) {
+    fail("rigid_parts has ", plural(std::ssize(settings.rigid_parts), "number"), "; the mesh has ",
+         plural(vertices, "vertex"));
+  }
+}
+
+}  // namespace
+
+std::int32_t check_weight_input(std::span<const double> positions, std::span<const std::int32_t> face_offsets,
+                                std::span<const std::int32_t> face_vertices, const WeightBones& bones,
+                                const FixedWeights& fixed, const WeightSettings& settings) {
+  check_points("positions", positions, "vertex");
+  const auto vertices = std::ssize(positions) / 3;
+  if (vertices > kMostNumbers / 4) {
+    fail("there are ", plural(vertices, "vertex"), "; expected ", grouped(kMostNumbers / 4), " at most");
+  }
+  check_vertices("face_vertices", face_vertices, vertices);
+  check_face_offsets(face_offsets, std::ssize(face_vertices));
+  const std::int32_t joints = check_bones(bones);
+  check_fixed(fixed, vertices, joints);
+  check_settings(settings, vertices);
+  return joints;
+}
+
+}  // namespace sinew

@@ -1,0 +1,61 @@
+/// Heat diffusion on a surface and in a solid.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "weights/bone_distances.h"
+
+namespace sinew {
+
+/// Weights that are large enough to keep.
+struct WeightEntry {
+  std::uint32_t place;
+  std::int32_t joint;
+  float weight;
+};
+
+/// The sources of heat at places, by joint.
+struct HeatSources {
+  const NearestBones& nearest;
+  std::span<const std::int32_t> joints;  ///< of each bone
+  std::int32_t joint_count;
+
+  /// Adds the shares of the joints from `first` on to `shares`, which has `count` numbers.
+  void add_shares(std::size_t place, std::int32_t first, std::int32_t count, double* shares) const {
+    for (std::uint32_t i = nearest.begin[place]; i < nearest.begin[place + 1]; ++i) {
+      const std::int32_t joint = joints[nearest.bones[i]] - first;
+      if (joint >= 0 && joint < count) shares[joint] += nearest.shares[i];
+    }
+  }
+};
+
+struct HeatSettings {
+  double stiffness;
+  double least;  ///< weights below are not returned
+};
+
+/// Places whose weights are given.
+struct FixedPlaces {
+  std::vector<std::int32_t> row_of;  ///< of each place in weights, or -1
+  std::vector<double> weights;       ///< rows x joints, row by row
+};
+
+/// Solves (L + A H) w = A H p on the triangles for the places that have one. Returns entries in the order of the
+/// joints.
+/// has_heat  of each place, whether it is on such a triangle.
+/// progress  advanced by `steps` in total.
+std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
+                                         std::span<const std::uint8_t> has_heat, const HeatSources& sources,
+                                         const FixedPlaces& fixed, const HeatSettings& settings, Progress* progress,
+                                         std::int64_t steps);
+
+/// Solves (L + H) u = H p in the cells of a solid and reads the result at points. Returns entries in the order of the
+/// joints.
+/// sources  of the cells.
+std::vector<WeightEntry> heat_in_volume(const VoxelSolid& solid, const HeatSources& sources,
+                                        std::span<const Eigen::Vector3d> points, std::span<const std::uint32_t> wanted,
+                                        const HeatSettings& settings, Progress* progress, std::int64_t steps);
+
+}  // namespace sinew

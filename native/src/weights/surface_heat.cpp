@@ -1,0 +1,126 @@
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "base/kept.h"
+#include "base/parallel.h"
+#include "weights/heat.h"
+#include "weights/panel_solver.h"
+
+namespace sinew {
+namespace {
+
+constexpr double kMostCotangent = 20;
+// Of the mesh's size squared: points of triangles without extent have an area, too.
+constexpr double kLeastArea = 1e-10;
+// Smaller weights need not be exact, if they are not kept anyway.
+constexpr double kNegligible = 1e-6;
+
+/// cot / 2 at the corner between two sides, not negative and bounded.
+double half_cotangent(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  const double along = a.dot(b), across = a.cross(b).norm();
+  if (along <= 0) return 0;
+  if (along >= kMostCotangent * across) return kMostCotangent / 2;
+  return along / across / 2;
+}
+
+}  // namespace
+
+std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
+                                         std::span<const std::uint8_t> has_heat, const HeatSources& sources,
+                                         const FixedPlaces& fixed, const HeatSettings& settings, Progress* progress,
+                                         std::int64_t steps) {
+  using Matrix = Eigen::SparseMatrix<double>;
+  std::vector<std::int32_t> unknown_of(points.size(), -1);
+  std::vector<std::uint32_t> unknowns;
+  for (std::uint32_t p = 0; p < points.size(); ++p) {
+    if (!has_heat[p] || fixed.row_of[p] >= 0) continue;
+    unknown_of[p] = static_cast<std::int32_t>(unknowns.size());
+    unknowns.push_back(p);
+  }
+  if (unknowns.empty()) return {};
+  std::vector<double> areas(points.size()), diagonal(points.size());
+  struct Known {
+    std::uint32_t unknown, place;
+    double value;
+  };
+  std::vector<Known> knowns;  // sides from an unknown to a given place
+  std::vector<Eigen::Triplet<double>> entries;
+  for (const Triangle& triangle : triangles) {
+    if (!has_heat[triangle[0]]) continue;
+    const Eigen::Vector3d &a = points[triangle[0]], &b = points[triangle[1]], &c = points[triangle[2]];
+    const double area = (b - a).cross(c - a).norm() / 6;
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t at = triangle[i], from = triangle[(i + 1) % 3], to = triangle[(i + 2) % 3];
+      areas[at] += area;
+      const double value = half_cotangent(points[from] - points[at], points[to] - points[at]);
+      diagonal[from] += value;
+      diagonal[to] += value;
+      const std::int32_t row = unknown_of[from], column = unknown_of[to];
+      if (row >= 0 && column >= 0) entries.emplace_back(std::max(row, column), std::min(row, column), -value);
+      if (row >= 0 && column < 0) knowns.push_back({static_cast<std::uint32_t>(row), to, value});
+      if (row < 0 && column >= 0) knowns.push_back({static_cast<std::uint32_t>(column), from, value});
+    }
+  }
+  const auto count = static_cast<Eigen::Index>(unknowns.size());
+  std::vector<double> heat(unknowns.size());
+  for (std::size_t u = 0; u < unknowns.size(); ++u) {
+    const std::uint32_t p = unknowns[u];
+    const double distance = sources.nearest.distances[p];
+    heat[u] = std::max(areas[p], kLeastArea) * settings.stiffness / (distance * distance);
+    entries.emplace_back(u, u, diagonal[p] + heat[u]);
+  }
+  Matrix matrix(count, count);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  entries = {};
+  stop_if_cancelled(progress);
+  const PanelSolver solver(matrix);
+  matrix = {};
+  if (progress) progress->advance(steps / 2);
+
+  const double negligible = std::min(kNegligible, settings.least / 10);
+  const std::int32_t joints = sources.joint_count;
+  const std::size_t blocks = (static_cast<std::size_t>(joints) + kLanes - 1) / kLanes;
+  std::vector<std::vector<WeightEntry>> found(joints);
+  Kept<PanelSolver::Scratch> kept;
+  parallel_for(blocks, 1, [&](std::size_t begin, std::size_t end) {
+    const auto scratch = kept.borrow([] { return std::make_unique<PanelSolver::Scratch>(); });
+    for (std::size_t block = begin; block < end; ++block) {
+      stop_if_cancelled(progress);
+      const auto first = static_cast<std::int32_t>(block) * kLanes, lanes = std::min(kLanes, joints - first);
+      scratch->values.assign(unknowns.size(), Lanes::Zero());
+      for (std::size_t u = 0; u < unknowns.size(); ++u) {
+        Lanes& values = scratch->values[solver.position(u)];
+        sources.add_shares(unknowns[u], first, lanes, values.data());
+        values *= heat[u];
+      }
+      for (const Known& known : knowns) {
+        const double* const given =
+            &fixed.weights[static_cast<std::size_t>(fixed.row_of[known.place]) * joints + first];
+        Lanes& values = scratch->values[solver.position(known.unknown)];
+        for (int lane = 0; lane < lanes; ++lane) values[lane] += known.value * given[lane];
+      }
+      solver.solve(*scratch, negligible);
+      for (std::size_t u = 0; u < unknowns.size(); ++u) {
+        const Lanes& values = scratch->values[solver.position(u)];
+        for (int lane = 0; lane < lanes; ++lane) {
+          if (!(values[lane] >= settings.least) || values[lane] == 0) continue;
+          found[first + lane].push_back({unknowns[u], first + lane, static_cast<float>(values[lane])});
+        }
+      }
+      if (progress) {
+        const auto own = static_cast<std::int64_t>(block), all = static_cast<std::int64_t>(blocks),
+                   half = steps - steps / 2;
+        progress->advance(half * (own + 1) / all - half * own / all);
+      }
+    }
+  });
+  std::vector<WeightEntry> result;
+  for (auto& of_joint : found) {
+    result.insert(result.end(), of_joint.begin(), of_joint.end());
+    of_joint = {};
+  }
+  return result;
+}
+
+}  // namespace sinew

@@ -1,0 +1,378 @@
+#include "weights/welded_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "mesh/faces.h"
+
+namespace sinew {
+namespace {
+
+// Cells in which all vertices are one point, and how close to a cell's border a vertex joins those beyond it.
+constexpr double kCell = 8e-6, kClose = 1e-6;
+// If the box of all vertices is this many times as large as that of all but one in fifty along each axis, some are astray
+// and the box is kGrown times the smaller one. It is taken from this many vertices.
+constexpr double kAstray = 8, kGrown = 3, kOutermost = 0.02;
+constexpr std::size_t kSample = 4096;
+// Far bones and vertices are moved to this many sizes of the mesh away, where nothing overflows.
+constexpr double kFarthest = 1e9;
+
+using Cell = std::array<std::int64_t, 3>;
+
+/// The cells that have vertices, in an open hash table.
+class Cells {
+ public:
+  explicit Cells(std::size_t most) {
+    std::size_t size = 16;
+    while (size < 2 * most) size *= 2;
+    entries_.resize(size, {Cell{}, kNone});
+  }
+
+  /// Returns the first vertex of a cell, which is `vertex` if there was none.
+  std::uint32_t first_or(const Cell& cell, std::uint32_t vertex) {
+    Entry& entry = entries_[at(cell)];
+    if (entry.vertex == kNone) entry = {cell, vertex};
+    return entry.vertex;
+  }
+  /// Returns the first vertex of a cell, or kNone.
+  std::uint32_t find(const Cell& cell) const { return entries_[at(cell)].vertex; }
+
+  static constexpr std::uint32_t kNone = 0xffffffff;
+
+ private:
+  struct Entry {
+    Cell cell;
+    std::uint32_t vertex;
+  };
+  std::size_t at(const Cell& cell) const {
+    auto hash = static_cast<std::uint64_t>(cell[0]);
+    hash = hash * 0x9e3779b97f4a7c15u + static_cast<std::uint64_t>(cell[1]);
+    hash = hash * 0x9e3779b97f4a7c15u + static_cast<std::uint64_t>(cell[2]);
+    hash = (hash ^ (hash >> 29)) * 0xbf58476d1ce4e5b9u;
+    const std::size_t mask = entries_.size() - 1;
+    std::size_t slot = (hash ^ (hash >> 32)) & mask;
+    while (entries_[slot].vertex != kNone && entries_[slot].cell != cell) slot = (slot + 1) & mask;
+    return slot;
+  }
+  std::vector<Entry> entries_;
+};
+
+std::vector<std::uint32_t> weld_points(std::span<const Eigen::Vector3d> all, std::vector<Eigen::Vector3d>& points) {
+  DisjointSets sets(all.size());
+  Cells cells(all.size());
+  std::vector<Cell> cell_of(all.size());
+  for (std::uint32_t v = 0; v < all.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      cell_of[v][axis] = static_cast<std::int64_t>(std::floor(all[v][axis] / kCell));
+    }
+    sets.join(v, cells.first_or(cell_of[v], v));
+  }
+  for (std::uint32_t v = 0; v < all.size(); ++v) {
+    Cell low = cell_of[v], high = cell_of[v];
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = static_cast<std::int64_t>(std::floor((all[v][axis] - kClose) / kCell));
+      high[axis] = static_cast<std::int64_t>(std::floor((all[v][axis] + kClose) / kCell));
+    }
+    if (low == high) continue;
+    for (Cell cell = low; cell[0] <= high[0]; ++cell[0]) {
+      for (cell[1] = low[1]; cell[1] <= high[1]; ++cell[1]) {
+        for (cell[2] = low[2]; cell[2] <= high[2]; ++cell[2]) {
+          const std::uint32_t other = cells.find(cell);
+          if (other != Cells::kNone && (all[other] - all[v]).norm() <= kCell) sets.join(v, other);
+        }
+      }
+    }
+  }
+  auto [point_of, count] = sets.numbered();
+  points.resize(count);
+  std::vector<std::uint8_t> is_set(count);
+  for (std::size_t v = 0; v < all.size(); ++v) {
+    if (std::exchange(is_set[point_of[v]], 1) == 0) points[point_of[v]] = all[v];
+  }
+  return std::move(point_of);
+}
+
+/// Returns the box of most positions, along one axis.
+std::array<double, 2> box_of_most(std::span<const double> positions, std::size_t axis, int exponent) {
+  std::vector<double> sample;
+  const std::size_t vertices = positions.size() / 3, step = vertices / kSample + 1;
+  for (std::size_t v = 0; v < vertices; v += step) {
+    sample.push_back(std::scalbn(positions[3 * v + axis], -exponent));
+  }
+  std::ranges::sort(sample);
+  const auto left_out = static_cast<std::size_t>(kOutermost * static_cast<double>(sample.size()));
+  return {sample[left_out], sample[sample.size() - 1 - left_out]};
+}
+
+/// One side of a triangle.
+struct Side {
+  std::uint32_t low, high;
+  std::uint32_t triangle;
+  bool is_forward;  ///< from low to high
+};
+
+/// All sides, those of the same edge one after the other.
+std::vector<Side> sorted_sides(const WeldedMesh& mesh) {
+  // Sorted by counting: first by the higher end, then, in that order, by the lower.
+  std::vector<Side> sides, sorted;
+  sides.reserve(3 * mesh.triangles.size());
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t a = mesh.triangles[t][i], b = mesh.triangles[t][(i + 1) % 3];
+      sides.push_back({std::min(a, b), std::max(a, b), t, a < b});
+    }
+  }
+  sorted.resize(sides.size());
+  for (const auto end : {&Side::high, &Side::low}) {
+    std::vector<std::uint32_t> begin(mesh.points.size() + 1);
+    for (const Side& side : sides) ++begin[side.*end + 1];
+    for (std::size_t p = 1; p < begin.size(); ++p) begin[p] += begin[p - 1];
+    for (const Side& side : sides) sorted[begin[side.*end]++] = side;
+    sides.swap(sorted);
+  }
+  return sides;
+}
+
+/// Calls visit(first, end) for the sides of each edge.
+template <class Visit>
+void for_edges(std::span<const Side> sides, const Visit& visit) {
+  for (std::size_t first = 0; first < sides.size();) {
+    std::size_t end = first + 1;
+    while (end < sides.size() && sides[end].low == sides[first].low && sides[end].high == sides[first].high) ++end;
+    visit(first, end);
+    first = end;
+  }
+}
+
+/// Faces, a fan of triangles each.
+class Faces {
+ public:
+  Faces(std::span<const std::int32_t> offsets, std::span<const std::int32_t> vertices,
+        std::span<const std::uint32_t> point_of)
+      : offsets_(offsets), vertices_(vertices), point_of_(point_of) {}
+
+  std::size_t count() const { return offsets_.empty() ? 0 : offsets_.size() - 1; }
+
+  /// The points of a face, in ascending order.
+  std::vector<std::uint32_t> points_of(std::size_t face) const {
+    std::vector<std::uint32_t> points;
+    for (std::int32_t i = offsets_[face]; i < offsets_[face + 1]; ++i) points.push_back(point_of_[vertices_[i]]);
+    std::ranges::sort(points);
+    return points;
+  }
+
+  /// Finds faces with the same points as an earlier one.
+  std::vector<std::uint8_t> doubles() const {
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> hashes;
+    for (std::uint32_t face = 0; face < count(); ++face) {
+      std::uint64_t hash = 0;
+      for (std::int32_t i = offsets_[face]; i < offsets_[face + 1]; ++i) {
+        std::uint64_t own = (point_of_[vertices_[i]] + 1) * 0x9e3779b97f4a7c15u;
+        own = (own ^ (own >> 31)) * 0xbf58476d1ce4e5b9u;
+        hash += own ^ (own >> 27);
+      }
+      hashes.emplace_back(hash, face);
+    }
+    std::ranges::sort(hashes);
+    std::vector<std::uint8_t> is_double(count());
+    for (std::size_t i = 1; i < hashes.size(); ++i) {
+      if (hashes[i].first != hashes[i - 1].first) continue;
+      is_double[hashes[i].second] = points_of(hashes[i].second) == points_of(hashes[i - 1].second);
+    }
+    return is_double;
+  }
+
+  /// Returns the triangles with three different points; those of faces that are left out are not among them.
+  std::vector<Triangle> triangles(std::span<const std::uint8_t> left_out) const {
+    std::vector<Triangle> result;
+    for (std::size_t face = 0; face < count(); ++face) {
+      if (!left_out.empty() && left_out[face]) continue;
+      for_triangles(offsets_.subspan(face, 2), vertices_, [&](const auto& corners) {
+        const Triangle triangle{point_of_[corners[0]], point_of_[corners[1]], point_of_[corners[2]]};
+        if (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0]) return;
+        result.push_back(triangle);
+      });
+    }
+    return result;
+  }
+
+ private:
+  std::span<const std::int32_t> offsets_, vertices_;
+  std::span<const std::uint32_t> point_of_;
+};
+
+/// Sets the triangles, without those of double faces: the winding numbers of a front and a back side would cancel.
+/// Returns their sides.
+std::vector<Side> set_triangles(const Faces& faces, WeldedMesh& mesh) {
+  mesh.triangles = faces.triangles({});
+  std::vector<Side> sides = sorted_sides(mesh);
+  bool has_many = false;
+  for_edges(sides, [&](std::size_t first, std::size_t end) { has_many |= end - first > 2; });
+  if (!has_many) return sides;
+  const std::vector<std::uint8_t> doubles = faces.doubles();
+  if (std::ranges::find(doubles, 1) == doubles.end()) return sides;
+  mesh.triangles = faces.triangles(doubles);
+  return sorted_sides(mesh);
+}
+
+/// Finds the patches, and orients the triangles of each alike: as most of them were.
+void orient(WeldedMesh& mesh, std::span<const Side> sides) {
+  constexpr std::uint32_t kNone = 0xffffffff;
+  struct Neighbour {
+    std::uint32_t triangle = kNone;
+    bool is_alike = true;
+  };
+  const std::size_t count = mesh.triangles.size();
+  std::vector<std::array<Neighbour, 3>> neighbours(count);
+  std::vector<std::uint8_t> used(count), has_border(count);
+  for_edges(sides, [&](std::size_t first, std::size_t end) {
+    const Side &a = sides[first], &b = sides[end - 1];
+    if (end - first == 2) {
+      const bool is_alike = a.is_forward != b.is_forward;
+      neighbours[a.triangle][used[a.triangle]++] = {b.triangle, is_alike};
+      neighbours[b.triangle][used[b.triangle]++] = {a.triangle, is_alike};
+    } else {
+      for (std::size_t i = first; i < end; ++i) has_border[sides[i].triangle] = 1;
+    }
+  });
+  mesh.patch_of.assign(count, kNone);
+  std::vector<std::uint8_t> is_flipped(count);
+  std::vector<std::uint32_t> patch;
+  for (std::uint32_t start = 0; start < count; ++start) {
+    if (mesh.patch_of[start] != kNone) continue;
+    const auto number = static_cast<std::uint32_t>(mesh.patch_count());
+    patch.assign(1, start);
+    mesh.patch_of[start] = number;
+    std::size_t flipped = 0;
+    bool is_closed = true;
+    for (std::size_t i = 0; i < patch.size(); ++i) {
+      const std::uint32_t t = patch[i];
+      flipped += is_flipped[t];
+      is_closed &= has_border[t] == 0;
+      for (int k = 0; k < used[t]; ++k) {
+        const auto [other, is_alike] = neighbours[t][k];
+        if (mesh.patch_of[other] != kNone) continue;
+        mesh.patch_of[other] = number;
+        is_flipped[other] = is_flipped[t] ^ static_cast<std::uint8_t>(!is_alike);
+        patch.push_back(other);
+      }
+    }
+    const bool flip_others = 2 * flipped > patch.size();
+    for (const std::uint32_t t : patch) {
+      if ((is_flipped[t] != 0) != flip_others) mesh.flip(t);
+    }
+    mesh.is_closed.push_back(is_closed);
+  }
+}
+
+/// Turns closed patches inside out where they enclose a negative volume.
+void turn_closed_outward(WeldedMesh& mesh) {
+  std::vector<Eigen::Vector3d> origin(mesh.patch_count(), Eigen::Vector3d::Zero());
+  std::vector<std::uint8_t> has_origin(mesh.patch_count());
+  std::vector<double> volume(mesh.patch_count());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const std::uint32_t patch = mesh.patch_of[t];
+    const auto& [a, b, c] = mesh.triangles[t];
+    if (std::exchange(has_origin[patch], 1) == 0) origin[patch] = mesh.points[a];
+    const Eigen::Vector3d& o = origin[patch];
+    volume[patch] += (mesh.points[a] - o).dot((mesh.points[b] - o).cross(mesh.points[c] - o));
+  }
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const std::uint32_t patch = mesh.patch_of[t];
+    if (mesh.is_closed[patch] && volume[patch] < 0) mesh.flip(t);
+  }
+}
+
+}  // namespace
+
+UnitFrame::UnitFrame(std::span<const double> positions) {
+  double largest = 0;
+  for (const double number : positions) largest = std::max(largest, std::abs(number));
+  if (largest > 0) exponent_ = std::ilogb(largest);
+  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const double number = std::scalbn(positions[i], -exponent_);
+    const auto axis = static_cast<Eigen::Index>(i % 3);
+    low[axis] = i < 3 ? number : std::min(low[axis], number);
+    high[axis] = i < 3 ? number : std::max(high[axis], number);
+  }
+  centre_ = (low + high) / 2;
+  double side = (high - low).maxCoeff();
+  Eigen::Vector3d core_low = low, core_high = high;
+  for (std::size_t axis = 0; axis < 3 && !positions.empty(); ++axis) {
+    const auto box = box_of_most(positions, axis, exponent_);
+    core_low[static_cast<Eigen::Index>(axis)] = box[0];
+    core_high[static_cast<Eigen::Index>(axis)] = box[1];
+  }
+  const double core = (core_high - core_low).maxCoeff();
+  if (core > 1e-14 && side > kAstray * core) {
+    centre_ = (core_low + core_high) / 2;
+    side = kGrown * core;
+  }
+  // Below this nothing but rounding would be seen.
+  if (side > 1e-14) scale_ = 1 / side;
+  size_ = side > 1e-14 ? std::scalbn(side, exponent_) : 0;
+}
+
+Eigen::Vector3d UnitFrame::operator()(const double* point) const {
+  Eigen::Vector3d result;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double number = (std::scalbn(point[axis], -exponent_) - centre_[axis]) * scale_;
+    result[axis] = std::clamp(number, -kFarthest, kFarthest);
+  }
+  return result;
+}
+
+WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, std::span<const std::int32_t> face_offsets,
+                std::span<const std::int32_t> face_vertices) {
+  WeldedMesh mesh;
+  std::vector<Eigen::Vector3d> all(positions.size() / 3);
+  for (std::size_t v = 0; v < all.size(); ++v) all[v] = frame(&positions[3 * v]);
+  mesh.point_of = weld_points(all, mesh.points);
+  const Faces faces(face_offsets, face_vertices, mesh.point_of);
+  orient(mesh, set_triangles(faces, mesh));
+  turn_closed_outward(mesh);
+  // A side of a triangle without extent still connects two points.
+  DisjointSets parts(mesh.points.size());
+  for (std::size_t f = 0; f + 1 < face_offsets.size(); ++f) {
+    for (std::int32_t i = face_offsets[f] + 1; i < face_offsets[f + 1]; ++i) {
+      parts.join(mesh.point_of[face_vertices[i - 1]], mesh.point_of[face_vertices[i]]);
+    }
+  }
+  const auto [numbers, count] = parts.numbered();
+  mesh.part_of.assign(numbers.begin(), numbers.end());
+  mesh.part_count = static_cast<std::int32_t>(count);
+  return mesh;
+}
+
+DisjointSets::DisjointSets(std::size_t count) : parents_(count) {
+  std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
+}
+
+std::uint32_t DisjointSets::root(std::uint32_t member) {
+  while (parents_[member] != member) {
+    parents_[member] = parents_[parents_[member]];
+    member = parents_[member];
+  }
+  return member;
+}
+
+void DisjointSets::join(std::uint32_t a, std::uint32_t b) {
+  a = root(a);
+  b = root(b);
+  parents_[std::max(a, b)] = std::min(a, b);
+}
+
+std::pair<std::vector<std::uint32_t>, std::uint32_t> DisjointSets::numbered() {
+  std::vector<std::uint32_t> numbers(parents_.size());
+  std::uint32_t count = 0;
+  for (std::uint32_t member = 0; member < numbers.size(); ++member) {
+    const std::uint32_t own = root(member);
+    numbers[member] = own == member ? count++ : numbers[own];
+  }
+  return {std::move(numbers), count};
+}
+
+}  // namespace sinew
