@@ -2,7 +2,8 @@
 
     blender -b --python-exit-code 1 --python addon/demo.py -- RIG_FOLDER OUTPUT_FOLDER POSE_FILE
 
-The poses come from POSE_FILE if the folder has it, otherwise from pose.dmat. Frames are timed alternately with
+The poses come from POSE_FILE if the folder has it, otherwise from pose.dmat; without either, all bones sway. A folder
+without weights.dmat gets weights made from its bones. Frames are timed alternately with
 Sinew and with Blender's own Armature modifier on a copy of the same scene, whose armature has the same motion
 as keyframes.
 """
@@ -21,6 +22,7 @@ FRAMES = 120
 METHODS = ("LINEAR", "DUAL_QUATERNION")
 TILE = (480, 540)  # size in pixels of one picture of the contact sheet
 SAMPLES = 24
+SWAY, SWAY_FRAMES = 0.35, 48  # of the bones of a rig without poses: radians, and how long it takes
 SMALL = 6_000  # vertices; a mesh with fewer gains nothing
 
 
@@ -39,7 +41,23 @@ def import_rig(folder, pose):
         bpy.ops.import_scene.sinew_rig(filepath=str(skeletons[0]), pose=pose if (folder / pose).exists() else "")
     except RuntimeError as error:
         sys.exit(str(error).strip())
-    return bpy.context.active_object
+    mesh_object = bpy.context.active_object
+    if not addon_module("clips.clip_store").has_poses(mesh_object.sinew.armature.data):
+        sway(mesh_object.sinew.armature)
+    return mesh_object
+
+
+def sway(armature):
+    """Keys a motion for an armature without poses: each bone turns to and fro, later than its parent."""
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, SWAY_FRAMES
+    for bone in armature.pose.bones:
+        bone.rotation_mode = "XYZ"
+        delay = 0.6 * len(bone.parent_recursive)
+        for frame in range(1, SWAY_FRAMES + 2, SWAY_FRAMES // 8):
+            phase = 2 * math.pi * (frame - 1) / SWAY_FRAMES - delay
+            bone.rotation_euler = (SWAY * math.sin(phase), 0, SWAY * math.cos(phase))
+            bone.keyframe_insert("rotation_euler", frame=frame)
 
 
 def shape(ob, scene):
@@ -100,11 +118,13 @@ def world_points(mesh_object, frames):
 
 
 def sheet_pictures(mesh_object):
-    """Returns (frame, method) for each of the six pictures: one cycle of the clip; or rest, half swing and full swing,
-    with one method in the upper row and the other in the lower."""
+    """Returns (frame, method) for each of the six pictures: one cycle of the clip, or of the swaying; or rest, half
+    swing and full swing, with one method in the upper row and the other in the lower."""
     armature = mesh_object.sinew.armature
     count = addon_module("clips.clip_store").pose_count(armature.data)
-    if armature.sinew_clip.mode == "PLAYBACK":
+    if count == 0:
+        count = SWAY_FRAMES
+    if armature.sinew_clip.mode == "PLAYBACK" or mesh_object.sinew.source == "ARMATURE":
         return [(1 + round(i * count / 6), METHODS[0]) for i in range(6)]
     half_swing = math.pi / 2 * bpy.context.scene.render.fps
     return [(1 + round(share * half_swing), method) for method in METHODS for share in (0, 1 / 3, 1)]

@@ -44,6 +44,7 @@ def _modules():
         preferences,
         profile,
         rig_files,
+        weights,
     )
 
     return (
@@ -55,6 +56,7 @@ def _modules():
         crowd,
         cures,
         method_settings,
+        weights,
         display,
         menus,
         panels,

@@ -1,7 +1,10 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <algorithm>
+
 #include "arrays.h"
+#include "sinew/automatic_weights.h"
 #include "sinew/dmat.h"
 #include "sinew/rig.h"
 
@@ -171,15 +174,44 @@ void bind_rig(py::module_& module) {
           "(F, J, 4, 4) float64, read-only: skinning matrices, or None.");
 }
 
+/// Weights by the bones of the joints that have a column, V x columns.
+Eigen::MatrixXd weights_from_bones(const PolygonMesh& mesh, const RigSkeleton& skeleton) {
+  std::vector<double> heads, tails;
+  std::vector<std::int32_t> columns;
+  for (std::ptrdiff_t j = 0; j < skeleton.joint_count(); ++j) {
+    if (skeleton.weight_columns()[j] < 0) continue;
+    columns.push_back(skeleton.weight_columns()[j]);
+    for (int axis = 0; axis < 3; ++axis) {
+      heads.push_back(skeleton.heads()(j, axis));
+      tails.push_back(skeleton.tails()(j, axis));
+    }
+  }
+  if (columns.empty()) throw InputError("no joint has a column of weights, so none can be made from the bones");
+  const std::int32_t last = *std::ranges::max_element(columns);
+  if (last >= std::ssize(columns)) {
+    throw InputError("a joint has weight column " + std::to_string(last) + "; expected 0 to " +
+                     std::to_string(columns.size() - 1) + ", since that many joints have one");
+  }
+  const std::vector<double> positions(mesh.positions.begin(), mesh.positions.end());
+  const auto made = automatic_weights(positions, mesh.face_offsets, mesh.face_vertices, {heads, tails, columns});
+  Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(mesh.vertex_count(), last + 1);
+  for (std::ptrdiff_t v = 0; v < mesh.vertex_count(); ++v) {
+    for (auto i = made->offsets[v]; i < made->offsets[v + 1]; ++i) weights(v, made->joints[i]) = made->weights[i];
+  }
+  return weights;
+}
+
 Rig py_read_rig(const Path& folder, const std::optional<Path>& skeleton, const std::optional<Path>& mesh,
                 const std::optional<Path>& weights, const std::optional<Path>& pose,
                 const std::optional<std::string>& convention, const std::string& quaternion_order) {
   RigPaths paths = find_rig(folder);
   if (skeleton) paths.skeleton = folder / *skeleton;
   if (mesh) paths.mesh = folder / *mesh;
-  if (weights) paths.weights = folder / *weights;
+  const bool is_made = weights == Path("auto");
+  if (weights && !is_made) paths.weights = folder / *weights;
   if (pose) paths.poses = folder / *pose;
-  return read_rig(paths, convention_of(convention), order_of(quaternion_order));
+  return read_rig(paths, convention_of(convention), order_of(quaternion_order),
+                  is_made ? WeightsMaker(weights_from_bones) : WeightsMaker());
 }
 
 void py_write_rig(const Path& folder, const Rig& rig, const Path& skeleton) {
@@ -239,7 +271,8 @@ void bind_files(py::module_& module) {
              "exist, pose.dmat and anim.dmat. Weights below 0 or above 1, which Blender's vertex groups "
              "cannot hold, become 0 or 1, and the weights of their vertices are divided by their sum; clamped_weights "
              "is how many there were. (read_dmat returns the weights as they are in the file.)\n\n"
-             "skeleton, mesh, weights, pose: other names for the files, relative to the folder.\n"
+             "skeleton, mesh, weights, pose: other names for the files, relative to the folder. weights=\"auto\": made "
+             "from the bones by automatic_weights, instead of read.\n"
              "convention: as in read_skeleton.\n"
              "quaternion_order: \"wxyz\" or \"xyzw\", of the pose file; Euler angles in it are "
              "degrees.\n"

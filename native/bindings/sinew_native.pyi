@@ -678,7 +678,8 @@ def read_rig(
     convention: _Convention | None = None,
     quaternion_order: Literal["wxyz", "xyzw"] = "wxyz",
 ) -> Rig:
-    """Reads a rig folder. Files have their usual names, or the given names relative to the folder."""
+    """Reads a rig folder. Files have their usual names, or the given names relative to the folder. weights="auto":
+    made from the bones by automatic_weights, instead of read."""
 
 def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> None:
     """Writes into an existing folder. skeleton: the name of its file, ending in .bf or .tgf."""

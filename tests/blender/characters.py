@@ -212,6 +212,7 @@ def make_cage(splines=("KEY_BSPLINE", "KEY_LINEAR", "KEY_CARDINAL"), counts=(3, 
 
 
 def by_keys(cage):
+    """Moves the points of a lattice or a mesh by keyframes."""
     random = np.random.default_rng(8)
     cage.shape_key_add(name="Basis")
     key = cage.shape_key_add(name="Bent")
@@ -247,3 +248,22 @@ def drive(block, path, expression="var", kind="TRANSFORMS", bone="bone2", channe
     for name, value in settings.items():
         setattr(variable.targets[0], name, value)
     return driver
+
+
+def make_mesh_cage(armature=None):
+    """A closed box in slices around the tube, with weights of bones; on an armature, if there is one."""
+    heights = np.linspace(-0.6, 5.6, 12)
+    points = [(x, y, z) for z in heights for x, y in ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9))]
+    faces = [
+        (4 * k + i, 4 * k + (i + 1) % 4, 4 * k + 4 + (i + 1) % 4, 4 * k + 4 + i) for k in range(11) for i in range(4)
+    ]
+    mesh = bpy.data.meshes.new("Box")
+    mesh.from_pydata(points, [], [*faces, (3, 2, 1, 0), (44, 45, 46, 47)])
+    cage = linked("Box", mesh)
+    for number in range(5):
+        group = cage.vertex_groups.new(name=f"bone{number}")
+        for v, (_, _, z) in enumerate(points):
+            group.add([v], max(0, 1 - abs(z - number - 0.5)), "REPLACE")
+    if armature:
+        smoothed(cage, "Armature", "ARMATURE", object=armature)
+    return cage

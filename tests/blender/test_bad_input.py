@@ -36,7 +36,6 @@ def huge_header(folder):
 
 CASES = {
     "no mesh": (remove("mesh.obj"), "there is no file .*mesh.obj"),
-    "no weights": (remove("weights.dmat"), "there is no file .*weights.dmat"),
     "too few rows": (write("weights.dmat", "1 2\n0.5\n0.5\n"), r"weights.dmat has 2 rows, mesh.obj"),
     "cycle": (write("skeleton.bf", "0 1 0 0 0\n1 0 0 1 0\n"), "skeleton.bf.*cycle"),
     "parent out of range": (replace_line("skeleton.bf", 1, "1 77 0 1 0"), "skeleton.bf.*joint 1 has parent 77"),
@@ -97,7 +96,7 @@ def test_bad_rig_folder(tmp_path, case):
     assert after == before
 
 
-@pytest.mark.parametrize("step", ("bind.wiring.wire", "bind.mending.adapt", "bind.show", "meshes.write_weights"))
+@pytest.mark.parametrize("step", ("bind.wiring.wire", "bind.mending.adapt", "bind.show", "weight_writing.replace"))
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))
 @pytest.mark.parametrize("kind", (ValueError, KeyboardInterrupt))
 def test_an_import_that_fails_half_way_takes_everything_back(fresh_scene, monkeypatch, tmp_path, kind, step, output):
@@ -149,7 +148,7 @@ def test_an_import_without_memory_takes_everything_back(monkeypatch, tmp_path):
     def fail(*_arguments, **_named):
         raise MemoryError
 
-    monkeypatch.setattr(addon_module("blender.meshes"), "write_weights", fail)
+    monkeypatch.setattr(addon_module("blender.weight_writing"), "replace", fail)
     with pytest.raises(RuntimeError, match="There is not enough memory"):
         bpy.ops.import_scene.sinew_rig(filepath=str(copied_rig(tmp_path) / "skeleton.bf"))
     assert data_counts() == before

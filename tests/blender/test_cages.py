@@ -13,6 +13,7 @@ from characters import (
     linked,
     make_armature,
     make_cage,
+    make_mesh_cage,
     make_tube,
     pose,
     smoothed,
@@ -707,24 +708,6 @@ def test_clothes_in_another_graph(fresh_scene, dressed):
 # --- Mesh Deform ------------------------------------------------------------------------------------
 
 
-def make_mesh_cage(armature):
-    """A closed box in slices around the tube, on an armature."""
-    heights = np.linspace(-0.6, 5.6, 12)
-    points = [(x, y, z) for z in heights for x, y in ((-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9))]
-    faces = [
-        (4 * k + i, 4 * k + (i + 1) % 4, 4 * k + 4 + (i + 1) % 4, 4 * k + 4 + i) for k in range(11) for i in range(4)
-    ]
-    mesh = bpy.data.meshes.new("Box")
-    mesh.from_pydata(points, [], [*faces, (3, 2, 1, 0), (44, 45, 46, 47)])
-    cage = linked("Box", mesh)
-    for number in range(5):
-        group = cage.vertex_groups.new(name=f"bone{number}")
-        for v, (_, _, z) in enumerate(points):
-            group.add([v], max(0, 1 - abs(z - number - 0.5)), "REPLACE")
-    smoothed(cage, "Armature", "ARMATURE", object=armature)
-    return cage
-
-
 def bind_mesh(ob):
     """Binds it, or unbinds it."""
     select(ob)
@@ -840,6 +823,39 @@ def test_edits_of_a_box(fresh_scene, box):
 def test_binding_to_a_box_while_accelerated(fresh_scene, box):
     ob = boxed(box, bind=False)
     assert_binding_is_followed(fresh_scene, ob, "Box", bind_mesh, assert_same_on_all_frames)
+
+
+def in_the_lattice(ob, _):
+    by_keys(make_cage())
+    in_a_cage(ob, name="Cage")
+
+
+def in_the_box(ob, cage):
+    smoothed(ob, "Cage", "MESH_DEFORM", object=cage, precision=3)
+    select(ob)
+    bpy.ops.object.meshdeform_bind(modifier="Cage")
+
+
+@pytest.mark.parametrize("is_armature_first", (True, False), ids=("behind an armature", "first"))
+@pytest.mark.parametrize("caged", (in_the_lattice, in_the_box), ids=lambda part: part.__name__)
+def test_an_armature_that_mixes_with_the_cage(fresh_scene, box, caged, is_armature_first):
+    """Blender keeps the shape before the cage for it."""
+    ob = make_tube()
+    armature = box.modifiers["Armature"].object
+    if is_armature_first:
+        smoothed(ob, "Armature", "ARMATURE", object=armature)
+    caged(ob, box)
+    smoothed(ob, "Mixed", "ARMATURE", object=armature, use_multi_modifier=True, vertex_group="bone2")
+    twin = twin_of(ob)
+    accelerate(ob)
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 12))
+    if is_armature_first:
+        assert end(ob) == ("Cage", "Mixed behind it mixes with it: turn off Multi Modifier there if it need not")
+    for each in (ob, twin):
+        each.modifiers["Mixed"].use_multi_modifier = False
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 12))
+    if is_armature_first:
+        assert end(ob) == ("", "")
 
 
 def test_dynamic_is_left_to_blender(fresh_scene, box):

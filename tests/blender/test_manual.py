@@ -35,6 +35,10 @@ def classes():
         properties.SinewObjectSettings,
         properties.SinewSkinningSettings,
         properties.SinewClipSettings,
+        addon_module("ui.weights").ParentWithWeights,
+        addon_module("ui.weights").CheckWeights,
+        addon_module("ui.weights").SelectWeightProblem,
+        addon_module("ui.weights").SelectReportedBones,
         addon_module("ui.profile").MeasureProfile,
         addon_module("ui.bake").Bake,
         addon_module("ui.bake").PlayCache,
@@ -53,6 +57,7 @@ def all_operators():
             "crowd",
             "cures",
             "method_settings",
+            "weights",
             "display",
             "preferences",
             "profile",
@@ -66,7 +71,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(11))
+@pytest.mark.parametrize("number", range(15))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -79,7 +84,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", range(14))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):
@@ -151,6 +156,14 @@ def test_the_example_of_a_bake_runs(character, capsys, tmp_path):
     )
     exec(code, {"bpy": bpy})
     assert "3 of 3 frames baked" in capsys.readouterr().out and (tmp_path / "Body.pc2").is_file()
+
+
+def test_the_example_of_weights_runs(character, capsys):
+    ob, _, _ = character
+    ob.name = "Body"
+    exec(example("weights.md", **{"bl_ext.user_default.sinew.weights": addon_module("weights").__name__}), {"bpy": bpy})
+    made, checked = capsys.readouterr().out.splitlines()
+    assert made.startswith("1,200 vertices in 1 part, none without weights, ") and checked.startswith("1,200 vertices")
 
 
 def test_operators_in_the_text_are_there():

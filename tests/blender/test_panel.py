@@ -98,13 +98,13 @@ def test_the_notes_refuse_what_blender_refuses(wrong):
         wrong(Notes())
 
 
-def draw(place="Sidebar", but="SidebarBakeAndCrowd"):
-    """What all panels of the Sidebar, or of the Modifiers or the Armature's data, say; except one."""
+def draw(place="Sidebar", but=("SidebarBakeAndCrowd", "SidebarWeights")):
+    """What all panels of the Sidebar, or of the Modifiers or the Armature's data, say; except some."""
     said = []
     for cls in addon_module("ui.panels").CLASSES:
         if (
             cls.__name__.startswith(place)
-            and cls.__name__ != but
+            and cls.__name__ not in but
             and (not hasattr(cls, "poll") or cls.poll(bpy.context))
         ):
             notes = Notes()
@@ -162,6 +162,27 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
         assert text in said
     select(armature)
     assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", "Measure", display[1]]
+
+
+def test_weights(fresh_scene):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    select(ob)
+    buttons = ["Parent with Sinew Weights", "object.sinew_check_weights"]
+    assert draw("SidebarWeights", ()) == buttons
+    bpy.ops.object.sinew_check_weights(most_influences=2)
+    select(armature)
+    said = draw("SidebarWeights", ())
+    assert said[:2] == buttons and "Weights not summing to 1: " in said[3] and said[4] == "Select"
+    select(armature, ob)
+    bpy.ops.object.sinew_parent_with_weights()
+    assert draw("SidebarWeights", ())[2].startswith("1,200 vertices in 1 part, none without weights")
+    select(ob)
+    bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+    assert draw("SidebarWeights", ())[:2] == ["object.sinew_assign_from_bones", buttons[1]]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    select()
+    assert draw("SidebarWeights", ()) == []
 
 
 def test_mesh_without_an_armature(fresh_scene):

@@ -20,7 +20,7 @@ LAYERS = (
     {"blender"},
     {"clips", "plan"},
     {"run"},
-    {"install"},
+    {"install", "weights"},
     {"main", "rigs"},
     {"bake", "profiling"},
     {"crowd"},
@@ -28,7 +28,13 @@ LAYERS = (
     {"__init__"},
 )
 # Likewise the folders of native/src.
-NATIVE_LAYERS = ({"base"}, {"files", "mesh", "skeleton"}, {"skinning"}, {"cages", "mush", "smoothing"}, {"deformer"})
+NATIVE_LAYERS = (
+    {"base"},
+    {"files", "mesh", "skeleton"},
+    {"skinning"},
+    {"cages", "mush", "smoothing"},
+    {"deformer", "weights"},
+)
 PURE = {
     "bake.baked",
     "bake.frame_range",
@@ -55,6 +61,9 @@ PURE = {
     "plan.ways",
     "profiling.costs",
     "run.mail",
+    "weights.bone_segments",
+    "weights.checks",
+    "weights.reports",
 }
 # Imports the modules that are named, where Blender's cannot be had, and the add-on's list of modules is not wanted.
 WITHOUT_BLENDER = """

@@ -330,6 +330,39 @@ def test_rigs_refuse_what_is_wrong(tmp_path):
     )
 
 
+def test_weights_are_made_from_the_bones(tmp_path):
+    made = sinew.read_rig(rigs.ROOT / "data/capsule", weights="auto")
+    assert made.weights.shape == sinew.read_rig(rigs.ROOT / "data/capsule").weights.shape
+    assert made.weights.min() >= 0 and np.allclose(made.weights.sum(axis=1), 1, atol=1e-6)
+    columns = made.skeleton.weight_columns
+    expected = sinew.automatic_weights(
+        made.positions,
+        made.face_offsets,
+        made.face_vertices,
+        made.skeleton.heads[columns >= 0],
+        made.skeleton.tails[columns >= 0],
+        joints=columns[columns >= 0],
+    )
+    rows = np.repeat(np.arange(len(made.positions)), np.diff(expected.offsets))
+    assert np.array_equal(made.weights[rows, expected.joints], expected.weights)
+
+
+@pytest.mark.parametrize(
+    "skeleton, sentence",
+    [
+        ("-1 -1 0 0 0\n-1 0 1 0 0\n", "no joint has a column of weights, so none can be made from the bones"),
+        (
+            "-1 -1 0 0 0\n0 0 1 0 0\n900000 1 1 0 0\n",
+            "a joint has weight column 900000; expected 0 to 1, since that many joints have one",
+        ),
+    ],
+)
+def test_weights_that_cannot_be_made(tmp_path, skeleton, sentence):
+    folder = rig_folder(tmp_path, skeleton=skeleton)
+    (folder / "weights.dmat").unlink()
+    assert said(sinew.read_rig, folder, weights="auto") == sentence
+
+
 def test_a_column_beyond_the_animation_is_refused_before_it_is_read(tmp_path):
     folder = rig_folder(tmp_path, skeleton="-1 -1 0 0 0\n0 0 1 0 0\n900000 1 1 0 0\n")
     (folder / "pose.dmat").unlink()

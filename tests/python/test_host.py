@@ -58,6 +58,43 @@ def test_weights_in_stored_order():
     assert groups.tolist() == [3, 1, 0] and weights.tolist() == [0.5, 0.25, 1.0]
 
 
+def some_weights():
+    rows = [[(3, 0.5), (1, 0.25)], [], [(0, 1.0)]]
+    entries = [(Weight * max(len(row), 1))(*row) for row in rows]
+    vertices = (DeformVertex * 3)(
+        *[(ctypes.addressof(own) if row else None, len(row), 0) for own, row in zip(entries, rows)]
+    )
+    return vertices, entries
+
+
+def write(vertices, offsets, groups, weights):
+    numbers = np.array(offsets, np.int64), np.array(groups, np.int32), np.array(weights, np.float32)
+    host.write_weights(ctypes.addressof(vertices), *numbers)
+
+
+def test_weights_are_written_in_place():
+    vertices, _entries = some_weights()
+    write(vertices, [0, 2, 2, 3], [7, 2, 5], [0.125, 0.75, 0.5])
+    offsets, groups, weights = host.read_weights(ctypes.addressof(vertices), 3)
+    assert offsets.tolist() == [0, 2, 2, 3]
+    assert groups.tolist() == [7, 2, 5] and weights.tolist() == [0.125, 0.75, 0.5]
+
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (([0, 2, 3, 4], [7, 2, 5, 1], [1, 1, 1, 1]), "vertex 1 has 0 weights; expected 1"),
+        (([0, 2, 2, 3], [7, 2, 5], [1, 1]), "offsets, groups and weights do not fit together"),
+        (([], [], []), r"offsets is empty; expected V \+ 1 numbers"),
+    ],
+)
+def test_weights_of_other_vertices_are_not_written(arguments, sentence):
+    vertices, _entries = some_weights()
+    with pytest.raises(ValueError, match=sentence):
+        write(vertices, *arguments)
+    assert host.read_weights(ctypes.addressof(vertices), 3)[1].tolist() == [3, 1, 0]
+
+
 def pose():
     """Three bones: an ordinary one, one that does not deform, a B-bone of two segments."""
     random = np.random.default_rng(1)

@@ -263,25 +263,6 @@ def _weights_by_bmesh(mesh):
     return offsets, np.array(groups, np.int32), np.array(weights, np.float32)
 
 
-def write_weights(mesh: bpy.types.Mesh, dense: np.ndarray) -> None:
-    """Writes weights to vertex groups. dense (V, groups): each entry above zero is added to the vertex group of its
-    column, the largest of a vertex first."""
-    bm = bmesh.new()
-    try:
-        bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
-        layer = bm.verts.layers.deform.verify()
-        rows, columns = np.nonzero(dense > 0)
-        values = dense[rows, columns]
-        order = np.lexsort((-values, rows))
-        vertices = bm.verts
-        vertices.ensure_lookup_table()
-        for row, column, value in zip(rows[order].tolist(), columns[order].tolist(), values[order].tolist()):
-            vertices[row][layer][column] = value
-        bm.to_mesh(mesh)
-    finally:
-        bm.free()
-
-
 def count_sharers(ob: bpy.types.Object, among: Iterable[bpy.types.Object] | None = None) -> int:
     """Returns how many objects that Blender may evaluate use this object's mesh, without canvases. among: the objects
     to search; None: all objects of the file."""

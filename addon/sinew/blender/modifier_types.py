@@ -43,6 +43,8 @@ CHANGED_GROUPS = {
 }
 # Modifiers that move a mesh with the shape of another object, and for which Sinew has native stages.
 CAGES = {"LATTICE", "MESH_DEFORM", "SURFACE_DEFORM"}
+# Of those, the ones whose input Blender keeps for the Armature modifiers right behind them that have Multi Modifier.
+MIXED_IN = {"LATTICE", "MESH_DEFORM"}
 # Modifiers that make other vertices, and with whose result Sinew may begin: all their settings are plain values, and
 # without other objects and animation it changes only after an edit.
 FRONTS = {"ARRAY", "BEVEL", "DECIMATE", "EDGE_SPLIT", "MASK", "MIRROR", "SOLIDIFY", "SUBSURF", "TRIANGULATE", "WELD"}

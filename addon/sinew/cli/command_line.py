@@ -1,4 +1,5 @@
-"""Sinew from a shell, for render farms and tests: `info`, `import`, `export`, `bake` and `bench`.
+"""Sinew from a shell, for render farms and tests: `info`, `import`, `export`, `weights`, `bake` and
+`bench`.
 
     blender -b --command sinew info PATH                                      Blender 4.2 and later
     blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
@@ -13,7 +14,7 @@ import dataclasses
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 import bpy
@@ -22,7 +23,7 @@ from ..install import bind
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
-from . import bake, bench, command_options, reports
+from . import bake, bench, command_options, reports, weights
 from .command_options import identifier
 
 
@@ -33,13 +34,13 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit as stop:  # argparse has printed help or an error
         return stop.code or 0  # type: ignore[return-value] # argparse's codes are numbers
     try:
-        document, text = COMMANDS[options.command](options)
+        document, text, *code = COMMANDS[options.command](options)
     except (ValueError, OSError, MemoryError, bindable.BindingError, bind.OutputError) as error:
         print(f"sinew: {sentence(error)}", file=sys.stderr, flush=True)
         return 1
     flush_blender()
     print(json.dumps(document) if options.json else text, flush=True)
-    return 0
+    return code[0] if code else 0
 
 
 def main() -> NoReturn:
@@ -53,7 +54,7 @@ def flush_blender() -> None:
         ctypes.CDLL(None).fflush(None)
 
 
-# --- commands: options -> JSON document, text -----------------------------------------------------
+# --- commands: options -> JSON document, text, exit code if not 0 -----------------------------------------------------
 
 
 def info(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -133,7 +134,18 @@ def run_bake(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     return bake.run(options, open_blend)
 
 
-COMMANDS = {"info": info, "import": import_, "export": export, "bake": run_bake, "bench": run_bench}
+def run_weights(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
+    return weights.run(options, open_blend)
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
+    "info": info,
+    "import": import_,
+    "export": export,
+    "weights": run_weights,
+    "bake": run_bake,
+    "bench": run_bench,
+}
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_info(commands)
     add_import(commands)
     add_export(commands)
+    add_weights(commands)
     add_bake(commands)
     add_bench(commands)
     return parser
@@ -111,6 +112,60 @@ def add_export(commands: Any) -> None:
     )
 
 
+def add_weights(commands: Any) -> None:
+    command = add_command(
+        commands, "weights", "make weights for meshes from the bones of an armature; exit code 1 if any vertex has none"
+    )
+    command.add_argument(
+        "path", metavar="FILE.blend", nargs="?", type=blend_path, help="default: the file that is open"
+    )
+    command.add_argument("--armature", metavar="NAME", required=True, help="the armature whose bones move the meshes")
+    command.add_argument(
+        "--objects",
+        metavar="NAME,...",
+        action="append",
+        help="which meshes, as one body (default: all that belong to the armature); may be repeated",
+    )
+    command.add_argument("--check", action="store_true", help="change nothing: report what is wrong with the weights")
+    command.add_argument("--save", action="store_true", help="save the file in its place (default: nothing is saved)")
+    command.add_argument(
+        "--bones",
+        choices=("automatic", "tail", "child"),
+        default="automatic",
+        help="where the line ends that each bone stands for: at its tail, or at the next bone's head",
+    )
+    command.add_argument(
+        "--stiffness",
+        metavar="S",
+        type=positive_number,
+        default=8.0,
+        help="how closely weights follow the nearest bone (8)",
+    )
+    command.add_argument(
+        "--resolution", metavar="N", type=positive_integer, default=128, help="voxels along the longest side (128)"
+    )
+    command.add_argument(
+        "--max-influences",
+        metavar="N",
+        type=positive_integer,
+        default=0,
+        help="the largest number of bones per vertex (no limit); with --check, what counts as too many (4)",
+    )
+    command.add_argument(
+        "--rigid-size",
+        metavar="S",
+        type=share,
+        default=0.0,
+        help="loose parts that are smaller than this share of the mesh's size do not bend (0: all bend)",
+    )
+    command.add_argument(
+        "--rigid-follow",
+        choices=("attachment", "bone"),
+        default="attachment",
+        help="what those parts follow: the closest point of the rest of the mesh, or one bone (attachment)",
+    )
+
+
 def add_bake(commands: Any) -> None:
     command = add_command(commands, "bake", "write the shapes of every frame to files: point caches, or USD")
     command.add_argument(
@@ -190,7 +245,11 @@ def add_bench(commands: Any) -> None:
 def add_file_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("how to read a rig folder", argument_default=argparse.SUPPRESS)
     group.add_argument("--mesh", metavar="FILE", help="the mesh's file, beside the skeleton (mesh.obj)")
-    group.add_argument("--weights", metavar="FILE", help="the weights' file (weights.dmat)")
+    group.add_argument(
+        "--weights",
+        metavar="FILE",
+        help="the weights' file (weights.dmat), or auto: made from the bones, as without a file",
+    )
     group.add_argument("--pose", metavar="FILE", help="file of the poses (default: pose.dmat, else anim.dmat)")
     group.add_argument(
         "--convention",
@@ -243,6 +302,16 @@ def positive_number(word: str) -> float:
         number = 0.0
     if not 0 < number < float("inf"):
         raise argparse.ArgumentTypeError(f"{word} is not a number above 0")
+    return number
+
+
+def share(word: str) -> float:
+    try:
+        number = float(word)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number <= 1:
+        raise argparse.ArgumentTypeError(f"{word} is not a number from 0 to 1")
     return number
 
 

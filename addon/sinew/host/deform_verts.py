@@ -1,4 +1,4 @@
-"""Reads all vertex groups and weights of a mesh at once."""
+"""Reads and writes all vertex groups and weights of a mesh at once."""
 
 import ctypes
 from typing import Any
@@ -40,6 +40,46 @@ def read(address: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Reads the array of weights at an address. Returns offsets (V + 1,) int64, groups (N,) int32, weights (N,)
     float32. count: V."""
     return sinew_native.host.read_weights(address, count)
+
+
+def can_write(mesh: Any) -> bool:
+    """Whether `write` can find the mesh's weights. The first call must come from the main thread."""
+    return not mesh.is_editmode and deform_vertices(mesh) is not None
+
+
+def write(mesh: Any, offsets: np.ndarray, groups: np.ndarray, weights: np.ndarray) -> bool:
+    """Replaces the weights of all vertices of an original mesh, each of which keeps its number of entries. offsets
+    (V + 1,) int64, groups (N,) int32 and weights (N,) float32: as `read` returns them.
+
+    Returns False if they could not be written: they were not found, or a vertex has a different number of entries, and
+    nothing was changed; or what the API then shows is not what was written, and the mesh's weights are lost."""
+    filled = np.flatnonzero(np.diff(offsets))
+    if not can_write(mesh):
+        return False
+    if not len(filled):
+        address = deform_vertices(mesh)
+        return not address or len(read(address, len(offsets) - 1)[1]) == 0
+    # First through the API, so that later versions give the mesh its own weights, not shared with copies or undo steps.
+    said = mesh.vertices[filled[0]].groups
+    first = said[0].as_pointer() if len(said) else 0
+    address = deform_vertices(mesh)
+    if not first or not address or _first_entry(address, filled[0]) != first:
+        return False
+    try:
+        sinew_native.host.write_weights(address, offsets, groups, weights)
+    except ValueError:
+        return False
+    return all(
+        [(entry.group, entry.weight) for entry in mesh.vertices[v].groups]
+        == list(zip(groups[offsets[v] : offsets[v + 1]].tolist(), weights[offsets[v] : offsets[v + 1]].tolist()))
+        for v in {filled[0], filled[len(filled) // 2], filled[-1]}
+    )
+
+
+def _first_entry(address: int, vertex: int) -> int:
+    """Returns the address of a vertex's first entry. address: of the mesh's array of weights."""
+    at = address + contract.struct_size("MDeformVert") * int(vertex)
+    return contract.address_at(at + contract.offset("MDeformVert", "*dw"))
 
 
 _weights_are_known = False  # whether their address was confirmed

@@ -17,6 +17,7 @@ from ..host import graph_modes, places, switches
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
 from ..run import characters, mail
+from ..weights import reports
 from . import callbacks, exporters, whole_frames, write_lock
 
 log = logging.getLogger("sinew")
@@ -148,6 +149,7 @@ def forget(is_undo: bool = False) -> None:
     characters.forget(is_undo)
     deformed_copies.forget()
     posing.forget()
+    reports.forget()
 
 
 @dataclass

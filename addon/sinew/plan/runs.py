@@ -45,7 +45,11 @@ def of(situation: Situation) -> Run:
             like, shown = modifier.name, modifier.shown
         mix = _mix_at(modifiers, i)
         asked = None if situation.tells_renders else shown
-        reason = _why_not(modifier, like, asked) or _why_not_mixed(mix[1:], like, asked)
+        reason = (
+            _why_not(modifier, like, asked)
+            or _why_not_mixed(mix[1:], like, asked)
+            or _why_not_mixed_in(modifier, modifiers[i + 1 :])
+        )
         if modifier.type == "ARMATURE" and not taken:
             reason = _without_armature(stages)
         if has_front and not reason and modifier.type != "ARMATURE":
@@ -75,6 +79,18 @@ def _why_not_mixed(others: Sequence[Modifier], like: str, shown: tuple[bool, boo
         reason = _why_not(other, like, shown)
         if reason:
             return f"it is mixed with {other.name}, which Sinew cannot replace: {reason}"
+    return ""
+
+
+def _why_not_mixed_in(modifier: Modifier, behind: Sequence[Modifier]) -> str:
+    """Returns why Sinew cannot replace a modifier of those whose input Blender keeps for Armature modifiers with Multi
+    Modifier right behind them, or ""."""
+    if modifier.type not in modifier_types.MIXED_IN:
+        return ""
+    mixing = itertools.takewhile(lambda each: each.type == "ARMATURE" and each.is_mixed, behind)
+    for each in mixing:
+        if not each.does_nothing:
+            return f"{each.name} behind it mixes with it: turn off Multi Modifier there if it need not"
     return ""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes
+from ..blender import meshes, weight_writing
 from ..clips import clip_store
 from ..feedback import progress
 from ..install import bind, deformed_copy, shared_group
@@ -17,12 +17,14 @@ from ..native import sinew_native
 
 # Blender removes bones of zero length; this fraction of the rig's size is short but visible.
 SHORTEST_BONE = 0.02
+AUTO = "auto"  # in place of the name of a file of weights
 Y_UP_TO_Z_UP = ((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1))
 
 
 @dataclass
 class ImportOptions:
-    """Options of the import. Empty names: the default files. convention None: derived from the file."""
+    """Options of the import. Empty names: the default files. weights AUTO: made from the bones, as they are if there is
+    no such file and none is named. convention None: derived from the file."""
 
     mesh: str = ""
     weights: str = ""
@@ -82,7 +84,7 @@ def import_rig(
     armature.select_set(True)
     mesh_object.select_set(True)
     context.view_layer.objects.active = mesh_object
-    return mesh_object, armature, remark_on(rig, options.weights or "weights.dmat")
+    return mesh_object, armature, remark_on(rig, folder, options)
 
 
 def remove(created: Sequence[Any]) -> None:
@@ -96,15 +98,24 @@ def remove(created: Sequence[Any]) -> None:
     shared_group.see_to()
 
 
-def remark_on(rig: Any, name: str) -> str:
-    """Returns a sentence about what reading has changed, or "" if nothing."""
-    count = rig.clamped_weights
+def remark_on(rig: Any, folder: str, options: ImportOptions) -> str:
+    """Returns a sentence about what reading has changed or made, or "" if nothing."""
+    if not options.weights and weights_to_read(folder, options) == AUTO:
+        return f"there is no weights.dmat in {folder}, so the weights were made from the bones"
+    name, count = options.weights or "weights.dmat", rig.clamped_weights
     if not count:
         return ""
     return (
         f"{name} has {count:,} {'weight' if count == 1 else 'weights'} below 0 or above 1, which vertex groups cannot "
         "hold: each was set to 0 or 1, and the weights of its vertex were normalized"
     )
+
+
+def weights_to_read(folder: str, options: ImportOptions) -> str | None:
+    """Returns what to pass to read_rig: the name of a file, None for the usual one, or AUTO."""
+    if options.weights or os.path.exists(os.path.join(folder, "weights.dmat")):
+        return options.weights or None
+    return AUTO
 
 
 def orientation(up_axis: str) -> np.ndarray:
@@ -118,7 +129,7 @@ def read_rig(folder: str, skeleton_name: str, options: ImportOptions) -> Any:
         folder,
         skeleton=skeleton_name,
         mesh=options.mesh or None,
-        weights=options.weights or None,
+        weights=weights_to_read(folder, options),
         pose=options.pose or None,
         convention=options.convention,
         quaternion_order=options.quaternion_order,
@@ -202,7 +213,7 @@ def build_mesh(
         if column >= 0:
             ob.vertex_groups.new(name=names[joint])
             columns.append(column)
-    meshes.write_weights(mesh, rig.weights[:, columns])
+    weight_writing.replace(ob, *weight_writing.entries_of(np.asarray(rig.weights)[:, columns]))
 
     ob.parent = armature
     modifier = ob.modifiers.new("Armature", "ARMATURE")

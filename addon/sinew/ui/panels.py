@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..run import characters
-from . import method_settings, sections
+from . import method_settings, sections, weights
 
 
 class InSidebar:
@@ -130,6 +130,19 @@ class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_statistics", "VIEW3D_PT_sinew"
 
 
+class SidebarWeights(InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_weights", "VIEW3D_PT_sinew"
+    bl_label = "Weights"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type in {"MESH", "ARMATURE"}
+
+    def draw(self, context):
+        weights.draw(self.layout, context)
+
+
 class SidebarBakeAndCrowd(InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_bake_and_crowd", "VIEW3D_PT_sinew"
     bl_label = "Bake and Crowd"
@@ -191,6 +204,7 @@ CLASSES = (
     SidebarSmooth,
     SidebarChain,
     SidebarStatistics,
+    SidebarWeights,
     SidebarBakeAndCrowd,
     ModifiersMain,
     ModifiersPoses,

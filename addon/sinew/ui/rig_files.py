@@ -42,7 +42,10 @@ class ImportRig(bpy.types.Operator, ImportHelper):
         name="Mesh", description="File of the mesh, beside the skeleton; empty: mesh.obj", **files_beside(".obj")
     )
     weights: StringProperty(
-        name="Weights", description="File of the weights; empty: weights.dmat", **files_beside(".dmat")
+        name="Weights",
+        description="File of the weights; empty: weights.dmat, and if there is none, weights made from the bones; "
+        "auto: made from the bones in any case",
+        **files_beside(".dmat"),
     )
     pose: StringProperty(
         name="Poses", description="File of the poses; empty: pose.dmat, if there is one", **files_beside(".dmat")

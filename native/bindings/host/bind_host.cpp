@@ -48,6 +48,36 @@ py::tuple read_weights(Address vertices, std::ptrdiff_t count) {
                         given_away(std::move(weights), {entries}));
 }
 
+/// Replaces the entries of all vertices, whose counts stay. Their layout is that of read_weights.
+void write_weights(Address vertices, const py::array_t<std::int64_t>& offsets, const py::array_t<std::int32_t>& groups,
+                   const py::array_t<float>& weights) {
+  constexpr std::ptrdiff_t kVertex = 16, kEntry = 8;
+  const auto first = offsets.unchecked<1>();
+  const auto group = groups.unchecked<1>();
+  const auto weight = weights.unchecked<1>();
+  const py::ssize_t count = first.shape(0) - 1;
+  if (count < 0) throw InputError("offsets is empty; expected V + 1 numbers");
+  if (first(0) != 0 || first(count) != group.shape(0) || group.shape(0) != weight.shape(0)) {
+    throw InputError("offsets, groups and weights do not fit together");
+  }
+  const py::gil_scoped_release release;
+  for (py::ssize_t v = 0; v < count; ++v) {  // before anything is written
+    const auto own = std::max(read<std::int32_t>(vertices + v * kVertex + 8), 0);
+    if (own != first(v + 1) - first(v)) {
+      throw InputError("vertex " + std::to_string(v) + " has " + std::to_string(own) + " weights; expected " +
+                       std::to_string(first(v + 1) - first(v)));
+    }
+  }
+  for (py::ssize_t v = 0; v < count; ++v) {
+    const auto entries = read<Address>(vertices + v * kVertex);
+    for (auto i = first(v); i < first(v + 1); ++i) {
+      const Address entry = entries + (i - first(v)) * kEntry;
+      write(entry, group(i));
+      write(entry + 4, weight(i));
+    }
+  }
+}
+
 /// A vertex is {Attachment* attachments; int count; int vertex}, an attachment is
 /// {int* corners; int count; int kind; float* weights; float distance; float influence}.
 py::tuple read_surface_binding(Address vertices, std::ptrdiff_t count) {
@@ -143,6 +173,12 @@ void bind_host(py::module_& parent) {
              "vertices: address of its array of deform vertices; count: V.\n"
              "Returns offsets (V + 1,) int64, groups (N,) int32 and weights (N,) float32, in the "
              "order in which Blender stores them.");
+  module.def("write_weights", &write_weights, py::arg("vertices"), py::arg("offsets"), py::arg("groups"),
+             py::arg("weights"),
+             "Replaces the weights of one of Blender's meshes, without changing how many each vertex has.\n\n"
+             "vertices: address of its array of deform vertices; offsets (V + 1,) int64, groups (N,) int32 and weights "
+             "(N,) float32, as read_weights returns them.\n"
+             "Raises ValueError, before anything is written, if a vertex has a different number of weights.");
   module.def("read_surface_binding", &read_surface_binding, py::arg("vertices"), py::arg("count"),
              "Reads what one of Blender's Surface Deform modifiers was bound with.\n\n"
              "vertices: address of its array of vertices; count: B, of them.\n"

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -48,12 +49,15 @@ RigPaths find_rig(const std::filesystem::path& folder);
 /// names where `paths` is empty.
 void check_rig(const Rig& rig, const RigPaths& paths = {});
 
-/// Reads and checks all parts. Weights are returned as the vertex groups of modelling programs can
+/// Makes weights for a rig that has none: V x columns, one column for each joint that has a weight column.
+using WeightsMaker = std::function<Eigen::MatrixXd(const PolygonMesh&, const RigSkeleton&)>;
+
+/// Reads and checks all parts. With `make_weights`, weights are made by it instead of read. Weights are returned as the vertex groups of modelling programs can
 /// hold them: those below 0 or above 1 become 0 or 1, and the weights of such a vertex are divided by
 /// their sum. `clamped_weights` counts them, except those that were off by no more than a rounding of
 /// float32. Throws InputError.
 Rig read_rig(const RigPaths& paths, std::optional<Convention> convention = std::nullopt,
-             QuaternionOrder order = QuaternionOrder::wxyz);
+             QuaternionOrder order = QuaternionOrder::wxyz, const WeightsMaker& make_weights = {});
 
 /// Writes mesh, skeleton and weights, and poses and animation if the rig has them and they have a
 /// path. Poses are written as quaternions, w x y z. The files replace existing ones together, once all

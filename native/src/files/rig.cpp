@@ -176,12 +176,13 @@ void check_rig(const Rig& rig, const RigPaths& paths) {
   }
 }
 
-Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, QuaternionOrder order) {
+Rig read_rig(const RigPaths& paths, std::optional<Convention> convention, QuaternionOrder order,
+             const WeightsMaker& make_weights) {
   if (paths.skeleton.empty()) {
     fail("there is neither skeleton.bf nor skeleton.tgf in ", shown(paths.mesh.parent_path()));
   }
-  Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention), read_dmat(paths.weights), std::nullopt,
-          std::nullopt};
+  Rig rig{read_obj(paths.mesh), read_skeleton(paths.skeleton, convention), {}, std::nullopt, std::nullopt};
+  rig.weights = make_weights ? make_weights(rig.mesh, rig.skeleton) : read_dmat(paths.weights);
   if (!paths.poses.empty()) {
     const Eigen::MatrixXd table = read_dmat(paths.poses);
     rig.poses = naming(paths.poses, [&] { return PoseClip::from_table(table, rig.skeleton.joint_count(), order); });

@@ -19,6 +19,7 @@ NOT_SAID = {
     "is_active",
     "persistent_uid",
     "falloff_curve",
+    "map_curve",
     "debug_options",
     "show_expanded",
 }
@@ -77,6 +78,11 @@ def looseness(ob):
     """(which part of the vertices may be farther off, by what part of the diagonal)."""
     if any(modifier.type == "CAST" for modifier in ob.modifiers):
         return FEW, np.inf  # it moves vertices away from a center, and one that is there somewhere
+    if any(modifier.type in {"SURFACE_DEFORM", "TRIANGULATE"} for modifier in ob.modifiers):
+        return (
+            10 * FEW,
+            10 * LOOSE_TOLERANCE,
+        )  # the last bit of a position decides to which face it is bound, and where faces are cut
     factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
     return (0.0 if not factors else 1.0 if min(factors) < 0 else FEW), LOOSE_TOLERANCE
 

@@ -10,12 +10,20 @@ from . import scene
 from .kinds import on_both
 from .mesh_steps import keys_of
 
-# What Sinew stands in for, what it does not, and what wants to stand behind deforming modifiers alone.
+# What Sinew stands in for, what it steps over, what may be a front, what it does not know, and what wants to stand
+# behind deforming modifiers alone.
 TYPES = {
     "CORRECTIVE_SMOOTH": 6,
     "SMOOTH": 5,
     "HOOK": 3,
     "ARMATURE": 3,
+    "LATTICE": 3,
+    "SURFACE_DEFORM": 2,
+    "MESH_DEFORM": 1,
+    "UV_WARP": 0.5,
+    "VERTEX_WEIGHT_EDIT": 0.7,
+    "TRIANGULATE": 0.5,
+    "SOLIDIFY": 0.5,
     "SUBSURF": 1.5,
     "MIRROR": 1,
     "CAST": 1,
@@ -24,6 +32,10 @@ TYPES = {
     "MASK": 0.5,
     "MULTIRES": 0.7,
 }
+# The operators that bind modifiers to a cage.
+BINDING = {"SURFACE_DEFORM": "surfacedeform_bind", "MESH_DEFORM": "meshdeform_bind"}
+# What makes more vertices.
+GROWING = {"SUBSURF", "MIRROR", "SOLIDIFY"}
 MOST = 8  # modifiers of a mesh
 MOST_VERTICES = 6000  # of an evaluated one, roughly
 
@@ -45,13 +57,27 @@ def group_of(random, ob):
 @on_both(8)
 def add_modifier(random, ob):
     kind = random.choices(list(TYPES), list(TYPES.values()))[0]
-    name, many = f"{kind.capitalize()} {random.randrange(100)}", kind in {"SUBSURF", "MIRROR"}
-    if len(own(ob)) >= MOST or many and any(modifier.type in {"SUBSURF", "MIRROR"} for modifier in ob.modifiers):
+    name, many = f"{kind.capitalize()} {random.randrange(100)}", kind in GROWING
+    if len(own(ob)) >= MOST or many and any(modifier.type in GROWING for modifier in ob.modifiers):
         return
     if kind in {"HOOK", "MULTIRES"} and not is_evaluated(ob):
         return  # Blender puts it before Sinew's, which is mended when the mesh is evaluated
     modifier = ob.modifiers.new(name, kind)
     set_modifier(random, ob, modifier)
+    if kind in BINDING and random.random() < 0.7:
+        first = one_of(random, ob, "ARMATURE")
+        select(ob)
+        bpy.ops.object.modifier_move_to_index(
+            modifier=modifier.name, index=ob.modifiers.find(first.name) + 1 if first else 0
+        )
+        bind(ob, modifier)
+
+
+def bind(ob, modifier):
+    """Binds a modifier to a cage, or unbinds it."""
+    if ob.visible_get():
+        select(ob)
+        getattr(bpy.ops.object, BINDING[modifier.type])(modifier=modifier.name)
 
 
 @on_both(4)
@@ -109,6 +135,20 @@ def set_modifier(random, ob, modifier):
         modifier.use_multi_modifier = random.random() < 0.4
         modifier.use_bone_envelopes = random.random() < 0.15
         modifier.use_vertex_groups = random.random() < 0.9
+    elif modifier.type == "LATTICE":
+        modifier.object = random.choice((bpy.data.objects.get("Cage"), bpy.data.objects.get("Cage"), None))
+        modifier.strength = random.uniform(-0.2, 1.2)
+    elif modifier.type == "SURFACE_DEFORM":
+        if not modifier.is_bound:
+            modifier.target = bpy.data.objects.get("Body")
+        modifier.strength = random.uniform(0, 1.2)
+    elif modifier.type == "MESH_DEFORM":
+        if not modifier.is_bound:
+            modifier.object, modifier.precision = bpy.data.objects.get("Box"), 3
+    elif modifier.type == "VERTEX_WEIGHT_EDIT":
+        modifier.vertex_group = random.choice(ob.vertex_groups.keys() or [""])
+        modifier.use_add, modifier.add_threshold = True, random.uniform(0, 0.5)
+        modifier.default_weight = random.uniform(0, 0.5)
     elif modifier.type == "SUBSURF":
         modifier.levels = modifier.render_levels = 1 if len(ob.data.vertices) < MOST_VERTICES / 4 else 0
     elif modifier.type == "MIRROR":
@@ -117,7 +157,7 @@ def set_modifier(random, ob, modifier):
         modifier.height, modifier.time_offset = random.uniform(0.1, 0.5), -random.randrange(50)
     elif modifier.type == "MASK":
         modifier.vertex_group = random.choice(ob.vertex_groups.keys() or [""])
-    if hasattr(modifier, "invert_vertex_group") and modifier.type != "MASK" and random.random() < 0.4:
+    if hasattr(modifier, "invert_vertex_group") and modifier.type not in {"MASK", "SOLIDIFY"} and random.random() < 0.4:
         modifier.vertex_group = group_of(random, ob)
         modifier.invert_vertex_group = random.random() < 0.3
 
@@ -219,11 +259,24 @@ def bind_corrective(random, ob):
             bpy.ops.object.correctivesmooth_bind(modifier=modifier.name)
 
 
+@on_both(3)
+def bind_to_a_cage(random, ob):
+    """Or unbind."""
+    modifier = one_of(random, ob, *BINDING)
+    if modifier:
+        bind(ob, modifier)
+
+
 @on_both(1.5)
 def key_modifier(random, ob):
-    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK", "ARMATURE")
+    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK", "ARMATURE", "LATTICE", "SURFACE_DEFORM")
     if modifier:
-        names = {"HOOK": ("strength",), "ARMATURE": ("use_deform_preserve_volume", "show_viewport")}
+        names = {
+            "HOOK": ("strength",),
+            "LATTICE": ("strength", "show_viewport"),
+            "SURFACE_DEFORM": ("strength",),
+            "ARMATURE": ("use_deform_preserve_volume", "show_viewport"),
+        }
         name = random.choice(names.get(modifier.type, ("factor", "iterations", "show_viewport")))
         for frame in (1, 15):
             if isinstance(getattr(modifier, name), bool):
@@ -231,15 +284,15 @@ def key_modifier(random, ob):
             else:
                 setattr(modifier, name, random.randrange(3) if name == "iterations" else random.random())
             modifier.keyframe_insert(name, frame=frame)
-        # Until then it has the value set last, or the keyed one if Blender has seen to the object for another reason.
-        bpy.context.scene.frame_set(bpy.context.scene.frame_current)
+        scene.take_keyframes()
 
 
 @on_both(0.7)
 def drive_modifier(random, ob):
-    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK")
+    modifier = one_of(random, ob, "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK", "LATTICE")
     if modifier and scene.armatures():
-        driver = modifier.driver_add("strength" if modifier.type == "HOOK" else "factor").driver
+        setting = "factor" if hasattr(modifier, "factor") else "strength"
+        driver = modifier.driver_add(random.choice((setting, setting, "show_viewport"))).driver
         driver.type = "SUM"
         variable = driver.variables[0] if driver.variables else driver.variables.new()
         variable.type, target = "TRANSFORMS", variable.targets[0]

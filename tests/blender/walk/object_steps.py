@@ -16,6 +16,7 @@ def place(random, ob):
     ob.location, ob.rotation_euler = scene.some(random, 2), scene.some(random, 1)
     if random.random() < 0.3:
         ob.scale = [random.uniform(0.5, 2) for _ in range(3)]
+    scene.take_keyframes()
 
 
 @on_both(0.7, in_any_mode=True)
@@ -24,6 +25,7 @@ def key_place(random, ob):
         ob.location, ob.rotation_euler = scene.some(random, 1), scene.some(random, 1)
         ob.keyframe_insert("location", frame=frame)
         ob.keyframe_insert("rotation_euler", frame=frame)
+    scene.take_keyframes()
 
 
 @on_both(1.5)
@@ -44,6 +46,16 @@ def parent_with_automatic_weights(random, ob):
     if scene.armatures() and len(ob.modifiers) < 8:
         select(random.choice(scene.armatures()), ob)
         bpy.ops.object.parent_set(type=random.choice(("ARMATURE_NAME", "ARMATURE_ENVELOPE", "ARMATURE")))
+
+
+@on_both(0.7)
+def parent_with_sinew_weights(random, ob):
+    """Adds an Armature modifier too, and makes weights."""
+    rigs = scene.armatures()
+    if rigs and len(ob.modifiers) < 8 and ob.data.vertices:
+        select(random.choice(rigs), ob)
+        settings = {"stiffness": random.choice((2.0, 8.0)), "max_influences": random.choice((0, 3))}
+        bpy.ops.object.sinew_parent_with_weights(**settings)
 
 
 @on_both(2)

@@ -7,9 +7,9 @@ together, and they are in the file: undo, redo and opening a file find the same 
 from itertools import count
 
 import bpy
-from mathutils import Euler
+from mathutils import Euler, Matrix
 
-from characters import BONES, make_armature, make_mesh, make_tube
+from characters import BONES, by_keys, make_armature, make_cage, make_mesh, make_mesh_cage, make_tube
 from helpers import deform_small_meshes, select
 
 OURS, TWINS = "Tube ", "Twin "
@@ -31,8 +31,30 @@ def new_scene(random):
             target.location, target.rotation_euler = some(random, 1), some(random, 1)
             target.keyframe_insert("location", frame=frame)
             target.keyframe_insert("rotation_euler", frame=frame)
+    new_cages()
     for _ in range(random.choice((2, 3))):
         new_character(random)
+
+
+def new_cages():
+    """A lattice, a body, and a closed box, which move: for Lattice, Surface Deform and Mesh Deform.
+
+    The body's faces stay convex: where Blender cannot bind to them, it tries again whenever it copies the mesh, at
+    other times for the twin.
+    """
+    by_keys(make_cage())
+    body = make_tube()
+    body.name = body.data.name = "Body"
+    # So that no vertex is as near to one of its faces as to another.
+    body.data.transform(Matrix.Translation((0.02, 0.01, 0.013)) @ Matrix.Rotation(0.03, 4, "Z") @ Matrix.Scale(1.1, 4))
+    for each in (body, make_mesh_cage()):
+        each.shape_key_add(name="Basis")
+        key = each.shape_key_add(name="Bent")
+        for point in key.data:
+            point.co.x += 0.2 * point.co.z**2 - 0.3
+        for frame, value in ((1, 0.2), (15, 1)):
+            key.value = value
+            key.keyframe_insert("value", frame=frame)
 
 
 def some(random, most):
@@ -110,3 +132,10 @@ def leave_modes():
 def make_active(*objects):
     leave_modes()
     select(*objects)
+
+
+def take_keyframes():
+    """Until then an object has what was set last, or what its keyframes say if Blender has evaluated it for another
+    reason. And what a scene shows at first has not come to the objects themselves: before 5.0 an edit of an armature
+    then brings back the pose that they have, and Blender shows it in what is evaluated anew after that."""
+    bpy.context.scene.frame_set(bpy.context.scene.frame_current)

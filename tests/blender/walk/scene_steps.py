@@ -205,20 +205,14 @@ def new_scene(random):
     scene.leave_modes()
     if len(bpy.data.scenes) < 3:
         bpy.ops.scene.new(type=random.choice(("LINK_COPY", "LINK_COPY", "FULL_COPY")))
-        take_keyframes()
+        scene.take_keyframes()
 
 
 @kind(1.5)
 def other_scene(random):
     scene.leave_modes()
     bpy.context.window.scene = random.choice(list(bpy.data.scenes))
-    take_keyframes()
-
-
-def take_keyframes():
-    """What a scene shows at first has not come to the objects themselves. Before 5.0 an edit of an armature then brings
-    back the pose that they have, and Blender shows it in what is evaluated anew after that."""
-    bpy.context.scene.frame_set(bpy.context.scene.frame_current)
+    scene.take_keyframes()
 
 
 @kind(0.7)

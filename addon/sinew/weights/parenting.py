@@ -1,0 +1,28 @@
+"""Parents meshes to an armature as Blender's Object > Parent > Armature Deform does."""
+
+import bpy
+
+from ..plan import bindable
+
+
+def why_not(ob: bpy.types.Object, armature: bpy.types.Object) -> str:
+    """Returns why the object cannot become the armature's child, as a clause without its subject, or ""."""
+    above = armature.parent
+    while above is not None:
+        if above == ob:
+            return f"is above {armature.name} in the chain of parents, which would make a loop: clear that parent first"
+        above = above.parent
+    return ""
+
+
+def parent(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
+    """Makes the armature the object's parent, unless it is, and adds an Armature modifier, unless there is one for this
+    armature. The object stays where it is."""
+    if ob.parent != armature or ob.parent_type != "OBJECT":
+        place, had_parent = ob.matrix_world.copy(), ob.parent is not None
+        ob.parent, ob.parent_type, ob.parent_bone = armature, "OBJECT", ""
+        ob.matrix_parent_inverse = armature.matrix_world.inverted_safe()
+        if had_parent:
+            ob.matrix_world = place
+    if bindable.armature_modifier(ob, armature) is None:
+        ob.modifiers.new("Armature", "ARMATURE").object = armature

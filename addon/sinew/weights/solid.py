@@ -1,0 +1,70 @@
+"""Several mesh objects as one mesh in world space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..blender import meshes, values
+
+
+@dataclass(frozen=True)
+class Solid:
+    """The meshes of some objects, one after the other, in world space."""
+
+    positions: np.ndarray  # (V, 3) float64
+    face_offsets: np.ndarray  # (faces + 1,) int32
+    face_vertices: np.ndarray  # (C,) int32
+    starts: np.ndarray  # (objects + 1,): the first vertex of each object
+
+
+def rest_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Returns the positions of the mesh at rest, (V, 3) float32: of the reference shape key, if there is one."""
+    if mesh.shape_keys is None:
+        return meshes.read_positions(mesh)
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.shape_keys.reference_key.data.foreach_get("co", positions)
+    return positions.reshape(-1, 3)
+
+
+def world_positions(ob: bpy.types.Object) -> np.ndarray:
+    """Returns the positions of a mesh object at rest in world space, (V, 3) float64."""
+    matrix = values.matrix_to_numpy(ob.matrix_world)
+    return rest_positions(ob.data) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def collect(objects: Sequence[bpy.types.Object]) -> Solid:
+    """Returns the Solid of mesh objects, none of which is in Edit Mode. Raises ValueError if a position is not
+    finite."""
+    positions, offsets, corners, starts = [], [np.zeros(1, np.int32)], [], [0]
+    corner_count = 0
+    for ob in objects:
+        own = world_positions(ob)
+        is_finite = np.isfinite(own).all(axis=1)
+        if not is_finite.all():
+            raise ValueError(
+                f"Vertex {np.flatnonzero(~is_finite)[0]} of {ob.name} is not at a finite position (NaN or infinite): "
+                "delete it or move it"
+            )
+        _edges, own_offsets, own_corners = meshes.read_topology(ob.data)
+        if ob.matrix_world.determinant() < 0:  # mirrored: the other side of each face is outside
+            own_corners = own_corners[_reversed_corners(own_offsets)]
+        corners.append(own_corners + starts[-1])
+        offsets.append(own_offsets[1:] + corner_count)
+        positions.append(own)
+        starts.append(starts[-1] + len(own))
+        corner_count += len(own_corners)
+    return Solid(
+        np.concatenate(positions) if positions else np.empty((0, 3)),
+        np.concatenate(offsets).astype(np.int32),
+        np.concatenate(corners).astype(np.int32) if corners else np.empty(0, np.int32),
+        np.array(starts),
+    )
+
+
+def _reversed_corners(offsets: np.ndarray) -> np.ndarray:
+    """Returns (C,): the corners of each face in the opposite order."""
+    sizes = np.diff(offsets)
+    first, last = np.repeat(offsets[:-1], sizes), np.repeat(offsets[1:] - 1, sizes)
+    return first + last - np.arange(offsets[-1])

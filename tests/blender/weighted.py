@@ -1,0 +1,80 @@
+"""Weights made in a window: Blender draws meanwhile, Esc stops it and changes nothing, one Ctrl Z takes everything
+back, and the panel shows the report. Run as first_ogre.py is.
+"""
+
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from characters import make_armature, make_tube
+from helpers import addon_module, select
+from windowed import area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen
+
+NAME = "Tube"
+
+
+def steps():
+    for each in list(bpy.data.objects):
+        bpy.data.objects.remove(each)
+    armature = make_armature()
+    ob = make_tube(())
+    subdivision = ob.modifiers.new("Fine", "SUBSURF")
+    subdivision.levels = 4  # so that there is time for Esc
+    select(ob)
+    with in_area("VIEW_3D"):
+        bpy.ops.object.modifier_apply(modifier="Fine")
+        bpy.ops.view3d.view_selected()
+    select(armature, ob)
+    with in_area("VIEW_3D"):
+        bpy.ops.ed.undo_push(message="before")
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))}")
+
+    bind()
+    assert groups() == 0
+    yield from outside("xdotool key Escape")
+    yield 1.0
+    assert groups() == 0 and bpy.data.objects[NAME].parent is None
+    print("window: Esc stopped it, and nothing has changed")
+
+    bind()
+    yield from until(lambda: groups() > 0)
+    ob = bpy.data.objects[NAME]
+    assert ob.parent is not None and len(ob.modifiers) == 1 and weightless(ob) == 0
+    report = addon_module("weights.reports").last([NAME])
+    print(f"window: {report.sentence()}")
+    yield from open_sidebar()
+    yield from picture("weights")
+
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))} key ctrl+z")
+    yield 1.0
+    ob = bpy.data.objects[NAME]
+    assert (groups(), ob.parent, len(ob.modifiers)) == (0, None, 0)
+    print("window: one Ctrl Z took everything back")
+
+
+def bind():
+    with in_area("VIEW_3D"):
+        assert bpy.ops.object.sinew_parent_with_weights("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+
+
+def groups():
+    return len(bpy.data.objects[NAME].vertex_groups)
+
+
+def weightless(ob):
+    offsets, _groups, _weights = addon_module("blender.meshes").read_weights(ob.data)
+    return np.count_nonzero(np.diff(offsets) == 0)
+
+
+def until(is_done):
+    for _ in range(600):
+        if is_done():
+            return
+        yield 0.2
+    raise TimeoutError("it took too long")
+
+
+run(steps())
