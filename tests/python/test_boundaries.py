@@ -28,7 +28,13 @@ LAYERS = (
     {"__init__"},
 )
 # Likewise the folders of native/src.
-NATIVE_LAYERS = ({"base"}, {"files", "mesh", "skeleton"}, {"skinning"}, {"cages", "mush", "smoothing"}, {"deformer"})
+NATIVE_LAYERS = (
+    {"base"},
+    {"files", "mesh", "skeleton"},
+    {"skinning"},
+    {"cages", "mush", "smoothing", "weights"},
+    {"deformer"},
+)
 PURE = {
     "bake.baked",
     "bake.frame_range",
