@@ -32,8 +32,9 @@ NATIVE_LAYERS = (
     {"base"},
     {"files", "mesh", "skeleton"},
     {"skinning"},
-    {"cages", "mush", "smoothing"},
-    {"deformer", "weights"},
+    {"cages", "mush", "smoothing", "weights"},
+    {"decompose", "deformer"},
+    {"weight_tools"},
 )
 PURE = {
     "bake.baked",
