@@ -8,20 +8,20 @@
 namespace sinew::bindings {
 namespace {
 
-/// A table of weights that is read while Python runs other threads.
+/// A table of weights, which must not change while it is read: Python runs other threads meanwhile.
 struct TableOfPython {
   TableOfPython(const char* name, const py::array& array) : numbers(checked(name, array)) {
     table = {numbers, array.shape(0), array.shape(1)};
   }
   std::vector<py::ssize_t> shape() const { return {table.vertices, table.bones}; }
 
-  std::vector<float> numbers;
+  Numbers<float> numbers;
   WeightTable table;
 
  private:
-  static std::vector<float> checked(const char* name, const py::array& array) {
+  static Numbers<float> checked(const char* name, const py::array& array) {
     if (array.ndim() != 2) wrong_shape(name, array, "(V, B)");
-    return Numbers<float>(name, array);
+    return {name, array};
   }
 };
 
@@ -64,18 +64,23 @@ py::array smoothed(const py::array& weights, const py::array& face_offsets, cons
   return given_away(std::move(made), table.shape());
 }
 
-py::tuple reduced(const py::array& weights, const py::array& positions, const py::array& matrices, int max_influences) {
+py::tuple reduced(const py::array& weights, const py::array& positions, const py::array& matrices, int max_influences,
+                  int rings, const std::optional<py::array>& face_offsets,
+                  const std::optional<py::array>& face_vertices) {
   const TableOfPython table("weights", weights);
   const std::vector<float> own_positions = points_of<float>("positions", positions);
   std::vector<Matrix4<double>> own = copied_matrices("matrices", matrices, 4);
   const auto frames = matrices.shape(0), joints = matrices.shape(1);
+  const py::array no_faces = py::array_t<std::int32_t>(0);
+  const FacesOfPython faces("face_offsets", face_offsets.value_or(no_faces), "face_vertices",
+                            face_vertices.value_or(no_faces));
   ReducedWeights made;
   {
     const py::gil_scoped_release release;
     const Matrix4<double> none = Matrix4<double>::Identity();
-    made =
-        reduce_weights(table.table, own_positions,
-                       MatrixStack<const double>::of(own.empty() ? &none : own.data(), frames, joints), max_influences);
+    made = reduce_weights(table.table, own_positions,
+                          MatrixStack<const double>::of(own.empty() ? &none : own.data(), frames, joints), faces.view(),
+                          {max_influences, rings});
   }
   return py::make_tuple(given_away(std::move(made.weights), table.shape()),
                         given_away(std::move(made.largest), {table.table.vertices}),
@@ -149,7 +154,8 @@ void bind_weight_tools(py::module_& module) {
 
   module.def(
       "reduce_weights", &reduced, py::arg("weights"), py::arg("positions"), py::arg("matrices"), py::kw_only(),
-      py::arg("max_influences") = 4,
+      py::arg("max_influences") = 4, py::arg("rings") = 0, py::arg("face_offsets") = py::none(),
+      py::arg("face_vertices") = py::none(),
       (std::string("Leaves each vertex at most max_influences weights, chosen by how far it moves in given poses "
                    "without the others. What is kept is fitted anew by least squares, not negative, with the sum "
                    "of before, unless that makes the largest move longer.\n\n") +
@@ -157,6 +163,9 @@ void bind_weight_tools(py::module_& module) {
        "positions: (V, 3), rest positions.\n"
        "matrices: (F, B, 4, 4), skinning matrices: a clip, or test poses. One at least.\n"
        "max_influences: 1 to 64.\n"
+       "rings: 0 to 64: the weights of a bone fade out over so many edges towards vertices that have lost it, "
+       "against seams. Above 0 it needs faces.\n"
+       "face_offsets, face_vertices: (faces + 1,) and (C,) integers, or None.\n"
        "Returns (weights, largest, mean): (V, B) float32, and (V,) float32 each, how far each vertex moves over "
        "the poses, in the unit of positions; 0 where nothing changed. Raises ValueError for sizes that do not fit "
        "and numbers that are not finite.")

@@ -867,12 +867,19 @@ def smooth_weights(
     """
 
 def reduce_weights(
-    weights: _Reals, positions: _Reals, matrices: _Reals, *, max_influences: int = 4
+    weights: _Reals,
+    positions: _Reals,
+    matrices: _Reals,
+    *,
+    max_influences: int = 4,
+    rings: int = 0,
+    face_offsets: _Integers | None = None,
+    face_vertices: _Integers | None = None,
 ) -> tuple[_Float32, _Float32, _Float32]:
     """Leaves each vertex at most max_influences of its weights (V, B), by how far it moves without the others.
 
-    positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices. Returns (weights (V, B), largest (V,), mean
-    (V,)): how far each vertex moves over the poses.
+    positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices; rings: over how many edges of the faces weights
+    fade out towards vertices that have lost the bone. Returns (weights (V, B), largest (V,), mean (V,)): how far each vertex moves over the poses.
     """
 
 def mirror_weights(

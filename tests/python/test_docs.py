@@ -54,7 +54,7 @@ def test_the_readmes_example_runs(monkeypatch):
 def test_the_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     examples = [block for block in python_of(API) if "= sinew." in block and "sinew_native as sinew  #" not in block]
-    assert len(examples) == 2
+    assert len(examples) == 4
     names = {}
     exec(compile("".join(examples), str(API), "exec"), names)
     skin, matrices, shapes = names["skin"], names["matrices"], names["shapes"]

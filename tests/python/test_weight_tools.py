@@ -160,6 +160,31 @@ def test_other_sums_stay(random):
     assert made.sum(1) == pytest.approx(np.full(9, 0.5), abs=1e-6)
 
 
+def test_rings_leave_no_seams(random):
+    """Without them, a weight ends between two vertices; with them it fades, and what moves by it is told."""
+    positions, offsets, faces = grid(40)
+    weights = np.zeros((len(positions), 5))
+    weights[:, :4] = 0.2 * soft(positions, 4) + 0.1 * random.random((len(positions), 1))
+    weights[:, 4] = np.clip((30 - positions[:, 0]) / 60, 0.1, 1)
+    weights /= weights.sum(1, keepdims=True)
+    matrices = rigid(random, 5, 5, size=0.1, far=0.5)
+    plain, _, _ = sinew.reduce_weights(weights, positions, matrices, max_influences=2)
+    faded, largest, mean = sinew.reduce_weights(
+        weights, positions, matrices, max_influences=2, rings=5, face_offsets=offsets, face_vertices=faces
+    )
+    a, b = edges(offsets, faces).T
+    ends = (
+        ((plain[a] > 0) != (plain[b] > 0)) & ((weights[a] > 0) & (weights[b] > 0)) & ((faded > 0).sum(1) > 1)[a, None]
+    )
+    assert ends.any()
+    assert np.abs(faded[a] - faded[b])[ends].mean() < 0.7 * np.abs(plain[a] - plain[b])[ends].mean()
+    assert ((faded > 0) <= (plain > 0)).all()
+    assert faded.sum(1) == pytest.approx(np.ones(len(positions)), abs=1e-5)
+    off = moves(positions, weights, faded, matrices)
+    assert largest == pytest.approx(off.max(0), rel=1e-3, abs=1e-5)
+    assert mean == pytest.approx(off.mean(0), rel=1e-3, abs=1e-5)
+
+
 # Mirror
 
 
@@ -421,6 +446,8 @@ def mistakes():
     yield case("matrices has no poses", reduce, weights, positions, eyes[:0])
     yield case("matrices is not finite in pose 1 at joint 0", reduce, weights, positions, broken)
     yield case("max_influences is 0; expected 1 to 64", reduce, weights, positions, eyes, max_influences=0)
+    yield case("rings is 3, and there are no faces", reduce, weights, positions, eyes, rings=3)
+    yield case("rings is -1; expected 0 to 64", reduce, weights, positions, eyes, rings=-1)
     yield case("pairs has 1 number, weights 2 columns", mirror, weights, *surface, pairs[:1])
     yield case("bone 0 has the pair 5; expected 0 to 1", mirror, weights, *surface, np.array([5, 0]))
     yield case("bone 1 has the pair 0, which has the pair 0", mirror, weights, *surface, np.array([0, 0]))

@@ -47,13 +47,19 @@ struct ReducedWeights {
   std::vector<float> largest, mean;  ///< V: how far each vertex moves by it, over the poses, in the unit of positions
 };
 
+struct ReduceSettings {
+  int most = 4;   ///< 1 to 64: weights of a vertex
+  int rings = 0;  ///< 0 to 64
+};
+
 /// Leaves each vertex at most `most` weights, with the sum that it had. Which go is decided by how far the vertex moves
 /// without them in the poses: the set is kept for which the largest move is smallest (all sets are tried if they are few,
 /// else weights leave one by one). What is kept is fitted anew, by least squares over the poses on a simplex, unless that
-/// makes the largest move longer.
+/// makes the largest move longer. So that no weight ends between two neighbours, weights of a bone fade out over `rings`
+/// edges towards the vertices that have lost it.
 /// positions  V x 3, at rest.  matrices  F x B, skinning matrices.
 ReducedWeights reduce_weights(const WeightTable& weights, std::span<const float> positions,
-                              MatrixStack<const double> matrices, int most);
+                              MatrixStack<const double> matrices, const Faces& faces, const ReduceSettings& settings);
 
 struct MirrorSettings {
   int axis = 0;                 ///< 0 to 2: x, y, z

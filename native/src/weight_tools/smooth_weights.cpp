@@ -45,24 +45,30 @@ Graph graph_of(std::span<const float> positions, const Faces& faces, std::size_t
   Graph graph;
   std::size_t points = 0;
   graph.point_of = points_of_vertices(positions, vertices, points);
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-  edges.reserve(2 * faces.vertices.size());
-  for (std::size_t f = 0; f + 1 < faces.offsets.size(); ++f) {
-    for (std::int32_t i = faces.offsets[f]; i < faces.offsets[f + 1]; ++i) {
-      const std::int32_t next = i + 1 < faces.offsets[f + 1] ? i + 1 : faces.offsets[f];
-      const std::uint32_t a = graph.point_of[faces.vertices[i]], b = graph.point_of[faces.vertices[next]];
-      if (a != b) edges.emplace_back(a, b), edges.emplace_back(b, a);
+  const auto for_edges = [&](const auto& visit) {
+    for (std::size_t f = 0; f + 1 < faces.offsets.size(); ++f) {
+      std::uint32_t a = graph.point_of[faces.vertices[faces.offsets[f + 1] - 1]];
+      for (std::int32_t i = faces.offsets[f]; i < faces.offsets[f + 1]; ++i) {
+        const std::uint32_t b = graph.point_of[faces.vertices[i]];
+        if (a != b) visit(a, b);
+        a = b;
+      }
     }
+  };
+  // Edges of two faces are there twice at first.
+  std::vector<std::uint32_t> first(points + 1, 0);
+  for_edges([&](std::uint32_t a, std::uint32_t b) { ++first[a + 1], ++first[b + 1]; });
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<std::uint32_t> others(first.back()), end(first.begin(), first.end() - 1);
+  for_edges([&](std::uint32_t a, std::uint32_t b) { others[end[a]++] = b, others[end[b]++] = a; });
+  graph.begin.push_back(0);
+  graph.neighbours.reserve(others.size());
+  for (std::size_t p = 0; p < points; ++p) {
+    const auto own = others.begin() + first[p], last = others.begin() + first[p + 1];
+    std::sort(own, last);
+    graph.neighbours.insert(graph.neighbours.end(), own, std::unique(own, last));
+    graph.begin.push_back(static_cast<std::uint32_t>(graph.neighbours.size()));
   }
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  graph.begin.assign(points + 1, 0);
-  graph.neighbours.reserve(edges.size());
-  for (const auto& [a, b] : edges) {
-    ++graph.begin[a + 1];
-    graph.neighbours.push_back(b);
-  }
-  std::partial_sum(graph.begin.begin(), graph.begin.end(), graph.begin.begin());
   return graph;
 }
 
@@ -72,18 +78,15 @@ class Smoothing {
       : weights_(weights),
         settings_(settings),
         graph_(graph_of(settings.positions, faces, static_cast<std::size_t>(weights.vertices))),
-        numbers_(graph_.points() * bones()),
+        numbers_(weights.numbers.begin(), weights.numbers.end()),
         rate_(graph_.points(), 1) {
-    std::vector<float> counts(graph_.points());
-    for (std::size_t v = 0; v < graph_.point_of.size(); ++v) {
-      const std::size_t point = graph_.point_of[v];
-      counts[point] += 1;
-      for (std::size_t j = 0; j < bones(); ++j) numbers_[point * bones() + j] += weights_.row(v)[j];
-      if (!settings.mask.empty()) rate_[point] = std::min(rate_[point], settings.mask[v]);
+    if (!settings.mask.empty()) {
+      for (std::size_t v = 0; v < graph_.point_of.size(); ++v) {
+        float& own = rate_[graph_.point_of[v]];
+        own = std::min(own, settings.mask[v]);
+      }
     }
-    for (std::size_t p = 0; p < graph_.points(); ++p) {
-      for (std::size_t j = 0; j < bones(); ++j) numbers_[p * bones() + j] /= counts[p];
-    }
+    if (graph_.points() < graph_.point_of.size()) join_coincident();
   }
 
   void take_steps() {
@@ -163,7 +166,8 @@ class Smoothing {
     });
   }
 
-  std::vector<float> result() const {
+  std::vector<float> result() && {
+    if (settings_.locked.empty() && graph_.points() == graph_.point_of.size()) return std::move(numbers_);
     std::vector<float> made(weights_.numbers.begin(), weights_.numbers.end());
     std::vector<std::uint8_t> is_locked(bones());
     for (const std::int32_t bone : settings_.locked) is_locked[bone] = 1;
@@ -190,6 +194,21 @@ class Smoothing {
   }
 
  private:
+  /// Begins with the mean weights of vertices that coincide.
+  void join_coincident() {
+    std::vector<float> counts(graph_.points());
+    numbers_.assign(graph_.points() * bones(), 0);
+    for (std::size_t v = 0; v < graph_.point_of.size(); ++v) {
+      const std::size_t point = graph_.point_of[v];
+      const float* const own = weights_.row(static_cast<std::ptrdiff_t>(v));
+      counts[point] += 1;
+      for (std::size_t j = 0; j < bones(); ++j) numbers_[point * bones() + j] += own[j];
+    }
+    for (std::size_t p = 0; p < graph_.points(); ++p) {
+      for (std::size_t j = 0; j < bones(); ++j) numbers_[p * bones() + j] /= counts[p];
+    }
+  }
+
   std::size_t bones() const { return static_cast<std::size_t>(weights_.bones); }
 
   const WeightTable& weights_;
@@ -216,7 +235,7 @@ std::vector<float> smooth_weights(const WeightTable& weights, const Faces& faces
   }
   Smoothing smoothing(weights, faces, settings);
   settings.strength > 0 ? smoothing.solve() : smoothing.take_steps();
-  return smoothing.result();
+  return std::move(smoothing).result();
 }
 
 }  // namespace sinew
