@@ -2,10 +2,10 @@
 /// call on arbitrary matrices. The first bytes say how many there are of each; all others are taken as they are, from
 /// NaN to numbers that overflow.
 #include <algorithm>
-#include <cstring>
 #include <memory>
 #include <vector>
 
+#include "bytes.h"
 #include "files.h"
 #include "sinew/skinning.h"
 #include "sinew/threads.h"
@@ -13,33 +13,6 @@
 using namespace sinew;
 
 namespace {
-
-class Bytes {
- public:
-  Bytes(const std::uint8_t* data, std::size_t size) : data_(data), left_(size) {}
-
-  /// Zero when nothing is left.
-  template <class T>
-  T take() {
-    T value{};
-    const std::size_t size = std::min(sizeof value, left_);
-    std::memcpy(&value, data_, size);
-    data_ += size;
-    left_ -= size;
-    return value;
-  }
-
-  template <class T, class Raw = T>
-  std::vector<T> list(std::size_t count) {
-    std::vector<T> values(count);
-    for (T& value : values) value = static_cast<T>(take<Raw>());
-    return values;
-  }
-
- private:
-  const std::uint8_t* data_;
-  std::size_t left_;
-};
 
 struct Faces {
   std::vector<std::int32_t> offsets, vertices;

@@ -32,8 +32,8 @@ NATIVE_LAYERS = (
     {"base"},
     {"files", "mesh", "skeleton"},
     {"skinning"},
-    {"cages", "mush", "smoothing"},
-    {"deformer", "weights"},
+    {"cages", "mush", "smoothing", "weights"},
+    {"deformer"},
 )
 PURE = {
     "bake.baked",

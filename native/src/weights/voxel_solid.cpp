@@ -155,10 +155,13 @@ void VoxelSolid::mark_triangle(const std::array<Eigen::Vector3d, 3>& corners) {
 
 /// No surface is between the cells of a brick that are connected without those that the surface meets. There the
 /// winding number changes only because of holes elsewhere.
-void VoxelSolid::fill_brick(const std::array<int, 3>& first, const TriangleTree& tree) {
+void VoxelSolid::fill_brick(std::array<int, 3> first, const TriangleTree& tree) {
   constexpr double kUnsure = 0.25;
   std::array<int, 3> last;
-  for (int axis = 0; axis < 3; ++axis) last[axis] = std::min(first[axis] + kBrick, grid_.counts()[axis]);
+  for (int axis = 0; axis < 3; ++axis) {
+    last[axis] = std::min(first[axis] + kBrick, grid_.counts()[axis] - kMargin);
+    first[axis] = std::max(first[axis], kMargin);  // also where a part astray is around the whole grid
+  }
   std::array<std::uint8_t, kBrick * kBrick * kBrick> is_seen{};
   std::vector<std::array<int, 3>> group;
   const auto visit = [&](const std::array<int, 3>& at) {
@@ -193,11 +196,7 @@ void VoxelSolid::fill_brick(const std::array<int, 3>& first, const TriangleTree&
             winding = std::abs(tree.winding_number(grid_.centre(cell)));
             is_sure = std::abs(winding - 0.5) > kUnsure;
           }
-          // A group may lead out of a hole, but the outermost cells are never solid: all others have 26 neighbours.
-          const auto& counts = grid_.counts();
-          const bool is_margin =
-              x == 0 || y == 0 || z == 0 || x == counts[0] - 1 || y == counts[1] - 1 || z == counts[2] - 1;
-          if (winding > 0.5 && !is_margin) inside.push_back(cell);
+          if (winding > 0.5) inside.push_back(cell);
         }
       }
     }

@@ -86,7 +86,7 @@ class VoxelSolid {
 
  private:
   void mark_triangle(const std::array<Eigen::Vector3d, 3>& corners);
-  void fill_brick(const std::array<int, 3>& first, const TriangleTree& tree);
+  void fill_brick(std::array<int, 3> first, const TriangleTree& tree);
   void number();
 
   VoxelGrid grid_;
