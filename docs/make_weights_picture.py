@@ -2,11 +2,12 @@
 
 In a Blender with the add-on:
 
-blender --python docs/make_weights_picture.py -b -- data/ogre/skeleton.bf build [PART]
-montage -label Blender build/Blender.png -label Sinew build/Sinew.png -tile 2x -geometry +0+6 -background "#e4e5e7" \\
-  -font DejaVu-Sans -pointsize 22 -quality 88 docs/automatic-weights.jpg
+blender --python docs/make_weights_picture.py -b -- data/ogre/skeleton.bf build all elbow
+montage -label Blender build/Blender-all.png -label Sinew build/Sinew-all.png build/Blender-elbow.png \\
+  build/Sinew-elbow.png -tile 2x -geometry 480x+4+4 -background "#e4e5e7" -font DejaVu-Sans -pointsize 18 -quality 86 \\
+  docs/automatic-weights.jpg
 
-PART: of the picture to show large, a name in PARTS.
+The words at the end are parts of the picture, names in PARTS.
 """
 
 import math
@@ -39,8 +40,6 @@ PARTS = {
     "hips": ((0.0, -0.05, 0.42), 0.6, (-0.2, -1, 0.1)),
     "back": ((0.0, 0.0, 0.52), 1.18, (0.5, 1, 0.15)),
     "head": ((0.0, -0.1, 0.85), 0.5, (-0.3, -1, 0.1)),
-    "hand": ((-0.3, -0.35, 0.62), 0.35, (-0.7, -1, 0.4)),
-    "raised": ((0.4, 0.0, 0.85), 0.6, (0.2, -1, 0.1)),
 }
 SIZE, SAMPLES = (620, 660), 32
 
@@ -85,15 +84,19 @@ def pose(armature):
     bpy.context.view_layer.update()
 
 
-def studio(height, part):
-    scene = bpy.context.scene
+def look_at(height, part):
+    camera = bpy.context.scene.camera
     middle, width, direction = PARTS[part]
     direction = Vector(direction).normalized()
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    camera.data.type, camera.data.ortho_scale = "ORTHO", width * height
+    camera.data.ortho_scale = width * height
     camera.location = Vector(middle) * height + 10 * height * direction
     camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
-    camera.data.clip_end = 100 * height
+
+
+def studio(height):
+    scene = bpy.context.scene
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.type, camera.data.clip_end = "ORTHO", 100 * height
     scene.collection.objects.link(camera)
     scene.camera = camera
     for x, y, energy in ((-0.75, -0.7, 2.6), (0.3, 1.1, 1.0)):
@@ -109,12 +112,12 @@ def studio(height, part):
     scene.render.resolution_x, scene.render.resolution_y = SIZE
 
 
-def main(rig, folder, part):
+def main(rig, folder, parts):
     bpy.ops.wm.read_homefile(use_empty=True)
     ob, armature = import_ogre(rig)
     height = ob.dimensions.y  # its own Y axis points up
     armature.hide_render = True
-    studio(height, part)
+    studio(height)
     ways = {
         "Blender": (bpy.ops.object.parent_set, {"type": "ARMATURE_AUTO"}),
         "Sinew": (bpy.ops.object.sinew_parent_with_weights, {}),
@@ -125,9 +128,11 @@ def main(rig, folder, part):
         missed = weigh(ob, armature, operator, **settings)
         print(f"{name}: {missed:,} vertices without weights")
         pose(armature)
-        bpy.context.scene.render.filepath = str(folder / f"{name}.png")
-        bpy.ops.render.render(write_still=True)
+        for part in parts:
+            look_at(height, part)
+            bpy.context.scene.render.filepath = str(folder / f"{name}-{part}.png")
+            bpy.ops.render.render(write_still=True)
 
 
 words = sys.argv[sys.argv.index("--") + 1 :]
-main(words[0], Path(words[1]).resolve(), words[2] if len(words) > 2 else "all")
+main(words[0], Path(words[1]).resolve(), words[2:])

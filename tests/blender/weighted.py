@@ -20,7 +20,8 @@ def steps():
     for each in list(bpy.data.objects):
         bpy.data.objects.remove(each)
     armature = make_armature()
-    ob = make_tube(())
+    ob = make_tube()
+    ob.vertex_groups.clear()
     subdivision = ob.modifiers.new("Fine", "SUBSURF")
     subdivision.levels = 4  # so that there is time for Esc
     select(ob)

@@ -133,7 +133,6 @@ class SidebarStatistics(Statistics, InSidebar, bpy.types.Panel):
 class SidebarWeights(InSidebar, bpy.types.Panel):
     bl_idname, bl_parent_id = "VIEW3D_PT_sinew_weights", "VIEW3D_PT_sinew"
     bl_label = "Weights"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context):

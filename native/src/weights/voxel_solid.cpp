@@ -196,11 +196,7 @@ void VoxelSolid::fill_brick(std::array<int, 3> first, const TriangleTree& tree) 
             winding = std::abs(tree.winding_number(grid_.centre(cell)));
             is_sure = std::abs(winding - 0.5) > kUnsure;
           }
-          // A group may lead out of a hole, but the outermost cells are never solid: all others have 26 neighbours.
-          const auto& counts = grid_.counts();
-          const bool is_margin =
-              x == 0 || y == 0 || z == 0 || x == counts[0] - 1 || y == counts[1] - 1 || z == counts[2] - 1;
-          if (winding > 0.5 && !is_margin) inside.push_back(cell);
+          if (winding > 0.5) inside.push_back(cell);
         }
       }
     }
