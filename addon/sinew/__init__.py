@@ -31,6 +31,7 @@ def _modules():
 
         return (without_native,)
     from .cli import command_line
+    from .frozen import handlers as frozen_handlers
     from .main import handlers, properties, write_lock
     from .ui import (
         bake,
@@ -61,6 +62,7 @@ def _modules():
         profile,
         write_lock,
         handlers,
+        frozen_handlers,
         command_line,
     )
 
