@@ -114,7 +114,7 @@ def test_what_was_switched_off_is_not_put_back():
     try:
         timer()()
         bpy.context.view_layer.update()
-        assert "frame_change_pre" not in lists_with_ours() and "undo_post" in lists_with_ours()
+        assert handlers.before_frame not in bpy.app.handlers.frame_change_pre and "undo_post" in lists_with_ours()
     finally:
         handlers.register_frame_handlers()
     assert lists_with_ours() == LISTS
