@@ -119,7 +119,7 @@ def at(name):
 
 
 LAYOUT = host.PoseRecordLayout(
-    at("next"), at("count"), [(at("matrix"), 16)], [(at("computed"), 4)], [(at("segments"), 8, 1)]
+    at("next"), at("count"), [(at("matrix"), 16)], [(at("computed"), 4)], [(at("segments"), 8, 1, 1)]
 )
 
 
@@ -147,6 +147,8 @@ def test_a_pose_is_recorded_and_played():
     assert [list(bone.matrix) for bone in target] == [list(bone.matrix) for bone in source]
     assert [bone.other for bone in target] == [99.0] * 3
     assert np.array_equal(source_arrays[0], target_arrays[0])
+    target[0].computed += 1
+    assert host.is_pose(ctypes.addressof(target), LAYOUT, record)
     target_arrays[0][-1] += 1
     assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
 

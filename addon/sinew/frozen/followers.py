@@ -15,8 +15,6 @@ MOST_NAMES = 3  # that a reason lists
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
 # Constraints that depend on the frame, or on what cannot be watched.
 _TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
-# Users of an object that do not depend on where its bones are.
-_HOLDERS = (bpy.types.Collection, bpy.types.Scene, bpy.types.WindowManager, bpy.types.WorkSpace, bpy.types.Screen)
 
 
 @dataclass
@@ -26,6 +24,8 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
+    # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
+    keyed: list[tuple[Any, tuple[int, ...]]] = field(default_factory=list)
     holders: list[Any] = field(default_factory=list)  # other armature objects whose bones follow this one's
 
     @property
@@ -58,10 +58,15 @@ def _of(rig: Any, users: Iterable[Any]) -> Followers:
             continue
         if isinstance(user, bpy.types.Object):
             _sort_in(rig, user, found)
-        elif not isinstance(user, _HOLDERS) or _drivers_on(user, rig):
+        elif isinstance(user, bpy.types.Key) and _driven_values(user, rig):
+            found.keyed.append((user, _driven_values(user, rig)))
+        elif _drivers_on(user, rig):
             raise NotFreezable(
                 f"{user.name} is driven by its bones, and a driver does not notice a frozen one: it would stand still"
             )
+    meshes = {keys.user for keys, _numbers in found.keyed} - {ob.data for ob in (*found.hooked, *found.shaped)}
+    if meshes:
+        found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and ob.users_scene]
     for ob in found.objects:
         simulated = next((each for each in ob.modifiers if each.type in _SIMULATED), None)
         if simulated is not None or ob.rigid_body is not None or ob.soft_body is not None:
@@ -155,6 +160,14 @@ def _drivers_on(block: Any, rig: Any) -> list[Any]:
         )
         and any(target in (rig, rig.data) for target in _read_by(curve))
     ]
+
+
+def _driven_values(keys: Any, rig: Any) -> tuple[int, ...]:
+    """Returns the numbers of the keys whose values are set by drivers that read an armature; none if such a driver sets
+    anything else."""
+    paths = {f'key_blocks["{bpy.utils.escape_identifier(key.name)}"].value': i for i, key in enumerate(keys.key_blocks)}
+    driven = [paths.get(curve.data_path) for curve in _drivers_on(keys, rig)]
+    return () if None in driven else tuple(sorted({number for number in driven if number is not None}))
 
 
 def _read_by(curve: Any) -> list[Any]:

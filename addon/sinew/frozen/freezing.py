@@ -4,20 +4,22 @@ Whether an armature is frozen is read from its evaluated copy (`_is_intact`), so
 longer than one evaluation: whatever builds relations, or copies the armature again, is noticed right after it and
 before anything is drawn."""
 
+import sys
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
 from ..blender import values
-from ..host import contract, evaluations, marks, poses, relations
+from ..host import contract, evaluations, key_blocks, marks, poses, relations
 from . import followers, records, settings, stored_keys
 from .followers import Followers
 
 DEFAULT_LIMIT = 2048  # megabytes for all records
+MOST_ATTEMPTS = 3
 _MARK = "OBJECT"  # kind of the mark on a frozen armature's evaluated copy
 
 
@@ -36,13 +38,13 @@ class Rig:
     scene: Any = None  # in which it is frozen
     layer: str = ""  # name of the view layer in which it is frozen
     shown: int | None = None  # the frame whose pose was written last
-    pose: Any = None  # that pose, (N,) uint8
+    pose: Any = None  # that Moment
     has_other_keys: bool = False  # for more than the channels of bones, which a record does not hold
     is_selected: bool = False  # it was, or something of it, at the last look
     curves: dict[Any, stored_keys.Curve] | None = None  # the keyframes that the record was made with
-    digest: int | None = None  # of the settings that the record was made with
+    digest: Any = None  # of the settings that the record was made with
     is_suspect: bool = True  # the settings may have changed since
-    last: Any = None  # the pose that the last frame change has shown, while it plays live
+    last: Any = None  # the Moment that the last frame change has shown, while it plays live
     last_layer: int = 0  # address of the view layer that has shown it
 
     def graph(self) -> Any:
@@ -118,9 +120,46 @@ def _is_intact(rig: Rig, graph: Any) -> bool:
     return data is not None and data.action is None and not len(data.nla_tracks)
 
 
-def _shows(rig: Rig, graph: Any, pose: Any) -> bool:
-    """Whether the evaluated bones hold exactly a recorded pose."""
-    return pose is not None and poses.is_posed(_evaluated(rig, graph), pose)
+class Moment(NamedTuple):
+    """What is recorded of one frame."""
+
+    pose: np.ndarray  # (N,) uint8, see host/poses.py
+    keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
+
+    @property
+    def nbytes(self) -> int:
+        return self.pose.nbytes + sum(map(sys.getsizeof, self.keys))
+
+
+def _moment(rig: Rig, graph: Any) -> Moment:
+    """Returns what an evaluation has made of an armature."""
+    values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in _keyed(rig, graph))
+    return Moment(poses.record(_evaluated(rig, graph)), values_now)
+
+
+def _keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
+    """Returns the shape keys that follow an armature and are in the graph."""
+    return [(keys, numbers) for keys, numbers in rig.followers.keyed if keys.evaluated_get(graph).is_evaluated]
+
+
+def _shows(rig: Rig, graph: Any, moment: Any) -> bool:
+    """Whether the evaluated bones, and the keys that follow them, are exactly as recorded."""
+    if moment is None or not poses.is_posed(_evaluated(rig, graph), moment.pose):
+        return False
+    keyed = _keyed(rig, graph)
+    return len(keyed) == len(moment.keys) and all(
+        key_blocks.values_of(keys.evaluated_get(graph), numbers) == recorded
+        for (keys, numbers), recorded in zip(keyed, moment.keys)
+    )
+
+
+def _show(rig: Rig, graph: Any, moment: Any) -> None:
+    """Writes what is recorded into the evaluated copies, and into the originals as Blender does."""
+    poses.play(_evaluated(rig, graph), moment.pose)
+    poses.play_original(rig.ob, moment.pose)
+    for (keys, numbers), recorded in zip(_keyed(rig, graph), moment.keys):
+        key_blocks.set_values(keys.evaluated_get(graph), numbers, recorded)
+        key_blocks.set_values(keys, numbers, recorded)
 
 
 def whole_frame(scene: Any) -> int | None:
@@ -136,19 +175,18 @@ def _record_frame(rig: Rig, scene: Any, graph: Any) -> None:
     """Records an armature that a frame change has just evaluated."""
     frame, evaluated = whole_frame(scene), _evaluated(rig, graph)
     rig.last = None
-    if frame is None or evaluated is None or rig.ob.mode == "EDIT" or not _has_animation(rig.ob):
+    if frame is None or evaluated is None or rig.ob.mode == "EDIT" or not has_animation(rig.ob):
         return
     _check_settings(rig)
-    pose = poses.record(evaluated)
-    known_pose = rig.record.at(frame)
-    if known_pose is not None and not np.array_equal(known_pose, pose):
+    if frame in rig.record and not _shows(rig, graph, rig.record.at(frame)):
         drop(rig, [stored_keys.ALL])  # something has changed that was not noticed
-    if rig.record.at(frame) is None:
-        rig.record.put(frame, pose)
+    if frame not in rig.record:
+        rig.record.put(frame, _moment(rig, graph))
     rig.last, rig.last_layer = rig.record.at(frame), graph.view_layer.as_pointer()
 
 
-def _has_animation(ob: Any) -> bool:
+def has_animation(ob: Any) -> bool:
+    """Whether an original object has an action or NLA tracks."""
     data = ob.animation_data
     return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
 
@@ -159,9 +197,12 @@ def _check_settings(rig: Rig) -> None:
         compare_keys(rig)
     if not rig.is_suspect:
         return
-    found = settings.digest(rig.ob, followers.outside_of(rig.ob))
+    own = followers.find([rig.ob])[rig.ob]
+    keyed = own.keyed if isinstance(own, Followers) else []
+    found = settings.digest(rig.ob, followers.outside_of(rig.ob)), tuple((values.key_of(k), n) for k, n in keyed)
     if found != rig.digest:
         drop(rig, [stored_keys.ALL])
+        rig.followers.keyed = keyed
     rig.digest, rig.is_suspect = found, False
 
 
@@ -185,17 +226,19 @@ def drop(rig: Rig, ranges: list[tuple[float, float]]) -> None:
 # --- freezing -------------------------------------------------------------------------------------
 
 
-def why_live(rig: Rig, scene: Any, layer: Any) -> str:
-    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing."""
+def _why_live(rig: Rig, found: Followers | followers.NotFreezable, scene: Any, layer: Any) -> str:
+    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing. found: as returned
+    by followers.find."""
     if contract.freezing_trouble():
         return contract.freezing_trouble()
     try:
         followers.check(rig.ob)
-        found = followers.find([rig.ob])[rig.ob]
     except followers.NotFreezable as reason:
         return str(reason)
     if isinstance(found, followers.NotFreezable):
         return f"{rig.name} cannot be frozen: {found}"
+    if found.keyed != rig.followers.keyed:
+        rig.is_suspect = True
     rig.followers = found
     frame = whole_frame(scene)
     if frame is None:
@@ -218,9 +261,10 @@ def freeze(wanted: Iterable[Rig], scene: Any, layer: Any) -> None:
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
     layer.update()
     chosen = {rig.key: rig for rig in (*wanted, *frozen()) if _is_alive(rig.ob)}
+    found = followers.find([rig.ob for rig in chosen.values()])
     for rig in list(chosen.values()):
         rig.is_wanted = True
-        rig.reason = why_live(rig, scene, layer)
+        rig.reason = _why_live(rig, found[rig.ob], scene, layer)
         if rig.reason:
             del chosen[rig.key]
     while True:  # one follows another, which cannot be frozen
@@ -232,7 +276,14 @@ def freeze(wanted: Iterable[Rig], scene: Any, layer: Any) -> None:
                 break
         else:
             break
-    _build(list(chosen.values()), scene, layer)
+    for _ in range(MOST_ATTEMPTS):
+        _build(list(chosen.values()), scene, layer)
+        if all(rig.is_frozen for rig in chosen.values()):
+            return
+        layer.update()  # a handler has edited something meanwhile
+    for rig in chosen.values():
+        if not rig.is_frozen:
+            rig.reason = f"{rig.name} is edited by a handler after each evaluation, so it stays live"
 
 
 def thaw(chosen: Iterable[Rig], scene: Any, layer: Any) -> None:
@@ -302,8 +353,7 @@ def _settle(rig: Rig, scene: Any, layer: Any) -> bool:
     rig.is_frozen = _is_intact(rig, graph)
     if not rig.is_frozen or _shows(rig, graph, rig.pose):
         return False
-    poses.play(evaluated, rig.pose)
-    poses.play_original(rig.ob, rig.pose)
+    _show(rig, graph, rig.pose)
     for ob in rig.followers.objects:
         ob.update_tag()
     return True
@@ -391,11 +441,18 @@ def _is_tagged(rig: Rig, graph: Any) -> bool:
     return evaluated is not None and (evaluations.is_tagged(evaluated) or evaluations.is_tagged(evaluated.data))
 
 
+def _was_evaluated(rig: Rig, graph: Any) -> bool:
+    """Whether the evaluation whose handlers run has evaluated anything of an armature or of the keys that follow it."""
+    return _is_tagged(rig, graph) or any(
+        evaluations.is_tagged(keys.evaluated_get(graph)) for keys, _numbers in _keyed(rig, graph)
+    )
+
+
 def _check_unchanged(rig: Rig, graph: Any) -> None:
     """Drops the record if the last frame that it shows is not what its evaluation has ended with: a handler of another
     add-on has moved bones after it was recorded."""
     evaluated = _evaluated(rig, graph)
-    if evaluated is not None and not poses.is_posed(evaluated, rig.last):
+    if evaluated is not None and not _shows(rig, graph, rig.last):
         drop(rig, [stored_keys.ALL])
         rig.reason = f"{rig.name} is moved by another add-on after each frame, which cannot be recorded"
 
@@ -419,8 +476,7 @@ def _play(scene: Any, graph: Any) -> None:
     for rig in own:
         if frame is not None and rig.shown != frame:
             rig.shown, rig.pose = frame, rig.record.at(frame)
-            poses.play(_evaluated(rig, graph), rig.pose)
-            poses.play_original(rig.ob, rig.pose)
+            _show(rig, graph, rig.pose)
             _tag_followers(rig)
 
 
@@ -443,7 +499,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     for rig in own:
         if not _is_intact(rig, graph):
             reasons[rig.key] = ""
-        elif rig.shown != frame or not _shows(rig, graph, rig.pose):
+        elif rig.shown != frame or _was_evaluated(rig, graph) and not _shows(rig, graph, rig.pose):
             reasons[rig.key] = f"something besides its keyframes moves the bones of {rig.name}"
             drop(rig, [stored_keys.ALL])
     if reasons:
@@ -456,8 +512,13 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
 
 
 def freeze_again(scene: Any, layer: Any) -> None:
-    """Freezes what is wanted frozen, is not selected, and is recorded on this frame."""
+    """Freezes what is wanted frozen, is not selected, and is recorded on this frame. If the scene asks for it, every
+    character is wanted frozen and recorded while it plays."""
     frame = whole_frame(scene)
+    if scene.sinew_freezes_others:
+        for ob in layer.objects:
+            if ob.type == "ARMATURE" and has_animation(ob):
+                learn(ob).is_wanted = True
     waiting = [
         rig
         for rig in known()

@@ -3,8 +3,7 @@
 import math
 from collections import OrderedDict
 from collections.abc import Iterable
-
-import numpy as np
+from typing import Any
 
 MEGABYTE = 2**20
 
@@ -14,7 +13,7 @@ class Record:
 
     def __init__(self, store: "Store") -> None:
         self._store = store
-        self._poses: dict[int, np.ndarray] = {}
+        self._poses: dict[int, Any] = {}
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -22,12 +21,12 @@ class Record:
     def __contains__(self, frame: object) -> bool:
         return frame in self._poses
 
-    def at(self, frame: float) -> np.ndarray | None:
-        """Returns the pose of a frame, (N,) uint8, or None. Between two whole frames there is none."""
+    def at(self, frame: float) -> Any:
+        """Returns what was put at a frame, or None. Between two whole frames there is none."""
         return self._poses.get(int(frame)) if frame == int(frame) else None
 
-    def put(self, frame: int, pose: np.ndarray) -> None:
-        """Keeps a pose. The oldest poses of all armatures are dropped if there is no room for it."""
+    def put(self, frame: int, pose: Any) -> None:
+        """Keeps a pose, which has `nbytes`. If there is no room, the oldest poses of all armatures are dropped."""
         self.drop_frame(frame)
         self._poses[frame] = pose
         self._store.note(self, frame, pose.nbytes)

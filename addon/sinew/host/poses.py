@@ -9,25 +9,39 @@ import numpy as np
 from ..native import sinew_native
 from . import contract, proof
 
+_BONE = "bPoseChannel"
 # In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
 _MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *contract.CHANNELS)
-# For each segment of a B-bone, and how many more there are.
-_SEGMENTS = (("*bbone_pose_mats", "Mat4", 1), ("*bbone_deform_mats", "Mat4", 2), ("*bbone_dual_quats", "DualQuat", 1))
+# For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
+# of a dual quaternion undefined if there is no scale.
+_SEGMENTS = (
+    ("*bbone_pose_mats", "Mat4", 1, True),
+    ("*bbone_deform_mats", "Mat4", 2, True),
+    ("*bbone_dual_quats", "DualQuat", 1, False),
+)
 
 
 @functools.cache
 def _layout() -> Any:
     """Returns the layout of all that is recorded, a sinew_native.host.PoseRecordLayout."""
-    start = contract.offset("bPoseChannel", "runtime")
+    start = contract.offset(_BONE, "runtime")
 
     def within(member: str) -> int:
         return start + contract.offset("bPoseChannel_Runtime", member)
 
-    members = [(contract.offset("bPoseChannel", name), contract.size("bPoseChannel", name)) for name in _MEMBERS]
+    members: list[tuple[int, int]] = []
+    for start_of, size in sorted((contract.offset(_BONE, name), contract.size(_BONE, name)) for name in _MEMBERS):
+        if members and sum(members[-1]) == start_of:  # neighbors are copied in one go
+            members[-1] = members[-1][0], members[-1][1] + size
+        else:
+            members.append((start_of, size))
     computed = [(within("deform_dual_quat"), contract.size("bPoseChannel_Runtime", "deform_dual_quat"))]
-    segments = [(within(member), contract.FREEZING_SIZES[kind], more) for member, kind, more in _SEGMENTS]
+    segments = [
+        (within(member), contract.FREEZING_SIZES[kind], more, int(is_compared))
+        for member, kind, more, is_compared in _SEGMENTS
+    ]
     return sinew_native.host.PoseRecordLayout(
-        contract.offset("bPoseChannel", "*next"), within("bbone_segments"), members, computed, segments
+        contract.offset(_BONE, "*next"), within("bbone_segments"), members, computed, segments
     )
 
 
@@ -70,14 +84,14 @@ def _prove(armature: Any) -> None:
         bone: Any = armature.pose.bones[-1]
         wanted = [*_columns(bone.matrix_channel), *_columns(bone.matrix), *bone.head, *bone.tail]
         wanted += [*bone.location, *bone.rotation_euler, *bone.scale, bone.bbone_curveinx, bone.bbone_easein]
-        found = _floats(bone.as_pointer() + contract.offset("bPoseChannel", "chan_mat"), 16)
+        found = _floats(bone.as_pointer() + contract.offset(_BONE, "chan_mat"), 16)
         parts = (("pose_mat", 16), ("pose_head", 3), ("pose_tail", 3), ("loc", 3), ("eul", 3), ("size", 3))
         for name, count in (*parts, ("curveInX", 1), ("ease1", 1)):
-            found += _floats(bone.as_pointer() + contract.offset("bPoseChannel", name), count)
+            found += _floats(bone.as_pointer() + contract.offset(_BONE, name), count)
         _give("poses", np.array_equal(found, wanted, equal_nan=True), "poses are not where they were")
     if proof.is_due("segments of poses"):
         bent: Any = next((each for each in armature.pose.bones if each.bone.bbone_segments > 1), None)
-        start = contract.offset("bPoseChannel", "runtime") + contract.offset("bPoseChannel_Runtime", "*bbone_pose_mats")
+        start = contract.offset(_BONE, "runtime") + contract.offset("bPoseChannel_Runtime", "*bbone_pose_mats")
         address = contract.address_at(bent.as_pointer() + start) if bent is not None else 0
         if address:
             last = bent.bone.bbone_segments

@@ -17,32 +17,33 @@ using Record = py::array_t<std::uint8_t, py::array::c_style>;
 struct RecordLayout {
   std::ptrdiff_t next, segment_count;
   std::vector<std::array<std::ptrdiff_t, 2>> members;   // offset and size of what is in the bone itself
-  std::vector<std::array<std::ptrdiff_t, 2>> computed;  // the same, of what only evaluated bones have
-  std::vector<std::array<std::ptrdiff_t, 3>> segments;  // arrays: offset of the address, size and number of items; the
-                                                        // number is that beyond one for each segment
+  std::vector<std::array<std::ptrdiff_t, 2>> computed;  // the same, of what only evaluated bones have; not compared
+  std::vector<std::array<std::ptrdiff_t, 4>> segments;  // arrays: offset of the address, size and number of items; the
+                                                        // number is that beyond one for each segment; 1 if compared
 };
 
 struct Region {
   Address start;
   std::size_t size;
-  bool is_computed;  // only evaluated bones have it
+  bool is_compared;
 };
 
 /// Appends the recorded memory of a bone. Returns the number of its segments, 0 if it is not bent.
 std::int32_t regions_of(Address bone, const RecordLayout& layout, std::vector<Region>& regions) {
   for (const auto& [offset, size] : layout.members) {
-    regions.push_back({bone + offset, static_cast<std::size_t>(size), false});
+    regions.push_back({bone + offset, static_cast<std::size_t>(size), true});
   }
   for (const auto& [offset, size] : layout.computed) {
-    regions.push_back({bone + offset, static_cast<std::size_t>(size), true});
+    regions.push_back({bone + offset, static_cast<std::size_t>(size), false});
   }
   const auto count = read<std::int32_t>(bone + layout.segment_count);
   if (count < 2 || layout.segments.empty()) return 0;
   for (const auto& array : layout.segments) {
     if (read<Address>(bone + array[0]) == 0) return 0;
   }
-  for (const auto& [offset, size, more] : layout.segments) {
-    regions.push_back({read<Address>(bone + offset), static_cast<std::size_t>(size * (count + more)), true});
+  for (const auto& [offset, size, more, is_compared] : layout.segments) {
+    const auto bytes = static_cast<std::size_t>(size * (count + more));
+    regions.push_back({read<Address>(bone + offset), bytes, is_compared != 0});
   }
   return count;
 }
@@ -113,7 +114,9 @@ bool is_pose(Address bone, const RecordLayout& layout, const Record& record) {
   if (!body) return false;
   const char* from = *body;
   for (const Region& region : pose.regions) {
-    if (std::memcmp(reinterpret_cast<const void*>(region.start), from, region.size) != 0) return false;
+    if (region.is_compared && std::memcmp(reinterpret_cast<const void*>(region.start), from, region.size) != 0) {
+      return false;
+    }
     from += region.size;
   }
   return true;
@@ -153,13 +156,13 @@ void bind_pose_record(py::module_& host) {
   py::class_<RecordLayout>(host, "PoseRecordLayout",
                            "Where in a pose bone the memory is that a record of a pose holds.")
       .def(py::init<std::ptrdiff_t, std::ptrdiff_t, std::vector<std::array<std::ptrdiff_t, 2>>,
-                    std::vector<std::array<std::ptrdiff_t, 2>>, std::vector<std::array<std::ptrdiff_t, 3>>>(),
+                    std::vector<std::array<std::ptrdiff_t, 2>>, std::vector<std::array<std::ptrdiff_t, 4>>>(),
            py::arg("next"), py::arg("segment_count"), py::arg("members"), py::arg("computed"), py::arg("segments"),
            "next, segment_count: byte offsets in a bone of the next one's address and of its number of segments.\n"
            "members: (offset, size) in bytes of what is in the bone itself; computed: of what only evaluated bones "
-           "have.\n"
-           "segments: (offset, size, more) of each array with an item for each segment of a B-bone, and that many "
-           "more: the offset of its address, and the size of an item in bytes.");
+           "have, and follows from the rest.\n"
+           "segments: (offset, size, more, is_compared) of each array with an item for each segment of a B-bone, and "
+           "that many more: the offset of its address, the size of an item in bytes, and whether is_pose compares it.");
   host.def("record_pose", &record_pose, py::arg("bone"), py::arg("layout"),
            "Copies what the layout names of all bones of one of Blender's poses.\n\n"
            "bone: address of its first bone, or 0.\n"
@@ -172,8 +175,10 @@ void bind_pose_record(py::module_& host) {
            "Writes those parts of a record that originals have into the bones of an original.\n\n"
            "record: (N,) uint8, made by record_pose with the same layout. Returns False, and writes nothing, if it was "
            "made of another number of bones.");
-  host.def("is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
-           "Whether the bones of one of Blender's poses hold exactly what is in a record, see play_pose.");
+  host.def(
+      "is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
+      "Whether the bones of one of Blender's poses hold exactly what is in a record, see play_pose. What the layout "
+      "excepts is not compared.");
 }
 
 }  // namespace sinew::bindings
