@@ -297,7 +297,7 @@ def test_the_operators(cast):
 def test_freezing_records_what_is_not_recorded(cast):
     select(cast.live[0])
     cast.scene.frame_set(4)
-    assert bpy.ops.object.sinew_freeze(others=True) == {"FINISHED"}
+    assert bpy.ops.object.sinew_freeze_others() == {"FINISHED"}
     assert cast.scene.frame_current == 4
     assert [freezing().get(each[0]) is not None and freezing().get(each[0]).is_frozen for each in both(cast)] == [
         True,

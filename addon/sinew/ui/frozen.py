@@ -54,46 +54,58 @@ class Record(InSteps, bpy.types.Operator):
         return {"FINISHED"} if len(lacking) < len(rigs) else {"CANCELLED"}
 
 
-class Freeze(InSteps, bpy.types.Operator):
-    """Play the selected characters from memory until they are selected again or edited: Blender no longer evaluates
-    their armatures. Frames that are not recorded are played once first"""
+class Freezes(InSteps):
+    """What Freeze and FreezeOthers share."""
 
-    bl_idname = "object.sinew_freeze"
-    bl_label = "Freeze"
     stopped = "Stopped: the frames that were recorded are kept, and nothing was frozen"
     seconds_in_a_row = 0.1
-
-    others: BoolProperty(name="All But This", description="Freeze all characters except for the selected ones")
 
     @classmethod
     def poll(cls, context):
         return can_change(context)
 
-    def armatures(self, context):
-        selected = chosen(context)
-        if not self.others:
-            return selected
-        return [each for each in recording.animated_armatures(context.view_layer) if each not in selected]
-
-    def invoke(self, context, _event):
+    def invoke(self: Any, context, _event):
         return self.begin(context, recording.steps(context.scene, context.view_layer, self.armatures(context)))
 
-    def execute(self, context):
+    def execute(self: Any, context):
         for _step in recording.steps(context.scene, context.view_layer, self.armatures(context)):
             pass
         return self.finish(context, None)
 
-    def finish(self, context, _value):
+    def finish(self: Any, context, _value):
         rigs = [freezing.learn(each) for each in self.armatures(context)]
         if not rigs:
             self.report({"ERROR"}, "select an armature, or an object that one moves")
             return {"CANCELLED"}
         freezing.freeze(rigs, context.scene, context.view_layer)
+        is_any = any(rig.is_frozen for rig in rigs)
         for rig in rigs:
             if rig.reason:
-                self.report({"WARNING" if any(each.is_frozen for each in rigs) else "ERROR"}, rig.reason)
+                self.report({"WARNING" if is_any else "ERROR"}, rig.reason)
         notice.redraw()
-        return {"FINISHED"} if any(rig.is_frozen for rig in rigs) else {"CANCELLED"}
+        return {"FINISHED"} if is_any else {"CANCELLED"}
+
+
+class Freeze(Freezes, bpy.types.Operator):
+    """Play the selected characters from memory until they are selected again or edited: Blender no longer evaluates
+    their armatures. Frames that are not recorded are played once first"""
+
+    bl_idname = "object.sinew_freeze"
+    bl_label = "Freeze"
+
+    def armatures(self, context):
+        return chosen(context)
+
+
+class FreezeOthers(Freezes, bpy.types.Operator):
+    """Freeze all characters except for the selected ones"""
+
+    bl_idname = "object.sinew_freeze_others"
+    bl_label = "Freeze All But This"
+
+    def armatures(self, context):
+        selected = chosen(context)
+        return [each for each in recording.animated_armatures(context.view_layer) if each not in selected]
 
 
 class Thaw(bpy.types.Operator):
@@ -117,7 +129,7 @@ class Thaw(bpy.types.Operator):
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row = layout.row(align=True)
     row.operator(Freeze.bl_idname, icon="FREEZE")
-    row.operator(Freeze.bl_idname, text="All But This").others = True
+    row.operator(FreezeOthers.bl_idname, text="All But This")
     row.operator(Thaw.bl_idname, icon="LIGHT_SUN")
     layout.operator(Record.bl_idname, icon="REC")
     layout.prop(context.scene, "sinew_freezes_others")
@@ -155,7 +167,7 @@ class SidebarFrozen(InSidebar, bpy.types.Panel):
         draw(self.layout, context)
 
 
-CLASSES = (Record, Freeze, Thaw, SidebarFrozen)
+CLASSES = (Record, Freeze, FreezeOthers, Thaw, SidebarFrozen)
 
 
 def register() -> None:

@@ -37,8 +37,8 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(bake.TakeOffCache.bl_idname)
         layout.separator()
         layout.operator(frozen.Record.bl_idname, icon="REC")
-        layout.operator(frozen.Freeze.bl_idname, icon="FREEZE").others = False
-        layout.operator(frozen.Freeze.bl_idname, text="Freeze All But This").others = True
+        layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
+        layout.operator(frozen.FreezeOthers.bl_idname)
         layout.operator(frozen.Thaw.bl_idname)
         layout.separator()
         layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")
