@@ -31,12 +31,14 @@ def _modules():
 
         return (without_native,)
     from .cli import command_line
+    from .frozen import handlers as frozen_handlers
     from .main import handlers, properties, write_lock
     from .ui import (
         bake,
         crowd,
         cures,
         display,
+        frozen,
         menus,
         method_settings,
         operators,
@@ -60,9 +62,11 @@ def _modules():
         display,
         menus,
         panels,
+        frozen,
         profile,
         write_lock,
         handlers,
+        frozen_handlers,
         command_line,
     )
 

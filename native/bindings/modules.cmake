@@ -33,6 +33,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_stages.cpp
     bindings/bind_weight_tools.cpp
     bindings/host/bind_host.cpp
+    bindings/host/bind_pose_record.cpp
     bindings/host/bind_shortcut.cpp
     bindings/host/watched.cpp
     bindings/module.cpp)

@@ -61,6 +61,7 @@ def all_operators():
             "display",
             "preferences",
             "profile",
+            "frozen",
         )
         for cls in addon_module(f"ui.{name}").CLASSES
         if issubclass(cls, bpy.types.Operator)

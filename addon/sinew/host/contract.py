@@ -121,6 +121,47 @@ CONTRACT: dict[str, dict[str, Member]] = {
         "defgrp_name": _NAME,
     },
 }
+# What keyframes, drivers and people set in a pose bone.
+CHANNELS = {
+    "loc": 12,
+    "size": 12,
+    "eul": 12,
+    "quat": 16,
+    "rotAxis": 12,
+    "rotAngle": 4,
+    "scale_in": 12,
+    "scale_out": 12,
+    **dict.fromkeys(("roll1", "roll2", "curveInX", "curveInY", "curveOutX", "curveOutY", "ease1", "ease2"), 4),
+}
+# What only freezing needs (frozen/). If it does not hold, characters cannot be frozen, and all else works.
+FREEZING: dict[str, dict[str, Member]] = {
+    "AnimData": {"*action": _pointer("bAction"), "nla_tracks": Member("ListBase", 16)},
+    "ChannelDriver": {
+        "expression": Member("char", 256),
+        "*expr_simple": _pointer("ExprPyLike_Parsed"),
+        "type": Member("int", 4),
+    },
+    "bPoseChannel": {
+        "pose_mat": Member("float", 64),
+        "pose_head": Member("float", 12),
+        "pose_tail": Member("float", 12),
+        **{name: Member("float", size) for name, size in CHANNELS.items()},
+    },
+    "bPoseChannel_Runtime": {
+        "deform_dual_quat": Member("DualQuat", 100),
+        "*bbone_pose_mats": _pointer("Mat4"),
+        "*bbone_dual_quats": _pointer("DualQuat"),
+    },
+    "BezTriple": {
+        "vec": Member("float", 36),
+        "ipo": Member("char", 1),
+        "easing": Member("char", 1),
+        "back": Member("float", 4),
+        "amplitude": Member("float", 4),
+        "period": Member("float", 4),
+    },
+}
+FREEZING_SIZES = {"Mat4": 64, "DualQuat": 100}
 # The sizes in bytes of structs that are read from arrays.
 SIZES = {"MDeformVert": 16, "MDeformWeight": 8, "SDefVert": 16, "SDefBind": 32, "MDefInfluence": 8}
 # Structs with a byte that Blender does not use, for a mark.
@@ -136,18 +177,7 @@ class Broken(RuntimeError):
 
 def differences(structs: dict[str, layout.Struct]) -> list[str]:
     """Returns the parts of the contract that do not hold, as clauses. structs: as returned by layout.structs."""
-    found = []
-    for kind, members in CONTRACT.items():
-        if kind not in structs:
-            found.append(f"there is no struct {kind}")
-            continue
-        for name, wanted in members.items():
-            found += _differences_of(structs[kind], kind, name, wanted)
-    found += [
-        f"{kind} has {structs[kind].size} bytes instead of {size}"
-        for kind, size in SIZES.items()
-        if kind in structs and structs[kind].size != size
-    ]
+    found = _differences(structs, CONTRACT, SIZES)
     found += [f"{kind} has no unused byte" for kind in MARKED if kind in structs and structs[kind].padding() is None]
     if "Object" in structs:
         place = _place_in(structs["Object"])
@@ -157,6 +187,28 @@ def differences(structs: dict[str, layout.Struct]) -> list[str]:
             else _differences_of(structs["Object"], "Object", place, PLACES[place])
         )
     return found
+
+
+def freezing_differences(structs: dict[str, layout.Struct]) -> list[str]:
+    """Returns the parts of FREEZING that do not hold, as clauses. structs: as returned by layout.structs."""
+    return _differences(structs, FREEZING, FREEZING_SIZES)
+
+
+def _differences(
+    structs: dict[str, layout.Struct], wanted: dict[str, dict[str, Member]], sizes: dict[str, int]
+) -> list[str]:
+    found = []
+    for kind, members in wanted.items():
+        if kind not in structs:
+            found.append(f"there is no struct {kind}")
+            continue
+        for name, member in members.items():
+            found += _differences_of(structs[kind], kind, name, member)
+    return found + [
+        f"{kind} has {structs[kind].size} bytes instead of {size}"
+        for kind, size in sizes.items()
+        if kind in structs and structs[kind].size != size
+    ]
 
 
 def _differences_of(struct: layout.Struct, kind: str, name: str, wanted: Member) -> list[str]:
@@ -178,6 +230,7 @@ def _place_in(struct: layout.Struct) -> str | None:
 # --- of the running Blender -----------------------------------------------------------------------
 
 _trouble: str | None = None  # a sentence, "" for none; None: not checked yet
+_freezing_trouble: str | None = None  # the same
 
 
 def trouble() -> str:
@@ -200,10 +253,29 @@ def distrust(difference: str) -> Broken:
     return Broken(_trouble)
 
 
+def freezing_trouble() -> str:
+    """Returns why characters cannot be frozen, as a sentence for users; "" if nothing is wrong. The first call must
+    come from the main thread."""
+    global _freezing_trouble
+    if trouble():
+        return trouble()
+    if _freezing_trouble is None:
+        found = freezing_differences(layout.structs())
+        _freezing_trouble = _freezing_sentence(found) if found else ""
+    return _freezing_trouble
+
+
+def distrust_freezing(difference: str) -> Broken:
+    """Stops all freezing from now on. difference: a clause. Returns the error to raise."""
+    global _freezing_trouble
+    _freezing_trouble = _freezing_trouble or _freezing_sentence([difference])
+    return Broken(_freezing_trouble)
+
+
 def forget() -> None:
     """Discards the result of the check, so that the next use checks again. For tests."""
-    global _trouble
-    _trouble = None
+    global _trouble, _freezing_trouble
+    _trouble = _freezing_trouble = None
     for function in (offset, size, struct_size, unused_byte, place):
         function.cache_clear()
 
@@ -218,11 +290,17 @@ def _look() -> None:
 
 
 def _sentence(found: list[str]) -> str:
+    return f"{_difference_of_versions(found)}, so Blender's own modifiers deform: look for a newer Sinew"
+
+
+def _freezing_sentence(found: list[str]) -> str:
+    return f"{_difference_of_versions(found)}, so characters cannot be frozen: look for a newer Sinew"
+
+
+def _difference_of_versions(found: list[str]) -> str:
     more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-    return (
-        f"Blender {bpy.app.version_string} keeps its data in another way than this version of Sinew knows ({found[0]}"
-        f"{more}), so Blender's own modifiers deform: look for a newer Sinew"
-    )
+    version = bpy.app.version_string
+    return f"Blender {version} keeps its data in another way than this version of Sinew knows ({found[0]}{more})"
 
 
 def _of(kind: str) -> layout.Struct:
@@ -231,24 +309,34 @@ def _of(kind: str) -> layout.Struct:
     return layout.structs()[kind]
 
 
+def _check_listed(kind: str, member: str) -> None:
+    """Raises KeyError if the member is in no list, and Broken if it is only in FREEZING, which does not hold."""
+    if member in CONTRACT.get(kind, {}):
+        return
+    FREEZING[kind][member]
+    if freezing_trouble():
+        raise Broken(_freezing_trouble)
+
+
 @functools.cache
 def offset(kind: str, member: str) -> int:
     """Returns the offset of a member in its struct, in bytes. Raises KeyError if it is not in the contract."""
-    CONTRACT[kind][member]
+    _check_listed(kind, member)
     return _of(kind).offset(member)
 
 
 @functools.cache
 def size(kind: str, member: str) -> int:
     """Returns the size of a member, in bytes."""
-    CONTRACT[kind][member]
+    _check_listed(kind, member)
     return _of(kind).members[member][2]
 
 
 @functools.cache
 def struct_size(kind: str) -> int:
     """Returns the size of a struct, in bytes."""
-    CONTRACT[kind]
+    if kind not in CONTRACT and kind not in FREEZING:
+        raise KeyError(kind)
     return _of(kind).size
 
 

@@ -23,3 +23,8 @@ def is_running(ob: Any) -> bool:
         _has_been_set = True
         return True
     return not _has_been_set
+
+
+def is_tagged(block: Any) -> bool:
+    """Whether anything of an evaluated data-block is tagged to be evaluated."""
+    return bool(ctypes.c_uint32.from_address(contract.region(block, "ID", "recalc")[0]).value)

@@ -37,6 +37,22 @@ def key_positions(address: int, count: int) -> np.ndarray | None:
     return vector_arrays.vectors_at(contract.address_at(address + data), count)
 
 
+def values_of(keys: Any, numbers: Sequence[int]) -> tuple[float, ...]:
+    """Returns the values of the keys with these numbers, of a key data-block, original or evaluated."""
+    return tuple(each.value for each in _values(keys, numbers))
+
+
+def set_values(keys: Any, numbers: Sequence[int], values: Sequence[float]) -> None:
+    """Sets the values of the keys with these numbers, of a key data-block. Blender does not notice."""
+    for place, value in zip(_values(keys, numbers), values):
+        place.value = value
+
+
+def _values(keys: Any, numbers: Sequence[int]) -> list[ctypes.c_float]:
+    addresses, offset = key_addresses(keys).tolist(), key_layout()[1]
+    return [ctypes.c_float.from_address(addresses[number] + offset) for number in numbers]
+
+
 def silence_keys(addresses: np.ndarray, animated: Sequence[int]) -> np.ndarray:
     """Mutes the keys of an evaluated copy, so that Blender adds nothing to the reference key. Those that drivers or
     keyframes may mute become relative to themselves instead. animated: their numbers. Returns the keys' values, (K,)

@@ -74,7 +74,9 @@ def _give_mesh(canvas, mesh):
 
 def _forget_copies(meshes):
     """Removes those of the meshes that are copies, and that nothing uses any more."""
-    bpy.data.batch_remove([mesh for mesh in meshes if mesh.name.startswith(NAME) and mesh.users == 0])
+    unused = [mesh for mesh in meshes if mesh.name.startswith(NAME) and mesh.users == 0]
+    if unused:  # even for none, Blender would build the relations of its dependency graph again
+        bpy.data.batch_remove(unused)
 
 
 def _make(ob):
@@ -112,6 +114,8 @@ def remove_all() -> None:
 
 
 def _remove(canvases):
+    if not canvases:
+        return
     meshes = {canvas.data for canvas in canvases}
     bpy.data.batch_remove(canvases)
     _forget_copies(meshes)

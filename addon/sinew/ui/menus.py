@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, method_settings, weights
+from . import bake, crowd, cures, frozen, method_settings, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -38,6 +38,11 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
         layout.operator(bake.PlayCache.bl_idname)
         layout.operator(bake.TakeOffCache.bl_idname)
+        layout.separator()
+        layout.operator(frozen.Record.bl_idname, icon="REC")
+        layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
+        layout.operator(frozen.FreezeOthers.bl_idname)
+        layout.operator(frozen.Thaw.bl_idname)
         layout.separator()
         layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")
         layout.separator()

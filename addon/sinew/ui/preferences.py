@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
+from ..frozen import freezing
 from ..native import sinew_native
 from ..run import characters
 
@@ -43,6 +44,10 @@ def of_sinew(context: bpy.types.Context | None = None) -> Any:
 
 def _apply(preferences, _context=None):
     characters.configure(preferences.thread_count, preferences.instruction_set or "auto")
+
+
+def _apply_memory(preferences, _context=None):
+    freezing.set_limit(preferences.frozen_memory)
 
 
 def _apply_log(preferences, _context=None):
@@ -83,6 +88,14 @@ class SinewPreferences(bpy.types.AddonPreferences):
         items=INSTRUCTION_SETS,
         update=_apply,
     )
+    frozen_memory: IntProperty(
+        name="Memory of Frozen Characters",
+        description="The largest number of megabytes for recorded poses. The oldest are dropped first",
+        min=16,
+        max=2**20,
+        default=freezing.DEFAULT_LIMIT,
+        update=_apply_memory,
+    )
     log_file: StringProperty(
         name="Log File",
         subtype="FILE_PATH",
@@ -96,6 +109,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         column = layout.column()
         column.prop(self, "thread_count")
         column.prop(self, "instruction_set")
+        column.prop(self, "frozen_memory")
         column.prop(self, "log_file")
         row = layout.row(align=True)
         row.label(text=f"{sinew_native.instruction_set()}, {sinew_native.thread_count()} threads at work", icon="INFO")
@@ -125,6 +139,7 @@ def register() -> None:
     preferences = of_sinew()
     if preferences:
         _apply(preferences)
+        _apply_memory(preferences)
         _apply_log(preferences)
 
 

@@ -18,10 +18,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
 
-from walk import compare, kinds, mesh_steps, modifier_steps, object_steps, scene, scene_steps, sinew_steps
+from walk import compare, frozen_steps, kinds, mesh_steps, modifier_steps, object_steps, scene, scene_steps, sinew_steps
 from walk.shrink import LENGTH, options_of
 
-STEPS = mesh_steps, modifier_steps, object_steps, scene_steps, sinew_steps  # importing them declares the kinds
+STEPS = (
+    frozen_steps,
+    mesh_steps,
+    modifier_steps,
+    object_steps,
+    scene_steps,
+    sinew_steps,
+)  # importing them declares the kinds
 
 
 REFUSALS = ("cannot use the output Mesh",)  # sentences for people
@@ -85,6 +92,8 @@ def look(listener):
     compare.assert_alike()
     compare.addon_module("main.handlers").look_into_the_mail()
     compare.assert_copies_follow()
+    frozen_steps.assert_frozen_as_live()
+    compare.assert_alike()
     assert not listener.said(), "it was said: " + listener.said()
 
 

@@ -1,0 +1,13 @@
+"""Frozen characters: an armature that nobody edits plays its recorded poses, and Blender does not evaluate it.
+
+`records` keeps poses within a limit of memory; `stored_keys` compares F-curves, to find which frames an edit changes;
+`settings` is all else that a pose depends on; `followers` finds what follows an armature, and says why it cannot be
+frozen; `freezing` freezes, plays, checks and thaws; `handlers` calls it.
+
+How it works: a frame change reaches an armature through its action alone. Blender looks at the action only while it
+builds relations, so it is taken away in memory for that moment (host/relations.py). From then on the bones are not
+evaluated. Before each evaluation, the recorded pose is written into the evaluated bones (host/poses.py), where
+everything that follows them reads it as ever: Sinew's hooks, which the same rebuild makes depend on the frame, and
+objects that hang on bones, which are tagged. After each evaluation the pose is compared with the record. If it
+differs, or if anything else is in doubt, the armature is thawed in the same update.
+"""

@@ -1,0 +1,94 @@
+"""Blender's callbacks for frozen armatures."""
+
+import logging
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..main import callbacks
+from . import freezing
+
+log = logging.getLogger("sinew")
+SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
+_update_number = _tried = 0  # of evaluations; the number at the last attempt
+
+
+def _guarded(function: Any, *arguments: Any) -> None:
+    """Calls a function. If it fails, everything is live again."""
+    try:
+        function(*arguments)
+    except Exception:
+        log.exception("what is frozen cannot be played, so it is live again")
+        freezing.melt_all()
+
+
+@persistent
+def before_evaluation(scene: bpy.types.Scene, *_: Any) -> None:
+    _guarded(freezing.before_evaluation, scene)
+
+
+@persistent
+def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    _count()
+    _guarded(freezing.after_evaluation, scene, depsgraph, True)
+
+
+@persistent
+def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    _count()
+    _guarded(freezing.after_evaluation, scene, depsgraph, False)
+
+
+def _count() -> None:
+    global _update_number
+    _update_number += not freezing.is_busy()
+
+
+@persistent
+def after_load(*_: Any) -> None:
+    freezing.forget()
+
+
+@persistent
+def after_undo(*_: Any) -> None:
+    freezing.find_again()
+
+
+def freeze_again() -> float:
+    """Freezes again what is wanted frozen and is not selected, as a timer, unless the scene plays. Returns the seconds
+    until the next call."""
+    global _tried
+    context = bpy.context
+    is_idle = context.window is not None and not context.screen.is_animation_playing
+    if is_idle and _tried != _update_number and not any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
+        _tried = _update_number
+        try:
+            freezing.freeze_again(context.scene, context.view_layer)
+        except Exception:
+            log.exception("nothing could be frozen again")
+        _tried = _update_number
+    return SECONDS_BETWEEN_LOOKS
+
+
+HANDLERS = (
+    ("frame_change_pre", before_evaluation),
+    ("depsgraph_update_pre", before_evaluation),
+    ("frame_change_post", after_frame),
+    ("depsgraph_update_post", after_update),
+    ("load_post", after_load),
+    ("undo_post", after_undo),
+    ("redo_post", after_undo),
+)
+
+
+def register() -> None:
+    callbacks.add(HANDLERS)
+    callbacks.start(freeze_again)
+
+
+def unregister() -> None:
+    callbacks.stop(freeze_again)
+    callbacks.remove(HANDLERS)
+    freezing.melt_all()
+    freezing.forget()

@@ -1,0 +1,60 @@
+"""Plays a range of frames once, to record armatures, and finds the armatures that an operation is about."""
+
+from collections.abc import Generator, Iterable
+from typing import Any
+
+import bpy
+
+from . import freezing
+
+
+def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Returns the first and the last frame of the preview range if there is one, otherwise of the scene's range."""
+    if scene.use_preview_range:
+        return scene.frame_preview_start, scene.frame_preview_end
+    return scene.frame_start, scene.frame_end
+
+
+def missing(rig: freezing.Rig, scene: bpy.types.Scene) -> list[int]:
+    """Returns the frames of the range that are not recorded."""
+    first, last = frame_range(scene)
+    return [frame for frame in range(first, last + 1) if frame not in rig.record]
+
+
+def armatures_of(objects: Iterable[Any]) -> list[Any]:
+    """Returns the armature objects that move these objects, or are among them, without duplicates."""
+    found: dict[Any, None] = {}
+    for ob in objects:
+        if ob.type == "ARMATURE":
+            found[ob] = None
+        armatures = [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE"]
+        if ob.parent_type == "BONE":
+            armatures.append(ob.parent)
+        found.update(dict.fromkeys(each for each in armatures if each is not None and each.type == "ARMATURE"))
+    return list(found)
+
+
+def animated_armatures(layer: bpy.types.ViewLayer) -> list[Any]:
+    """Returns the armature objects of a view layer that have keyframes."""
+    return [ob for ob in layer.objects if ob.type == "ARMATURE" and freezing.has_animation(ob)]
+
+
+def steps(
+    scene: bpy.types.Scene, layer: bpy.types.ViewLayer, armatures: Iterable[Any]
+) -> Generator[tuple[float, str], None, None]:
+    """Plays what is not recorded yet of these armature objects, as a generator that yields (share done, what comes
+    next) and may be closed early. The scene returns to its frame."""
+    rigs = [freezing.learn(each) for each in armatures]
+    frames = sorted({frame for rig in rigs for frame in missing(rig, scene)})
+    wanted = [rig for rig in rigs if rig.is_wanted]
+    freezing.thaw([rig for rig in rigs if missing(rig, scene)], scene, layer)
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    try:
+        for number, each in enumerate(frames):
+            yield number / len(frames), f"recording frame {each}"
+            scene.frame_set(each)
+    finally:
+        if frames:
+            scene.frame_set(frame, subframe=subframe)
+        for rig in wanted:
+            rig.is_wanted = True

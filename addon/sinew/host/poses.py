@@ -1,0 +1,115 @@
+"""Records what Blender's evaluation has written into the bones of an armature, and writes it there again."""
+
+import ctypes
+import functools
+from typing import Any
+
+import numpy as np
+
+from ..native import sinew_native
+from . import contract, proof
+
+_BONE = "bPoseChannel"
+# In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
+_MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *contract.CHANNELS)
+# For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
+# of a dual quaternion undefined if there is no scale.
+_SEGMENTS = (
+    ("*bbone_pose_mats", "Mat4", 1, True),
+    ("*bbone_deform_mats", "Mat4", 2, True),
+    ("*bbone_dual_quats", "DualQuat", 1, False),
+)
+
+
+@functools.cache
+def _layout() -> Any:
+    """Returns the layout of all that is recorded, a sinew_native.host.PoseRecordLayout."""
+    start = contract.offset(_BONE, "runtime")
+
+    def within(member: str) -> int:
+        return start + contract.offset("bPoseChannel_Runtime", member)
+
+    members: list[tuple[int, int]] = []
+    for start_of, size in sorted((contract.offset(_BONE, name), contract.size(_BONE, name)) for name in _MEMBERS):
+        if members and sum(members[-1]) == start_of:  # neighbors are copied in one go
+            members[-1] = members[-1][0], members[-1][1] + size
+        else:
+            members.append((start_of, size))
+    computed = [(within("deform_dual_quat"), contract.size("bPoseChannel_Runtime", "deform_dual_quat"))]
+    segments = [
+        (within(member), contract.FREEZING_SIZES[kind], more, int(is_compared))
+        for member, kind, more, is_compared in _SEGMENTS
+    ]
+    return sinew_native.host.PoseRecordLayout(
+        contract.offset(_BONE, "*next"), within("bbone_segments"), members, computed, segments
+    )
+
+
+def forget() -> None:
+    """Discards the layout. For tests."""
+    _layout.cache_clear()
+
+
+def _first(armature: Any) -> int:
+    bones: Any = armature.pose.bones if armature.pose is not None else ()
+    return bones[0].as_pointer() if len(bones) else 0
+
+
+def record(armature: Any) -> np.ndarray:
+    """Returns a copy of the pose of an evaluated armature object, (N,) uint8. Raises contract.Broken."""
+    _prove(armature)
+    return sinew_native.host.record_pose(_first(armature), _layout())
+
+
+def play(armature: Any, recorded: np.ndarray) -> bool:
+    """Writes a recorded pose into an evaluated armature object. Returns False, and writes nothing, if it was recorded
+    with other bones or segments. Raises contract.Broken."""
+    return sinew_native.host.play_pose(_first(armature), _layout(), recorded)
+
+
+def play_original(armature: Any, recorded: np.ndarray) -> bool:
+    """Writes a recorded pose into an original armature object, as Blender does after it has evaluated the bones: their
+    channels and matrices. Returns False, and writes nothing, if it was recorded with other bones."""
+    return sinew_native.host.play_original_pose(_first(armature), _layout(), recorded)
+
+
+def is_posed(armature: Any, recorded: np.ndarray) -> bool:
+    """Whether an evaluated armature object has exactly the recorded pose. Raises contract.Broken."""
+    return sinew_native.host.is_pose(_first(armature), _layout(), recorded)
+
+
+def _prove(armature: Any) -> None:
+    """Compares with the API where a bone is and, if there is a B-bone, its segments."""
+    if proof.is_due("poses") and _first(armature):
+        bone: Any = armature.pose.bones[-1]
+        wanted = [*_columns(bone.matrix_channel), *_columns(bone.matrix), *bone.head, *bone.tail]
+        wanted += [*bone.location, *bone.rotation_euler, *bone.scale, bone.bbone_curveinx, bone.bbone_easein]
+        found = _floats(bone.as_pointer() + contract.offset(_BONE, "chan_mat"), 16)
+        parts = (("pose_mat", 16), ("pose_head", 3), ("pose_tail", 3), ("loc", 3), ("eul", 3), ("size", 3))
+        for name, count in (*parts, ("curveInX", 1), ("ease1", 1)):
+            found += _floats(bone.as_pointer() + contract.offset(_BONE, name), count)
+        _give("poses", np.array_equal(found, wanted, equal_nan=True), "poses are not where they were")
+    if proof.is_due("segments of poses"):
+        bent: Any = next((each for each in armature.pose.bones if each.bone.bbone_segments > 1), None)
+        start = contract.offset(_BONE, "runtime") + contract.offset("bPoseChannel_Runtime", "*bbone_pose_mats")
+        address = contract.address_at(bent.as_pointer() + start) if bent is not None else 0
+        if address:
+            last = bent.bone.bbone_segments
+            found = _floats(address + last * contract.FREEZING_SIZES["Mat4"], 16)
+            wanted = _columns(bent.bbone_segment_matrix(last))
+            near = np.allclose(found, wanted, rtol=0, atol=1e-6, equal_nan=True)
+            _give("segments of poses", near, "the segments of poses are not where they were")
+
+
+def _give(what: str, is_equal: bool, difference: str) -> None:
+    if not is_equal:
+        raise contract.distrust_freezing(difference)
+    proof.give(what)
+
+
+def _floats(address: int, count: int) -> list[float]:
+    return list((ctypes.c_float * count).from_address(address))
+
+
+def _columns(matrix: Any) -> list[float]:
+    return [number for column in matrix.transposed() for number in column]

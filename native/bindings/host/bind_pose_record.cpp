@@ -1,0 +1,184 @@
+#include <pybind11/stl.h>
+
+#include <array>
+#include <optional>
+
+#include "arrays.h"
+#include "host/memory.h"
+
+// A record of a pose: what Blender's evaluation has written into its bones, so that it can be written there again.
+
+namespace sinew::bindings {
+namespace {
+
+using Record = py::array_t<std::uint8_t, py::array::c_style>;
+
+/// Offsets in a pose bone, in bytes.
+struct RecordLayout {
+  std::ptrdiff_t next, segment_count;
+  std::vector<std::array<std::ptrdiff_t, 2>> members;   // offset and size of what is in the bone itself
+  std::vector<std::array<std::ptrdiff_t, 2>> computed;  // the same, of what only evaluated bones have; not compared
+  std::vector<std::array<std::ptrdiff_t, 4>> segments;  // arrays: offset of the address, size and number of items; the
+                                                        // number is that beyond one for each segment; 1 if compared
+};
+
+struct Region {
+  Address start;
+  std::size_t size;
+  bool is_compared;
+};
+
+/// Appends the recorded memory of a bone. Returns the number of its segments, 0 if it is not bent.
+std::int32_t regions_of(Address bone, const RecordLayout& layout, std::vector<Region>& regions) {
+  for (const auto& [offset, size] : layout.members) {
+    regions.push_back({bone + offset, static_cast<std::size_t>(size), true});
+  }
+  for (const auto& [offset, size] : layout.computed) {
+    regions.push_back({bone + offset, static_cast<std::size_t>(size), false});
+  }
+  const auto count = read<std::int32_t>(bone + layout.segment_count);
+  if (count < 2 || layout.segments.empty()) return 0;
+  for (const auto& array : layout.segments) {
+    if (read<Address>(bone + array[0]) == 0) return 0;
+  }
+  for (const auto& [offset, size, more, is_compared] : layout.segments) {
+    const auto bytes = static_cast<std::size_t>(size * (count + more));
+    regions.push_back({read<Address>(bone + offset), bytes, is_compared != 0});
+  }
+  return count;
+}
+
+/// The recorded memory of a whole pose, and what tells whether a record was made of the same bones.
+struct Pose {
+  std::vector<std::int32_t> segments;  // of each bone
+  std::vector<Region> regions;
+  std::size_t size = 0;
+};
+
+Pose pose_at(Address bone, const RecordLayout& layout) {
+  Pose pose;
+  for (; bone != 0; bone = read<Address>(bone + layout.next)) {
+    pose.segments.push_back(regions_of(bone, layout, pose.regions));
+  }
+  for (const Region& region : pose.regions) pose.size += region.size;
+  return pose;
+}
+
+constexpr std::size_t kNumber = sizeof(std::int32_t);
+
+/// A record begins with the number of bones and the number of segments of each.
+std::size_t head_size(const Pose& pose) { return (pose.segments.size() + 1) * kNumber; }
+
+Record record_pose(Address bone, const RecordLayout& layout) {
+  const Pose pose = pose_at(bone, layout);
+  Record record(static_cast<py::ssize_t>(head_size(pose) + pose.size));
+  auto* to = reinterpret_cast<char*>(record.mutable_data());
+  const auto count = static_cast<std::int32_t>(pose.segments.size());
+  std::memcpy(to, &count, kNumber);
+  if (count > 0) std::memcpy(to + kNumber, pose.segments.data(), count * kNumber);
+  to += head_size(pose);
+  for (const Region& region : pose.regions) {
+    std::memcpy(to, reinterpret_cast<const void*>(region.start), region.size);
+    to += region.size;
+  }
+  return record;
+}
+
+/// Returns what follows the head of a record, or nothing if it was made of other bones.
+std::optional<const char*> body_of(const Pose& pose, const Record& record) {
+  const auto* const bytes = reinterpret_cast<const char*>(record.data());
+  const std::size_t head = head_size(pose);
+  const auto count = static_cast<std::int32_t>(pose.segments.size());
+  if (static_cast<std::size_t>(record.size()) != head + pose.size || std::memcmp(bytes, &count, kNumber) != 0 ||
+      (count > 0 && std::memcmp(bytes + kNumber, pose.segments.data(), count * kNumber) != 0)) {
+    return std::nullopt;
+  }
+  return bytes + head;
+}
+
+bool play_pose(Address bone, const RecordLayout& layout, const Record& record) {
+  const Pose pose = pose_at(bone, layout);
+  const auto body = body_of(pose, record);
+  if (!body) return false;
+  const char* from = *body;
+  for (const Region& region : pose.regions) {
+    std::memcpy(reinterpret_cast<void*>(region.start), from, region.size);
+    from += region.size;
+  }
+  return true;
+}
+
+bool is_pose(Address bone, const RecordLayout& layout, const Record& record) {
+  const Pose pose = pose_at(bone, layout);
+  const auto body = body_of(pose, record);
+  if (!body) return false;
+  const char* from = *body;
+  for (const Region& region : pose.regions) {
+    if (region.is_compared && std::memcmp(reinterpret_cast<const void*>(region.start), from, region.size) != 0) {
+      return false;
+    }
+    from += region.size;
+  }
+  return true;
+}
+
+/// Writes what the originals have, too, into the bones of an original, whose segments need not be those of the record.
+bool play_original_pose(Address bone, const RecordLayout& layout, const Record& record) {
+  std::size_t members = 0, computed = 0, per_segment = 0, more_segments = 0;
+  for (const auto& member : layout.members) members += member[1];
+  for (const auto& member : layout.computed) computed += member[1];
+  for (const auto& array : layout.segments) {
+    per_segment += array[1];
+    more_segments += array[1] * array[2];
+  }
+  const auto* bytes = reinterpret_cast<const char*>(record.data());
+  const auto count = static_cast<std::size_t>(read<std::int32_t>(reinterpret_cast<Address>(bytes)));
+  std::size_t bones = 0;
+  for (Address each = bone; each != 0; each = read<Address>(each + layout.next)) ++bones;
+  if (bones != count) return false;
+  const char* from = bytes + (count + 1) * kNumber;
+  for (std::size_t b = 0; b < count; ++b, bone = read<Address>(bone + layout.next)) {
+    for (const auto& [offset, size] : layout.members) {
+      std::memcpy(reinterpret_cast<void*>(bone + offset), from, size);
+      from += size;
+    }
+    from += computed;
+    std::int32_t segments;
+    std::memcpy(&segments, bytes + (b + 1) * kNumber, kNumber);
+    if (segments > 0) from += per_segment * segments + more_segments;
+  }
+  return true;
+}
+
+}  // namespace
+
+void bind_pose_record(py::module_& host) {
+  py::class_<RecordLayout>(host, "PoseRecordLayout",
+                           "Where in a pose bone the memory is that a record of a pose holds.")
+      .def(py::init<std::ptrdiff_t, std::ptrdiff_t, std::vector<std::array<std::ptrdiff_t, 2>>,
+                    std::vector<std::array<std::ptrdiff_t, 2>>, std::vector<std::array<std::ptrdiff_t, 4>>>(),
+           py::arg("next"), py::arg("segment_count"), py::arg("members"), py::arg("computed"), py::arg("segments"),
+           "next, segment_count: byte offsets in a bone of the next one's address and of its number of segments.\n"
+           "members: (offset, size) in bytes of what is in the bone itself; computed: of what only evaluated bones "
+           "have, and follows from the rest.\n"
+           "segments: (offset, size, more, is_compared) of each array with an item for each segment of a B-bone, and "
+           "that many more: the offset of its address, the size of an item in bytes, and whether is_pose compares it.");
+  host.def("record_pose", &record_pose, py::arg("bone"), py::arg("layout"),
+           "Copies what the layout names of all bones of one of Blender's poses.\n\n"
+           "bone: address of its first bone, or 0.\n"
+           "Returns (N,) uint8, for play_pose.");
+  host.def("play_pose", &play_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
+           "Writes a record into the bones of one of Blender's poses.\n\n"
+           "record: (N,) uint8, made by record_pose with the same layout.\n"
+           "Returns whether it did: False if the pose has other bones or segments; then nothing is written.");
+  host.def("play_original_pose", &play_original_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
+           "Writes those parts of a record that originals have into the bones of an original.\n\n"
+           "record: (N,) uint8, made by record_pose with the same layout. Returns False, and writes nothing, if it was "
+           "made of another number of bones.");
+  host.def(
+      "is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
+      "Whether the bones of one of Blender's poses hold exactly what is in a record, see play_pose. What the layout "
+      "excepts is not compared.");
+}
+
+}  // namespace sinew::bindings

@@ -1,0 +1,570 @@
+"""Frozen characters look like live ones on each frame, to the bit, and Blender does not evaluate their bones. Whatever
+is edited, nobody sees an old shape."""
+
+import dataclasses
+import re
+import subprocess
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import accelerate, make_armature, make_mesh, pose, with_bendy_bones
+from helpers import COMMAND, addon_module, depsgraph, evaluated, is_deforming, needs_program, select, twin_of
+
+FRAMES = range(1, 11)
+
+
+def freezing():
+    return addon_module("frozen.freezing")
+
+
+def layer():
+    return bpy.context.view_layer
+
+
+class Cast:
+    """Two characters: a bound mesh, a mesh that Blender deforms, and a prop in the hand. Only the first is frozen; the
+    second has the same pose, and is live."""
+
+    def __init__(self, scene):
+        self.scene = scene
+        self.frozen, self.live = self.make(), self.make()
+        scene.frame_set(1)
+        select()
+
+    def make(self):
+        armature = make_armature()
+        ob = make_mesh(armature, False)
+        other = twin_of(ob)
+        with_bendy_bones(ob)
+        for frame in (1, 4, 7, 10):
+            pose(armature, frame, True)
+        accelerate(ob)
+        prop = bpy.data.objects.new("Prop", bpy.data.meshes.new("Prop"))
+        self.scene.collection.objects.link(prop)
+        prop.parent, prop.parent_type, prop.parent_bone = armature, "BONE", "bone3"
+        return armature, ob, other, prop
+
+    @property
+    def rig(self):
+        return freezing().learn(self.frozen[0])
+
+    def play(self, frames=FRAMES):
+        """Compares both on these frames. Returns the shapes of the first."""
+        found = []
+        for frame in frames:
+            self.scene.frame_set(frame)
+            self.assert_same()
+            found.append(evaluated(self.frozen[1]).copy())
+        return np.array(found)
+
+    def record(self):
+        self.rig  # noqa: B018  # known from now on
+        self.play()
+        assert self.rig.record.runs() == [(1, 10)]
+
+    def freeze(self):
+        if not len(self.rig.record):
+            self.record()
+        freezing().freeze([self.rig], self.scene, layer())
+        assert self.rig.reason == ""
+        assert self.rig.is_frozen
+
+    def thaw(self):
+        freezing().thaw([self.rig], self.scene, layer())
+        assert not self.rig.is_frozen
+
+    def assert_same(self):
+        assert np.array_equal(evaluated(self.frozen[1]), evaluated(self.live[1]))
+        assert np.array_equal(evaluated(self.frozen[2]), evaluated(self.live[2]))
+        ours, theirs = (each[3].evaluated_get(depsgraph()).matrix_world for each in (self.frozen, self.live))
+        assert ours == theirs
+        ours, theirs = (matrices_of(each[0]) for each in (self.frozen, self.live))
+        assert np.array_equal(ours, theirs)
+
+
+def matrices_of(armature):
+    bones = armature.evaluated_get(depsgraph()).pose.bones
+    return np.array([[*bone.matrix, *bone.matrix_channel, *bone.matrix] for bone in bones])
+
+
+@pytest.fixture
+def cast(fresh_scene):
+    return Cast(fresh_scene)
+
+
+def test_a_frozen_character_plays_as_a_live_one(cast):
+    cast.freeze()
+    shapes = cast.play([*FRAMES, 3, 9, 1])
+    assert cast.rig.is_frozen
+    assert np.ptp(shapes, axis=0).max() > 0.1
+
+
+def test_its_bones_are_not_evaluated(cast):
+    """What the record holds is what everybody sees."""
+    cast.freeze()
+    cast.rig.record.put(7, cast.rig.record.at(2))
+    cast.scene.frame_set(2)
+    wanted = evaluated(cast.frozen[1]).copy()
+    cast.scene.frame_set(7)
+    assert np.array_equal(evaluated(cast.frozen[1]), wanted)
+    assert not np.array_equal(evaluated(cast.live[1]), wanted)
+
+
+def test_freezing_changes_no_shape_and_thawing_neither(cast):
+    cast.record()
+    cast.scene.frame_set(6)
+    cast.assert_same()
+    cast.freeze()
+    cast.assert_same()
+    cast.thaw()
+    cast.assert_same()
+    cast.play()
+
+
+def test_thawing_on_another_frame_restores_the_channels(cast):
+    cast.freeze()
+    cast.scene.frame_set(8)
+    cast.thaw()
+    cast.assert_same()
+    for ours, theirs in zip(cast.frozen[0].pose.bones, cast.live[0].pose.bones):
+        assert ours.location == theirs.location
+        assert ours.rotation_quaternion == theirs.rotation_quaternion
+
+
+def test_frames_that_are_not_recorded_are_live(cast):
+    cast.freeze()
+    cast.scene.frame_set(12)
+    assert not cast.rig.is_frozen
+    assert "frame 12 of" in cast.rig.reason
+    cast.assert_same()
+
+
+def test_between_two_frames_it_is_live(cast):
+    cast.freeze()
+    cast.scene.frame_set(4, subframe=0.5)
+    assert not cast.rig.is_frozen
+    cast.assert_same()
+    cast.play()
+    cast.freeze()
+
+
+def test_a_frame_that_is_set_without_a_frame_change_is_right(cast):
+    cast.freeze()
+    cast.scene.frame_current = 6
+    layer().update()
+    assert cast.rig.is_frozen
+    cast.assert_same()
+
+
+def test_adding_an_object_thaws_it(cast):
+    cast.freeze()
+    cast.scene.frame_set(7)
+    ob = bpy.data.objects.new("Other", None)
+    cast.scene.collection.objects.link(ob)
+    layer().update()
+    cast.assert_same()
+    assert not cast.rig.is_frozen
+    cast.play()
+    freezing().freeze_again(cast.scene, layer())
+    assert cast.rig.is_frozen
+    cast.play()
+
+
+def test_moving_a_key_drops_only_the_frames_that_it_changes(cast):
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for armature, *_ in (cast.frozen, cast.live):
+        curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
+        curve = next(each for each in curves if "bone1" in each.data_path and "location" in each.data_path)
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+        curve.update()
+    layer().update()
+    cast.assert_same()
+    cast.play()
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for armature, *_ in (cast.frozen, cast.live):
+        curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
+        curve = next(each for each in curves if "bone1" in each.data_path and "location" in each.data_path)
+        curve.keyframe_points[3].co.y += 1
+        curve.keyframe_points[3].handle_left.y += 1
+        curve.keyframe_points[3].handle_right.y += 1
+        curve.update()
+    layer().update()
+    assert cast.rig.record.runs() == [(1, 7)]
+    assert cast.rig.is_frozen
+    cast.assert_same()
+    cast.scene.frame_set(9)
+    assert not cast.rig.is_frozen
+    cast.play()
+    assert cast.rig.record.runs() == [(1, 10)]
+
+
+def edit_key(armature):
+    curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
+    curves[0].keyframe_points[1].co.y += 0.5
+    curves[0].update()
+
+
+def edit_channel(armature):
+    armature.pose.bones["bone2"].rotation_mode = "XYZ"
+
+
+def edit_constraint(armature):
+    armature.pose.bones["bone1"].constraints.new("LIMIT_SCALE").use_max_x = True
+
+
+def edit_rest(armature):
+    armature.data.pose_position = "REST"
+
+
+def edit_place(armature):
+    armature.location.y += 1
+
+
+def edit_mute(armature):
+    curve = addon_module("blender.animation").action_curves(armature.animation_data.action)[0]
+    curve.mute = True
+
+
+def edit_segments(armature):
+    armature.data.bones["bone1"].bbone_segments += 2
+
+
+def edit_action(armature):
+    armature.animation_data.action = armature.animation_data.action.copy()
+    edit_key(armature)
+
+
+def edit_by_nla(armature):
+    data = armature.animation_data
+    action, slot = data.action, getattr(data, "action_slot", None)
+    data.action = None
+    strip = data.nla_tracks.new().strips.new("Strip", 3, action)
+    if slot is not None:
+        strip.action_slot = slot
+
+
+def edit_driver(armature):
+    curve = armature.pose.bones["bone0"].driver_add("bbone_curveinx")
+    curve.driver.type, curve.driver.expression = "SCRIPTED", "0.3"
+
+
+EDITS = [value for name, value in list(globals().items()) if name.startswith("edit_")]
+
+
+@pytest.mark.parametrize("edit", EDITS)
+@pytest.mark.parametrize("then", ["update", "frame"])
+def test_an_edit_by_a_script_is_never_missed(cast, edit, then):
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for armature, *_ in (cast.frozen, cast.live):
+        edit(armature)
+    if then == "update":
+        layer().update()
+        cast.assert_same()
+    cast.play([2, 5, 8])
+    cast.play()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_of_a_recorded_character_is_never_missed(cast, edit):
+    """It is live and has a record, and is frozen after the edit."""
+    cast.record()
+    cast.scene.frame_set(5)
+    for armature, *_ in (cast.frozen, cast.live):
+        edit(armature)
+    cast.scene.frame_set(4)
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+
+
+def edit_mesh(ob):
+    ob.data.vertices[5].co.x += 1
+    ob.data.update()
+
+
+def edit_weights(ob):
+    ob.vertex_groups["bone1"].add(range(200), 0.7, "REPLACE")
+
+
+def edit_modifier(ob):
+    ob.modifiers["Armature"].use_deform_preserve_volume = True
+
+
+def edit_keys(ob):
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Wide")
+    for point in key.data:
+        point.co.x *= 1.5
+    for frame, value in ((1, 0.0), (10, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+
+
+@pytest.mark.parametrize("edit", [edit_mesh, edit_weights, edit_modifier, edit_keys])
+def test_an_edit_of_a_mesh_shows_while_its_armature_is_frozen(cast, edit):
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for _, ob, *_ in (cast.frozen, cast.live):
+        edit(ob)
+    layer().update()
+    cast.assert_same()
+    cast.play()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def test_selecting_it_thaws_it(cast):
+    cast.freeze()
+    cast.scene.frame_set(6)
+    select(cast.frozen[1])
+    layer().update()
+    assert not cast.rig.is_frozen
+    cast.assert_same()
+    freezing().freeze_again(cast.scene, layer())
+    assert not cast.rig.is_frozen
+    select()
+    layer().update()
+    freezing().freeze_again(cast.scene, layer())
+    assert cast.rig.is_frozen
+    cast.play()
+
+
+def test_an_unkeyed_pose_stays_live(cast):
+    cast.record()
+    for armature, *_ in (cast.frozen, cast.live):
+        armature.pose.bones["bone1"].location.x += 2
+    layer().update()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_frozen
+    assert "not keyed" in cast.rig.reason
+    cast.assert_same()
+
+
+def test_a_handler_that_moves_bones_after_each_frame_is_noticed(cast):
+    def move(scene, *_):
+        for armature, *_ in (cast.frozen, cast.live):
+            armature.pose.bones["side"].location.x = scene.frame_current
+
+    for armature, *_ in (cast.frozen, cast.live):
+        addon_module("blender.animation")
+        curves = addon_module("blender.animation").action_curves(armature.animation_data.action)
+        assert any("side" in curve.data_path for curve in curves)
+    cast.rig  # noqa: B018
+    bpy.app.handlers.frame_change_post.insert(0, move)
+    try:
+        cast.play()
+        freezing().freeze([cast.rig], cast.scene, layer())
+        cast.play()
+    finally:
+        bpy.app.handlers.frame_change_post.remove(move)
+
+
+def test_a_second_view_layer_is_live(cast):
+    other = cast.scene.view_layers.new("Other")
+    cast.record()
+    cast.freeze()
+    for frame in (3, 8):
+        cast.scene.frame_set(frame)
+        cast.assert_same()
+        graph = other.depsgraph
+        assert np.array_equal(evaluated(cast.frozen[1], graph), evaluated(cast.live[1], graph))
+        assert cast.frozen[0].evaluated_get(graph).animation_data.action is not None
+
+
+def test_undo_finds_everything_live_and_right(cast):
+    bpy.ops.ed.undo_push(message="before")
+    cast.freeze()
+    cast.scene.frame_set(8)
+    cast.frozen[3].location.x = 1
+    bpy.ops.ed.undo_push(message="moved")
+    names = [[ob.name for ob in each] for each in (cast.frozen, cast.live)]
+    bpy.ops.ed.undo()
+    cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
+    cast.scene = bpy.context.scene
+    layer().update()
+    for rig in freezing().known():
+        assert not rig.is_frozen
+    cast.assert_same()
+    cast.play()
+    cast.freeze()
+    cast.play()
+
+
+def script_that_compares(path, names):
+    return (
+        "import bpy, numpy as np\n"
+        f"bpy.ops.wm.open_mainfile(filepath={str(path)!r})\n"
+        "def shape(name):\n"
+        "    ob = bpy.data.objects[name].evaluated_get(bpy.context.evaluated_depsgraph_get())\n"
+        "    co = np.empty(3 * len(ob.data.vertices), np.float32)\n"
+        "    ob.data.vertices.foreach_get('co', co)\n"
+        "    return co\n"
+        f"for frame in (None, 2, 5, 9):\n"
+        "    if frame:\n"
+        "        bpy.context.scene.frame_set(frame)\n"
+        f"    for ours, theirs in {names!r}:\n"
+        "        assert np.array_equal(shape(ours), shape(theirs)), (frame, ours)\n"
+    )
+
+
+def test_a_file_saved_while_frozen_is_as_live(cast, tmp_path):
+    cast.freeze()
+    cast.scene.frame_set(8)
+    path = tmp_path / "frozen.blend"
+    assert cast.rig.is_frozen
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    script = tmp_path / "compare.py"
+    script.write_text(script_that_compares(path, [(cast.frozen[i].name, cast.live[i].name) for i in (1, 2)]))
+    for options in ([], ["--factory-startup"]):
+        result = subprocess.run(
+            [*COMMAND, "-b", *options, "--python-exit-code", "1", "--python", str(script)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert result.returncode == 0, result.stdout + result.stderr
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    assert freezing().known() == []
+
+
+def test_freezing_leaves_nothing_in_the_file(cast):
+    def state():
+        data = cast.frozen[0].animation_data
+        ob = cast.frozen[1]
+        hooks = [(curve.data_path, curve.driver.type, curve.driver.expression) for curve in ob.animation_data.drivers]
+        return data.action.as_pointer(), data.action.users, hooks, [repr(each) for each in bpy.data.user_map()]
+
+    cast.record()
+    before = state()
+    cast.freeze()
+    assert state() == before
+    cast.play([4])
+    assert state() == before
+    cast.thaw()
+    assert state() == before
+
+
+def test_handlers_of_others_see_the_action_while_it_freezes(cast):
+    seen = []
+
+    def look(*_):
+        seen.append(cast.frozen[0].animation_data.action)
+
+    cast.record()
+    lists = (bpy.app.handlers.depsgraph_update_pre, bpy.app.handlers.depsgraph_update_post)
+    for each in lists:
+        each.insert(0, look)
+    try:
+        cast.freeze()
+    finally:
+        for each in lists:
+            each.remove(look)
+    assert seen
+    assert None not in seen
+
+
+def test_the_action_is_back_after_an_error(cast):
+    relations = addon_module("host.relations")
+    action = cast.frozen[0].animation_data.action
+    handlers = list(bpy.app.handlers.depsgraph_update_pre), list(bpy.app.handlers.depsgraph_update_post)
+    with pytest.raises(ZeroDivisionError), relations.Rebuilding() as rebuilding:
+        rebuilding.without_animation(cast.frozen[0])
+        assert cast.frozen[0].animation_data.action is None
+        raise ZeroDivisionError
+    assert cast.frozen[0].animation_data.action == action
+    assert handlers == (list(bpy.app.handlers.depsgraph_update_pre), list(bpy.app.handlers.depsgraph_update_post))
+
+
+# --- a Blender that is not known ---------------------------------------------------------------
+
+
+def test_an_unknown_layout_is_refused_in_a_sentence_and_all_else_works(cast, monkeypatch):
+    contract, layout = addon_module("host.contract"), addon_module("host.layout")
+    structs = layout.structs()
+    data = structs["AnimData"]
+    members = {name: place for name, place in data.members.items() if name != "nla_tracks"}
+    cast.record()
+    monkeypatch.setattr(layout, "structs", lambda: {**structs, "AnimData": dataclasses.replace(data, members=members)})
+    contract.forget()
+    try:
+        freezing().freeze([cast.rig], cast.scene, layer())
+        assert not cast.rig.is_frozen
+        assert "(AnimData has no nla_tracks), so characters cannot be frozen" in cast.rig.reason
+        assert contract.trouble() == ""
+        assert is_deforming(cast.frozen[1])
+        cast.play()
+    finally:
+        monkeypatch.undo()
+        contract.forget()
+
+
+def test_an_action_elsewhere_in_memory_is_refused(cast, monkeypatch):
+    contract, relations = addon_module("host.contract"), addon_module("host.relations")
+    cast.record()
+    region = contract.region
+
+    def elsewhere(struct, kind, member):
+        address, size = region(struct, kind, member)
+        return (address + 8, size) if member == "*action" else (address, size)
+
+    monkeypatch.setattr(contract, "region", elsewhere)
+    try:
+        with pytest.raises(contract.Broken, match="actions are not where they were"), relations.Rebuilding() as each:
+            each.without_animation(cast.frozen[0])
+    finally:
+        monkeypatch.undo()
+        contract.forget()
+    cast.play()
+    cast.freeze()
+
+
+# --- what Blender evaluates -----------------------------------------------------------------------
+
+COUNTING = """
+import sys
+sys.path.insert(0, {folder!r})
+import bpy
+from helpers import addon_module, deform_small_meshes, select
+import test_frozen
+deform_small_meshes()
+bpy.ops.wm.read_homefile(use_empty=True)
+cast = test_frozen.Cast(bpy.context.scene)
+cast.freeze()
+sys.stdout.flush()
+print("== frozen", flush=True)
+bpy.context.scene.frame_set(5)
+print("== end", flush=True)
+cast.thaw()
+print("== live", flush=True)
+bpy.context.scene.frame_set(6)
+print("== end", flush=True)
+"""
+
+
+@needs_program
+def test_blender_evaluates_no_bone_of_a_frozen_armature(tmp_path):
+    script = tmp_path / "count.py"
+    folder = str(__import__("pathlib").Path(__file__).parent)
+    script.write_text(COUNTING.format(folder=folder))
+    result = subprocess.run(
+        [*COMMAND, "-b", "--debug-depsgraph-eval", "--python-exit-code", "1", "--python", str(script)],
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout[-3000:] + result.stderr
+    counts = {}
+    for what in ("frozen", "live"):
+        part = result.stdout.partition(f"== {what}")[2].partition("== end")[0]
+        bones = re.findall(r"BKE_pose_eval_bone\b.* on (\S+)|pose_eval_bone\b.* on (\S+)", part)
+        counts[what] = len(bones), len(re.findall(r"bone", part))
+    assert counts["live"][1] > counts["frozen"][1] > 0

@@ -1,0 +1,416 @@
+"""Who can be frozen, and with whom: what follows a frozen character moves as ever, and what could not is refused with a
+reason. The operators, and freezing what is not selected."""
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import add_shape_keys, make_armature, pose, smoothed
+from helpers import addon_module, depsgraph, evaluated, select
+from test_frozen import FRAMES, Cast, freezing, layer
+
+
+@pytest.fixture
+def cast(fresh_scene):
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    return Cast(fresh_scene)
+
+
+def both(cast):
+    return cast.frozen, cast.live
+
+
+# --- what follows ---------------------------------------------------------------------------------
+
+
+def drive_keys(armature, ob):
+    add_shape_keys(ob)
+    keys = ob.data.shape_keys
+    keys.animation_data_clear()
+    for name, bone, kind in (("Wide", "bone2", "ROT_X"), ("Bumpy", "side", "LOC_Y")):
+        keys.key_blocks[name].slider_min = -5
+        driver = keys.key_blocks[name].driver_add("value").driver
+        driver.type = "SUM"
+        variable = driver.variables.new()
+        variable.type = "TRANSFORMS"
+        target = variable.targets[0]
+        target.id, target.bone_target, target.transform_type, target.transform_space = (
+            armature,
+            bone,
+            kind,
+            "LOCAL_SPACE",
+        )
+
+
+def test_shape_keys_that_bones_drive(cast):
+    for armature, ob, other, _ in both(cast):
+        drive_keys(armature, ob)
+        drive_keys(armature, other)
+    cast.freeze()
+    shapes = cast.play([*FRAMES, 4])
+    assert cast.rig.is_frozen
+    assert np.ptp(shapes, axis=0).max() > 0.1
+    for number in (1, 2):
+        values = [each[number].data.shape_keys.key_blocks["Wide"].value for each in both(cast)]
+        assert values[0] == values[1] != 0
+
+
+def test_editing_a_driven_key_shows(cast):
+    for armature, ob, *_ in both(cast):
+        drive_keys(armature, ob)
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for _, ob, *_ in both(cast):
+        ob.data.shape_keys.animation_data.drivers[0].driver.variables[0].targets[0].bone_target = "bone4"
+    layer().update()
+    cast.assert_same()
+    cast.play()
+
+
+def test_smoothing_and_modifiers_behind_it(cast):
+    for _, ob, other, _ in both(cast):
+        for each in (ob, other):
+            smoothed(each, iterations=3)
+            each.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    layer().update()
+    cast.freeze()
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def test_objects_that_are_constrained_to_bones(cast):
+    for armature, _, _, prop in both(cast):
+        prop.parent = None
+        constraint = prop.constraints.new("COPY_TRANSFORMS")
+        constraint.target, constraint.subtarget = armature, "bone3"
+    cast.freeze()
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def test_children_of_what_hangs_on_a_bone(cast):
+    rings = []
+    for *_, prop in both(cast):
+        ring = bpy.data.objects.new("Ring", None)
+        cast.scene.collection.objects.link(ring)
+        ring.parent = prop
+        ring.location.x = 1
+        rings.append(ring)
+    cast.freeze()
+    for frame in FRAMES:
+        cast.scene.frame_set(frame)
+        ours, theirs = (ring.evaluated_get(depsgraph()).matrix_world for ring in rings)
+        assert ours == theirs
+    assert cast.rig.is_frozen
+
+
+def test_an_animated_prop_keeps_its_own_animation(cast):
+    for *_, prop in both(cast):
+        for frame in (1, 10):
+            prop.location.y = frame
+            prop.keyframe_insert("location", frame=frame)
+    cast.freeze()
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+# --- several --------------------------------------------------------------------------------------
+
+
+def follow(armature, leader):
+    constraint = armature.pose.bones["bone4"].constraints.new("COPY_ROTATION")
+    constraint.target, constraint.subtarget = leader, "bone2"
+
+
+def test_one_that_follows_another_is_frozen_with_it(cast):
+    leaders = []
+    for armature, *_ in both(cast):
+        leader = make_armature()
+        for frame in (1, 5, 10):
+            pose(leader, frame + 3, False)
+            pose(leader, frame, False)
+        follow(armature, leader)
+        leaders.append(leader)
+    select()
+    cast.scene.frame_set(1)
+    leader = freezing().learn(leaders[0])
+    cast.record()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_frozen
+    assert "follows bones of" in cast.rig.reason
+    freezing().freeze([cast.rig, leader], cast.scene, layer())
+    assert cast.rig.is_frozen
+    assert leader.is_frozen
+    cast.play()
+    for each in leaders:
+        curves = addon_module("blender.animation").action_curves(each.animation_data.action)
+        for curve in curves:
+            curve.keyframe_points[-1].co.y += 0.3
+            curve.update()
+    layer().update()
+    cast.play([10, 9, 1])
+    cast.play()
+
+
+def test_of_two_one_is_thawed(cast):
+    rigs = [freezing().learn(each[0]) for each in both(cast)]
+    cast.play()
+    freezing().freeze(rigs, cast.scene, layer())
+    assert [rig.is_frozen for rig in rigs] == [True, True]
+    cast.scene.frame_set(7)
+    freezing().thaw(rigs[1:], cast.scene, layer())
+    assert [rig.is_frozen for rig in rigs] == [True, False]
+    cast.assert_same()
+    cast.play()
+    freezing().freeze(rigs[1:], cast.scene, layer())
+    assert [rig.is_frozen for rig in rigs] == [True, True]
+    cast.play()
+
+
+# --- who cannot -----------------------------------------------------------------------------------
+
+
+def with_moving_object(cast, armature, _ob, _prop):
+    armature.keyframe_insert("location", frame=1)
+    return "itself is animated (location"
+
+
+def with_moving_parent(cast, armature, _ob, _prop):
+    parent = bpy.data.objects.new("Horse", None)
+    cast.scene.collection.objects.link(parent)
+    parent.keyframe_insert("location", frame=1)
+    armature.parent = parent
+    return "is a child of Horse"
+
+
+def with_constraint(cast, armature, _ob, _prop):
+    armature.constraints.new("LIMIT_LOCATION")
+    return "itself has constraints"
+
+
+def with_timed_driver(cast, armature, _ob, _prop):
+    driver = armature.pose.bones["bone1"].driver_add("bbone_curveinx").driver
+    driver.type, driver.expression = "SCRIPTED", "frame / 10"
+    return "may change on each frame by itself"
+
+
+def with_driver_elsewhere(cast, armature, _ob, _prop):
+    light = bpy.data.lights.new("Lamp", "POINT")
+    driver = light.driver_add("energy").driver
+    variable = driver.variables.new()
+    variable.type = "TRANSFORMS"
+    variable.targets[0].id, variable.targets[0].bone_target = armature, "bone1"
+    return "Lamp is driven by its bones"
+
+
+def with_driven_object(cast, armature, _ob, prop):
+    driver = prop.driver_add("scale", 0).driver
+    variable = driver.variables.new()
+    variable.type = "TRANSFORMS"
+    variable.targets[0].id, variable.targets[0].bone_target = armature, "bone1"
+    return "a driver of Prop"
+
+
+def with_cloth(cast, _armature, ob, _prop):
+    ob.modifiers.new("Cloth", "CLOTH")
+    return "is simulated"
+
+
+def with_moving_target(cast, armature, _ob, _prop):
+    target = bpy.data.objects.new("Ball", None)
+    cast.scene.collection.objects.link(target)
+    target.keyframe_insert("location", frame=1)
+    constraint = armature.pose.bones["bone4"].constraints.new("COPY_LOCATION")
+    constraint.target = target
+    return "follow Ball"
+
+
+def with_parent_deform(cast, armature, _ob, prop):
+    prop.parent_type = "ARMATURE"
+    return "is deformed by its parent"
+
+
+def with_solver(cast, armature, _ob, _prop):
+    armature.pose.ik_solver = "ITASC"
+    return "iTaSC"
+
+
+def without_keyframes(cast, armature, _ob, _prop):
+    armature.animation_data_clear()
+    return "has no keyframes"
+
+
+def in_pose_mode(cast, armature, _ob, _prop):
+    select(armature)
+    bpy.ops.object.mode_set(mode="POSE")
+    return "is being edited"
+
+
+REASONS = [value for name, value in list(globals().items()) if name.startswith(("with_", "without_", "in_pose"))]
+
+
+@pytest.mark.parametrize("prepare", REASONS)
+def test_who_cannot_be_frozen_says_why(cast, prepare):
+    clause = prepare(cast, cast.frozen[0], cast.frozen[1], cast.frozen[3])
+    rig = cast.rig
+    for frame in (3, 2, 1):
+        cast.scene.frame_set(frame)
+    freezing().freeze([rig], cast.scene, layer())
+    assert not rig.is_frozen
+    assert clause in rig.reason
+
+
+def test_a_target_that_stands_still_is_followed_when_it_is_moved(cast):
+    target = bpy.data.objects.new("Ball", None)
+    cast.scene.collection.objects.link(target)
+    for armature, *_ in both(cast):
+        constraint = armature.pose.bones["bone4"].constraints.new("COPY_LOCATION")
+        constraint.target = target
+    cast.freeze()
+    cast.play()
+    assert cast.rig.is_frozen
+    target.location.z = 3
+    layer().update()
+    cast.assert_same()
+    assert not cast.rig.is_frozen
+    cast.play()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+
+
+# --- operators and the automatic mode -------------------------------------------------------------
+
+
+def test_the_operators(cast):
+    select(cast.frozen[1])
+    assert bpy.ops.object.sinew_record() == {"FINISHED"}
+    assert cast.rig.record.runs() == [(1, 10)]
+    assert not cast.rig.is_frozen
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    assert cast.rig.is_frozen
+    cast.play()
+    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+    assert not cast.rig.is_frozen
+    cast.play()
+
+
+def test_freezing_records_what_is_not_recorded(cast):
+    select(cast.live[0])
+    cast.scene.frame_set(4)
+    assert bpy.ops.object.sinew_freeze_others() == {"FINISHED"}
+    assert cast.scene.frame_current == 4
+    assert [freezing().get(each[0]) is not None and freezing().get(each[0]).is_frozen for each in both(cast)] == [
+        True,
+        False,
+    ]
+    assert cast.rig.record.runs() == [(1, 10)]
+    cast.play()
+
+
+def test_the_operator_says_why_not(cast):
+    cast.frozen[0].keyframe_insert("location", frame=1)
+    select(cast.frozen[0])
+    with pytest.raises(RuntimeError, match="itself is animated"):
+        bpy.ops.object.sinew_freeze()
+    select()
+    layer().objects.active = None
+    with pytest.raises(RuntimeError, match="select an armature"):
+        bpy.ops.object.sinew_freeze()
+
+
+def test_what_is_not_selected_is_frozen_and_what_is_picked_is_live(cast):
+    cast.scene.sinew_freezes_others = True
+    select(cast.live[0])
+    layer().update()
+    freezing().freeze_again(cast.scene, layer())
+    cast.play()
+    for picked, left in (both(cast), both(cast)[::-1]):
+        select(picked[0])
+        layer().update()
+        assert not freezing().get(picked[0]).is_frozen
+        freezing().freeze_again(cast.scene, layer())
+        assert freezing().get(left[0]).is_frozen
+        cast.play()
+
+
+def test_a_limit_of_memory_drops_the_oldest_frames(cast):
+    limit = freezing()._store.limit
+    cast.record()
+    size = cast.rig.record.at(1).nbytes
+    try:
+        freezing()._store.set_limit(4 * size)
+        assert cast.rig.record.runs() == [(7, 10)]
+        freezing().freeze([cast.rig], cast.scene, layer())
+        cast.play()
+        assert len(cast.rig.record) == 4
+    finally:
+        freezing()._store.set_limit(limit)
+
+
+def test_the_panel_lists_who_is_frozen(cast):
+    ui = addon_module("ui.frozen")
+    cast.freeze()
+    assert ui.frames_text(cast.rig) == "1 to 10"
+    cast.rig.record.drop_within([(1, 4), (5, 7)])
+    assert ui.frames_text(cast.rig) == "1, 4 to 5, 7 to 10"
+    select(cast.live[0])
+    assert ui.SidebarFrozen.poll(bpy.context)
+
+
+def test_a_linked_character_and_an_override(cast, tmp_path):
+    from helpers import into_a_shot
+
+    character = bpy.data.collections.new("Character")
+    cast.scene.collection.children.link(character)
+    for each in both(cast):
+        for ob in each:
+            character.objects.link(ob)
+            cast.scene.collection.objects.unlink(ob)
+    names = [[ob.name for ob in each] for each in both(cast)]
+    for overridden in (False, True):
+        scene = into_a_shot(tmp_path, overridden)
+        if overridden:
+            objects = {ob.name: ob for ob in bpy.data.objects if ob.override_library}
+        else:
+            objects = {ob.name: ob for ob in bpy.data.objects}
+        cast.scene = scene
+        cast.frozen, cast.live = ([objects[name] for name in each] for each in names)
+        cast.record()
+        cast.freeze()
+        shapes = cast.play()
+        assert cast.rig.is_frozen
+        assert np.ptp(shapes, axis=0).max() > 0.1
+        cast.thaw()
+        cast.play([3, 8])
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "library.blend"))
+
+
+def test_motion_in_a_render_is_live(cast):
+    cast.freeze()
+    cast.scene.frame_set(3)
+    scene = cast.scene
+    seen = {}
+
+    def look(scene, graph):
+        if graph.mode == "RENDER":
+            seen[scene.frame_current] = [evaluated(each[1], graph).copy() for each in both(cast)]
+
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.render.resolution_x, scene.render.resolution_y = 1, 8, 8
+    scene.cycles.use_denoising = False
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    layer().update()
+    freezing().freeze_again(scene, layer())
+    assert cast.rig.is_frozen
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        for frame in (3, 6):
+            scene.frame_set(frame)
+            bpy.ops.render.render()
+            cast.assert_same()
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+    cast.play()
+    assert all(np.array_equal(*shapes) for shapes in seen.values())

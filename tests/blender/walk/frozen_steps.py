@@ -1,0 +1,82 @@
+"""Freezing and thawing at random. As long as any armature is frozen, all is compared after each step with what Blender
+shows as soon as it evaluates everything again."""
+
+import bpy
+import numpy as np
+
+from helpers import addon_module, depsgraph, evaluated
+
+from . import scene
+from .kinds import kind
+
+
+def freezing():
+    return addon_module("frozen.freezing")
+
+
+@kind(6)
+def freeze(random):
+    scene.leave_modes()
+    chosen = [each for each in scene.armatures() if random.random() < 0.7]
+    rigs = [freezing().learn(each) for each in chosen if each.animation_data]
+    first = random.randint(1, scene.LAST_FRAME - 5)
+    for frame in range(first, random.randint(first, scene.LAST_FRAME) + 1):
+        bpy.context.scene.frame_set(frame)
+    freezing().freeze(rigs, bpy.context.scene, bpy.context.view_layer)
+    return [(rig.name, rig.is_frozen, rig.reason) for rig in rigs]
+
+
+@kind(1)
+def thaw(random):
+    rigs = [rig for rig in freezing().known() if random.random() < 0.6]
+    freezing().thaw(rigs, bpy.context.scene, bpy.context.view_layer)
+
+
+@kind(2)
+def freeze_again(_random):
+    freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
+
+
+@kind(2)
+def move_a_key(random):
+    armature = random.choice(scene.armatures() or [None])
+    data = armature.animation_data if armature else None
+    if data is None or data.action is None:
+        return None
+    curves = addon_module("blender.animation").action_curves(data.action)
+    curve = random.choice(curves) if curves else None
+    if curve is None or not len(curve.keyframe_points):
+        return None
+    curve.keyframe_points[random.randrange(len(curve.keyframe_points))].co.y += random.uniform(-0.5, 0.5)
+    curve.update()
+    return armature.name
+
+
+def shown():
+    """All shapes, and where the bones of all armatures are."""
+    objects = [ob for ob in bpy.context.view_layer.objects if ob.visible_get()]
+    shapes = {ob.name: evaluated(ob).copy() for ob in objects if ob.type == "MESH"}
+    for ob in objects:
+        if ob.type == "ARMATURE":
+            bones = ob.evaluated_get(depsgraph()).pose.bones
+            shapes[ob.name] = np.array([matrix for bone in bones for matrix in bone.matrix])
+    return shapes
+
+
+def assert_frozen_as_live():
+    """Has Blender evaluate everything again, and compares."""
+    rigs = freezing().frozen()
+    if not rigs:
+        return
+    before = shown()
+    freezing().thaw(rigs, bpy.context.scene, bpy.context.view_layer)
+    for ob in bpy.context.view_layer.objects:
+        ob.update_tag()
+    after = shown()
+    assert before.keys() == after.keys()
+    for name, shape in before.items():
+        assert shape.shape == after[name].shape, f"{name}: {len(shape)} in place of {len(after[name])}"
+        assert np.allclose(shape, after[name], rtol=1e-5, atol=1e-5, equal_nan=True), (
+            f"{name} is not as live while {[rig.name for rig in rigs]} are frozen"
+        )
+    freezing().freeze(rigs, bpy.context.scene, bpy.context.view_layer)

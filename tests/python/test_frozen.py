@@ -1,0 +1,181 @@
+"""The records of frozen characters: within their memory, and only the frames that an edit changes are dropped."""
+
+import ctypes
+import importlib
+import math
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sinew_native
+
+package = sys.modules["sinew_alone"] = types.ModuleType("sinew_alone")
+package.__path__ = [str(Path(__file__).resolve().parents[2] / "addon" / "sinew")]
+records, stored_keys = (importlib.import_module(f"sinew_alone.frozen.{name}") for name in ("records", "stored_keys"))
+host = sinew_native.host
+
+
+def pose(size=100, value=0):
+    return np.full(size, value, np.uint8)
+
+
+def test_runs_of_frames():
+    record = records.Record(records.Store(10**6))
+    for frame in (5, 1, 2, 3, 9, -1):
+        record.put(frame, pose())
+    assert record.runs() == [(-1, -1), (1, 3), (5, 5), (9, 9)]
+    assert record.at(2.0) is not None
+    assert record.at(2.5) is None
+    assert record.at(4) is None
+
+
+def test_the_oldest_poses_of_all_are_dropped_first():
+    store = records.Store(450)
+    a, b = records.Record(store), records.Record(store)
+    for frame in (1, 2):
+        a.put(frame, pose())
+        b.put(frame, pose())
+    a.put(1, pose())  # new again
+    b.put(3, pose())
+    assert (a.runs(), b.runs(), store.used) == ([(1, 2)], [(2, 3)], 400)
+    store.set_limit(150)
+    assert (a.runs(), b.runs(), store.used) == ([], [(3, 3)], 100)
+    b.clear()
+    assert store.used == 0
+
+
+def test_a_pose_that_does_not_fit_is_not_kept():
+    store = records.Store(50)
+    record = records.Record(store)
+    record.put(1, pose())
+    assert (len(record), store.used) == (0, 0)
+
+
+def curve(frames, values, is_local=True, is_flat_outside=True, settings=()):
+    keys = np.array([frames, values], np.float32).T.copy().view(np.uint8)
+    return stored_keys.Curve(np.array(frames, np.float32), keys, is_local, is_flat_outside, settings)
+
+
+FRAMES = [1, 5, 10, 20]
+
+
+@pytest.mark.parametrize(
+    "frames, values, expected",
+    [
+        (FRAMES, [0, 0, 0, 0], []),
+        (FRAMES, [0, 1, 0, 0], [(1, 10)]),
+        (FRAMES, [0, 0, 1, 0], [(5, 20)]),
+        (FRAMES, [1, 0, 0, 0], [(-math.inf, 5)]),
+        (FRAMES, [0, 0, 0, 1], [(10, math.inf)]),
+        ([1, 5, 12, 20], [0, 0, 0, 0], [(5, 20)]),
+        ([1, 5, 7, 10, 20], [0, 0, 0, 0, 0], [(5, 10)]),
+        ([1, 5, 20], [0, 0, 0], [(5, 20)]),
+        ([1, 5, 10], [0, 0, 0], [(10, math.inf)]),
+        ([], [], [stored_keys.ALL]),
+    ],
+)
+def test_which_frames_an_edit_changes(frames, values, expected):
+    assert stored_keys.changed({"x": curve(FRAMES, [0] * 4)}, {"x": curve(frames, values)}) == expected
+
+
+def test_a_curve_that_goes_on_outside_depends_on_its_last_segments():
+    old = {"x": curve(FRAMES, [0] * 4, is_flat_outside=False)}
+    assert stored_keys.changed(old, {"x": curve(FRAMES, [0, 1, 0, 0], is_flat_outside=False)}) == [(-math.inf, 10)]
+    assert stored_keys.changed(old, {"x": curve(FRAMES, [0, 0, 1, 0], is_flat_outside=False)}) == [(5, math.inf)]
+
+
+@pytest.mark.parametrize("change", ["settings", "curves", "modifiers"])
+def test_other_edits_change_all_frames(change):
+    old = {"x": curve(FRAMES, [0] * 4, is_local=change != "modifiers")}
+    new = dict(old)
+    if change == "settings":
+        new["x"] = old["x"]._replace(settings=("muted",))
+    elif change == "modifiers":
+        new["x"] = curve(FRAMES, [0, 1, 0, 0], is_local=False)
+    else:
+        new["y"] = old["x"]
+    assert stored_keys.changed(old, new) == [stored_keys.ALL]
+    assert stored_keys.changed(old, old) == []
+
+
+# --- the memory of poses --------------------------------------------------------------------------
+
+
+class Bone(ctypes.Structure):
+    _fields_ = (
+        ("next", ctypes.c_uint64),
+        ("other", ctypes.c_float),
+        ("matrix", ctypes.c_float * 4),
+        ("computed", ctypes.c_float),
+        ("count", ctypes.c_int32),
+        ("segments", ctypes.c_uint64),
+    )
+
+
+def at(name):
+    return getattr(Bone, name).offset
+
+
+LAYOUT = host.PoseRecordLayout(
+    at("next"), at("count"), [(at("matrix"), 16)], [(at("computed"), 4)], [(at("segments"), 8, 1, 1)]
+)
+
+
+def bones_of(counts, start=0.0):
+    bones = (Bone * len(counts))()
+    arrays = []
+    for number, (bone, count) in enumerate(zip(bones, counts)):
+        if number + 1 < len(counts):
+            bone.next = ctypes.addressof(bones[number + 1])
+        bone.matrix[:] = [start + 10 * number + i for i in range(4)]
+        bone.computed, bone.other, bone.count = start + number, start - 1, count
+        if count > 1:
+            arrays.append(np.arange(2 * (count + 1), dtype=np.float32) + start)
+            bone.segments = arrays[-1].ctypes.data
+    return bones, arrays
+
+
+def test_a_pose_is_recorded_and_played():
+    (source, source_arrays), (target, target_arrays) = bones_of([1, 3, 0]), bones_of([1, 3, 0], 100.0)
+    record = host.record_pose(ctypes.addressof(source), LAYOUT)
+    assert host.is_pose(ctypes.addressof(source), LAYOUT, record)
+    assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert host.play_pose(ctypes.addressof(target), LAYOUT, record)
+    assert host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert [list(bone.matrix) for bone in target] == [list(bone.matrix) for bone in source]
+    assert [bone.other for bone in target] == [99.0] * 3
+    assert np.array_equal(source_arrays[0], target_arrays[0])
+    target[0].computed += 1
+    assert host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    target_arrays[0][-1] += 1
+    assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
+
+
+@pytest.mark.parametrize("counts", [[1, 3], [1, 3, 0, 0], [1, 4, 0], [3, 1, 0]])
+def test_a_record_of_other_bones_is_not_played(counts):
+    source, _arrays = bones_of([1, 3, 0])
+    target, _target_arrays = bones_of(counts, 100.0)
+    record = host.record_pose(ctypes.addressof(source), LAYOUT)
+    assert not host.play_pose(ctypes.addressof(target), LAYOUT, record)
+    assert target[0].matrix[0] == 100.0
+    assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
+
+
+def test_an_original_gets_only_what_originals_have():
+    (source, _arrays), (target, target_arrays) = bones_of([1, 3, 0]), bones_of([0, 2, 0], 100.0)
+    record = host.record_pose(ctypes.addressof(source), LAYOUT)
+    assert host.play_original_pose(ctypes.addressof(target), LAYOUT, record)
+    assert [list(bone.matrix) for bone in target] == [list(bone.matrix) for bone in source]
+    assert [bone.computed for bone in target] == [100.0, 101.0, 102.0]
+    assert target_arrays[0][0] == 100.0
+    other, _other_arrays = bones_of([0, 2], 100.0)
+    assert not host.play_original_pose(ctypes.addressof(other), LAYOUT, record)
+    assert other[0].matrix[0] == 100.0
+
+
+def test_no_bone():
+    record = host.record_pose(0, LAYOUT)
+    assert host.play_pose(0, LAYOUT, record)
+    assert not host.play_pose(ctypes.addressof(bones_of([1])[0]), LAYOUT, record)
