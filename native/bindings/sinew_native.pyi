@@ -777,10 +777,10 @@ def automatic_weights(
     """Computes weights for any mesh and any bones by heat diffusion, for a Skin.
 
     positions (V, 3), any unit and space; face_offsets (faces + 1,); face_vertices, face after face; heads and tails
-    (B, 3), in the same space; joints (B,), the joint of each bone, several bones may share one, None: bone b is joint b;
-    fixed_vertices (F,) with fixed_weights (F, J), around which the others are solved; rigid_parts (V,), equal numbers for
-    the vertices of a rigid part, -1 for the others; rigid_size: connected parts smaller than this share of the mesh are
-    rigid, too. Returns None if progress was cancelled.
+    (B, 3), in the same space; joints (B,), the joint of each bone, several bones may share one, None: bone b is
+    joint b; fixed_vertices (F,) with fixed_weights (F, J), around which the others are solved; rigid_parts (V,),
+    equal numbers for the vertices of a rigid part, -1 for the others; rigid_size: connected parts smaller than this
+    share of the mesh are rigid, too. Returns None if progress was cancelled.
     """
 
 class Decomposition:
@@ -843,9 +843,9 @@ def decompose(
     """Finds joints and weights whose linear skinning plays a deformation (Le and Deng 2012).
 
     rest (V, 3); frames (F, V, 3), the same vertices in each frame; face_offsets (faces + 1,); face_vertices, face after
-    face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4, 4),
-    skinning matrices whose weights are found; or weights, a table (V, J) or a Skin, whose motions are found. Returns None
-    if progress was cancelled.
+    face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4,
+    4), skinning matrices whose weights are found; or weights, a table (V, J) or a Skin, whose motions are found.
+    Returns None if progress was cancelled.
     """
 
 def smooth_weights(
@@ -862,8 +862,8 @@ def smooth_weights(
 ) -> _Float32:
     """Smooths weights (V, B) along edges: with a strength in one solve, (I + t L) w' = w, otherwise in steps.
 
-    mask (V,): where it is 0, weights stay; locked: bones whose weights stay; positions (V, 3): vertices that coincide get
-    equal weights.
+    mask (V,): where it is 0, weights stay; locked: bones whose weights stay; positions (V, 3): vertices that
+    coincide get equal weights.
     """
 
 def reduce_weights(
@@ -878,8 +878,9 @@ def reduce_weights(
 ) -> tuple[_Float32, _Float32, _Float32]:
     """Leaves each vertex at most max_influences of its weights (V, B), by how far it moves without the others.
 
-    positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices; rings: over how many edges of the faces weights
-    fade out towards vertices that have lost the bone. Returns (weights (V, B), largest (V,), mean (V,)): how far each vertex moves over the poses.
+    positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices; rings: over how many edges of the faces
+    weights fade out towards vertices that have lost the bone. Returns (weights (V, B), largest (V,), mean (V,)):
+    how far each vertex moves over the poses.
     """
 
 def mirror_weights(
@@ -916,6 +917,6 @@ def transfer_weights(
 ) -> tuple[_Float32, _Bool]:
     """Copies weights (V, B) from one surface to another, W vertices: from the closest points, smooth between them.
 
-    distance: a share of the diagonal of the target's bounding box; angle between normals in degrees; flipped: normals may
-    be opposite. Returns (weights (W, B), matched (W,)).
+    distance: a share of the diagonal of the target's bounding box; angle between normals in degrees; flipped:
+    normals may be opposite. Returns (weights (W, B), matched (W,)).
     """
