@@ -2,6 +2,8 @@
 
     blender -b --python-exit-code 1 --python addon/bench_shot.py -- [--characters N] [--parts] [--without WHAT]...
 
+With --frozen it measures something else, see bench_frozen.py.
+
 Rigify humans, duplicated with their rigs as Shift D does. Each has a body of 30,000 vertices with 20 shape keys driven
 by bones, four garments of 4,000 to 8,000 vertices with their own weights, a Corrective Smooth after the
 Armature modifier of one of them, Preserve Volume on body and clothes, and two eyes that are parented to a bone and not
@@ -238,12 +240,18 @@ def parsed(arguments):
     parser.add_argument("--characters", type=int, default=5)
     parser.add_argument("--without", action="append", choices=LEFT_OUT, default=[], help="may be repeated")
     parser.add_argument("--parts", action="store_true", help="also measure bodies, clothes and smoothed clothes alone")
+    parser.add_argument("--frozen", action="store_true", help="all characters but one frozen, see bench_frozen.py")
     parser.add_argument("--json")
     return parser.parse_args(arguments)
 
 
 def main(arguments):
     options = parsed(arguments)
+    if options.frozen:
+        import bench_frozen
+
+        bench_frozen.main(options)
+        return
     without = f", without {', '.join(options.without)}" if options.without else ""
     print(
         f"\nBlender {bpy.app.version_string}, {options.characters} characters{without}, milliseconds per frame, "
