@@ -55,6 +55,35 @@ def steps():
     assert (groups(), ob.parent, len(ob.modifiers)) == (0, None, 0)
     print("window: one Ctrl Z took everything back")
 
+    yield from in_weight_paint()
+
+
+def in_weight_paint():
+    armature = bpy.data.objects["Rig"]
+    bpy.data.objects.remove(bpy.data.objects[NAME])
+    ob = make_tube()
+    ob.name = NAME
+    ob.vertex_groups.clear()
+    ob.modifiers.new("Armature", "ARMATURE").object = armature
+    select(armature)
+    with in_area("VIEW_3D"):
+        bpy.ops.object.mode_set(mode="POSE")
+        addon_module("ui.weights").select_bones(armature, ("bone1", "bone2"))
+    select(ob, armature)
+    with in_area("VIEW_3D"):
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        bpy.ops.ed.undo_push(message="before")
+        assert bpy.ops.object.sinew_assign_from_bones("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield from until(lambda: groups() > 0)
+    yield 0.5
+    ob = bpy.data.objects[NAME]
+    assert [group.name for group in ob.vertex_groups] == ["bone1", "bone2"] and weightless(ob) == 0
+    yield from picture("weights-painted")
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))} key ctrl+z")
+    yield 1.0
+    assert (groups(), bpy.context.mode) == (0, "PAINT_WEIGHT")
+    print("window: bones assigned in Weight Paint, and taken back")
+
 
 def bind():
     with in_area("VIEW_3D"):

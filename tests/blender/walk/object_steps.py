@@ -2,7 +2,7 @@
 
 import bpy
 
-from helpers import select
+from helpers import addon_module, select
 
 from . import compare, scene
 from .kinds import kind, on_both, on_pair
@@ -40,10 +40,16 @@ def parent(random, ob):
         ob.parent_bone = random.choice(rig.data.bones.keys())
 
 
+def has_room(ob):
+    """Whether it may get one more modifier. Sinew's own do not count, for its twin has none."""
+    is_sinew = addon_module("blender.nodes").is_sinew
+    return sum(not is_sinew(modifier) for modifier in ob.modifiers) < 8
+
+
 @on_both(0.7)
 def parent_with_automatic_weights(random, ob):
     """Ctrl P: adds an Armature modifier, and groups by names or envelopes."""
-    if scene.armatures() and len(ob.modifiers) < 8:
+    if scene.armatures() and has_room(ob):
         select(random.choice(scene.armatures()), ob)
         bpy.ops.object.parent_set(type=random.choice(("ARMATURE_NAME", "ARMATURE_ENVELOPE", "ARMATURE")))
 
@@ -52,7 +58,7 @@ def parent_with_automatic_weights(random, ob):
 def parent_with_sinew_weights(random, ob):
     """Adds an Armature modifier too, and makes weights."""
     rigs = scene.armatures()
-    if rigs and len(ob.modifiers) < 8 and ob.data.vertices:
+    if rigs and has_room(ob) and ob.data.vertices:
         select(random.choice(rigs), ob)
         settings = {"stiffness": random.choice((2.0, 8.0)), "max_influences": random.choice((0, 3))}
         bpy.ops.object.sinew_parent_with_weights(**settings)
