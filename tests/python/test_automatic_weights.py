@@ -157,7 +157,7 @@ def test_progress_reaches_one():
     )
     thread.start()
     thread.join()
-    assert results[0] is not None and 0 < progress.fraction <= 1
+    assert results[0] is not None and progress.fraction == 1
 
 
 def test_least_weight_and_most_influences():

@@ -80,6 +80,7 @@ struct AutomaticWeights {
 /// face_offsets   faces + 1, where the corners of each face begin; empty: there are no faces.
 /// face_vertices  C, vertices around each face; a polygon counts as a fan of triangles.
 /// progress       or null. If it is cancelled, nothing is returned, within about 0.1 s.
+/// On two busy cores, 53,514 vertices with 52 bones took 0.3 s, 214,050 1.1 s, 856,194 6 s and 0.9 GB.
 /// The result has the same bits for any number of threads. Throws InputError for sizes that do not fit, vertices and
 /// joints that do not exist, numbers that are not finite, no bones, settings out of range.
 std::optional<AutomaticWeights> automatic_weights(std::span<const double> positions,

@@ -27,6 +27,7 @@ constexpr int kLeastResolution = 8;
 // Steps of the progress for each phase.
 constexpr std::int64_t kWeldSteps = 100, kSolidSteps = 150, kDistanceSteps = 150, kSurfaceSteps = 450,
                        kVolumeSteps = 150;
+constexpr std::int64_t kAllSteps = kWeldSteps + kSolidSteps + kDistanceSteps + kSurfaceSteps + kVolumeSteps;
 
 class Computation {
  public:
@@ -250,10 +251,11 @@ std::optional<AutomaticWeights> automatic_weights(std::span<const double> positi
                                                   Progress* progress) {
   const auto start = std::chrono::steady_clock::now();
   const std::int32_t joints = check_weight_input(positions, face_offsets, face_vertices, bones, fixed, settings);
-  if (progress) progress->start(kWeldSteps + kSolidSteps + kDistanceSteps + kSurfaceSteps + kVolumeSteps);
+  if (progress) progress->start(kAllSteps);
   try {
     Computation computation(positions, face_offsets, face_vertices, bones, fixed, settings, joints, progress);
     AutomaticWeights result = computation.run();
+    if (progress) progress->advance(kAllSteps);  // what was not needed counts as done
     result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return result;
   } catch (const Cancelled&) {

