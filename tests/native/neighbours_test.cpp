@@ -91,7 +91,7 @@ TEST(Neighbours, CountByHowRigidlyTheyMove) {
   std::vector<float> frames(rest);
   frames.insert(frames.end(), rest.begin(), rest.end());
   frames[12 + 3 * 2 + 2] = 5;
-  const Clip clip(rest, frames, true);
+  const Clip clip(rest, frames, true, nullptr);
   const Neighbours neighbours =
       neighbours_of(clip, std::vector<std::int32_t>{0, 4}, std::vector<std::int32_t>{0, 1, 2, 3});
   ASSERT_EQ(neighbours.size(), 4u);

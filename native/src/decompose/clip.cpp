@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/cancelled.h"
 #include "base/parallel.h"
 
 namespace sinew {
@@ -31,14 +32,18 @@ double spread(std::span<const float> positions, const Eigen::Vector3d& centre) {
 
 }  // namespace
 
-Clip::Clip(std::span<const float> rest_positions, std::span<const float> all_frames, bool joins) {
+Clip::Clip(std::span<const float> rest_positions, std::span<const float> all_frames, bool joins,
+           const Progress* progress) {
   const std::size_t vertices = rest_positions.size() / 3;
   frames = std::ssize(all_frames) / std::ssize(rest_positions);
   const auto frame = [&](std::size_t f) { return all_frames.subspan(3 * vertices * f, 3 * vertices); };
   centre = centroid(rest_positions);
   frame_centres.resize(static_cast<std::size_t>(frames));
   parallel_for(frame_centres.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) frame_centres[f] = centroid(frame(f));
+    for (std::size_t f = begin; f < end; ++f) {
+      stop_if_cancelled(progress);
+      frame_centres[f] = centroid(frame(f));
+    }
   });
   size = spread(rest_positions, centre);
   for (std::size_t f = 0; f < frame_centres.size() && size == 0; ++f) size = spread(frame(f), frame_centres[f]);
@@ -84,6 +89,7 @@ Clip::Clip(std::span<const float> rest_positions, std::span<const float> all_fra
   rest.resize(vertex_of.size());
   moves.resize(vertex_of.size() * numbers());
   parallel_for(vertex_of.size(), 256, [&](std::size_t begin, std::size_t end) {
+    stop_if_cancelled(progress);
     for (std::size_t p = begin; p < end; ++p) {
       rest[p] << (at(rest_positions, vertex_of[p]) - centre) / size, 1;
     }

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "sinew/progress.h"
 #include "sinew/types.h"
 
 namespace sinew {
@@ -22,7 +23,7 @@ struct Clip {
 
   Clip() = default;
   /// rest V x 3, frames F x V x 3, finite; V and F are above 0. joins  Whether vertices that coincide become one point.
-  Clip(std::span<const float> rest, std::span<const float> frames, bool joins);
+  Clip(std::span<const float> rest, std::span<const float> frames, bool joins, const Progress* progress);
 
   std::ptrdiff_t point_count() const { return std::ssize(rest); }
   std::size_t numbers() const { return 3 * static_cast<std::size_t>(frames); }  ///< of a point's moves

@@ -7,7 +7,7 @@
 #include <tuple>
 
 #include "base/cancelled.h"
-#include "decompose/weight_fit.h"
+#include "base/parallel.h"
 
 namespace sinew {
 namespace {
@@ -30,6 +30,7 @@ class Clusters {
       before = count_;
       if (!split(most)) break;
       for (int round = 0; round < kRounds; ++round) grow(), fit();
+      advance(kClusterSteps * count_ / most);
     }
     for (int round = 0; round < kLastRounds; ++round) grow(), fit();
   }
@@ -45,19 +46,39 @@ class Clusters {
     }
   }
 
-  std::pair<std::vector<std::int32_t>, std::int32_t> result() && { return {std::move(label_of_), count_}; }
+  std::pair<std::vector<std::int32_t>, std::int32_t> result() && {
+    advance(kClusterSteps);
+    return {std::move(label_of_), count_};
+  }
 
  private:
-  double distance(std::size_t point, std::int32_t label) const {
-    return distances_[point * static_cast<std::size_t>(count_) + static_cast<std::size_t>(label)];
+  /// The squared distance of a point to where a cluster's motion takes it, summed over frames.
+  double distance(std::size_t point, std::int32_t label) {
+    Known& known = known_[point];
+    if (known.label != label) known = {label, compute_distance(point, label)};
+    return known.distance;
+  }
+
+  double compute_distance(std::size_t point, std::int32_t label) const {
+    const auto rows = motions_.rows().middleRows<4>(4 * label);
+    const auto moves = Eigen::RowVectorXf::Map(clip_.row(point), rows.cols());
+    return (clip_.rest[point].transpose() * rows - moves.cast<double>()).squaredNorm();
+  }
+
+  void advance(int steps) {
+    if (progress_) progress_->advance(steps - steps_);
+    steps_ = steps;
   }
 
   /// Fits a rigid motion to each cluster, and computes how well each moves each point.
   void fit() {
     stop_if_cancelled(progress_);
-    Motions motions(clip_.frames, count_);
-    MotionFit(clip_, {1, label_of_, std::vector<double>(label_of_.size(), 1)}, count_).fit_alone(motions);
-    distances_ = distances_alone(clip_, motions, progress_);
+    motions_ = Motions(clip_.frames, count_);
+    MotionFit(clip_, {1, label_of_, std::vector<double>(label_of_.size(), 1)}, count_).fit_alone(motions_);
+    known_.assign(label_of_.size(), {});
+    parallel_for(label_of_.size(), 512, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t p = begin; p < end; ++p) distance(p, label_of_[p]);
+    });
     centres_.assign(count_, Eigen::Vector3d::Zero());
     sizes_.assign(count_, 0);
     errors_.assign(count_, 0);
@@ -171,7 +192,13 @@ class Clusters {
   Progress* progress_;
   std::vector<std::int32_t> label_of_;
   std::int32_t count_ = 1;
-  std::vector<float> distances_;  // P x count
+  int steps_ = 0;  // of the progress
+  Motions motions_;
+  struct Known {
+    std::int32_t label = -1;
+    double distance = 0;
+  };
+  std::vector<Known> known_;  // P: the last distances that were asked for
   std::vector<Eigen::Vector3d> centres_;
   std::vector<double> sizes_, errors_, spreads_;  // of each cluster: points, squared distances, squares from the centre
 };

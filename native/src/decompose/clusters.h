@@ -11,6 +11,9 @@
 
 namespace sinew {
 
+/// How far find_clusters advances the progress.
+constexpr int kClusterSteps = 8;
+
 /// Returns the cluster of each point, and how many there are: at most `most`. They are split at the point that moves least
 /// like the others until there are enough or all move rigidly, and grown from their centres over the surface.
 /// heads  one cluster for each, of the points nearest to it; empty: by splitting.

@@ -32,13 +32,14 @@ class Decomposer {
         start_(start),
         settings_(settings),
         progress_(progress),
-        clip_(mesh.rest, mesh.frames, start.offsets.empty()) {}
+        clip_(mesh.rest, mesh.frames, start.offsets.empty(), progress) {}
 
   Decomposition run() {
-    if (progress_) progress_->start(settings_.iterations + 2);
+    if (progress_) progress_->start(settings_.iterations + kClusterSteps + 1);
     if (!start_.offsets.empty()) {
       fit_motions();
     } else {
+      stop_if_cancelled(progress_);
       neighbours_ = neighbours_of(clip_, mesh_.face_offsets, mesh_.face_vertices);
       start_.matrices.empty() ? find_both() : fit_weights();
     }
@@ -78,7 +79,7 @@ class Decomposer {
       heads[j] = (Eigen::Vector3d::Map(start_.heads.data() + 3 * j) - clip_.centre) / clip_.size;
     }
     const auto [labels, count] = find_clusters(clip_, neighbours_, start_.joint_count, heads, progress_);
-    done(1);
+    done(0);
     set_weights(static_cast<std::size_t>(settings_.max_influences));
     for (std::size_t p = 0; p < points(); ++p) {
       weights_.joints[p * weights_.width] = labels[p];
@@ -159,7 +160,7 @@ class Decomposer {
         motions_.set(f, j, clip_.inward(start_.matrices[f * joints + j], f));
       }
     }
-    done(1);
+    done(kClusterSteps);
     set_weights(static_cast<std::size_t>(settings_.max_influences));
     const WeightFit fit = weight_fit(static_cast<std::size_t>(joints), 1);
     while (iterations_ < settings_.iterations) {
@@ -185,7 +186,7 @@ class Decomposer {
     motions_ = Motions(clip_.frames, start_.weighted_joints);
     const MotionFit fit(clip_, weights_, start_.weighted_joints);
     fit.fit_alone(motions_);
-    done(1);
+    done(kClusterSteps);
     while (iterations_ < settings_.iterations) {
       fit.improve(motions_, kMotionSweeps, progress_);
       const std::vector<double> squares = squares_of_points();
@@ -292,7 +293,7 @@ class Decomposer {
     add_motions(made, number);
     add_errors(made);
     made.iterations = iterations_;
-    done(1);
+    done(settings_.iterations - iterations_ + 1);
     return made;
   }
 

@@ -134,34 +134,6 @@ Task prepared(const Clip& clip, const Motions& motions, const Panel& smooth, std
 
 }  // namespace
 
-std::vector<float> distances_alone(const Clip& clip, const Motions& motions, const Progress* progress) {
-  const auto points = static_cast<std::size_t>(clip.point_count()), joints = static_cast<std::size_t>(motions.joints());
-  std::vector<float> distances(points * joints);
-  std::vector<Eigen::Matrix4d> squares(joints);
-  for (std::size_t j = 0; j < joints; ++j) {
-    const auto rows = motions.rows().middleRows<4>(static_cast<Eigen::Index>(4 * j));
-    squares[j] = rows * rows.transpose();
-  }
-  parallel_for(points, kPoints, [&](std::size_t first, std::size_t last) {
-    for (std::size_t begin = first; begin < last; begin += kPoints) {
-      stop_if_cancelled(progress);
-      const std::size_t end = std::min(begin + kPoints, last);
-      const Rows moves = moves_of(clip, begin, end);
-      const Rows products = moves * motions.rows().transpose();
-      for (std::size_t p = begin; p < end; ++p) {
-        const auto own = static_cast<Eigen::Index>(p - begin);
-        const double square = moves.row(own).squaredNorm();
-        for (std::size_t j = 0; j < joints; ++j) {
-          const double mixed = products.block<1, 4>(own, static_cast<Eigen::Index>(4 * j)).dot(clip.rest[p]);
-          const double distance = square - 2 * mixed + clip.rest[p].dot(squares[j] * clip.rest[p]);
-          distances[p * joints + j] = static_cast<float>(std::max(0.0, distance));
-        }
-      }
-    }
-  });
-  return distances;
-}
-
 double WeightFit::improve(const Motions& motions, WeightRows& weights, const Progress* progress) const {
   const auto points = static_cast<std::size_t>(clip_.point_count()),
              joints = static_cast<std::size_t>(motions.joints());

@@ -9,9 +9,6 @@
 
 namespace sinew {
 
-/// The squared distances of each point to where each joint alone moves it, summed over frames: P x J, row by row.
-std::vector<float> distances_alone(const Clip& clip, const Motions& motions, const Progress* progress);
-
 struct WeightFitSettings {
   std::size_t max_influences;
   std::size_t candidates;  ///< of a point, if local
