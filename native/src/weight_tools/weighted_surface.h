@@ -1,6 +1,7 @@
 /// A surface whose weights are read at its points.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
