@@ -34,6 +34,7 @@ def _modules():
     from .main import handlers, properties, write_lock
     from .ui import (
         bake,
+        bone_lines,
         crowd,
         cures,
         display,
@@ -57,6 +58,7 @@ def _modules():
         cures,
         method_settings,
         weights,
+        bone_lines,
         display,
         menus,
         panels,
