@@ -165,7 +165,7 @@ void bind_automatic_weights(py::module_& module) {
       "from "
       "part to part; \"nearest\" for the nearest bone through the air.\n"
       "resolution: 8 to 256, voxels along the longest side of the mesh; a bulky mesh gets fewer.\n"
-      "stiffness: 0.001 to 1,000,000, how closely weights follow the nearest bone. Blender's bone heat is about 2.\n"
+      "stiffness: 0.001 to 1,000,000, how closely weights follow the nearest bone. Blender's bone heat is about 4.\n"
       "max_influences: the largest number for a vertex; 0: any.\n"
       "least_weight: 0 to 0.5, smaller weights are left out. Then each vertex's weights are divided by their sum.\n"
       "fixed_vertices, fixed_weights: (F,) integers and (F, J), 0 or more with a sum above 0 in each row: weights that "

@@ -275,6 +275,10 @@ def no_faces(mesh):
     return mesh[0], NO_FACES, NO_FACES
 
 
+def open_ends(mesh):
+    return mesh[0], *as_arrays([face for face in as_faces(*mesh[1:]) if len(face) == 4])
+
+
 DAMAGE = {
     "whole": lambda mesh: mesh,
     "holes": holes,
@@ -291,6 +295,9 @@ DAMAGE = {
     "fin on an edge": fin_on_edge,
     "loose vertices": loose_vertices,
     "no faces": no_faces,
+    "open ends": open_ends,
+    "flat": lambda mesh: (mesh[0] * (1, 1, 0), *mesh[1:]),
+    "flat and open": lambda mesh: open_ends((mesh[0] * (1, 0, 1), *mesh[1:])),
     "small": lambda mesh: (mesh[0] * 1e-3, *mesh[1:]),
     "large": lambda mesh: (mesh[0] * 1e3, *mesh[1:]),
     "far": lambda mesh: (mesh[0] + 1e5, *mesh[1:]),

@@ -54,13 +54,14 @@ def test_the_readmes_example_runs(monkeypatch):
 def test_the_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     examples = [block for block in python_of(API) if "= sinew." in block and "sinew_native as sinew  #" not in block]
-    assert len(examples) == 2
+    assert len(examples) == 3
     names = {}
     exec(compile("".join(examples), str(API), "exec"), names)
     skin, matrices, shapes = names["skin"], names["matrices"], names["shapes"]
     assert names["positions"].shape == (skin.vertex_count, 3)
     assert np.array_equal(shapes[7], sinew.skin_linear(skin, matrices[7]))
     assert np.abs(shapes[7] - skin.rest_positions).max() > 0.01
+    assert names["weighed"].unweighted_count == 0
     stage, expected = names["smooth"].stage(), shapes[7].copy()
     stage.apply(expected)
     assert np.array_equal(names["smoothed"][7], expected) and not np.array_equal(expected, shapes[7])

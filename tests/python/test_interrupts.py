@@ -25,7 +25,14 @@ weights = np.stack((1 - place % 1, place % 1), 1)
 skin = sinew.Skin(np.stack((x, y, 0 * x), 1), np.arange(0, 2 * SIDE**2 + 1, 2), joints.reshape(-1),
                   weights.reshape(-1), JOINTS)
 progress = sinew.Progress()
-compute = getattr(sinew, sys.argv[2]).compute
+if sys.argv[2] == "automatic_weights":
+    heads = np.array([(SIDE * j / JOINTS, SIDE / 2, 0) for j in range(JOINTS)])
+
+    def compute(skin, face_offsets, faces, progress):
+        positions = skin.rest_positions
+        sinew.automatic_weights(positions, face_offsets, faces, heads, heads + (10, 0, 0), progress=progress)
+else:
+    compute = getattr(sinew, sys.argv[2]).compute
 """
 
 INTERRUPTED = """
@@ -70,7 +77,7 @@ def run(code, kind, threads):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there Python's os.kill ends the process")
-@pytest.mark.parametrize("kind", ("DirectDeltaMush", "RotationCenters"))
+@pytest.mark.parametrize("kind", ("DirectDeltaMush", "RotationCenters", "automatic_weights"))
 def test_ctrl_c_ends_a_computation(kind):
     """How far it has come is counted, not the time: without ears for signals it would be at the end."""
     done = run(INTERRUPTED, kind, 1)
