@@ -35,6 +35,7 @@ def _modules():
     from .main import handlers, properties, write_lock
     from .ui import (
         bake,
+        bone_lines,
         crowd,
         cures,
         display,
@@ -59,6 +60,7 @@ def _modules():
         cures,
         method_settings,
         weights,
+        bone_lines,
         display,
         menus,
         panels,

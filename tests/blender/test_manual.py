@@ -37,6 +37,7 @@ def classes():
         properties.SinewClipSettings,
         addon_module("ui.weights").ParentWithWeights,
         addon_module("ui.weights").CheckWeights,
+        addon_module("ui.bone_lines").ToggleBoneLines,
         addon_module("ui.weights").SelectWeightProblem,
         addon_module("ui.weights").SelectReportedBones,
         addon_module("ui.profile").MeasureProfile,
@@ -58,6 +59,7 @@ def all_operators():
             "cures",
             "method_settings",
             "weights",
+            "bone_lines",
             "display",
             "preferences",
             "profile",
@@ -72,7 +74,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(15))
+@pytest.mark.parametrize("number", range(16))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -85,7 +87,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(14))
+@pytest.mark.parametrize("number", range(15))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):

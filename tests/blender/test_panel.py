@@ -169,7 +169,7 @@ def test_weights(fresh_scene):
     ob = make_mesh(armature, False)
     select(ob)
     buttons = ["Parent with Sinew Weights", "object.sinew_check_weights"]
-    assert draw("SidebarWeights", ()) == buttons
+    assert draw("SidebarWeights", ()) == [*buttons, "object.sinew_show_bone_lines"]
     bpy.ops.object.sinew_check_weights(most_influences=2)
     select(armature)
     said = draw("SidebarWeights", ())

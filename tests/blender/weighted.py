@@ -47,7 +47,11 @@ def steps():
     report = addon_module("weights.reports").last([NAME])
     print(f"window: {report.sentence()}")
     yield from open_sidebar()
+    with in_area("VIEW_3D"):
+        bpy.ops.object.sinew_show_bone_lines(ends="CHILD")
     yield from picture("weights")
+    with in_area("VIEW_3D"):
+        bpy.ops.object.sinew_show_bone_lines(ends="CHILD")
 
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))} key ctrl+z")
     yield 1.0

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..run import characters
-from . import method_settings, sections, weights
+from . import bone_lines, method_settings, sections, weights
 
 
 class InSidebar:
@@ -140,6 +140,7 @@ class SidebarWeights(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         weights.draw(self.layout, context)
+        bone_lines.draw(self.layout)
 
 
 class SidebarBakeAndCrowd(InSidebar, bpy.types.Panel):

@@ -1,0 +1,89 @@
+"""Draws the lines that the bones stand for when weights are made."""
+
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+from bpy.props import EnumProperty
+from gpu_extras.batch import batch_for_shader
+
+from ..feedback import notice
+from ..weights import assigning, bone_segments
+from .display import armature_of
+from .weights import ENDS
+
+COLOR = (1.0, 0.55, 0.1, 1.0)
+_handler: Any = None  # Blender's handle of `_draw`, None while nothing is drawn
+_ends = bone_segments.AUTOMATIC
+
+
+def lines(armature: bpy.types.Object, ends: str) -> np.ndarray:
+    """Returns (2 S, 3) float32: both ends of the line of each deforming bone at rest, one after the other, world
+    space."""
+    bones = assigning.read_bones(armature)
+    segments = bone_segments.choose(bones, np.flatnonzero(bones.deform), ends)
+    return np.stack((segments.heads, segments.tails), 1).reshape(-1, 3).astype(np.float32)
+
+
+def _draw():
+    ob = bpy.context.active_object
+    armature = armature_of(ob) if ob is not None and ob.type in {"MESH", "ARMATURE"} else None
+    if armature is None or armature.data.is_editmode:
+        return
+    shader = gpu.shader.from_builtin("3D_UNIFORM_COLOR" if bpy.app.version < (4, 0, 0) else "UNIFORM_COLOR")
+    batch = batch_for_shader(shader, "LINES", {"pos": lines(armature, _ends)})
+    gpu.state.line_width_set(3.0)
+    shader.uniform_float("color", COLOR)
+    batch.draw(shader)
+    gpu.state.line_width_set(1.0)
+
+
+def are_shown() -> bool:
+    return _handler is not None
+
+
+def hide() -> None:
+    global _handler
+    if _handler is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
+        _handler = None
+
+
+class ToggleBoneLines(bpy.types.Operator):
+    """Show the lines that the bones stand for when Sinew makes weights, at rest; press again to hide them"""
+
+    bl_idname = "object.sinew_show_bone_lines"
+    bl_label = "Bone Lines"
+    bl_options = {"REGISTER"}
+
+    ends: EnumProperty(name="Bones", description="The line that each bone stands for", items=ENDS)
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        return ob is not None and ob.type in {"MESH", "ARMATURE"} and armature_of(ob) is not None
+
+    def execute(self, _context):
+        global _handler, _ends
+        is_same = are_shown() and _ends == self.ends
+        hide()
+        if not is_same:
+            _ends = self.ends
+            _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+        notice.redraw()
+        return {"FINISHED"}
+
+
+def draw(layout: bpy.types.UILayout) -> None:
+    """Draws the button."""
+    layout.operator(ToggleBoneLines.bl_idname, icon="CONSTRAINT_BONE", depress=are_shown())
+
+
+CLASSES = (ToggleBoneLines,)
+register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def unregister() -> None:
+    hide()
+    _unregister()
