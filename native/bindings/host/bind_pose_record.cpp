@@ -124,8 +124,7 @@ bool is_pose(Address bone, const RecordLayout& layout, const Record& record) {
 
 /// Writes what the originals have, too, into the bones of an original, whose segments need not be those of the record.
 bool play_original_pose(Address bone, const RecordLayout& layout, const Record& record) {
-  std::size_t members = 0, computed = 0, per_segment = 0, more_segments = 0;
-  for (const auto& member : layout.members) members += member[1];
+  std::size_t computed = 0, per_segment = 0, more_segments = 0;
   for (const auto& member : layout.computed) computed += member[1];
   for (const auto& array : layout.segments) {
     per_segment += array[1];
