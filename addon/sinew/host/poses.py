@@ -52,7 +52,8 @@ def forget() -> None:
 
 def _first(armature: Any) -> int:
     bones: Any = armature.pose.bones if armature.pose is not None else ()
-    return bones[0].as_pointer() if len(bones) else 0
+    # Blender counts the bones by going through all of them, which takes long if they are not in the caches.
+    return next((bone.as_pointer() for bone in bones), 0)
 
 
 def record(armature: Any) -> np.ndarray:
