@@ -33,6 +33,18 @@ def character(fresh_scene):
 
 
 @pytest.fixture
+def sinew(capsys):
+    """Runs a command of `sinew` in this process. Returns exit code, stdout, stderr."""
+
+    def run(*words):
+        capsys.readouterr()
+        code = addon_module("cli.command_line").run([str(word) for word in words])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
 def usd():
     """USD's Python package: Blender's own or the one in the folder SINEW_USD."""
     sys.path += [path for path in (os.environ.get("SINEW_USD"),) if path and path not in sys.path]

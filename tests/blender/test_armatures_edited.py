@@ -349,9 +349,7 @@ def test_saved_and_opened(in_use, tmp_path):
 
 def test_it_plays_without_the_addon(in_use, tmp_path):
     _, ob, twin, _ = in_use
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 @pytest.mark.parametrize("overridden", (False, True), ids=("linked", "overridden"))

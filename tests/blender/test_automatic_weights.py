@@ -791,18 +791,6 @@ def test_made_weights_are_near_those_of_the_file():
 
 
 @pytest.fixture
-def sinew(capsys):
-    """Runs a command in this process. Returns exit code, stdout, stderr."""
-
-    def run(*words):
-        capsys.readouterr()
-        code = addon_module("cli.command_line").run([str(word) for word in words])
-        return code, *capsys.readouterr()
-
-    return run
-
-
-@pytest.fixture
 def blend(tmp_path):
     """A file with a figure, and another mesh that no armature moves."""
     make_figure()

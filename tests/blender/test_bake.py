@@ -285,15 +285,9 @@ def test_a_switch_that_is_animated_cannot_be_left_out(figure, tmp_path):
 
 
 @pytest.fixture
-def sinew(capsys):
+def sinew_bake(sinew):
     """Runs `sinew bake`. Returns exit code, stdout, stderr."""
-
-    def run(*words):
-        capsys.readouterr()
-        code = addon_module("cli.command_line").run(["bake", *map(str, words)])
-        return code, *capsys.readouterr()
-
-    return run
+    return lambda *words: sinew("bake", *words)
 
 
 @pytest.fixture
@@ -304,37 +298,37 @@ def blend(figure, tmp_path):
     return path
 
 
-def test_the_command_bakes_and_verifies(sinew, blend, tmp_path):
+def test_the_command_bakes_and_verifies(sinew_bake, blend, tmp_path):
     folder = tmp_path / "out"
     verify = [blend, "-o", folder, "--verify"]
-    code, _, err = sinew(*verify)
+    code, _, err = sinew_bake(*verify)
     assert (code, err) == (1, "sinew: Tube.pc2 is missing\n")
-    assert sinew(blend, "-o", folder, "--chunk", "2-3")[0] == 0
-    code, _, err = sinew(*verify)
+    assert sinew_bake(blend, "-o", folder, "--chunk", "2-3")[0] == 0
+    code, _, err = sinew_bake(*verify)
     assert (code, err) == (1, "sinew: Tube.pc2 is not finished: 2 of 4 frames are missing (1, 4)\n")
-    code, out, _ = sinew("-o", folder, "--json")
+    code, out, _ = sinew_bake("-o", folder, "--json")
     assert code == 0
     (done,) = json.loads(out.splitlines()[-1])["objects"]
     assert (done["name"], done["baked"], done["found"], done["missing"]) == ("Tube", 2, 2, 0)
-    code, out, _ = sinew(*verify)
+    code, out, _ = sinew_bake(*verify)
     assert code == 0 and out.endswith("Tube.pc2 is complete: 4 frames\n")
-    code, _, err = sinew(*verify, "--frames", "1-5")
+    code, _, err = sinew_bake(*verify, "--frames", "1-5")
     assert (code, err) == (1, "sinew: Tube.pc2 has the frames 1-4, not 1-5\n")
 
 
-def test_the_command_takes_objects_by_name(sinew, figure, tmp_path):
+def test_the_command_takes_objects_by_name(sinew_bake, figure, tmp_path):
     for name in ("a,b", "c"):
         make_tube().name = name
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    assert sinew("-o", tmp_path / "out", "--frames", "1-2", "--objects", "Tube,c", "--objects", "a,b")[0] == 0
+    assert sinew_bake("-o", tmp_path / "out", "--frames", "1-2", "--objects", "Tube,c", "--objects", "a,b")[0] == 0
     assert sorted(path.name for path in (tmp_path / "out").glob("*.pc2")) == ["Tube.pc2", "a,b.pc2", "c.pc2"]
 
 
-def test_an_unfinished_bake_of_an_older_file_is_not_filled(sinew, blend, tmp_path):
-    assert sinew(blend, "-o", tmp_path / "out", "--chunk", "1-2")[0] == 0
+def test_an_unfinished_bake_of_an_older_file_is_not_filled(sinew_bake, blend, tmp_path):
+    assert sinew_bake(blend, "-o", tmp_path / "out", "--chunk", "1-2")[0] == 0
     bpy.data.objects["Tube"].data.vertices[0].co = (9, 9, 9)
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    code, _, err = sinew(blend, "-o", tmp_path / "out", "--chunk", "3-4")
+    code, _, err = sinew_bake(blend, "-o", tmp_path / "out", "--chunk", "3-4")
     assert code == 1 and "is an unfinished bake of another state of the .blend, not of the present one" in err
 
 
@@ -353,24 +347,24 @@ def test_an_unfinished_bake_of_an_older_file_is_not_filled(sinew, blend, tmp_pat
         ),
     ],
 )
-def test_what_the_command_cannot_do(sinew, blend, tmp_path, words, code, said):
-    found, _, err = sinew(blend, "-o", tmp_path / "out", *words)
+def test_what_the_command_cannot_do(sinew_bake, blend, tmp_path, words, code, said):
+    found, _, err = sinew_bake(blend, "-o", tmp_path / "out", *words)
     assert found == code and said in err and "Traceback" not in err
 
 
-def test_a_place_that_cannot_be_written_to(sinew, blend, tmp_path):
+def test_a_place_that_cannot_be_written_to(sinew_bake, blend, tmp_path):
     (tmp_path / "file").write_text("")
-    code, _, err = sinew(blend, "-o", tmp_path / "file" / "out")
+    code, _, err = sinew_bake(blend, "-o", tmp_path / "file" / "out")
     reason = "Not a directory" if os.name == "posix" else "\\w[^:]+"  # Windows has other words
     assert code == 1 and re.fullmatch(f"sinew: {re.escape(str(tmp_path / 'file' / 'out'))}: {reason}\n", err)
     if os.name == "posix":  # whoever may write anywhere may not write there
-        code, _, err = sinew("-o", "/proc/sinew")
+        code, _, err = sinew_bake("-o", "/proc/sinew")
         assert code == 1 and err.startswith("sinew: /proc/sinew: ") and err.count("\n") == 1
 
 
-def test_the_command_without_a_file(sinew, tmp_path):
+def test_the_command_without_a_file(sinew_bake, tmp_path):
     bpy.ops.wm.read_homefile(use_empty=True)
-    code, _, err = sinew("-o", tmp_path)
+    code, _, err = sinew_bake("-o", tmp_path)
     assert code == 1 and "no file is open: name one before --command, or after bake" in err
 
 

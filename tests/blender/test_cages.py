@@ -28,6 +28,7 @@ from helpers import (
     evaluated,
     into_a_shot,
     own_positions,
+    reopened,
     select,
     stages,
     twin_of,
@@ -88,6 +89,13 @@ def assert_moves(scene, ob, twin, frames=range(1, 21)):
         shapes.append(evaluated(ob))
     assert np.ptp(shapes, axis=0).max() > 1e-3 * diagonal(shapes[0])
     assert_it_is_sinew(ob)
+
+
+def assert_reopens(folder, ob, twin):
+    """The same after the file was saved and opened."""
+    ob, twin = reopened(folder, ob, twin)
+    assert_same_shape(ob, twin)
+    assert_moves(bpy.context.scene, ob, twin, (5, 6, 12))
 
 
 def assert_same_in_another_graph(scene, ob, twin):
@@ -346,14 +354,8 @@ def test_save_and_reload(fresh_scene, tmp_path, moved):
     in_a_cage(ob)
     twin = twin_of(ob)
     accelerate(ob)
-    names = ob.name, twin.name
     fresh_scene.frame_set(4)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    ob, twin = (bpy.data.objects[name] for name in names)
-    assert_same_shape(ob, twin)
-    assert_moves(bpy.context.scene, ob, twin, (5, 6, 12))
+    assert_reopens(tmp_path, ob, twin)
 
 
 @pytest.mark.parametrize("overridden", (False, True), ids=("linked", "overridden"))
@@ -383,9 +385,7 @@ def test_a_file_plays_without_the_addon(fresh_scene, tmp_path):
     accelerate(ob)
     fresh_scene.frame_set(9)
     assert_same_shape(ob, twin)
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 def test_another_graph(fresh_scene):
@@ -667,14 +667,8 @@ def test_undo_of_clothes(fresh_scene, dressed):
 
 def test_clothes_are_saved_and_reloaded(fresh_scene, dressed, tmp_path):
     ob, twin, _body = dressed
-    names = ob.name, twin.name
     fresh_scene.frame_set(4)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    ob, twin = (bpy.data.objects[name] for name in names)
-    assert_same_shape(ob, twin)
-    assert_moves(bpy.context.scene, ob, twin, (5, 6, 12))
+    assert_reopens(tmp_path, ob, twin)
 
 
 @pytest.mark.parametrize("overridden", (False, True), ids=("linked", "overridden"))
@@ -694,9 +688,7 @@ def test_clothes_play_without_the_addon(fresh_scene, dressed, tmp_path):
     ob, twin, _body = dressed
     fresh_scene.frame_set(9)
     assert_same_shape(ob, twin)
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 def test_clothes_in_another_graph(fresh_scene, dressed):
@@ -879,14 +871,8 @@ def test_a_box_is_saved_and_reloaded(fresh_scene, box, tmp_path):
     bpy.ops.ed.undo()
     ob, twin = (bpy.data.objects[name] for name in names)
     assert_moves(bpy.context.scene, ob, twin, (5, 6, 12, 9))
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=str(path))
-    ob, twin = (bpy.data.objects[name] for name in names)
-    assert_same_shape(ob, twin)
-    assert_moves(bpy.context.scene, ob, twin, (5, 6, 12))
+    assert_plays_without_the_addon(tmp_path, ob, twin)
+    assert_reopens(tmp_path, ob, twin)
 
 
 # --- with other parts -------------------------------------------------------------------------------

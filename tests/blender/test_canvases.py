@@ -13,6 +13,7 @@ from helpers import (
     data_counts,
     evaluated,
     into_a_shot,
+    reopened,
     select,
     traces,
     twin_of,
@@ -253,22 +254,21 @@ def test_a_modifier_is_applied(pairs, name):
     assert len(canvases()) == 2
 
 
+def reopened_pairs(folder, pairs):
+    objects = reopened(folder, *(ob for both in pairs for ob in both))
+    return list(zip(objects[::2], objects[1::2]))
+
+
 def test_saved_and_opened(pairs, tmp_path):
-    names, path = [(ob.name, twin.name) for ob, twin in pairs], str(tmp_path / "shared.blend")
     assert_all_same(pairs, (2, 3))
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=path)
-    pairs = [tuple(bpy.data.objects[each] for each in both) for both in names]
+    pairs = reopened_pairs(tmp_path, pairs)
     assert_all_same(pairs)
     assert [way(ob) for ob, _twin in pairs] == ["CANVAS"] * 3 and len(canvases()) == 3
     assert are_deforming(pairs) == [True] * 3
 
 
 def test_it_plays_without_the_addon(pairs, tmp_path):
-    path = tmp_path / "shared.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, *pairs[1])
+    assert_plays_without_the_addon(tmp_path, *pairs[1])
 
 
 def test_appended(pairs, tmp_path):
@@ -321,12 +321,7 @@ def test_several_overrides_of_one_character(fresh_scene, tmp_path, is_bound, cou
     assert_all_same(pairs)
     assert [way(ob) for ob, _twin in pairs] == ["CANVAS"] * len(pairs)
     assert all(are_deforming(pairs))
-    names = [(ob.name, twin.name) for ob, twin in pairs]
-    path = str(tmp_path / "shot.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=path)
-    pairs = [tuple(bpy.data.objects[each, None] for each in both) for both in names]
+    pairs = reopened_pairs(tmp_path, pairs)
     assert_all_same(pairs)
     assert all(are_deforming(pairs))
     assert len([each for each in canvases() if each.library is None]) <= len(pairs)

@@ -15,18 +15,6 @@ CAPSULE = str(RIGS["capsule"].parent)
 
 
 @pytest.fixture
-def sinew(capsys):
-    """Runs a command in this process. Returns exit code, stdout, stderr."""
-
-    def run(*words):
-        capsys.readouterr()
-        code = addon_module("cli.command_line").run([str(word) for word in words])
-        return code, *capsys.readouterr()
-
-    return run
-
-
-@pytest.fixture
 def document(sinew):
     """Runs a command that succeeds. Returns its JSON document."""
 

@@ -13,6 +13,7 @@ from helpers import (
     data_counts,
     depsgraph,
     into_a_shot,
+    reopened,
     select,
     traces,
     twin_of,
@@ -354,19 +355,13 @@ def test_modes(pairs, mode):
 
 
 def test_saved_and_opened(pairs, tmp_path):
-    names, path = [each.name for each in pairs[0]], str(tmp_path / "front.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=path)
-    pairs = [tuple(bpy.data.objects[name] for name in names)]
+    pairs = [tuple(reopened(tmp_path, *pairs[0]))]
     assert_all_same(pairs)
     assert way(pairs[0][0]) == "CANVAS" and are_deforming(pairs) == [True] and len(canvases()) == 1
 
 
 def test_it_plays_without_the_addon(pairs, tmp_path):
-    path = tmp_path / "front.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, *pairs[0])
+    assert_plays_without_the_addon(tmp_path, *pairs[0])
 
 
 @pytest.mark.parametrize("set_up", (with_motion_blur, with_persistent_data))

@@ -17,6 +17,7 @@ from helpers import (
     evaluated,
     import_rig,
     own_positions,
+    reopened,
     select,
     twin_of,
     way,
@@ -154,11 +155,7 @@ def test_save_and_reload(fresh_scene, tmp_path, output):
     fresh_scene.frame_set(14)
     later = evaluated(ob)
     fresh_scene.frame_set(9)
-    path = str(tmp_path / "saved.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=path)
-    ob = bpy.data.objects["capsule"]
+    (ob,) = reopened(tmp_path, ob)
     assert np.allclose(evaluated(ob), before, atol=1e-6)
     bpy.context.scene.frame_set(14)
     assert np.allclose(evaluated(ob), later, atol=1e-6)
@@ -182,9 +179,7 @@ def test_a_file_plays_without_the_addon(fresh_scene, tmp_path, keys, hidden):
     fresh_scene.frame_set(9)
     assert_same_shape(ob, twin)
     assert way(ob) == ("KEYS" if keys else "ATTRIBUTE")
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 @pytest.mark.parametrize("output", ("MODIFIER", "MESH"))

@@ -143,9 +143,7 @@ def test_without_sinew_the_file_plays_by_the_modifier(character, tmp_path, metho
     ob.sinew.method = method
     twin.modifiers["Armature"].use_deform_preserve_volume = method != MUSH
     shapes(ob)
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 @pytest.mark.parametrize("method", (CENTERS, MUSH))

@@ -614,15 +614,6 @@ def test_a_mesh_that_sinew_fails_on_says_so(figure, monkeypatch):
 # --- the command line -----------------------------------------------------------------------------
 
 
-@pytest.fixture
-def sinew(capsys):
-    def run(*words):
-        capsys.readouterr()
-        return addon_module("cli.command_line").run([str(word) for word in words]), *capsys.readouterr()
-
-    return run
-
-
 def test_the_command_line_lists_them(figure, sinew, tmp_path):
     path = tmp_path / "figure.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))

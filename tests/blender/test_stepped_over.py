@@ -134,9 +134,7 @@ def test_before_the_armature(character, before, with_keys):
 def test_a_file_plays_without_the_addon(character, tmp_path):
     ob, twin = pair(character, weighted_normal, False)
     accelerate(ob)
-    path = tmp_path / "shot.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 @pytest.mark.parametrize("before", (uv_warp, weighted_normal))

@@ -630,9 +630,7 @@ def test_saved_and_opened(fresh_scene, make, tmp_path):
 def test_it_plays_without_the_addon(fresh_scene, make, tmp_path):
     ob, twin = make(all_of_it)
     fresh_scene.frame_set(6)
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 def test_undone(fresh_scene, make):

@@ -16,6 +16,7 @@ from helpers import (
     evaluated,
     into_a_shot,
     own_positions,
+    reopened,
     select,
     stages,
     traces,
@@ -571,13 +572,8 @@ def test_unbinding_leaves_no_trace(fresh_scene, make, keys, behind):
 @pytest.mark.parametrize("keys", (nothing, add_shape_keys), ids=lambda part: part.__name__)
 def test_save_and_reload(fresh_scene, make, tmp_path, keys):
     ob, twin = make(keys, all_of_them)
-    names = ob.name, twin.name
-    path = str(tmp_path / "saved.blend")
     fresh_scene.frame_set(4)
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_homefile(use_empty=True)
-    bpy.ops.wm.open_mainfile(filepath=path)
-    ob, twin = (bpy.data.objects[name] for name in names)
+    ob, twin = reopened(tmp_path, ob, twin)
     assert_same_shape(ob, twin)
     assert_same_on_all_frames(bpy.context.scene, ob, twin, (5, 6))
     assert_it_is_sinew(ob)
@@ -609,9 +605,7 @@ def test_a_file_plays_without_the_addon(fresh_scene, make, tmp_path, keys, behin
     ob, twin = make(keys, behind)
     fresh_scene.frame_set(9)
     assert_same_shape(ob, twin)
-    path = tmp_path / "saved.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    assert_plays_without_the_addon(path, ob, twin)
+    assert_plays_without_the_addon(tmp_path, ob, twin)
 
 
 # --- refused --------------------------------------------------------------------------------------
