@@ -47,6 +47,7 @@ def _modules():
         preferences,
         profile,
         rig_files,
+        weight_tools,
         weights,
     )
 
@@ -60,6 +61,7 @@ def _modules():
         cures,
         method_settings,
         weights,
+        weight_tools,
         bone_lines,
         display,
         menus,
