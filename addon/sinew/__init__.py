@@ -47,6 +47,7 @@ def _modules():
         preferences,
         profile,
         rig_files,
+        weight_reduction,
         weight_tools,
         weights,
     )
@@ -62,6 +63,7 @@ def _modules():
         method_settings,
         weights,
         weight_tools,
+        weight_reduction,
         bone_lines,
         display,
         menus,

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, frozen, method_settings, weight_tools, weights
+from . import bake, crowd, cures, frozen, method_settings, weight_reduction, weight_tools, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -34,7 +34,7 @@ class SinewMenu(bpy.types.Menu):
         layout.separator()
         layout.operator(weights.ParentWithWeights.bl_idname, text="Parent with Sinew Weights", icon="BONE_DATA")
         layout.operator(weights.CheckWeights.bl_idname)
-        for tool in weight_tools.CLASSES:
+        for tool in (*weight_tools.CLASSES, *weight_reduction.CLASSES):
             layout.operator(tool.bl_idname)
         layout.separator()
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
@@ -77,6 +77,7 @@ PLACES = (
     ("VIEW3D_MT_object_parent", weights.draw_parent),
     ("VIEW3D_MT_paint_weight", weights.draw_assign),
     ("VIEW3D_MT_paint_weight", weight_tools.draw_paint),
+    ("VIEW3D_MT_paint_weight", weight_reduction.draw_paint),
     ("VIEW3D_MT_pose", draw_submenu),
 )
 CLASSES = [SinewMenu]

@@ -74,7 +74,7 @@ class TransferWeights(InBackground, bpy.types.Operator):
         active = context.active_object
         others = [ob for ob in context.selected_objects if ob.type == "MESH" and ob != active]
         context.view_layer.update()
-        settings = transferring.Settings(self.distance, math.degrees(self.angle), self.flipped)
+        settings = transferring.Settings(self.distance, min(math.degrees(self.angle), 180.0), self.flipped)
         both = (others, [active]) if self.selected_to_active else ([active], others)
         return transferring.Transfer(*both, settings, self.add_modifier and not self.preview)
 

@@ -96,10 +96,18 @@ def beside_locked(table: Table, made: np.ndarray) -> np.ndarray:
     return result
 
 
+def _within_1(table: Table, made: np.ndarray) -> np.ndarray:
+    """Returns weights (V, B) that vertex groups can hold. Where fewer bones have the sum of many, a weight may be above
+    1: then all of the vertex are scaled, which moves it alike, unless locked ones would have to be."""
+    largest = np.maximum(made.max(axis=1, initial=0), 1)
+    largest[(table.weights[:, table.locked] > 0).any(axis=1)] = 1
+    return np.clip(made / largest[:, None], 0, 1)
+
+
 def write(ob: bpy.types.Object, table: Table, made: np.ndarray, free: np.ndarray | None = None) -> np.ndarray:
     """Writes new weights (V, B) of the vertices that are free, (V,) bool, or of all; vertex groups are added for bones
     that have got weight. Locked groups stay. Returns (V,) bool: the vertices that have changed."""
-    own = np.where(table.locked, table.weights, np.clip(made, 0, 1).astype(np.float32))
+    own = np.where(table.locked, table.weights, _within_1(table, made).astype(np.float32))
     changed = (own != table.weights).any(axis=1)
     if free is not None:
         changed &= free

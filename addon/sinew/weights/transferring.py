@@ -111,8 +111,6 @@ class Transfer:
         if not len(self._from.face_vertices):
             raise ValueError(f"{_names(self.sources)} has no faces: weights are copied from the points of faces")
         self._weights = np.concatenate([table.read(ob, self._source_names).weights for ob in self.sources])
-        sums = self._weights.sum(axis=1, keepdims=True)
-        self._weights /= np.where(sums > 0, sums, 1)  # as the Armature modifier does
         self._to = [solid.collect([ob]) for ob in self.targets]
         more = [tuple(name for name in bones if name not in self._source_names) for _ in self.targets]
         self._tables = [
@@ -139,7 +137,7 @@ class Transfer:
 
     def _refuse_locked(self) -> None:
         for ob, own in zip(self.targets, self._tables):
-            if own.locked.all():
+            if own.locked[: len(self._source_names)].all():
                 raise ValueError(f"all vertex groups of {ob.name} that would get weights are locked: unlock some")
 
     def compute(self, progress: Any = None) -> bool:
@@ -149,11 +147,13 @@ class Transfer:
         for own, to in zip(self._tables, self._to):
             if progress is not None and progress.is_cancelled:
                 return False
+            # Locked bones are left out: where they alone move the source, the target follows the others around.
+            columns = np.flatnonzero(~own.locked[: len(self._source_names)])
             made, matched = sinew_native.transfer_weights(
                 self._from.positions,
                 self._from.face_offsets,
                 self._from.face_vertices,
-                self._weights,
+                _normalized(self._weights[:, columns]),
                 to.positions,
                 to.face_offsets,
                 to.face_vertices,
@@ -162,7 +162,7 @@ class Transfer:
                 flipped=self._settings.flipped,
             )
             whole = np.zeros_like(own.weights)
-            whole[:, : made.shape[1]] = made
+            whole[:, columns] = made
             self._made.append(table.beside_locked(own, whole))
             self.matched.append(np.asarray(matched, bool))
         return progress is None or not progress.is_cancelled
@@ -210,6 +210,12 @@ def refuse(sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Obje
 
 def _names(objects):
     return ", ".join(ob.name for ob in objects)
+
+
+def _normalized(weights: np.ndarray) -> np.ndarray:
+    """Returns weights (V, B) that sum to 1, as the Armature modifier takes them, or to 0."""
+    sums = weights.sum(axis=1, keepdims=True)
+    return weights / np.where(sums > 0, sums, 1)
 
 
 def _unmatched_islands(mesh: solid.Solid, matched: np.ndarray) -> int:
