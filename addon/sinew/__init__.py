@@ -47,6 +47,8 @@ def _modules():
         preferences,
         profile,
         rig_files,
+        weight_reduction,
+        weight_tools,
         weights,
     )
 
@@ -60,6 +62,8 @@ def _modules():
         cures,
         method_settings,
         weights,
+        weight_tools,
+        weight_reduction,
         bone_lines,
         display,
         menus,

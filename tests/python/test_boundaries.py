@@ -50,6 +50,8 @@ PURE = {
     "blender.materials",
     "blender.modifier_types",
     "cli.command_options",
+    "cli.option_types",
+    "cli.weight_options",
     "crowd.stride",
     "deform.clips",
     "deform.influences",

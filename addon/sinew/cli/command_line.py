@@ -23,14 +23,14 @@ from ..install import bind
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
-from . import bake, bench, command_options, reports, weights
-from .command_options import identifier
+from . import bake, bench, command_options, reports, weight_options, weight_tools, weights
+from .option_types import identifier
 
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command. arguments: the words after `sinew`. Returns the exit code."""
     try:
-        options = command_options.make_parser().parse_args(arguments)
+        options = command_options.make_parser().parse_args(weight_options.joined(list(arguments)))
     except SystemExit as stop:  # argparse has printed help or an error
         return stop.code or 0  # type: ignore[return-value] # argparse's codes are numbers
     try:
@@ -138,11 +138,16 @@ def run_weights(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
     return weights.run(options, open_blend)
 
 
+def run_weight_tool(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
+    return weight_tools.COMMANDS[options.command](options, open_blend)
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
     "info": info,
     "import": import_,
     "export": export,
     "weights": run_weights,
+    **dict.fromkeys(weight_tools.COMMANDS, run_weight_tool),
     "bake": run_bake,
     "bench": run_bench,
 }

@@ -2,12 +2,13 @@
 
 import argparse
 import os
-from collections.abc import Callable
 from typing import Any
 
 from ..bake import frame_range as bake_range
 from ..bake import job
 from ..profiling import costs
+from . import weight_options
+from .option_types import blend_path, frames_by, identifier, positive_integer, positive_number, share
 
 BLENDERS_METHODS = ("linear", "dual-quaternion")  # those of its Armature modifier
 METHODS = (*BLENDERS_METHODS, "blended", "rotation-centers", "direct-delta-mush")
@@ -26,6 +27,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_import(commands)
     add_export(commands)
     add_weights(commands)
+    weight_options.add(lambda name, summary: add_command(commands, name, summary))
     add_bake(commands)
     add_bench(commands)
     return parser
@@ -269,57 +271,3 @@ def add_output_kind(command: Any, **default: str) -> None:
         **default,
         help="where the shape goes: through a modifier (the default), or also into a copy of the mesh",
     )
-
-
-def blend_path(word: str) -> str:
-    if not word.endswith(".blend"):
-        raise argparse.ArgumentTypeError(f"{word} does not end in .blend")
-    return os.path.abspath(word)
-
-
-def frames_by(parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Returns the type of an option whose value is converted by `parse`."""
-
-    def read(word):
-        try:
-            return parse(word)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from error
-
-    return read
-
-
-def positive_integer(word: str) -> int:
-    if not word.isdecimal() or int(word) == 0:
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number above 0")
-    return int(word)
-
-
-def positive_number(word: str) -> float:
-    try:
-        number = float(word)
-    except ValueError:
-        number = 0.0
-    if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"{word} is not a number above 0")
-    return number
-
-
-def share(word: str) -> float:
-    try:
-        number = float(word)
-    except ValueError:
-        number = -1.0
-    if not 0 <= number <= 1:
-        raise argparse.ArgumentTypeError(f"{word} is not a number from 0 to 1")
-    return number
-
-
-def identifier(word: str) -> str:
-    """Converts dual-quaternion to DUAL_QUATERNION, the spelling of the add-on's properties."""
-    return word.upper().replace("-", "_")
-
-
-def word(name: str) -> str:
-    """Converts DUAL_QUATERNION to dual-quaternion."""
-    return name.lower().replace("_", "-")

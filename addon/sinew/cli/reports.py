@@ -12,7 +12,7 @@ from ..profiling import costs
 from ..rigs import rig_import
 from ..run import characters
 from . import command_options
-from .command_options import word
+from .option_types import word
 
 BENCH_ROWS = (
     ("pose_ms", "pose + forward kinematics"),

@@ -9,7 +9,7 @@ import bpy
 from ..plan import bindable
 from ..weights import assigning, checking, parenting
 from .bake import names_of
-from .command_options import identifier
+from .option_types import identifier
 
 
 def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str, int]:
@@ -43,12 +43,17 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     for ob in objects:
         parenting.parent(ob, armature)
     if options.save:
-        try:
-            bpy.ops.wm.save_mainfile()
-        except RuntimeError as error:
-            raise ValueError(str(error).strip().removeprefix("Error: ")) from error
+        save()
     document = {"path": bpy.data.filepath, "saved": options.save, **report.document()}
     return document, report.sentence(), int(report.unweighted > 0)
+
+
+def save() -> None:
+    """Saves the open file in its place. Raises ValueError."""
+    try:
+        bpy.ops.wm.save_mainfile()
+    except RuntimeError as error:
+        raise ValueError(str(error).strip().removeprefix("Error: ")) from error
 
 
 def _armature(name):

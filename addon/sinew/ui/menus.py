@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, frozen, method_settings, weights
+from . import bake, crowd, cures, frozen, method_settings, weight_reduction, weight_tools, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -34,6 +34,8 @@ class SinewMenu(bpy.types.Menu):
         layout.separator()
         layout.operator(weights.ParentWithWeights.bl_idname, text="Parent with Sinew Weights", icon="BONE_DATA")
         layout.operator(weights.CheckWeights.bl_idname)
+        for tool in (*weight_tools.CLASSES, *weight_reduction.CLASSES):
+            layout.operator(tool.bl_idname)
         layout.separator()
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
         layout.operator(bake.PlayCache.bl_idname)
@@ -70,9 +72,12 @@ PLACES = (
     ("TOPBAR_MT_file_import", draw_import),
     ("TOPBAR_MT_file_export", draw_export),
     ("VIEW3D_MT_add", draw_add),
+    ("VIEW3D_MT_object", weight_tools.draw_object),
     ("VIEW3D_MT_object", draw_submenu),
     ("VIEW3D_MT_object_parent", weights.draw_parent),
     ("VIEW3D_MT_paint_weight", weights.draw_assign),
+    ("VIEW3D_MT_paint_weight", weight_tools.draw_paint),
+    ("VIEW3D_MT_paint_weight", weight_reduction.draw_paint),
     ("VIEW3D_MT_pose", draw_submenu),
 )
 CLASSES = [SinewMenu]

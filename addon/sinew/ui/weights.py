@@ -9,8 +9,8 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from ..blender import meshes
 from ..feedback import notice
 from ..plan import bindable
-from ..weights import assigning, background, bone_segments, checking, checks, parenting, reports
-from .in_steps import InSteps
+from ..weights import assigning, bone_segments, checking, checks, parenting, reports
+from .in_background import InBackground
 
 ENDS = (
     (
@@ -21,7 +21,6 @@ ENDS = (
     (bone_segments.TAIL, "Head to Tail", "The bones as they are drawn"),
     (bone_segments.CHILD, "Head to Child", "To the next bone. For imported rigs, whose tails are guesses"),
 )
-COMPUTING = "making weights"
 
 
 class WeightSettings:
@@ -75,29 +74,8 @@ class WeightSettings:
         )
 
 
-class MakesWeights(WeightSettings, InSteps):
-    """What the operators have in common: in a window, the computation runs in a thread of its own, with progress and
-    Esc. Each defines assignment(context), which may raise ValueError, and finish(context, assignment)."""
-
-    bl_options = {"REGISTER", "UNDO"}
-    stopped = "Stopped: no weights were changed"
-
-    def execute(self: Any, context):
-        def work():
-            made = self.assignment(context)
-            made.compute()
-            return self.finish(context, made)
-
-        return self.at_once(work)
-
-    def invoke(self: Any, context, _event):
-        if bpy.app.background or context.window is None:
-            return self.execute(context)
-        return self.at_once(lambda: self.begin(context, self.steps(self.assignment(context))))
-
-    def steps(self, made: assigning.Assignment) -> Any:
-        yield from background.steps(made.compute, COMPUTING)
-        return made
+class MakesWeights(WeightSettings, InBackground):
+    """What the operators that make weights have in common."""
 
     def tell(self: Any, report: reports.Report) -> set[str]:
         self.report({"WARNING"} if report.unweighted else {"INFO"}, report.sentence())

@@ -34,6 +34,16 @@ def world_positions(ob: bpy.types.Object) -> np.ndarray:
     return rest_positions(ob.data) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+def refuse_infinite(ob: bpy.types.Object, positions: np.ndarray) -> None:
+    """Raises ValueError if one of the positions (V, 3) of an object's vertices is not finite."""
+    is_finite = np.isfinite(positions).all(axis=1)
+    if not is_finite.all():
+        raise ValueError(
+            f"Vertex {np.flatnonzero(~is_finite)[0]} of {ob.name} is not at a finite position (NaN or infinite): "
+            "delete it or move it"
+        )
+
+
 def collect(objects: Sequence[bpy.types.Object]) -> Solid:
     """Returns the Solid of mesh objects, none of which is in Edit Mode. Raises ValueError if a position is not
     finite."""
@@ -41,12 +51,7 @@ def collect(objects: Sequence[bpy.types.Object]) -> Solid:
     corner_count = 0
     for ob in objects:
         own = world_positions(ob)
-        is_finite = np.isfinite(own).all(axis=1)
-        if not is_finite.all():
-            raise ValueError(
-                f"Vertex {np.flatnonzero(~is_finite)[0]} of {ob.name} is not at a finite position (NaN or infinite): "
-                "delete it or move it"
-            )
+        refuse_infinite(ob, own)
         _edges, own_offsets, own_corners = meshes.read_topology(ob.data)
         if ob.matrix_world.determinant() < 0:  # mirrored: the other side of each face is outside
             own_corners = own_corners[_reversed_corners(own_offsets)]

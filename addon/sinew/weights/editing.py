@@ -1,0 +1,200 @@
+"""Smooths and mirrors the weights of a mesh object in the bones of its armature."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..blender import meshes
+from ..native import sinew_native
+from . import reports, table
+
+
+@dataclass(frozen=True)
+class Report:
+    """What an edit has changed."""
+
+    objects: tuple[str, ...]  # name of the mesh
+    verb: str  # "smoothed"
+    vertices: int  # that were free to change
+    changed: int
+    kept: tuple[str, ...]  # names of the locked groups
+    unpaired: tuple[str, ...] = ()  # bones of one side that lack the other
+
+    def sentence(self) -> str:
+        """Returns the report for people."""
+        parts = [f"{self.changed:,} of {reports.counted(self.vertices, 'vertex', 'vertices')} {self.verb}"]
+        if self.unpaired:
+            parts.append(f"{reports.counted(len(self.unpaired), 'bone')} without a bone on the other side")
+        if self.kept:
+            parts.append(f"{reports.counted(len(self.kept), 'locked group')} kept")
+        return ", ".join(parts)
+
+    def document(self) -> dict[str, Any]:
+        """Returns the report for JSON."""
+        return {
+            "objects": list(self.objects),
+            "vertices": self.vertices,
+            "changed": self.changed,
+            "locked_groups_kept": list(self.kept),
+            "bones_without_pair": list(self.unpaired),
+        }
+
+
+class Edit:
+    """New weights of a mesh object. It is made and written in the main thread; in between, `compute` may run in any
+    thread, because it does not touch Blender's data."""
+
+    verb = ""
+
+    def __init__(self, ob: bpy.types.Object, free: np.ndarray | None = None) -> None:
+        """Reads the object. free: (V,) bool, the vertices that may change; None: all. Raises ValueError."""
+        table.refuse(ob)
+        self.ob, self.armature = ob, table.armature_of(ob)
+        if free is not None and not free.any():
+            raise ValueError("no vertex is selected: select those whose weights to change, or turn the mask off")
+        self.free = free
+        bones = table.deforming(self.armature)
+        names = table.used_names(ob, bones)
+        if not names:
+            raise ValueError(
+                f"no vertex of {ob.name} has weight in a deforming bone of {self.armature.name}: make weights first"
+            )
+        self.positions = table.own_positions(ob)
+        self._edges, self.face_offsets, self.face_vertices = meshes.read_topology(ob.data)
+        self.table = table.read(ob, self.columns(names, bones))
+        self._refuse_locked()
+        self.made: np.ndarray | None = None
+
+    def columns(self, names: tuple[str, ...], _bones: tuple[str, ...]) -> tuple[str, ...]:
+        """Returns the bones that get columns. names: those with weight; bones: all that deform."""
+        return names
+
+    def _refuse_locked(self) -> None:
+        if self.table.locked.all():
+            raise ValueError(f"all vertex groups of {self.ob.name} that move it are locked: unlock some")
+
+    def compute(self, progress: Any = None) -> bool:
+        """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
+        to write."""
+        self.made = table.beside_locked(self.table, self.new_weights())
+        return progress is None or not progress.is_cancelled
+
+    def new_weights(self) -> np.ndarray:
+        """Returns (V, B)."""
+        raise NotImplementedError
+
+    def write(self) -> Report:
+        """Writes what was computed. Returns the report."""
+        assert self.made is not None
+        changed = table.write(self.ob, self.table, self.made, self.free)
+        reports.forget()  # it is about the weights of before
+        return Report((self.ob.name,), self.verb, self.free_count, int(changed.sum()), self.table.locked_names)
+
+    @property
+    def free_count(self) -> int:
+        """How many vertices may change."""
+        return len(self.positions) if self.free is None else int(np.count_nonzero(self.free))
+
+
+@dataclass(frozen=True)
+class SmoothSettings:
+    """How weights are smoothed, as in sinew_native.smooth_weights."""
+
+    steps: int = 5
+    factor: float = 0.5
+    strength: float = 0.0  # above 0: in one solve, without steps
+
+
+class Smoothing(Edit):
+    """Smooths the weights of all bones along the edges of faces."""
+
+    verb = "smoothed"
+
+    def __init__(
+        self, ob: bpy.types.Object, settings: SmoothSettings = SmoothSettings(), free: np.ndarray | None = None
+    ) -> None:
+        super().__init__(ob, free)
+        if not len(self.face_vertices):
+            raise ValueError(f"{ob.name} has no faces, along whose edges weights are smoothed")
+        self._settings = settings
+
+    def new_weights(self) -> np.ndarray:
+        return sinew_native.smooth_weights(
+            self.table.weights,
+            self.face_offsets,
+            self.face_vertices,
+            strength=self._settings.strength,
+            steps=self._settings.steps,
+            factor=self._settings.factor,
+            mask=self.free,
+            locked=np.flatnonzero(self.table.locked).astype(np.int32),
+            positions=self.positions,
+        )
+
+
+@dataclass(frozen=True)
+class MirrorSettings:
+    """How weights are mirrored: in the space of the object, at its origin."""
+
+    axis: int = 0  # x, y, z
+    from_positive: bool = True
+
+
+class Mirroring(Edit):
+    """Copies weights from one side to the other, by the closest points of the mirrored surface. Bones change places
+    with those that Blender's flipped names belong to."""
+
+    verb = "mirrored"
+
+    def __init__(
+        self, ob: bpy.types.Object, settings: MirrorSettings = MirrorSettings(), free: np.ndarray | None = None
+    ) -> None:
+        super().__init__(ob, free)
+        if not len(self.face_vertices):
+            raise ValueError(f"{ob.name} has no faces, and weights are mirrored by the closest points of faces")
+        self._settings = settings
+
+    def columns(self, names: tuple[str, ...], bones: tuple[str, ...]) -> tuple[str, ...]:
+        wanted = {*names, *(bpy.utils.flip_name(name) for name in names)}
+        return tuple(name for name in bones if name in wanted)
+
+    def pairs(self) -> np.ndarray:
+        """Returns (B,) int32: the column of the bone on the other side, or a bone's own."""
+        names = self.table.names
+        number = {name: column for column, name in enumerate(names)}
+        other = [number.get(bpy.utils.flip_name(name), column) for column, name in enumerate(names)]
+        return np.array([own if other[own] == column else column for column, own in enumerate(other)], np.int32)
+
+    def unpaired(self) -> tuple[str, ...]:
+        """Returns the names of bones that are of one side, and lack the other."""
+        return tuple(
+            name
+            for column, (name, own) in enumerate(zip(self.table.names, self.pairs()))
+            if own == column and bpy.utils.flip_name(name) != name
+        )
+
+    def new_weights(self) -> np.ndarray:
+        side = "positive" if self._settings.from_positive else "negative"
+        toward = 1 if self._settings.from_positive else -1
+        if not (toward * self.positions[:, self._settings.axis] > 0).any():
+            raise ValueError(
+                f"{self.ob.name} has no vertices on the {side} side of its {'XYZ'[self._settings.axis]} axis to copy "
+                "weights from: choose the other direction, or move its origin to the middle"
+            )
+        return sinew_native.mirror_weights(
+            self.table.weights,
+            self.positions,
+            self.face_offsets,
+            self.face_vertices,
+            self.pairs(),
+            axis=self._settings.axis,
+            from_positive=self._settings.from_positive,
+            mask=self.free,
+        )
+
+    def write(self) -> Report:
+        unpaired = self.unpaired()
+        made = super().write()
+        return Report(made.objects, made.verb, made.vertices, made.changed, made.kept, unpaired)

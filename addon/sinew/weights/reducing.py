@@ -1,0 +1,162 @@
+"""Leaves each vertex of a mesh object only so many bones, chosen by how far the vertex moves without the others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..native import sinew_native
+from . import editing, reports, solid, table
+
+# Returns skinning matrices in world space (F, B, 4, 4) of an armature's bones of these names.
+Pose = Callable[[bpy.types.Object, tuple[str, ...]], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How weights are reduced."""
+
+    max_influences: int = 4
+    rings: int = 2  # over how many edges a bone fades out towards vertices that have lost it
+    tolerance: float = 0.0  # in world space; 0: none
+
+
+@dataclass(frozen=True)
+class Report:
+    """How far vertices move with fewer bones, over all poses."""
+
+    objects: tuple[str, ...]  # name of the mesh
+    vertices: int  # that were free to change
+    changed: int
+    most: int  # bones per vertex
+    poses: int
+    largest: float  # move of a vertex, in world space
+    mean: float  # of the vertices that have changed
+    tolerance: float
+    over: int  # vertices that move farther
+    kept: tuple[str, ...]  # names of the locked groups
+    is_written: bool
+
+    def sentence(self, length: Callable[[float], str]) -> str:
+        """Returns the report for people. length(distance): writes a distance in the scene's unit."""
+        vertices, bones = reports.counted(self.vertices, "vertex", "vertices"), reports.counted(self.most, "bone")
+        if not self.changed:
+            return f"none of {vertices} has more than {bones}"
+        did = "reduced to" if self.is_written else "would be reduced to"
+        text = f"{self.changed:,} of {vertices} {did} {bones}: "
+        text += "they move" if self.is_written else "they would move"
+        text += f" by at most {length(self.largest)}, on average {length(self.mean)}, in {self.poses:,} poses"
+        if self.tolerance > 0:
+            text += f", {self.over:,} by more than {length(self.tolerance)}"
+        return text + (f", {reports.counted(len(self.kept), 'locked group')} kept" if self.kept else "")
+
+    def document(self) -> dict[str, Any]:
+        """Returns the report for JSON. Lengths are in world space."""
+        return {
+            "objects": list(self.objects),
+            "vertices": self.vertices,
+            "changed": self.changed,
+            "max_influences": self.most,
+            "poses": self.poses,
+            "largest_move": self.largest,
+            "mean_move": self.mean,
+            "over_tolerance": self.over,
+            "locked_groups_kept": list(self.kept),
+        }
+
+
+class Reduction(editing.Edit):
+    """Fewer bones per vertex. Locked groups stay, and count."""
+
+    verb = "reduced"
+
+    def __init__(
+        self, ob: bpy.types.Object, pose: Pose, settings: Settings = Settings(), free: np.ndarray | None = None
+    ) -> None:
+        """Reads the object and, by `pose`, the poses in which moves are measured. Raises ValueError."""
+        super().__init__(ob, free)
+        self._settings = settings
+        self._places = solid.world_positions(ob)
+        solid.refuse_infinite(ob, self._places)
+        self._matrices = np.asarray(pose(self.armature, self.table.names), np.float64)
+        self.largest = np.zeros(len(self._places))  # (V,): move of each vertex over the poses, in world space
+        self.mean = np.zeros(len(self._places))
+
+    def new_weights(self) -> np.ndarray:
+        locked = self.table.locked
+        held = np.count_nonzero(self.table.weights[:, locked] > 0, axis=1)
+        if self._settings.rings and len(self.face_vertices) and not held.any():
+            made, self.largest, self.mean = sinew_native.reduce_weights(
+                self.table.weights,
+                self._places,
+                self._matrices,
+                max_influences=self._settings.max_influences,
+                rings=self._settings.rings,
+                face_offsets=self.face_offsets,
+                face_vertices=self.face_vertices,
+            )
+        else:
+            made = self._each_alone(held)
+        if self.free is not None:
+            for each in (self.largest, self.mean):
+                each[~self.free] = 0
+        return made
+
+    def _each_alone(self, held: np.ndarray) -> np.ndarray:
+        """Returns (V, B), where the unlocked bones share the places that the locked ones leave: held (V,) is how many
+        these take."""
+        weights, unlocked = self.table.weights, np.flatnonzero(~self.table.locked)
+        limits = np.maximum(self._settings.max_influences - held, 1)
+        own = weights[:, unlocked]
+        is_chosen = np.count_nonzero(own > 0, axis=1) > limits
+        if self.free is not None:
+            is_chosen &= self.free
+        sums = weights.sum(axis=1)
+        made = weights.copy()
+        for limit in np.unique(limits[is_chosen]).tolist():
+            rows = np.flatnonzero(is_chosen & (limits == limit))
+            reduced, largest, mean = sinew_native.reduce_weights(
+                own[rows], self._places[rows], self._matrices[:, unlocked], max_influences=limit
+            )
+            made[np.ix_(rows, unlocked)] = reduced
+            share = own[rows].sum(axis=1) / sums[rows]  # the locked bones move the vertex as before
+            self.largest[rows], self.mean[rows] = largest * share, mean * share
+        return made
+
+    def compute(self, progress: Any = None) -> bool:
+        self.made = self.new_weights()
+        return progress is None or not progress.is_cancelled
+
+    def over(self) -> np.ndarray:
+        """Returns (V,) bool: the vertices that move farther than the tolerance, if there is one."""
+        return (self.largest > self._settings.tolerance) & (self._settings.tolerance > 0)
+
+    def report(self, is_written: bool = False) -> Report:
+        """Returns what was computed, for people."""
+        assert self.made is not None
+        changed = (self.made != self.table.weights).any(axis=1)
+        if self.free is not None:
+            changed &= self.free
+        return Report(
+            (self.ob.name,),
+            self.free_count,
+            int(changed.sum()),
+            self._settings.max_influences,
+            len(self._matrices),
+            float(self.largest.max(initial=0)),
+            float(self.mean[changed].mean()) if changed.any() else 0.0,
+            self._settings.tolerance,
+            int(self.over().sum()),
+            self.table.locked_names,
+            is_written,
+        )
+
+    def write(self) -> Any:
+        """Writes what was computed. Returns the report."""
+        assert self.made is not None
+        report = self.report(is_written=True)
+        table.write(self.ob, self.table, self.made, self.free)
+        reports.forget()  # it is about the weights of before
+        return report

@@ -1,0 +1,234 @@
+"""Copies the weights of meshes to other meshes, as from a body to clothes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..deform import influences
+from ..native import sinew_native
+from ..plan import bindable
+from . import checks, parenting, reports, solid, table
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which vertices get the weights of the closest point of the source, as in sinew_native.transfer_weights."""
+
+    distance: float = 0.05  # largest, share of the diagonal of the target's bounding box
+    angle: float = 30.0  # largest, degrees between the normals
+    flipped: bool = False  # whether normals may also be opposite
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What one mesh has got."""
+
+    name: str
+    vertices: int
+    matched: int  # vertices that have the weights of the closest point
+    islands: int  # parts without such a vertex, which follow their nearest point
+    unweighted: int  # vertices that have got nothing, because that point has no weights
+    kept: tuple[str, ...]  # names of locked groups
+
+
+@dataclass(frozen=True)
+class Report:
+    """The result of a transfer."""
+
+    sources: tuple[str, ...]
+    fits: tuple[Fit, ...]
+
+    @property
+    def unweighted(self) -> int:
+        """How many vertices have got no weights."""
+        return sum(fit.unweighted for fit in self.fits)
+
+    def sentence(self) -> str:
+        """Returns the report for people."""
+        vertices, matched = sum(fit.vertices for fit in self.fits), sum(fit.matched for fit in self.fits)
+        islands, kept = sum(fit.islands for fit in self.fits), sum(len(fit.kept) for fit in self.fits)
+        text = f"{reports.counted(vertices, 'vertex', 'vertices')}: {matched:,} matched"
+        if matched < vertices:
+            text += f", {vertices - matched:,} filled in"
+        if islands:
+            text += f", {reports.counted(islands, 'island')} {'follows its' if islands == 1 else 'follow their'} "
+            text += "nearest point"
+        text += f", {self.unweighted:,} without weights" if self.unweighted else ""
+        return text + (f", {reports.counted(kept, 'locked group')} kept" if kept else "")
+
+    def document(self) -> dict[str, Any]:
+        """Returns the report for JSON."""
+        return {
+            "sources": list(self.sources),
+            "objects": [
+                {
+                    "name": fit.name,
+                    "vertices": fit.vertices,
+                    "matched": fit.matched,
+                    "filled": fit.vertices - fit.matched,
+                    "islands": fit.islands,
+                    "unweighted": fit.unweighted,
+                    "locked_groups_kept": list(fit.kept),
+                }
+                for fit in self.fits
+            ],
+        }
+
+
+class Transfer:
+    """Weights of mesh objects from those of other mesh objects, at rest in world space. It is made and written in the
+    main thread; in between, `compute` may run in any thread, because it does not touch Blender's data."""
+
+    def __init__(
+        self,
+        sources: Sequence[bpy.types.Object],
+        targets: Sequence[bpy.types.Object],
+        settings: Settings = Settings(),
+        add_modifier: bool = False,
+    ) -> None:
+        """Reads everything. add_modifier: whether targets that no armature deforms become children of the first
+        source's armature, with an Armature modifier. Raises ValueError."""
+        refuse(sources, targets)
+        self.sources, self.targets, self._settings = list(sources), list(targets), settings
+        armatures = dict.fromkeys(map(table.armature_of, self.sources))
+        self.armature = next(iter(armatures))
+        bones = tuple(dict.fromkeys(name for each in armatures for name in table.deforming(each)))
+        own_names = [table.used_names(ob, bones) for ob in self.sources]
+        for ob, names in zip(self.sources, own_names):
+            if not names:
+                raise ValueError(f"no vertex of {ob.name} has weight in a deforming bone: make its weights first")
+        self._source_names = tuple(name for name in bones if any(name in names for names in own_names))
+        self._refuse_other_bones(armatures)
+        self._without_modifier = [ob for ob in self.targets if add_modifier and bindable.find_armature(ob) is None]
+        for ob in self._without_modifier:
+            why = parenting.why_not(ob, self.armature)
+            if why:
+                raise ValueError(f"{ob.name} {why}")
+        self._from = solid.collect(self.sources)
+        if not len(self._from.face_vertices):
+            raise ValueError(f"{_names(self.sources)} has no faces: weights are copied from the points of faces")
+        self._weights = np.concatenate([table.read(ob, self._source_names).weights for ob in self.sources])
+        self._to = [solid.collect([ob]) for ob in self.targets]
+        more = [tuple(name for name in bones if name not in self._source_names) for _ in self.targets]
+        self._tables = [
+            table.read(ob, (*self._source_names, *table.used_names(ob, own))) for ob, own in zip(self.targets, more)
+        ]
+        self._refuse_locked()
+        self._made: list[np.ndarray] = []
+        self.matched: list[np.ndarray] = []  # (V,) bool for each target
+
+    def _refuse_other_bones(self, armatures: Any) -> None:
+        """Raises ValueError if a target's own armature lacks bones of the source."""
+        for ob in self.targets:
+            own = bindable.find_armature(ob)
+            if own is None or own in armatures:
+                continue
+            there = set(table.deforming(own))
+            missing = [name for name in self._source_names if name not in there]
+            if missing:
+                listed = ", ".join(missing[:3]) + (f" and {len(missing) - 3:,} more" if len(missing) > 3 else "")
+                raise ValueError(
+                    f"{ob.name} belongs to {own.name}, which lacks deforming bones that move "
+                    f"{_names(self.sources)}: {listed}. Give it the Armature modifier of {self.armature.name}"
+                )
+
+    def _refuse_locked(self) -> None:
+        for ob, own in zip(self.targets, self._tables):
+            if own.locked[: len(self._source_names)].all():
+                raise ValueError(f"all vertex groups of {ob.name} that would get weights are locked: unlock some")
+
+    def compute(self, progress: Any = None) -> bool:
+        """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
+        to write."""
+        self._made, self.matched = [], []
+        for own, to in zip(self._tables, self._to):
+            if progress is not None and progress.is_cancelled:
+                return False
+            # Locked bones are left out: where they alone move the source, the target follows the others around.
+            columns = np.flatnonzero(~own.locked[: len(self._source_names)])
+            made, matched = sinew_native.transfer_weights(
+                self._from.positions,
+                self._from.face_offsets,
+                self._from.face_vertices,
+                _normalized(self._weights[:, columns]),
+                to.positions,
+                to.face_offsets,
+                to.face_vertices,
+                distance=self._settings.distance,
+                angle=self._settings.angle,
+                flipped=self._settings.flipped,
+            )
+            whole = np.zeros_like(own.weights)
+            whole[:, columns] = made
+            self._made.append(table.beside_locked(own, whole))
+            self.matched.append(np.asarray(matched, bool))
+        return progress is None or not progress.is_cancelled
+
+    def report(self) -> Report:
+        """Returns what was computed, for people."""
+        fits = tuple(
+            Fit(
+                ob.name,
+                len(matched),
+                int(matched.sum()),
+                _unmatched_islands(to, matched),
+                int(np.count_nonzero(made.sum(axis=1) <= influences.SMALLEST_WEIGHT_SUM)),
+                own.locked_names,
+            )
+            for ob, to, matched, made, own in zip(self.targets, self._to, self.matched, self._made, self._tables)
+        )
+        return Report(tuple(ob.name for ob in self.sources), fits)
+
+    def write(self) -> Report:
+        """Writes what was computed: once into each mesh. Returns the report."""
+        report = self.report()
+        for ob, own, made in zip(self.targets, self._tables, self._made):
+            table.write(ob, own, made)
+        for ob in self._without_modifier:
+            parenting.parent(ob, self.armature)
+        reports.forget()  # it is about the weights of before
+        return report
+
+
+def refuse(sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> None:
+    """Raises ValueError if weights cannot be copied from the sources, or written to the targets."""
+    if not sources or not targets:
+        raise ValueError("nothing to copy between: select the clothes, then the body last, so that it is active")
+    for ob in sources:
+        if ob.type != "MESH":
+            raise ValueError(f"{ob.name} is not a mesh: choose the mesh to copy weights from")
+        if ob.data.is_editmode:
+            raise ValueError(f"{ob.name} is in Edit Mode; leave it first")
+    for ob in targets:
+        if ob in sources:
+            raise ValueError(f"{ob.name} is both where weights come from and where they go: choose another mesh")
+        table.refuse(ob)
+
+
+def _names(objects):
+    return ", ".join(ob.name for ob in objects)
+
+
+def _normalized(weights: np.ndarray) -> np.ndarray:
+    """Returns weights (V, B) that sum to 1, as the Armature modifier takes them, or to 0."""
+    sums = weights.sum(axis=1, keepdims=True)
+    return weights / np.where(sums > 0, sums, 1)
+
+
+def _unmatched_islands(mesh: solid.Solid, matched: np.ndarray) -> int:
+    """Returns how many parts of a mesh have no matched vertex."""
+    size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0)))
+    weld = checks.welded(mesh.positions, size)
+    label = checks.islands(len(weld), weld[_edges(mesh)])[weld]
+    return len(np.setdiff1d(label, label[matched]))
+
+
+def _edges(mesh):
+    """Returns (C, 2): the edges of all faces."""
+    following = np.arange(1, len(mesh.face_vertices) + 1)
+    sizes = np.diff(mesh.face_offsets)
+    following[mesh.face_offsets[1:][sizes > 0] - 1] = mesh.face_offsets[:-1][sizes > 0]
+    return np.stack((mesh.face_vertices, mesh.face_vertices[following]), axis=1)
