@@ -47,6 +47,7 @@ def _modules():
         preferences,
         profile,
         rig_files,
+        to_bones,
         weights,
     )
 
@@ -56,6 +57,7 @@ def _modules():
         rig_files,
         operators,
         bake,
+        to_bones,
         crowd,
         cures,
         method_settings,

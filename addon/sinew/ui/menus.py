@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, frozen, method_settings, weights
+from . import bake, crowd, cures, frozen, method_settings, to_bones, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -38,6 +38,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
         layout.operator(bake.PlayCache.bl_idname)
         layout.operator(bake.TakeOffCache.bl_idname)
+        to_bones.draw_operator(layout)
         layout.separator()
         layout.operator(frozen.Record.bl_idname, icon="REC")
         layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
@@ -71,6 +72,7 @@ PLACES = (
     ("TOPBAR_MT_file_export", draw_export),
     ("VIEW3D_MT_add", draw_add),
     ("VIEW3D_MT_object", draw_submenu),
+    ("VIEW3D_MT_object", to_bones.draw_object),
     ("VIEW3D_MT_object_parent", weights.draw_parent),
     ("VIEW3D_MT_paint_weight", weights.draw_assign),
     ("VIEW3D_MT_pose", draw_submenu),
