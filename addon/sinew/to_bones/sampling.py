@@ -101,8 +101,8 @@ def _joined(faces, starts):
 
 
 def _rest(context, objects, rig, first, places, counts, origin):
-    """Returns (V, 3) float32: each mesh's own vertices where it is on the first frame. If modifiers make other vertices:
-    its shape on the first frame, with the rig, if there is one, at rest."""
+    """Returns (V, 3) float32: each mesh's own vertices, where it is on the first frame. If modifiers make other ones, its
+    shape on that frame, with the rig, if there is one, at rest."""
     found = [solid.rest_positions(ob.data) for ob in objects]
     others = [i for i, count in enumerate(counts) if len(found[i]) != count]
     if others:
