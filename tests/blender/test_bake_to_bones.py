@@ -195,6 +195,7 @@ def test_several_meshes_get_one_armature(figure):
 def test_modifiers_that_make_vertices(figure, source):
     ob, _ = figure
     ob.modifiers.new("Both", "MIRROR").use_axis = (False, True, False)
+    select(ob)
     bpy.ops.object.modifier_move_to_index(modifier="Both", index=0)
     before = played(ob)
     _, (made,) = bake(ob, source=source, bones=10, max_influences=8)

@@ -1,4 +1,4 @@
-"""The command `bake-to-bones`: makes an armature with keyframes and meshes with weights that play meshes of a .blend."""
+"""The command `bake-to-bones`: makes an armature and meshes with weights that play meshes of a .blend."""
 
 import argparse
 from collections.abc import Callable

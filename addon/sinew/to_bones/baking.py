@@ -46,8 +46,8 @@ def run(context: Any, objects: Sequence[bpy.types.Object], settings: Settings) -
 def steps(
     context: Any, objects: Sequence[bpy.types.Object], settings: Settings, in_thread: bool = True
 ) -> Generator[tuple[float, str], None, Report]:
-    """Bakes step by step, in Object Mode: a generator of (share done, what comes next) that returns a Report. Closing it
-    early is safe: all that is written is written in the last step. The frame is restored. Raises ValueError.
+    """Bakes step by step, in Object Mode: a generator of (share done, what comes next) that returns a Report. Closing
+    it early is safe: all that is written is written in the last step. The frame is restored. Raises ValueError.
 
     in_thread: whether the computation runs in a thread of its own, so that steps stay short.
     """
@@ -141,8 +141,8 @@ def _scaled(work, first, last):
 
 
 def new_joints(found: Any, rest: np.ndarray) -> Joints:
-    """Returns Joints for those that were found: without parents, each as long as half of what it moves is wide. found: a
-    sinew_native.Decomposition of positions rest (V, 3)."""
+    """Returns Joints for those that were found: without parents, each as long as half of what it moves is wide.
+    found: a sinew_native.Decomposition of positions rest (V, 3)."""
     count = found.joint_count
     vertex = np.repeat(np.arange(len(rest)), np.diff(found.offsets))
     off = ((rest[vertex] - found.rest[found.joints, :3, 3]) ** 2).sum(axis=1)

@@ -39,8 +39,8 @@ class Keys:
 def keys_of(joints: Joints, motions: np.ndarray, frames: Sequence[int]) -> tuple[Keys, np.ndarray]:
     """Returns the Keys that play skinning matrices (F, J, 4, 4), and the skinning matrices that they play.
 
-    The two differ only where a bone shears, which no bone of an armature can: it gets the rotation and the scale along its
-    own axes that are closest. Poses are composed as by bones that inherit rotation and full scale:
+    The two differ only where a bone shears, which no bone of an armature can: it gets the rotation and the scale along
+    its own axes that are closest. Poses are composed as by bones that inherit rotation and full scale:
     pose = pose(parent) rest(parent)^-1 rest basis. frames: their numbers, for the message.
     Raises ValueError if a bone has children and a scale of 0 along an axis.
     """
@@ -65,8 +65,8 @@ def keys_of(joints: Joints, motions: np.ndarray, frames: Sequence[int]) -> tuple
 
 
 def turn_and_scale(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Splits matrices (..., 3, 3) into the nearest rotation (..., 3, 3) and a scale (..., 3) along its columns, all below
-    0 if the matrix mirrors."""
+    """Splits matrices (..., 3, 3) into the nearest rotation (..., 3, 3) and a scale (..., 3) along its columns, all
+    below 0 if the matrix mirrors."""
     sign = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None]
     left, _, right = np.linalg.svd(sign * linear)
     left[..., -1] *= np.linalg.det(left @ right)[..., None]
@@ -79,6 +79,6 @@ def _refuse_flat(name, poses, frames):
     flat = np.flatnonzero(sizes < SMALLEST_SCALE)
     if len(flat):
         raise ValueError(
-            f"{name} has a scale of 0 along an axis on frame {frames[flat[0]]}, and other bones follow it: choose other "
-            "frames, or find new bones"
+            f"{name} has a scale of 0 along an axis on frame {frames[flat[0]]}, and other bones follow it: choose "
+            "other frames, or new bones"
         )

@@ -10,8 +10,8 @@ from ..weights.reports import counted
 
 @dataclass(frozen=True)
 class Report:
-    """The result of a bake. Distances are between what the new mesh plays and the original, over all vertices and frames,
-    in Blender's unit."""
+    """The result of a bake. Distances are between what the new mesh plays and the original, over all vertices and
+    frames, in Blender's unit."""
 
     armature: str  # name of the new one
     objects: tuple[str, ...]  # names of the new meshes
@@ -28,11 +28,13 @@ class Report:
 
     def sentence(self) -> str:
         """Returns the report for people, with distances in the scene's unit."""
-        return (
-            f"{', '.join(self.sources)}: {counted(self.vertices, 'vertex', 'vertices')}, {counted(self.bones, 'bone')}, "
-            f"{counted(self.frame_count, 'frame')}; off by {length(self.mean)} on average, {length(self.largest)} at most; "
-            f"{self.seconds:.1f} s"
+        counts = (
+            counted(self.vertices, "vertex", "vertices"),
+            counted(self.bones, "bone"),
+            counted(self.frame_count, "frame"),
         )
+        off = f"off by {length(self.mean)} on average, {length(self.largest)} at most"
+        return f"{', '.join(self.sources)}: {', '.join(counts)}; {off}; {self.seconds:.1f} s"
 
     def document(self) -> dict[str, Any]:
         """Returns the report for JSON."""
@@ -47,9 +49,8 @@ def length(distance: float) -> str:
     if unit.system == "NONE":
         return f"{distance:.3g}"
     value = distance * unit.scale_length
-    for name, size in METRIC if unit.system == "METRIC" else IMPERIAL:
-        if value >= size:
-            break
+    units = METRIC if unit.system == "METRIC" else IMPERIAL
+    name, size = next((each for each in units if value >= each[1]), units[-1])
     return f"{value / size:.3g} {name}"
 
 

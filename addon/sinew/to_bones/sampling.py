@@ -34,8 +34,8 @@ class Clip:
 def sample(
     context: bpy.types.Context, objects: Sequence[bpy.types.Object], rig: Any, frames: FrameRange
 ) -> Generator[tuple[float, str], None, Clip]:
-    """Yields (share done, what comes next), and returns a Clip. rig: an armature, or None. The scene is left at any frame.
-    Raises ValueError if a mesh has no vertices, not the same vertices on all frames, or a position that is not finite."""
+    """Yields (share done, what comes next), and returns a Clip. rig: an armature, or None. The frame changes. Raises
+    ValueError if a mesh has no vertices, not the same number on all frames, or a position that is not finite."""
     context.scene.frame_set(frames.first)
     graph = context.evaluated_depsgraph_get()
     places = [values.matrix_to_numpy(ob.evaluated_get(graph).matrix_world) for ob in objects]
@@ -101,8 +101,8 @@ def _joined(faces, starts):
 
 
 def _rest(context, objects, rig, first, places, counts, origin):
-    """Returns (V, 3) float32: each mesh's own vertices, where it is on the first frame. If modifiers make other ones, its
-    shape on that frame, with the rig, if there is one, at rest."""
+    """Returns (V, 3) float32: each mesh's own vertices, where it is on the first frame. If modifiers make other ones,
+    its shape on that frame, with the rig, if there is one, at rest."""
     found = [solid.rest_positions(ob.data) for ob in objects]
     others = [i for i, count in enumerate(counts) if len(found[i]) != count]
     if others:
