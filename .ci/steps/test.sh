@@ -45,7 +45,7 @@ run_tests() {
     start "fuzzing" fuzz
   fi
   start "Python package" package_tests
-  install_packages assimp-testmodels # characters that nobody here made
+  install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
   for version in "${versions[@]}"; do
     part=()
     [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")

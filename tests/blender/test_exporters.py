@@ -1,11 +1,11 @@
 """Blender's own exporters: a bound character becomes the same file as an unbound one."""
 
-import addon_utils
 import bpy
 import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
+from exporting import enable_exporters, operator, skip_without
 from helpers import addon_module, assert_same_on_all_frames, diagonal, evaluated, maps_files, twin_of, way
 
 FRAMES = range(1, 5)
@@ -43,18 +43,9 @@ EXPORTERS = {
 SMOOTHED = ("USD", "Alembic", "glTF with modifiers")  # written once more, with a modifier behind the armature
 
 
-def operator(name):
-    """Or None, if this Blender does not have it."""
-    kind, _, name = name.partition(".")
-    return getattr(getattr(bpy.ops, kind), name) if name in dir(getattr(bpy.ops, kind)) else None
-
-
 @pytest.fixture(scope="module", autouse=True)
 def addons():
-    """Those that Blender brings."""
-    for name in ("io_scene_gltf2", "io_scene_fbx"):
-        if any(module.__name__ == name for module in addon_utils.modules()):
-            bpy.ops.preferences.addon_enable(module=name)
+    enable_exporters()
 
 
 def make_figure(with_keys, is_smoothed=False):
@@ -76,12 +67,7 @@ def make_figure(with_keys, is_smoothed=False):
 
 def export(name, path):
     write, read, _, options = EXPORTERS[name]
-    if operator(write) is None or operator(read) is None:
-        pytest.skip("this Blender does not have that exporter")
-    if not set(options).issubset(operator(write).get_rna_type().properties.keys()):
-        pytest.skip("this Blender's exporter does not have these options")
-    if write == GLTF[0] and bpy.app.version < (4, 0):
-        pytest.skip("this Blender's glTF add-on is older than the system's numpy, and cannot read a mesh")
+    skip_without(write, read, options=options)
     path.parent.mkdir(exist_ok=True)
     bpy.context.scene.frame_set(3)  # some leave another frame behind
     assert operator(write)(filepath=str(path), **options) == {"FINISHED"}

@@ -462,10 +462,11 @@ def test_bake_and_crowd_are_in_the_tab(fresh_scene):
             panel.draw(SimpleNamespace(layout=notes), bpy.context)
         return notes.said
 
-    everything = ["object.sinew_bake", "object.sinew_play_cache", "Add Crowd"]
+    everything = ["object.sinew_bake", "object.sinew_play_cache", "object.sinew_bake_to_bones", "Add Crowd"]
     assert offered(ob) == offered(armature) == everything and offered() == []
     ob.sinew.cache_kept = "anything"
-    assert offered(ob) == ["object.sinew_bake", "object.sinew_take_off_cache", "Add Crowd"]
+    everything[1] = "object.sinew_take_off_cache"
+    assert offered(ob) == everything
 
 
 @pytest.mark.parametrize("is_bound", (True, False))

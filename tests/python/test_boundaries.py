@@ -23,7 +23,7 @@ LAYERS = (
     {"install", "weights"},
     {"main", "rigs"},
     {"bake", "frozen", "profiling"},
-    {"crowd"},
+    {"crowd", "to_bones"},
     {"ui", "cli", "without_native"},
     {"__init__"},
 )
@@ -66,6 +66,7 @@ PURE = {
     "plan.ways",
     "profiling.costs",
     "run.mail",
+    "to_bones.joints",
     "weights.bone_segments",
     "weights.checks",
     "weights.reports",

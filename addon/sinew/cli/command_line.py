@@ -1,5 +1,5 @@
-"""Sinew from a shell, for render farms and tests: `info`, `import`, `export`, `weights`, `bake` and
-`bench`.
+"""Sinew from a shell, for render farms and tests: `info`, `import`, `export`, `weights`, `bake`,
+`bake-to-bones` and `bench`.
 
     blender -b --command sinew info PATH                                      Blender 4.2 and later
     blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
@@ -23,7 +23,7 @@ from ..install import bind
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
-from . import bake, bench, command_options, reports, weight_options, weight_tools, weights
+from . import bake, bench, command_options, reports, to_bones, weight_options, weight_tools, weights
 from .option_types import identifier
 
 
@@ -134,6 +134,10 @@ def run_bake(options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     return bake.run(options, open_blend)
 
 
+def run_to_bones(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
+    return to_bones.run(options, open_blend)
+
+
 def run_weights(options: argparse.Namespace) -> tuple[dict[str, Any], str, int]:
     return weights.run(options, open_blend)
 
@@ -149,6 +153,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
     "weights": run_weights,
     **dict.fromkeys(weight_tools.COMMANDS, run_weight_tool),
     "bake": run_bake,
+    "bake-to-bones": run_to_bones,
     "bench": run_bench,
 }
 

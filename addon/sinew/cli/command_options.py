@@ -29,6 +29,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_weights(commands)
     weight_options.add(lambda name, summary: add_command(commands, name, summary))
     add_bake(commands)
+    add_bake_to_bones(commands)
     add_bench(commands)
     return parser
 
@@ -221,6 +222,55 @@ def add_bake(commands: Any) -> None:
         action="store_true",
         help="bake nothing: exit with 0 if everything is baked and complete, else say what is missing",
     )
+
+
+def add_bake_to_bones(commands: Any) -> None:
+    command = add_command(
+        commands,
+        "bake-to-bones",
+        "make an armature with keyframes and meshes with weights that play what meshes do, whatever deforms them",
+    )
+    command.add_argument(
+        "path", metavar="FILE.blend", nargs="?", type=blend_path, help="default: the file that is open"
+    )
+    command.add_argument(
+        "--objects",
+        metavar="NAME,...",
+        action="append",
+        help="which meshes, for one armature (default: all visible ones with modifiers or shape keys); may be repeated",
+    )
+    command.add_argument(
+        "--frames",
+        metavar="A-B[:STEP]",
+        type=frames_by(bake_range.parse),
+        help="the frames to bake (default: the scene's; if the first is negative, --frames=-5-10)",
+    )
+    command.add_argument(
+        "--bones", metavar="N", type=positive_integer, default=20, help="the largest number of bones to find (20)"
+    )
+    command.add_argument(
+        "--rig-bones",
+        action="store_true",
+        help="find no bones: copy the deforming bones of the meshes' armature with their motion, and find weights",
+    )
+    command.add_argument(
+        "--max-influences", metavar="N", type=positive_integer, default=4, help="the most bones per vertex (4)"
+    )
+    command.add_argument("--iterations", metavar="N", type=positive_integer, default=30, help="how many at most (30)")
+    command.add_argument(
+        "--tolerance",
+        metavar="S",
+        type=share,
+        default=1e-3,
+        help="stop when three iterations lower the error by less than this share of it (0.001)",
+    )
+    command.add_argument(
+        "--max-error",
+        metavar="D",
+        type=positive_number,
+        help="fail, and save nothing, if a vertex is further off than this on any frame, in Blender's unit",
+    )
+    command.add_argument("--save", action="store_true", help="save the file in its place (default: nothing is saved)")
 
 
 def add_bench(commands: Any) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, frozen, method_settings, weight_reduction, weight_tools, weights
+from . import bake, crowd, cures, frozen, method_settings, to_bones, weight_reduction, weight_tools, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -40,6 +40,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(bake.Bake.bl_idname, icon="FILE_CACHE")
         layout.operator(bake.PlayCache.bl_idname)
         layout.operator(bake.TakeOffCache.bl_idname)
+        to_bones.draw_operator(layout)
         layout.separator()
         layout.operator(frozen.Record.bl_idname, icon="REC")
         layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
@@ -74,6 +75,7 @@ PLACES = (
     ("VIEW3D_MT_add", draw_add),
     ("VIEW3D_MT_object", weight_tools.draw_object),
     ("VIEW3D_MT_object", draw_submenu),
+    ("VIEW3D_MT_object", to_bones.draw_object),
     ("VIEW3D_MT_object_parent", weights.draw_parent),
     ("VIEW3D_MT_paint_weight", weights.draw_assign),
     ("VIEW3D_MT_paint_weight", weight_tools.draw_paint),

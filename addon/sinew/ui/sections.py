@@ -17,6 +17,7 @@ from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .rig_files import ImportRig
+from .to_bones import draw_operator as draw_bake_to_bones
 
 WAYS = {"ATTRIBUTE": "Attribute", "CANVAS": "Canvas", "KEYS": "Shape Keys", "BLENDER": "Blender's Modifier"}
 CROWD_SETTINGS = ("Agents", "Lanes", "Lane Distance", "Jitter", "Seed", "Speed", "Speed Variation", "Size Variation")
@@ -62,6 +63,7 @@ def draw_bake_and_crowd(layout: bpy.types.UILayout, context: bpy.types.Context) 
         layout.operator(TakeOffCache.bl_idname, icon="X")
     else:
         layout.operator(PlayCache.bl_idname, icon="PLAY")
+    draw_bake_to_bones(layout)
     layout.operator(AddCrowd.bl_idname, text="Add Crowd", icon="COMMUNITY")
 
 

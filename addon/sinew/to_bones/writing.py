@@ -1,0 +1,139 @@
+"""Writes what was found to the scene: an armature with an action, and meshes with weights beside the originals."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..bake.frame_range import FrameRange
+from ..blender import meshes, weight_writing
+from ..rigs import clip_keyframes, rig_import
+from . import joints as joint_motions
+from .joints import Joints, Keys
+from .sampling import Clip
+
+ERROR = "bone_error"  # name of the attribute: the largest distance of each vertex over the frames
+
+
+def write(
+    context: bpy.types.Context,
+    objects: Sequence[bpy.types.Object],
+    clip: Clip,
+    joints: Joints,
+    found: Any,
+    frames: FrameRange,
+) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
+    """Makes the armature and a mesh for each object, and selects them. found: a sinew_native.Decomposition. Returns the
+    armature and the meshes. If an error occurs, nothing is left behind."""
+    created: list[Any] = []
+    active, selected = context.view_layer.objects.active, list(context.selected_objects)
+    try:
+        context.scene.frame_set(frames.first)
+        copies = [_copied_mesh(context, ob, created) for ob in objects]
+        armature = _build_armature(context, objects[0], clip, joints, created)
+        rest = np.array([bone.matrix_local for bone in armature.data.bones], np.float64)
+        exact = Joints(joints.names, joints.parents, rest, joints.lengths)
+        keys, _played = joint_motions.keys_of(exact, found.poses, list(frames))
+        _insert_keys(armature, keys, frames, created)
+        made = [
+            _build_mesh(ob, mesh, armature, clip, number, joints.names, found, created)
+            for number, (ob, mesh) in enumerate(zip(objects, copies))
+        ]
+    except BaseException:  # also an interrupt
+        rig_import.remove(created)
+        context.view_layer.objects.active = active
+        for ob in selected:
+            ob.select_set(True)
+        raise
+    for ob in context.selected_objects:
+        ob.select_set(False)
+    for ob in (armature, *made):
+        ob.select_set(True)
+    context.view_layer.objects.active = armature
+    return armature, made
+
+
+def _copied_mesh(context, ob, created):
+    """Returns a new mesh as modifiers have made it, with its materials and UV maps."""
+    graph = context.evaluated_depsgraph_get()
+    mesh = bpy.data.meshes.new_from_object(ob.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
+    created.append(mesh)
+    mesh.name = f"{ob.name}_baked"
+    if ob.evaluated_get(graph).matrix_world.determinant() < 0:  # positions will be those of world space
+        mesh.flip_normals()
+    return mesh
+
+
+def _link(context, ob, beside):
+    """Links a new object where another one is, or else to the scene's own collection, which is always shown."""
+    homes = [each for each in beside.users_collection if each.library is None and each.override_library is None]
+    (homes or [context.scene.collection])[0].objects.link(ob)
+    if context.view_layer.objects.get(ob.name) != ob or not ob.visible_get():
+        for home in ob.users_collection:
+            home.objects.unlink(ob)
+        context.scene.collection.objects.link(ob)
+
+
+def _build_armature(context, beside, clip, joints, created):
+    data = bpy.data.armatures.new(f"{beside.name}_bones")
+    created.append(data)
+    armature = bpy.data.objects.new(data.name, data)
+    created.append(armature)
+    _link(context, armature, beside)
+    armature.location = clip.origin
+    for ob in context.selected_objects:  # other armatures would go into Edit Mode, too
+        ob.select_set(False)
+    context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = []
+    for name, parent, rest, length in zip(joints.names, joints.parents.tolist(), joints.rest, joints.lengths):
+        bone = data.edit_bones.new(name)
+        bone.head = rest[:3, 3]
+        bone.tail = rest[:3, 3] + length * rest[:3, 1]
+        if not np.array_equal(rest[:3, :3], np.eye(3)):  # it would be rounded
+            bone.matrix = Matrix(rest.tolist())
+        if parent >= 0:
+            bone.parent = bones[parent]
+        bones.append(bone)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    armature.show_in_front = True
+    return armature
+
+
+def _insert_keys(armature: bpy.types.Object, keys: Keys, frames: FrameRange, created: list[Any]) -> None:
+    action = bpy.data.actions.new(f"{armature.name}_clip")
+    created.append(action)
+    armature.animation_data_create().action = action
+    channels = [("location", keys.locations), ("rotation_quaternion", keys.rotations)]
+    if keys.has_scales:
+        channels.append(("scale", keys.scales))
+    numbers = np.array(list(frames), np.float32)
+    for j, bone in enumerate(armature.pose.bones):
+        bone.rotation_mode = "QUATERNION"
+        for name, values in channels:
+            path = bone.path_from_id(name)
+            for component in range(values.shape[2]):
+                curve = clip_keyframes.new_curve(armature, action, path, component, bone.name)
+                clip_keyframes.fill(curve, numbers, values[:, j, component])
+
+
+def _build_mesh(beside, mesh, armature, clip, number, names, found, created):
+    """Returns the object of the mesh, in the space of the armature, with groups of the joints that move it."""
+    first, last = clip.starts[number], clip.starts[number + 1]
+    meshes.write_positions(mesh, clip.rest[first:last])
+    ob = bpy.data.objects.new(mesh.name, mesh)
+    created.append(ob)
+    _link(bpy.context, ob, beside)
+    ob.vertex_groups.clear()
+    begin, end = found.offsets[first], found.offsets[last]
+    used, groups = np.unique(found.joints[begin:end], return_inverse=True)
+    for joint in used:
+        ob.vertex_groups.new(name=names[joint])
+    weight_writing.replace(ob, found.offsets[first : last + 1] - begin, groups, found.weights[begin:end])
+    meshes.remove_attribute(mesh, ERROR)
+    mesh.attributes.new(ERROR, "FLOAT", "POINT").data.foreach_set("value", found.vertex_largest[first:last])
+    ob.parent = armature
+    ob.modifiers.new("Armature", "ARMATURE").object = armature
+    return ob
