@@ -285,6 +285,73 @@ def test_the_limit_counts_locked_groups():
     assert np.allclose(dense(ob).sum(axis=1), 1, atol=1e-5)
 
 
+def add_cube(center, size=0.1):
+    bpy.ops.mesh.primitive_cube_add(size=size, location=center)
+    return bpy.context.active_object
+
+
+def test_small_parts_do_not_bend():
+    ob, armature = make_figure()
+    button = add_cube((0, -0.42, 2.0), size=0.05)  # at a joint
+    parent(ob, button, armature)
+    assert last_report().ways["rigid"] == 8 and (dense(button) == dense(button)[0]).all()
+    below = np.linalg.norm(np.array([vertex.co for vertex in ob.data.vertices]) - (0, -0.42, 2.0), axis=1).argmin()
+    assert np.abs(dense(button)[0] - dense(ob)[below]).max() < 0.1
+    parent(ob, button, armature, rigid_size=0.0)
+    assert last_report().ways["rigid"] == 0
+
+
+def rows(*numbers):
+    """The vertices of some rings of the tube, (V,) bool."""
+    return np.isin(np.arange(1200) // 20, numbers)
+
+
+def in_group(ob, name, chosen):
+    group = ob.vertex_groups.new(name=name)
+    group.add(np.flatnonzero(chosen).tolist(), 1.0, "REPLACE")
+
+
+def in_edit_mode(ob, chosen):
+    addon_module("blender.meshes").select_vertices(ob.data, chosen)
+
+
+@pytest.mark.parametrize("how", ["group", "other group", "selected"])
+def test_marked_pieces_do_not_bend(how):
+    ob, armature = make_figure()
+    one, other = rows(20, 21, 22), rows(31, 32)
+    settings = {"group": {}, "other group": {"rigid_group": "Plate"}, "selected": {"is_selected_rigid": True}}[how]
+    if how == "selected":
+        in_edit_mode(ob, one | other)
+    else:
+        in_group(ob, settings.get("rigid_group", "Rigid"), one | other)
+    parent(ob, armature, **settings)
+    found = dense(ob)
+    for piece in (one, other):
+        assert (found[piece] == found[piece][0]).all()
+    assert np.abs(found[one][0] - found[other][0]).max() > 0.1
+    assert last_report().ways["rigid"] == np.count_nonzero(one | other)
+    assert np.ptp(found[rows(24, 25, 26)], axis=0).max() > 0.05
+
+
+def test_a_bones_group_marks_nothing():
+    ob, armature = make_figure(BONES)
+    in_all = ob.vertex_groups["bone2"]
+    in_all.add(range(len(ob.data.vertices)), 1.0, "REPLACE")
+    parent(ob, armature, rigid_group="bone2")
+    assert last_report().ways["rigid"] == 0 and last_report().unweighted == 0
+
+
+def test_a_seam_does_not_divide_a_rigid_piece():
+    ob, armature = make_figure()
+    select(ob)
+    ob.modifiers.new("Split", "EDGE_SPLIT").split_angle = 0.0
+    bpy.ops.object.modifier_apply(modifier="Split")
+    chosen = np.abs(np.array([vertex.co.z for vertex in ob.data.vertices]) - 2) < 0.2
+    in_group(ob, "Rigid", chosen)
+    parent(ob, armature)
+    assert len(ob.data.vertices) > 4000 and (dense(ob)[chosen] == dense(ob)[chosen][0]).all()
+
+
 def test_the_report():
     ob, armature = make_figure()
     select(armature)
@@ -810,6 +877,16 @@ def test_the_command_makes_weights(sinew, blend):
     ob = bpy.data.objects["Tube"]
     assert ob.parent == bpy.data.objects["Rig"] and np.allclose(dense(ob).sum(axis=1), 1, atol=1e-5)
     assert not len(bpy.data.objects["Other"].modifiers)
+
+
+def test_the_commands_rigid_group(sinew, blend):
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    in_group(bpy.data.objects["Tube"], "Plate", rows(20, 21))
+    bpy.ops.wm.save_mainfile()
+    code, out, _err = sinew(
+        "weights", blend, "--armature", "Rig", "--objects", "Tube", "--rigid-group", "Plate", "--json"
+    )
+    assert code == 0 and json.loads(out.splitlines()[-1])["ways"]["rigid"] == 40
 
 
 def test_the_command_saves_only_when_told(sinew, blend):

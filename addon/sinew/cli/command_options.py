@@ -158,14 +158,20 @@ def add_weights(commands: Any) -> None:
         "--rigid-size",
         metavar="S",
         type=share,
-        default=0.0,
-        help="loose parts that are smaller than this share of the mesh's size do not bend (0: all bend)",
+        default=0.02,
+        help="loose parts that are smaller than this share of the mesh's size do not bend (0.02; 0: all bend)",
     )
     command.add_argument(
         "--rigid-follow",
         choices=("attachment", "bone"),
         default="attachment",
         help="what those parts follow: the closest point of the rest of the mesh, or one bone (attachment)",
+    )
+    command.add_argument(
+        "--rigid-group",
+        metavar="NAME",
+        default="Rigid",
+        help="vertices in this vertex group do not bend: each connected piece of them is rigid (Rigid)",
     )
 
 

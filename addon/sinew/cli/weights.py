@@ -36,6 +36,7 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
         options.max_influences,
         options.rigid_size,
         options.rigid_follow,
+        options.rigid_group,
     )
     made = assigning.Assignment(objects, armature, settings)
     made.compute()

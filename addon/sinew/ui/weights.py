@@ -4,12 +4,12 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..blender import meshes
 from ..feedback import notice
 from ..plan import bindable
-from ..weights import assigning, bone_segments, checking, checks, parenting, reports
+from ..weights import assigning, bone_segments, checking, checks, parenting, reports, rigid
 from .in_background import InBackground
 
 ENDS = (
@@ -52,8 +52,8 @@ class WeightSettings:
     rigid_size: FloatProperty(
         name="Rigid Parts",
         description="Loose parts that are smaller than this share of the mesh's size do not bend: buttons, buckles, "
-        "teeth. 0: all parts bend",
-        default=0.0,
+        "teeth, eyes. 0: all parts bend",
+        default=rigid.SIZE,
         min=0.0,
         max=1.0,
         subtype="FACTOR",
@@ -68,10 +68,31 @@ class WeightSettings:
         ),
     )
 
+    rigid_group: StringProperty(
+        name="Rigid Group",
+        description="Vertices in the vertex group of this name do not bend: each connected piece of them is rigid",
+        default=rigid.GROUP,
+    )
+    is_selected_rigid: BoolProperty(
+        name="Selected Are Rigid",
+        description="The vertices that are selected in Edit Mode do not bend: each connected piece of them is rigid",
+        default=False,
+    )
+
     def weight_settings(self: Any) -> assigning.Settings:
         return assigning.Settings(
-            self.ends, self.resolution, self.stiffness, self.max_influences, self.rigid_size, self.rigid_follow
+            self.ends,
+            self.resolution,
+            self.stiffness,
+            self.max_influences,
+            self.rigid_size,
+            self.rigid_follow,
+            self.rigid_group,
         )
+
+    def chosen_rigid(self: Any, objects: Any) -> dict[str, np.ndarray]:
+        """Returns the vertices of each object that are to be rigid because they are selected."""
+        return {ob.name: rigid.selected(ob) for ob in objects} if self.is_selected_rigid else {}
 
 
 class MakesWeights(WeightSettings, InBackground):
@@ -105,7 +126,7 @@ class ParentWithWeights(MakesWeights, bpy.types.Operator):
             if why:
                 raise ValueError(f"{ob.name} {why}")
         context.view_layer.update()
-        return assigning.Assignment(objects, armature, self.weight_settings())
+        return assigning.Assignment(objects, armature, self.weight_settings(), chosen_rigid=self.chosen_rigid(objects))
 
     def finish(self, _context, made):
         report = made.write()
@@ -139,7 +160,12 @@ class AssignFromBones(MakesWeights, bpy.types.Operator):
             )
         free = masked(ob.data)
         return assigning.Assignment(
-            [ob], armature, self.weight_settings(), names, None if free is None else {ob.name: free}
+            [ob],
+            armature,
+            self.weight_settings(),
+            names,
+            None if free is None else {ob.name: free},
+            self.chosen_rigid([ob]),
         )
 
     def finish(self, _context, made):

@@ -11,7 +11,7 @@ import numpy as np
 from ..blender import armatures, meshes, weight_writing
 from ..deform import influences
 from ..native import sinew_native
-from . import bone_segments, reports, solid
+from . import bone_segments, reports, rigid, solid
 from .bone_segments import RestBones
 
 FAR_AWAY = 100.0  # sizes of the mesh: how far the bone is that stands for all bones that were not chosen
@@ -25,8 +25,9 @@ class Settings:
     resolution: int = 128  # voxels along the longest side
     stiffness: float = 8.0  # how close the weights stay to the nearest bone
     max_influences: int = 0  # of a vertex; 0: no limit
-    rigid_size: float = 0.0  # loose parts that are smaller than this share of the mesh's size are rigid
+    rigid_size: float = rigid.SIZE  # loose parts that are smaller than this share of the mesh's size are rigid
     rigid_follow: str = "attachment"  # what they follow: "attachment" or "bone"
+    rigid_group: str = rigid.GROUP  # vertices of the vertex group of this name are rigid, each connected piece of them
 
 
 def refuse(objects: Sequence[bpy.types.Object], armature: bpy.types.Object) -> None:
@@ -104,10 +105,12 @@ class Assignment:
         settings: Settings = Settings(),
         names: Iterable[str] | None = None,
         free: Mapping[str, np.ndarray] | None = None,
+        chosen_rigid: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         """Reads everything. names: of the bones that get weights; None: all that deform. free: {name of an object:
         (V,) bool}, the vertices that get weights, if not all; the weights of the others are fixed values of the
-        solution. Raises ValueError."""
+        solution. chosen_rigid: {name of an object: (V,) bool}, vertices that are rigid besides those of rigid_group.
+        Raises ValueError."""
         refuse(objects, armature)
         self._start = perf_counter()
         self.objects, self.armature, self._settings = list(objects), armature, settings
@@ -138,6 +141,7 @@ class Assignment:
         if not self._free.any():
             raise ValueError("no vertex is selected: select those that should get weights, or turn the mask off")
         self._fixed = None if self._free.all() else self._fixed_weights()
+        self._rigid_parts = self._find_rigid(chosen_rigid or {})
         self._found: Any = None
 
     def _refuse_infinite(self) -> None:
@@ -150,6 +154,18 @@ class Assignment:
 
     def _range(self, number: int) -> slice:
         return slice(self._solid.starts[number], self._solid.starts[number + 1])
+
+    def _find_rigid(self, chosen: Mapping[str, np.ndarray]) -> np.ndarray | None:
+        """Returns the number of the rigid piece of each vertex, (V,) int32, -1 for none; None if there are none."""
+        marked = np.zeros(len(self._solid.positions), bool)
+        for number, (ob, before) in enumerate(zip(self.objects, self._before)):
+            if self._settings.rigid_group not in self._deforming:
+                marked[self._range(number)] |= rigid.members(ob, before, self._settings.rigid_group)
+            if ob.name in chosen:
+                marked[self._range(number)] |= chosen[ob.name]
+        if not marked.any():
+            return None
+        return rigid.pieces(marked, self._solid.positions, self._solid.edges())
 
     def _fixed_weights(self) -> np.ndarray:
         """Returns (fixed vertices, bones + 1): the weights that the fixed vertices have, and in the last column what is
@@ -189,6 +205,7 @@ class Assignment:
             stiffness=self._settings.stiffness,
             rigid_size=self._settings.rigid_size,
             rigid_follow=self._settings.rigid_follow,
+            rigid_parts=self._rigid_parts,
             progress=progress,
             **fixed,
         )

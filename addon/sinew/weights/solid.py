@@ -18,6 +18,12 @@ class Solid:
     face_vertices: np.ndarray  # (C,) int32
     starts: np.ndarray  # (objects + 1,): the first vertex of each object
 
+    def edges(self) -> np.ndarray:
+        """Returns the sides of the faces, (C, 2); those of two faces twice."""
+        following = np.arange(1, len(self.face_vertices) + 1)
+        following[self.face_offsets[1:] - 1] = self.face_offsets[:-1]
+        return np.stack((self.face_vertices, self.face_vertices[following]), axis=1)
+
 
 def rest_positions(mesh: bpy.types.Mesh) -> np.ndarray:
     """Returns the positions of the mesh at rest, (V, 3) float32: of the reference shape key, if there is one."""

@@ -1,0 +1,39 @@
+"""Which vertices are rigid when weights are made: those of a vertex group, or chosen ones."""
+
+import bpy
+import numpy as np
+
+from . import checks
+
+GROUP = "Rigid"  # the name of the vertex group
+SIZE = 0.02  # of the mesh's size: smaller loose parts are rigid, such as a person's eyes, teeth, buckles
+
+
+def members(ob: bpy.types.Object, weights: tuple[np.ndarray, np.ndarray, np.ndarray], name: str) -> np.ndarray:
+    """Returns (V,) bool: the vertices with weight in the vertex group of a name. weights: offsets (V + 1,), groups and
+    weights (N,) of the object."""
+    offsets, groups, values = weights
+    found = np.zeros(len(offsets) - 1, bool)
+    group = ob.vertex_groups.get(name) if name else None
+    if group is not None:
+        owner = np.repeat(np.arange(len(found)), np.diff(offsets))
+        found[owner[(groups == group.index) & (values > 0)]] = True
+    return found
+
+
+def selected(ob: bpy.types.Object) -> np.ndarray:
+    """Returns (V,) bool: the vertices that were selected when Edit Mode was left."""
+    found = np.empty(len(ob.data.vertices), bool)
+    ob.data.vertices.foreach_get("select", found)
+    return found
+
+
+def pieces(marked: np.ndarray, positions: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Returns (V,) int32: the same number for the marked vertices (V,) bool that edges (E, 2) between them connect, or
+    that are at the same place; -1 for all others."""
+    size = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
+    weld = checks.welded(positions, size)
+    marked = marked & np.isin(weld, weld[marked])
+    inside = edges[marked[edges].all(axis=1)]
+    label = checks.islands(len(marked), weld[inside])[weld]
+    return np.where(marked, label, -1).astype(np.int32)
