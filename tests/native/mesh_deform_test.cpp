@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
+#include "each_instruction_set.h"
 #include "failures.h"
 #include "meshes.h"
 
@@ -54,7 +57,11 @@ struct Caged {
   Eigen::Matrix3f back;
 };
 
-TEST(MeshDeform, IsTheSlowFormula) {
+class MeshDeformOnEachInstructionSet : public OnEachInstructionSet {};
+
+INSTANTIATE_TEST_SUITE_P(Kernels, MeshDeformOnEachInstructionSet, each_instruction_set(), set_name);
+
+TEST_P(MeshDeformOnEachInstructionSet, IsTheSlowFormula) {
   rigs::Random random(1);
   constexpr std::int32_t kVertices = 3000;
   const Caged caged(random, kVertices, 200);
@@ -90,6 +97,26 @@ TEST(MeshDeform, AnyNumberOfThreadsMakesTheSame) {
     Floats positions = before;
     own.apply(settings, positions);
     EXPECT_EQ(positions, expected);
+  }
+}
+
+TEST(MeshDeform, NothingElseFollowsAVertexOfTheCageThatIsNotANumber) {
+  rigs::Random random(5);
+  Caged caged(random, 1000, 50);
+  const MeshDeform own = caged.deform();
+  const Floats before = meshes::random_positions(random, 1000);
+  Floats expected = before, positions = before;
+  own.apply(caged.settings(own), expected);
+  caged.cage[3 * 7] = std::numeric_limits<float>::infinity();
+  own.apply(caged.settings(own), positions);
+  for (std::size_t v = 0; v < 1000; ++v) {
+    const auto begin = caged.of_cage.begin();
+    const bool follows =
+        std::find(begin + caged.offsets[v], begin + caged.offsets[v + 1], 7) != begin + caged.offsets[v + 1];
+    EXPECT_EQ(std::isfinite(positions[3 * v]), !follows);
+    if (!follows) {
+      EXPECT_EQ(positions[3 * v], expected[3 * v]);
+    }
   }
 }
 

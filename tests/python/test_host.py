@@ -304,6 +304,22 @@ def keyed(stages=(), mode=0b11, animated=()):
     return SimpleNamespace(shortcut=shortcut, deformer=deformer, keys=structs, points=points, owner=owner)
 
 
+def test_a_shortcut_holds_while_the_kept_bits_stay():
+    rest = np.zeros((3, 3), np.float32)
+    deformer = sinew_native.Deformer(vertex_count=3)
+    owner = Owner(None, 7, 0b0101)
+    address = ctypes.addressof(owner)
+    watched = [(address, -1, 0, [(Owner.state.offset, 4)])]
+    kept = [(address + Owner.mode.offset, 0b0011)]
+    shortcut = host.Shortcut(deformer, watched, [], (0,) * 6, [], [], rest_positions=rest, kept=kept)
+    out = np.ones((3, 3), np.float32)
+    for mode, holds in ((0b0101, True), (0b1001, True), (0b0100, False), (0b0111, False), (0b0001, True)):
+        owner.mode = mode
+        out[:] = 1
+        assert shortcut.holds() == holds and shortcut.deform(out.ctypes.data) == holds
+        assert np.array_equal(out, rest) == holds
+
+
 def test_a_shortcut_through_shape_keys():
     made = keyed()
     for values in ((0.25, 0.5), (1.0, 0.0)):

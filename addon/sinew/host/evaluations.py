@@ -18,8 +18,7 @@ def is_running(ob: Any) -> bool:
     global _has_been_set
     if contract.is_broken():
         return True
-    address, _size = contract.region(ob, "ID", "recalc")
-    if ctypes.c_uint32.from_address(address).value:
+    if ctypes.c_uint32.from_address(ob.as_pointer() + contract.offset("ID", "recalc")).value:
         _has_been_set = True
         return True
     return not _has_been_set

@@ -14,6 +14,7 @@ import bpy
 from . import contract, layout, proof
 
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
+SWITCHES = _VIEWPORT | _RENDER
 _ASIDE = 1 << 31  # a bit of a modifier's mode: Blender does not evaluate it, whatever its switches are
 _GROUPS, _ENVELOPES = 1, 2  # bits of an Armature modifier's deformflag
 
@@ -68,11 +69,6 @@ def put_aside(modifier: Any, is_aside: bool) -> None:
 def is_aside(modifier: Any) -> bool:
     """Whether put_aside keeps Blender from evaluating a modifier of an evaluated object."""
     return bool(ctypes.c_uint32.from_address(contract.region(modifier, "ModifierData", "mode")[0]).value & _ASIDE)
-
-
-def switches_at(address: int) -> int:
-    """Returns the switches for viewport and renders of a modifier, as a number. address: the first of mode_switch."""
-    return ctypes.c_int32.from_address(address).value & (_VIEWPORT | _RENDER)
 
 
 def can_put_aside() -> bool:

@@ -44,7 +44,7 @@ class Shortcut:
                 watched.add_modifier(modifier)
         front = [ob.modifiers[name] for name in plan.way.front]
         modes = [switches.aside_switch(modifier) for modifier in (*replaced, *front)]
-        self._switches = [(address, switches.switches_at(address)) for address, *_ in modes[: len(replaced)]]
+        kept = [(address, switches.SWITCHES) for address, *_ in modes[: len(replaced)]]  # drivers and keyframes may change them
         if plan.own is not None:
             modes.append(switches.mode_switch(ob.modifiers[plan.own], *switching.switches_of_own(ob, plan)))
         poses = [
@@ -62,12 +62,13 @@ class Shortcut:
             copy.stages_at(ob),
             watch.key_source(self._mesh.shape_keys, plan.animated_mutes) if has_keys else None,
             copy.rest_of_stages(),
+            kept,
         )
         self.milliseconds = self._native.milliseconds
 
     def holds(self) -> bool:
         """Whether everything is still as it was when the Shortcut was made."""
-        return self._is_asked_for() and self._native.holds() and self._are_switches_alike()
+        return self._is_asked_for() and self._native.holds()
 
     def run(self, ob: Any) -> bool:
         """Deforms the mesh. ob: the evaluated object. Returns False if it did nothing and the full path has to run.
@@ -83,19 +84,14 @@ class Shortcut:
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         return self._native.deform(out)
 
-    def _are_switches_alike(self) -> bool:
-        """Whether drivers and keyframes have left the switches of modifiers as they were. Only if the native shortcut
-        holds, because otherwise the modifiers may no longer exist."""
-        return all(switches.switches_at(address) == before for address, before in self._switches)
-
     def _is_asked_for(self) -> bool:
         copy = self.copy
-        return (
-            not contract.is_broken()
-            and copy.looks == copy.character.planning.looks
-            and not character.stands_aside()
-            and all(layers.is_edition(*edition) for edition in self._editions)
-        )
+        if contract.is_broken() or copy.looks != copy.character.planning.looks or character.stands_aside():
+            return False
+        for address, edition in self._editions:  # not all(...): that takes a microsecond for each mesh
+            if not layers.is_edition(address, edition):
+                return False
+        return True
 
 
 def forget() -> None:

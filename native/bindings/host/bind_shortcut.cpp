@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <memory>
@@ -92,6 +93,12 @@ struct Switch {
   std::int32_t clear, set;
 };
 
+/// Bits that must stay as they were.
+struct Kept {
+  Address address;
+  std::int32_t bits, before;
+};
+
 /// The shape keys of an evaluated mesh. The deformed shape is written into the coordinates of the first key.
 struct KeySource {
   std::vector<Address> keys;
@@ -121,7 +128,8 @@ class Shortcut {
            const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>& poses,
            const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
            const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
-           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions)
+           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions,
+           const std::vector<std::pair<Address, std::int32_t>>& kept)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched_of(watched)),
@@ -141,6 +149,7 @@ class Shortcut {
       sources_.emplace_back(at, first_joints, joint_counts, layers[sources_.size()]->skin().joint_count());
     }
     for (const auto& [address, clear, set] : switches) switches_.push_back({address, clear, set});
+    for (const auto& [address, bits] : kept) kept_.push_back({address, bits, read<std::int32_t>(address) & bits});
     if (keys) {
       const auto& [addresses, offsets, animated] = *keys;
       if (addresses.empty()) throw InputError("keys has no address; expected one per key");
@@ -151,7 +160,12 @@ class Shortcut {
     pose_stages();
   }
 
-  bool holds() const { return watched_.holds(); }
+  /// The bits are read only if the watched memory is unchanged: otherwise they may no longer exist.
+  bool holds() const {
+    return watched_.holds() && std::ranges::all_of(kept_, [](const Kept& each) {
+             return (read<std::int32_t>(each.address) & each.bits) == each.before;
+           });
+  }
 
   /// Replaces a stage by one of the same kind. Throws InputError for another one, and if there is no such stage.
   void set_stage(std::size_t number, const py::object& given) {
@@ -170,9 +184,11 @@ class Shortcut {
   /// Returns false if the full code must compute this frame.
   /// out: address of V x 3 floats; unused if there are keys.
   bool deform(Address out) {
-    const py::gil_scoped_release release;
+    // Other Python threads keep running, but waiting for them again takes longer than a small mesh does.
+    std::optional<py::gil_scoped_release> release;
+    if (!is_quick()) release.emplace();
     const Watch watch;
-    if (!watched_.holds()) return false;
+    if (!holds()) return false;
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       if (!place(i)) return false;
       gather(sources_[i]);
@@ -207,6 +223,11 @@ class Shortcut {
    private:
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   };
+
+  bool is_quick() const {
+    constexpr std::ptrdiff_t kFew = 2000;
+    return deformer_.vertex_count() < kFew && stages_.empty() && keys_.keys.empty();
+  }
 
   /// Returns the layers of the deformer, then those of the stages.
   std::vector<const Layer*> all_layers() const {
@@ -271,6 +292,7 @@ class Shortcut {
   KeySource keys_;
   std::vector<PoseSource> sources_;
   std::vector<Switch> switches_;
+  std::vector<Kept> kept_;
   std::vector<LayerPose> poses_;
   std::vector<double> milliseconds_;
 };
@@ -286,10 +308,11 @@ void bind_shortcut(py::module_& host) {
                    const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
                    const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
-                   const std::optional<GivenKeys>&, const std::optional<py::array>&>(),
+                   const std::optional<GivenKeys>&, const std::optional<py::array>&,
+                   const std::vector<std::pair<Address, std::int32_t>>&>(),
           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
           py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
-          py::arg("rest_positions") = py::none(),
+          py::arg("rest_positions") = py::none(), py::arg("kept") = std::vector<std::pair<Address, std::int32_t>>(),
           "deformer: a Deformer.\n"
           "watched: memory that must stay as it is now for the shortcut to hold: for each struct (address, parent, "
           "voucher, [(offset, size) of each region, in bytes]). A struct is read only after region `voucher` of the "
@@ -308,8 +331,10 @@ void bind_shortcut(py::module_& host) {
           "its points and of their number, numbers of the keys that drivers or keyframes may mute), or None. The shape "
           "is written into the first key's points.\n"
           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
+          "kept: (address of an int32, bits of it that must stay as they are now for the shortcut to hold). Read only "
+          "while the watched memory is unchanged.\n"
           "Raises ValueError for sizes that do not fit, and for a watched struct that its parent does not lead to.")
-      .def("holds", &Shortcut::holds, "Whether the watched memory is unchanged.")
+      .def("holds", &Shortcut::holds, "Whether the watched memory and the kept bits are unchanged.")
       .def("set_stage", &Shortcut::set_stage, py::arg("number"), py::arg("stage"),
            "Replaces a stage by one with other settings.\n\n"
            "number: which of the stages.\n"

@@ -13,7 +13,7 @@ namespace sinew {
 
 /// Moves each vertex by the weighted mean of how far the vertices of a cage have moved since the mesh was bound:
 ///   x_v += weight_v R sum_i(w_i (B c_i - b_i)) / sum_i(w_i)
-/// in float32 as Blender does, up to the order of the sum. Immutable; several threads may use one object at once.
+/// in float32 as Blender does, in the order of the cage's vertices. Immutable; several threads may use one object at once.
 class MeshDeform {
  public:
   struct Settings {
@@ -51,17 +51,11 @@ class MeshDeform {
   void apply(const Settings& settings, std::span<float> positions) const;
 
  private:
-  struct Influence {
-    std::uint32_t cage_vertex;
-    float weight;
-  };
+  struct Blocks;
 
   std::ptrdiff_t vertex_count_;
   std::vector<float> bound_;  // C x 3
-  std::vector<std::uint32_t> vertices_;
-  std::vector<float> shares_;       // of vertices_: the weight in the group, divided by the sum of the influences
-  std::vector<std::size_t> first_;  // of vertices_, and the end: where their influences begin
-  std::vector<Influence> influences_;
+  std::shared_ptr<const Blocks> blocks_;
 };
 
 }  // namespace sinew
