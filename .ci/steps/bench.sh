@@ -35,6 +35,10 @@ bench() {
       grep --line-buffered -E '^(\||Blender .*(milliseconds|seconds,))' | tee "$BUILD/bench/$what.md"
     return
   fi
+  if [ "$what" = windows ]; then
+    bench_windows "$json"
+    return
+  fi
   install_packages libbenchmark-dev python3-matplotlib
   build -DSINEW_BENCH=ON
   mkdir -p "$BUILD/bench"
@@ -50,7 +54,19 @@ bench() {
         >"$BUILD/bench/report.csv"
       $PYTHON native/bench/tables.py report "$BUILD/bench/report.csv" "$BUILD/bench"
       return ;;
-    *) echo "there is no benchmark $what; expected kernel, joints, report, playback, shot, small, edits, bake, crowd or weights" >&2; exit 2 ;;
+    *) echo "there is no benchmark $what; expected kernel, joints, windows, report, playback, shot, small, edits, bake, crowd or weights" >&2; exit 2 ;;
   esac
   $PYTHON native/bench/tables.py "$what" "$raw" "$json" | tee "$BUILD/bench/$what.md"
+}
+
+# JSON: the core for Windows, run by Wine, beside the core for Linux.
+bench_windows() {
+  local python
+  python=$(.ci/windows_python 3.11)
+  build
+  TARGET=modules build_for windows
+  mkdir -p "$BUILD/bench"
+  say "measuring"
+  $PYTHON native/bench/windows.py compare "${ROUNDS:-9}" "$1" "$BUILD/python" "$BUILD/windows/python" \
+    $PYTHON "$python/run" | tee "$BUILD/bench/windows.md"
 }
