@@ -37,6 +37,8 @@ def classes():
         properties.SinewClipSettings,
         addon_module("ui.weights").ParentWithWeights,
         addon_module("ui.weights").CheckWeights,
+        *addon_module("ui.weight_tools").CLASSES,
+        *addon_module("ui.weight_reduction").CLASSES,
         addon_module("ui.bone_lines").ToggleBoneLines,
         addon_module("ui.weights").SelectWeightProblem,
         addon_module("ui.weights").SelectReportedBones,
@@ -61,6 +63,8 @@ def all_operators():
             "cures",
             "method_settings",
             "weights",
+            "weight_tools",
+            "weight_reduction",
             "bone_lines",
             "display",
             "preferences",
@@ -76,7 +80,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(17))
+@pytest.mark.parametrize("number", range(21))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -89,7 +93,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(16))
+@pytest.mark.parametrize("number", range(20))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):
@@ -169,6 +173,15 @@ def test_the_example_of_weights_runs(character, capsys):
     exec(example("weights.md", **{"bl_ext.user_default.sinew.weights": addon_module("weights").__name__}), {"bpy": bpy})
     made, checked = capsys.readouterr().out.splitlines()
     assert made.startswith("1,200 vertices in 1 part, none without weights, ") and checked.startswith("1,200 vertices")
+
+
+def test_the_example_of_weight_tools_runs(character, capsys):
+    body, suit, _ = character
+    body.name, suit.name = "Body", "Suit"
+    package = addon_module("weights").__name__
+    exec(example("weight-tools.md", **{"bl_ext.user_default.sinew.weights": package}), {"bpy": bpy})
+    copied, smoothed = capsys.readouterr().out.splitlines()
+    assert copied == "1,200 vertices: 1,200 matched" and smoothed.endswith(" of 1,200 vertices smoothed")
 
 
 def test_operators_in_the_text_are_there():

@@ -18,7 +18,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
 
-from walk import compare, frozen_steps, kinds, mesh_steps, modifier_steps, object_steps, scene, scene_steps, sinew_steps
+from walk import (
+    compare,
+    frozen_steps,
+    kinds,
+    mesh_steps,
+    modifier_steps,
+    object_steps,
+    scene,
+    scene_steps,
+    sinew_steps,
+    weight_steps,
+)
 from walk.shrink import LENGTH, options_of
 
 STEPS = (
@@ -28,6 +39,7 @@ STEPS = (
     object_steps,
     scene_steps,
     sinew_steps,
+    weight_steps,
 )  # importing them declares the kinds
 
 
