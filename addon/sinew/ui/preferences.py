@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from ..frozen import freezing
+from ..frozen import rigs
 from ..native import sinew_native
 from ..run import characters
 
@@ -47,7 +47,7 @@ def _apply(preferences, _context=None):
 
 
 def _apply_memory(preferences, _context=None):
-    freezing.set_limit(preferences.frozen_memory)
+    rigs.set_limit(preferences.frozen_memory)
 
 
 def _apply_log(preferences, _context=None):
@@ -93,7 +93,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         description="The largest number of megabytes for recorded poses. The oldest are dropped first",
         min=16,
         max=2**20,
-        default=freezing.DEFAULT_LIMIT,
+        default=rigs.DEFAULT_LIMIT,
         update=_apply_memory,
     )
     log_file: StringProperty(
