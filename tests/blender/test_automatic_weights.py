@@ -895,7 +895,9 @@ def test_the_commands_rigid_group(sinew, blend):
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     in_group(bpy.data.objects["Tube"], "Plate", rows(20, 21))
     bpy.ops.wm.save_mainfile()
-    code, out, _err = sinew("weights", blend, "--armature", "Rig", "--objects", "Tube", "--rigid-group", "Plate", "--json")
+    code, out, _err = sinew(
+        "weights", blend, "--armature", "Rig", "--objects", "Tube", "--rigid-group", "Plate", "--json"
+    )
     assert code == 0 and json.loads(out.splitlines()[-1])["ways"]["rigid"] == 40
 
 

@@ -148,9 +148,7 @@ class ParentWithWeights(MakesWeights, bpy.types.Operator):
             if why:
                 raise ValueError(f"{ob.name} {why}")
         context.view_layer.update()
-        return assigning.Assignment(
-            objects, armature, self.weight_settings(), chosen_rigid=self.chosen_rigid(objects)
-        )
+        return assigning.Assignment(objects, armature, self.weight_settings(), chosen_rigid=self.chosen_rigid(objects))
 
     def finish(self, _context, made):
         report = made.write()
