@@ -103,7 +103,8 @@ struct Heated {
     const TriangleTree tree(mesh.points, mesh.triangles);
     VoxelSolid solid(mesh.points, mesh.triangles, tree, 64, nullptr);
     const auto bones = unit_bones(source);
-    const BoneDistances distances(solid, bones, nullptr);
+    const std::vector<std::int32_t> joints{0, 1};
+    const BoneDistances distances(solid, {mesh.points, mesh.triangles, tree}, bones, joints, nullptr);
     nearest = distances.nearest(places_of(mesh, std::vector<std::uint8_t>(mesh.patch_count())), 0.25, nullptr, 0);
     fixed.row_of.assign(mesh.points.size(), -1);
   }

@@ -220,6 +220,91 @@ def test_small_parts_are_attached_to_what_is_below():
     np.testing.assert_allclose(weights[-1], weights[below], atol=0.1)
 
 
+def box(low, high):
+    corners, faces = small_cube(np.zeros(3), 1.0)
+    low, high = np.array(low), np.array(high)
+    return (low + high) / 2 + corners * (high - low), faces
+
+
+VOXEL = 28.2 / 31.6  # of hand() at the resolution of these tests
+GAP = 0.6 * VOXEL  # between its fingers
+
+
+def hand(gap=GAP):
+    """A long arm, a palm and two fingers, closer than a voxel: the mesh, heads and tails of the bones. The first finger
+    has three short bones along all of it, the second one has one bone in its lower quarter."""
+    mesh = arm(around=12, along=20, radius=0.35)
+    away = np.array([0, 0.7 + gap, 0])
+    mesh = with_more(mesh, mesh[0] + away, as_faces(*mesh[1:]))
+    mesh = with_more(mesh, *box((-4.1, -1, -0.5), (0.2, 2.2, 0.5)))
+    positions, *faces = arm(around=20, along=60, radius=1.0, length=20.0)
+    mesh = with_more(mesh, positions - (24, 0, 0), as_faces(*faces))
+    heads = np.array([[0.0, 0, 0], [1.3, 0, 0], [2.6, 0, 0], away, [-24, 0, 0]])
+    tails = np.array([[1.3, 0, 0], [2.6, 0, 0], [3.9, 0, 0], away + (1, 0, 0), [-4, 0, 0]])
+    return mesh, heads, tails
+
+
+def finger_weights(scale=1.0, mirror=1.0):
+    (positions, *faces), heads, tails = hand()
+    change = scale * np.array([1, mirror, 1])
+    result = sinew.automatic_weights(positions * change, *faces, heads * change, tails * change, resolution=32)
+    weights = check(result, len(positions), len(heads))
+    assert result.report.voxel_size > GAP * scale
+    count = 12 * 20 + 2
+    return weights[:count], weights[count : 2 * count]
+
+
+def test_fingers_closer_than_a_voxel_do_not_follow_each_other():
+    first, second = finger_weights()
+    assert first[:, 3].max() < 0.2 and second[:, :3].max() < 0.2
+    assert second[:, 3].min() > 0.7 and first[:, 2].max() > 0.9
+
+
+@pytest.mark.parametrize(("scale", "mirror"), [(1e-3, 1.0), (1e4, 1.0), (1.0, -1.0)])
+def test_divided_cells_keep_the_laws(scale, mirror):
+    for own, expected in zip(finger_weights(scale, mirror), finger_weights()):
+        np.testing.assert_allclose(own, expected, atol=1e-4)
+
+
+def test_divided_cells_give_the_same_bits_with_any_number_of_threads():
+    results = []
+    for threads in (1, 2, 0):
+        sinew.set_thread_count(threads)
+        results.append(finger_weights())
+    for first, second in results[1:]:
+        np.testing.assert_array_equal(first, results[0][0])
+        np.testing.assert_array_equal(second, results[0][1])
+
+
+@pytest.mark.parametrize("damage", ["islands", "soup", "holes", "flipped"])
+def test_divided_cells_of_damaged_hands(damage):
+    mesh, heads, tails = hand()
+    random = np.random.default_rng(2)
+    if damage == "islands":  # a pea that touches nothing, closer than a voxel
+        mesh = with_more(mesh, *small_cube((2.0, -0.55, 0), 0.15))
+    elif damage == "soup":
+        mesh = soup(mesh)
+        mesh = mesh[0] + random.normal(0, 0.02, mesh[0].shape), *mesh[1:]
+    elif damage == "holes":
+        mesh = mesh[0], *as_arrays([face for face in as_faces(*mesh[1:]) if random.random() > 0.3])
+    else:
+        mesh = mesh[0], *as_arrays([face[:: random.choice((1, -1))] for face in as_faces(*mesh[1:])])
+    for method in ("heat", "volume"):
+        weigh(mesh, heads, tails, method=method, resolution=32)
+
+
+def test_many_short_bones_are_too_many_to_divide_for():
+    x, y = (axis.reshape(-1) for axis in np.mgrid[:31, :31])
+    i, j = (axis.reshape(-1) for axis in np.mgrid[:30, :30])
+    faces = np.stack((i * 31 + j, i * 31 + j + 1, (i + 1) * 31 + j + 1, (i + 1) * 31 + j), 1)
+    sheet = np.stack((x, y, 0.0 * x), 1), *as_arrays(faces.tolist())
+    x, y = (axis.reshape(-1) * 30 / 19 for axis in np.mgrid[:20, :20])
+    heads = np.stack((x, y, 0.0 * x), 1)
+    weights = weigh(sheet, heads, heads)
+    nearest = np.linalg.norm(sheet[0][:, None] - heads, axis=2).argmin(1)
+    assert (weights.argmax(1) == nearest).mean() > 0.8
+
+
 def jittered(mesh, amount):
     return mesh[0] + np.random.default_rng(3).normal(0, amount, mesh[0].shape), *mesh[1:]
 

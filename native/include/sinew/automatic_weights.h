@@ -71,7 +71,8 @@ struct AutomaticWeights {
 /// from the bone's closest point. Baran, Popović, "Automatic rigging and animation of 3D characters", ACM TOG 26(3),
 /// 2007, with distances through a solid in place of visibility. The solid is made of voxels: those that the surface
 /// meets and those with |generalised winding number| > 1/2 (Jacobson, Kavan, Sorkine-Hornung 2013, by Barill et al.
-/// 2018). L has no positive entry off its diagonal and H is above 0, so that the matrix is positive definite for any
+/// 2018). Around joints with bones shorter than five voxels, those that the surface meets are divided into smaller cubes,
+/// so that parts closer than a voxel stay apart. L has no positive entry off its diagonal and H is above 0, so that the matrix is positive definite for any
 /// mesh, weights lie between 0 and 1, and their sum is 1. For parts smaller than a few voxels the same equation
 /// is solved among voxels, where L is the Laplacian of their graph, A = 1, H = c h^2 / d^2, with h
 /// the voxel's size.

@@ -64,7 +64,7 @@ class Computation {
     if (frame_.size() > 0) {
       VoxelSolid solid = make_solid(tree);
       advance(kSolidSteps);
-      const BoneDistances distances(solid, bones_, progress_);
+      const BoneDistances distances(solid, {mesh_.points, mesh_.triangles, tree}, bones_, joints_, progress_);
       for (std::int32_t bone = 0; bone < std::ssize(bones_); ++bone) {
         if (distances.is_outside()[bone]) result.bones_outside.push_back(bone);
       }

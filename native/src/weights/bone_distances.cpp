@@ -20,6 +20,9 @@ constexpr double kBlend = 0.05;
 // Distances are measured to bones that are shorter by this share of their length at both ends. Where the closest point of
 // two bones is their common end, they would be equally near; so the one that points there is nearer.
 constexpr double kShorter = 0.05;
+// Bones shorter than this many voxels have divided cells around them, up to this many voxels away. No distance between
+// centres of cells is equal to that, so that mirrored bones have mirrored cells.
+constexpr double kShort = 5, kAround = 3.1;
 // Of the mesh's size; the distances of places on a bone must not be 0.
 constexpr double kShortest = 1e-6;
 
@@ -29,7 +32,7 @@ double octile(const Eigen::Vector3d& way) {
   if (a < b) std::swap(a, b);
   if (b < c) std::swap(b, c);
   if (a < b) std::swap(a, b);
-  return kStepsPerVoxel * (a - b) + 91 * (b - c) + kLongestStep * c;
+  return kStepsPerVoxel * (a - b) + kDiagonalStep * (b - c) + kLongestStep * c;
 }
 
 Segment shorter(const Segment& bone) {
@@ -69,47 +72,96 @@ Eigen::Vector3d Segment::closest(const Eigen::Vector3d& point) const {
 }
 
 struct BoneDistances::Search {
-  explicit Search(std::size_t cells) : distances(cells, kFar), detours(cells) {}
-  std::vector<std::uint32_t> distances;  ///< of each solid cell, kFar between searches
-  /// By how much the way through the solid is longer than the straight one, 1 or more; 0: the cell was not reached.
+  explicit Search(std::size_t nodes) : distances(nodes, kFar), detours(nodes) {}
+  std::vector<std::uint32_t> distances;  ///< of each node, kFar between searches
+  /// By how much the way through the solid is longer than the straight one, 1 or more; 0: the node was not reached.
   std::vector<float> detours;
   std::vector<std::uint32_t> reached, touched;
   BucketQueue queue;
 };
 
-BoneDistances::BoneDistances(VoxelSolid& solid, std::span<const Segment> bones, const Progress* progress)
+BoneDistances::BoneDistances(VoxelSolid& solid, const SolidSurface& surface, std::span<const Segment> bones,
+                             std::span<const std::int32_t> joints, const Progress* progress)
     : solid_(solid),
       bones_(bones),
       progress_(progress),
-      steps_(grid_steps(solid.grid())),
+      graph_(solid),
       seeds_(bones.size()),
       is_outside_(bones.size()) {
-  parallel_for(bones.size(), 1, [&](std::size_t begin, std::size_t end) {
+  begin(progress);
+  const std::vector<std::int32_t> cells(solid.cells().begin(), solid.cells().end());
+  solid.connect(all_seeds());
+  for (auto& seeds : seeds_) {  // the same cells, which have other numbers now
+    for (auto& seed : seeds) seed.item = static_cast<std::uint32_t>(solid.index_of(cells[seed.item]));
+  }
+  graph_ = SolidGraph(solid);
+  graph_.divide(surface.points, surface.triangles, surface.tree, near_short_bones(joints), progress);
+  if (graph_.is_divided()) {
+    const std::vector<std::uint8_t> is_outside = is_outside_;
+    begin(progress);
+    is_outside_ = is_outside;
+    graph_.connect(all_seeds());
+  }
+  measure_nearest();
+}
+
+void BoneDistances::begin(const Progress* progress) {
+  parallel_for(bones_.size(), 1, [&](std::size_t begin, std::size_t end) {
     stop_if_cancelled(progress);
     for (std::size_t bone = begin; bone < end; ++bone) begin_at(bone);
   });
-  const std::vector<std::int32_t> cells(solid.cells().begin(), solid.cells().end());
+}
+
+std::vector<std::uint32_t> BoneDistances::all_seeds() const {
   std::vector<std::uint32_t> all;
   for (const auto& seeds : seeds_) {
     for (const auto& seed : seeds) all.push_back(seed.item);
   }
-  solid.connect(all);
-  for (auto& seeds : seeds_) {  // the same cells, which have other numbers now
-    for (auto& seed : seeds) seed.item = static_cast<std::uint32_t>(solid.index_of(cells[seed.item]));
-  }
+  return all;
+}
 
-  nearest_.assign(solid.size(), kFar);
+std::vector<std::uint8_t> BoneDistances::near_short_bones(std::span<const std::int32_t> joints) const {
+  const VoxelGrid& grid = solid_.grid();
+  std::vector<double> lengths(joints.empty() ? 0 : *std::ranges::max_element(joints) + 1);
+  for (std::size_t bone = 0; bone < bones_.size(); ++bone) {
+    lengths[joints[bone]] += (bones_[bone].tail - bones_[bone].head).norm() / grid.voxel();
+  }
+  std::vector<std::uint8_t> is_near(solid_.size());
+  for (std::size_t bone = 0; bone < bones_.size(); ++bone) {
+    if (lengths[joints[bone]] >= kShort) continue;
+    const Eigen::Vector3d head = grid.coordinates(bones_[bone].head), tail = grid.coordinates(bones_[bone].tail);
+    std::array<int, 3> first, last;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double most = grid.counts()[axis] - 1.0;
+      first[axis] = static_cast<int>(std::clamp(std::min(head[axis], tail[axis]) - kAround - 1, 0.0, most));
+      last[axis] = static_cast<int>(std::clamp(std::max(head[axis], tail[axis]) + kAround + 1, 0.0, most));
+    }
+    for (int k = first[2]; k <= last[2]; ++k) {
+      for (int j = first[1]; j <= last[1]; ++j) {
+        for (int i = first[0]; i <= last[0]; ++i) {
+          const std::int32_t index = solid_.index_of(grid.cell(i, j, k));
+          if (index < 0 || is_near[index]) continue;
+          const Eigen::Vector3d centre = grid.centre(grid.cell(i, j, k));
+          is_near[index] = (centre - bones_[bone].closest(centre)).norm() <= kAround * grid.voxel();
+        }
+      }
+    }
+  }
+  return is_near;
+}
+
+void BoneDistances::measure_nearest() {
+  nearest_.assign(graph_.size(), kFar);
   std::vector<BucketQueue::Seed> from;
   for (const auto& seeds : seeds_) from.insert(from.end(), seeds.begin(), seeds.end());
   for (const auto& seed : from) nearest_[seed.item] = std::min(nearest_[seed.item], seed.distance);
-  BucketQueue().run(std::move(from), [&](std::uint32_t now, std::uint32_t index, const auto& push) {
-    if (nearest_[index] != now) return;
-    for (const GridStep& step : steps_) {
-      const std::int32_t other = solid_.index_of(solid_.cells()[index] + step.offset);
-      if (other < 0 || nearest_[other] <= now + step.length) continue;
-      nearest_[other] = now + step.length;
-      push(nearest_[other], static_cast<std::uint32_t>(other));
-    }
+  BucketQueue().run(std::move(from), [&](std::uint32_t now, std::uint32_t node, const auto& push) {
+    if (nearest_[node] != now) return;
+    graph_.neighbours(node, [&](std::uint32_t other, std::uint32_t length) {
+      if (nearest_[other] <= now + length) return;
+      nearest_[other] = now + length;
+      push(nearest_[other], other);
+    });
   });
 }
 
@@ -117,7 +169,7 @@ void BoneDistances::begin_at(std::size_t bone) {
   const VoxelGrid& grid = solid_.grid();
   const Segment& segment = bones_[bone];
   std::vector<std::uint32_t> inside;
-  // The part of the segment in the grid, in steps of a quarter of a voxel at most.
+  // The part of the segment in the grid, in steps of a quarter of a cell at most.
   const Eigen::Vector3d head = grid.coordinates(segment.head), way = grid.coordinates(segment.tail) - head;
   double from = 0, to = 1;
   for (int axis = 0; axis < 3; ++axis) {
@@ -131,52 +183,43 @@ void BoneDistances::begin_at(std::size_t bone) {
     to = std::min(to, std::max(a, b));
   }
   if (from <= to) {
-    const int samples = 1 + static_cast<int>(std::ceil(4 * (to - from) * way.norm()));
+    const int samples = 1 + static_cast<int>(std::ceil(4 * graph_.factor() * (to - from) * way.norm()));
     for (int i = 0; i <= samples; ++i) {
-      const Eigen::Vector3d at = head + (from + (to - from) * i / samples) * way;
-      std::int32_t cell = 0;
-      bool is_in_grid = true;
-      for (int axis = 0; axis < 3; ++axis) {
-        const int index = static_cast<int>(std::floor(at[axis]));
-        is_in_grid &= index >= 0 && index < grid.counts()[axis];
-        cell += index * grid.strides()[axis];
-      }
-      if (!is_in_grid) continue;
-      const std::int32_t index = solid_.index_of(cell);
-      if (index >= 0) inside.push_back(static_cast<std::uint32_t>(index));
+      const std::int32_t node = graph_.open_at(head + (from + (to - from) * i / samples) * way);
+      if (node >= 0) inside.push_back(static_cast<std::uint32_t>(node));
     }
   }
   is_outside_[bone] = inside.empty();
-  const auto distance_of = [&](std::uint32_t index) {
-    const Eigen::Vector3d centre = grid.centre(solid_.cells()[index]);
+  const auto distance_of = [&](std::uint32_t node) {
+    const Eigen::Vector3d centre = graph_.centre(node);
     return (centre - segment.closest(centre)).norm() / grid.voxel() * kStepsPerVoxel;
   };
   if (inside.empty()) {
-    std::vector<double> distances(solid_.size());
+    std::vector<double> distances(graph_.size(), std::numeric_limits<double>::infinity());
     double nearest = std::numeric_limits<double>::infinity();
-    for (std::uint32_t index = 0; index < distances.size(); ++index) {
-      distances[index] = distance_of(index);
-      nearest = std::min(nearest, distances[index]);
+    for (std::uint32_t node = 0; node < distances.size(); ++node) {
+      if (graph_.is_open(node)) distances[node] = distance_of(node);
+      nearest = std::min(nearest, distances[node]);
     }
-    for (std::uint32_t index = 0; index < distances.size(); ++index) {
-      if (distances[index] <= nearest + kStepsPerVoxel) inside.push_back(index);
+    for (std::uint32_t node = 0; node < distances.size(); ++node) {
+      if (distances[node] <= nearest + kStepsPerVoxel) inside.push_back(node);
     }
   }
   std::ranges::sort(inside);
   inside.erase(std::unique(inside.begin(), inside.end()), inside.end());
   seeds_[bone].clear();
-  for (const std::uint32_t index : inside) {
+  for (const std::uint32_t node : inside) {
     // However far it is, all steps of a way through the grid can still be added.
-    const double distance = std::min(std::round(distance_of(index)), 1e9);
-    seeds_[bone].push_back({static_cast<std::uint32_t>(distance), index});
+    const double distance = std::min(std::round(distance_of(node)), 1e9);
+    seeds_[bone].push_back({static_cast<std::uint32_t>(distance), node});
   }
 }
 
 void BoneDistances::spread(std::size_t bone, Search& search) const {
   const VoxelGrid& grid = solid_.grid();
-  for (const std::uint32_t index : search.touched) {
-    search.distances[index] = kFar;
-    search.detours[index] = 0;
+  for (const std::uint32_t node : search.touched) {
+    search.distances[node] = kFar;
+    search.detours[node] = 0;
   }
   search.reached.clear();
   search.touched.clear();
@@ -184,30 +227,28 @@ void BoneDistances::spread(std::size_t bone, Search& search) const {
     search.distances[seed.item] = seed.distance;
     search.touched.push_back(seed.item);
   }
-  search.queue.run(seeds_[bone], [&](std::uint32_t now, std::uint32_t index, const auto& push) {
-    if (search.distances[index] != now) return;
-    if (now > std::uint64_t{kTimes} * nearest_[index] + kSlack) return;
-    const std::int32_t cell = solid_.cells()[index];
-    const Eigen::Vector3d centre = grid.centre(cell);
+  search.queue.run(seeds_[bone], [&](std::uint32_t now, std::uint32_t node, const auto& push) {
+    if (search.distances[node] != now) return;
+    if (now > std::uint64_t{kTimes} * nearest_[node] + kSlack) return;
+    const Eigen::Vector3d centre = graph_.centre(node);
     const double straight = octile((centre - bones_[bone].closest(centre)) / grid.voxel());
-    search.detours[index] =
+    search.detours[node] =
         static_cast<float>(std::max(1.0, (now - double{kStepsPerVoxel}) / std::max(straight, double{kStepsPerVoxel})));
-    search.reached.push_back(index);
-    for (const GridStep& step : steps_) {
-      const std::int32_t other = solid_.index_of(cell + step.offset);
-      if (other < 0 || search.distances[other] <= now + step.length) continue;
-      if (search.distances[other] == kFar) search.touched.push_back(static_cast<std::uint32_t>(other));
-      search.distances[other] = now + step.length;
-      push(search.distances[other], static_cast<std::uint32_t>(other));
-    }
+    search.reached.push_back(node);
+    graph_.neighbours(node, [&](std::uint32_t other, std::uint32_t length) {
+      if (search.distances[other] <= now + length) return;
+      if (search.distances[other] == kFar) search.touched.push_back(other);
+      search.distances[other] = now + length;
+      push(search.distances[other], other);
+    });
   });
 }
 
 double BoneDistances::detour_at(const Eigen::Vector3d& point, const Search& search) const {
   double sum = 0, weights = 0;
-  solid_.around(point, [&](std::int32_t index, double weight) {
-    if (search.detours[index] == 0) return;
-    sum += weight * search.detours[index];
+  graph_.around(point, [&](std::int32_t node, double weight) {
+    if (search.detours[node] == 0) return;
+    sum += weight * search.detours[node];
     weights += weight;
   });
   return weights > 0 ? sum / weights : 1;
@@ -215,33 +256,33 @@ double BoneDistances::detour_at(const Eigen::Vector3d& point, const Search& sear
 
 NearestBones BoneDistances::nearest(std::span<const Place> places, double least, Progress* progress,
                                     std::int64_t steps) const {
-  // The places in each cell.
-  std::vector<std::uint32_t> begin(solid_.size() + 1), in_cell(places.size());
-  std::vector<std::int32_t> cell_of(places.size());
+  // The places in each node.
+  std::vector<std::uint32_t> begin(graph_.size() + 1), in_node(places.size());
+  std::vector<std::int32_t> node_of(places.size());
   for (std::size_t place = 0; place < places.size(); ++place) {
-    cell_of[place] = solid_.index_of(solid_.grid().cell_at(places[place].point));
-    if (cell_of[place] >= 0) ++begin[cell_of[place] + 1];
+    node_of[place] = graph_.node_of(places[place].point);
+    if (node_of[place] >= 0) ++begin[node_of[place] + 1];
   }
-  for (std::size_t cell = 1; cell < begin.size(); ++cell) begin[cell] += begin[cell - 1];
+  for (std::size_t node = 1; node < begin.size(); ++node) begin[node] += begin[node - 1];
   std::vector<std::uint32_t> at(begin.begin(), begin.end() - 1);
   for (std::uint32_t place = 0; place < places.size(); ++place) {
-    if (cell_of[place] >= 0) in_cell[at[cell_of[place]]++] = place;
+    if (node_of[place] >= 0) in_node[at[node_of[place]]++] = place;
   }
 
   const double shortest = least * solid_.grid().voxel();
   std::vector<std::vector<Found>> found(bones_.size());
   Kept<Search> searches;
   parallel_for(bones_.size(), 1, [&](std::size_t first, std::size_t end) {
-    const auto search = searches.borrow([&] { return std::make_unique<Search>(solid_.size()); });
+    const auto search = searches.borrow([&] { return std::make_unique<Search>(graph_.size()); });
     for (std::size_t bone = first; bone < end; ++bone) {
       stop_if_cancelled(progress_);
       spread(bone, *search);
       const Segment measured = shorter(bones_[bone]);
-      for (const std::uint32_t cell : search->reached) {
-        for (std::uint32_t i = begin[cell]; i < begin[cell + 1]; ++i) {
-          const Place& place = places[in_cell[i]];
+      for (const std::uint32_t node : search->reached) {
+        for (std::uint32_t i = begin[node]; i < begin[node + 1]; ++i) {
+          const Place& place = places[in_node[i]];
           const double distance = distance_from(measured, place, detour_at(place.point, *search), shortest);
-          found[bone].push_back({in_cell[i], static_cast<float>(distance)});
+          found[bone].push_back({in_node[i], static_cast<float>(distance)});
         }
       }
       const auto count = std::ssize(bones_), own = static_cast<std::ptrdiff_t>(bone);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/cancelled.h"
-#include "weights/voxel_solid.h"
+#include "weights/solid_graph.h"
 
 namespace sinew {
 
@@ -33,11 +33,21 @@ struct NearestBones {
   std::vector<double> distances;     ///< of the nearest, above 0, of each place
 };
 
-/// Distances through a solid, each with all cells connected.
+/// The surface of a solid.
+struct SolidSurface {
+  std::span<const Eigen::Vector3d> points;
+  std::span<const Triangle> triangles;
+  const TriangleTree& tree;
+};
+
+/// Distances through a solid, each with all cells connected. Around short bones, such as those of fingers and lips, the
+/// cells that the surface meets are divided, so that parts closer than a voxel stay apart.
 class BoneDistances {
  public:
-  /// Connects the solid with the bones. A bone outside it begins at the closest solid cells.
-  BoneDistances(VoxelSolid& solid, std::span<const Segment> bones, const Progress* progress);
+  /// Connects the solid with the bones. A bone outside it begins at the closest solid cells. joints  of the bones: those
+  /// of one joint count as one when it is asked which are short.
+  BoneDistances(VoxelSolid& solid, const SolidSurface& surface, std::span<const Segment> bones,
+                std::span<const std::int32_t> joints, const Progress* progress);
 
   /// Bones of which nothing is in a solid cell.
   std::span<const std::uint8_t> is_outside() const { return is_outside_; }
@@ -51,17 +61,21 @@ class BoneDistances {
     std::uint32_t place;
     float distance;
   };
+  void begin(const Progress* progress);
   void begin_at(std::size_t bone);
+  std::vector<std::uint32_t> all_seeds() const;
+  std::vector<std::uint8_t> near_short_bones(std::span<const std::int32_t> joints) const;
+  void measure_nearest();
   void spread(std::size_t bone, Search& search) const;
   double detour_at(const Eigen::Vector3d& point, const Search& search) const;
 
   const VoxelSolid& solid_;
   std::span<const Segment> bones_;
   const Progress* progress_;
-  std::array<GridStep, 26> steps_;
+  SolidGraph graph_;
   std::vector<std::vector<BucketQueue::Seed>> seeds_;
   std::vector<std::uint8_t> is_outside_;
-  std::vector<std::uint32_t> nearest_;  ///< of each solid cell, from any bone, in steps
+  std::vector<std::uint32_t> nearest_;  ///< of each node, from any bone, in units of voxel / kStepsPerVoxel
 };
 
 /// Distances through the air, for what has no solid.

@@ -217,4 +217,29 @@ SurfacePoint TriangleTree::closest(const Eigen::Vector3d& point, double within) 
   return best;
 }
 
+void TriangleTree::in_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+                          std::vector<std::uint32_t>& found) const {
+  if (nodes_.empty()) return;
+  const auto meets = [&](const Eigen::Vector3d& least, const Eigen::Vector3d& most) {
+    return (least.array() <= high.array()).all() && (most.array() >= low.array()).all();
+  };
+  std::uint32_t stack[64];
+  int height = 0;
+  stack[height++] = 0;
+  while (height > 0) {
+    const std::uint32_t at = stack[--height];
+    const Node& node = nodes_[at];
+    if (!meets(node.low, node.high)) continue;
+    if (node.right != 0) {
+      stack[height++] = node.right;
+      stack[height++] = at + 1;
+      continue;
+    }
+    for (std::uint32_t i = node.begin; i < node.end; ++i) {
+      const Eigen::Vector3d a = corner(order_[i], 0), b = corner(order_[i], 1), c = corner(order_[i], 2);
+      if (meets(a.cwiseMin(b).cwiseMin(c), a.cwiseMax(b).cwiseMax(c))) found.push_back(order_[i]);
+    }
+  }
+}
+
 }  // namespace sinew

@@ -30,6 +30,9 @@ class TriangleTree {
   /// Returns the closest point, if one is closer than the square root of `within`.
   SurfacePoint closest(const Eigen::Vector3d& point, double within = std::numeric_limits<double>::infinity()) const;
 
+  /// Adds the triangles whose bounding boxes meet a box to `found`.
+  void in_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high, std::vector<std::uint32_t>& found) const;
+
  private:
   struct Node {
     Eigen::Vector3d low, high;

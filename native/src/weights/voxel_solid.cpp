@@ -15,8 +15,8 @@ constexpr int kMargin = 2;
 constexpr double kOdd = 0.382;
 constexpr std::uint32_t kFar = std::numeric_limits<std::uint32_t>::max();
 
-/// Whether a triangle meets the cube of half side 1/2 about the origin, by the separating axis theorem.
-/// Akenine-Moller, "Fast 3D triangle-box overlap testing", 2001.
+}  // namespace
+
 bool meets_cube(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
   constexpr double kHalf = 0.5 + 1e-9;
   if ((a.cwiseMin(b).cwiseMin(c).array() > kHalf).any()) return false;
@@ -34,8 +34,6 @@ bool meets_cube(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen:
   }
   return true;
 }
-
-}  // namespace
 
 VoxelGrid::VoxelGrid(std::span<const Eigen::Vector3d> points, int resolution) : voxel_(1 / (resolution - kOdd)) {
   Eigen::Vector3d half = Eigen::Vector3d::Zero();
@@ -73,7 +71,7 @@ Eigen::Vector3d VoxelGrid::centre(std::int32_t cell) const {
 }
 
 std::array<GridStep, 26> grid_steps(const VoxelGrid& grid) {
-  constexpr std::array<std::uint32_t, 4> kLengths{0, kStepsPerVoxel, 91, kLongestStep};  // 64 sqrt(1, 2, 3)
+  constexpr std::array<std::uint32_t, 4> kLengths{0, kStepsPerVoxel, kDiagonalStep, kLongestStep};
   std::array<GridStep, 26> steps;
   std::size_t count = 0;
   for (int k = -1; k <= 1; ++k) {

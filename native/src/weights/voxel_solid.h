@@ -48,8 +48,13 @@ struct GridStep {
   std::int32_t offset;
   std::uint32_t length;  ///< in units of voxel / kStepsPerVoxel
 };
-constexpr std::uint32_t kStepsPerVoxel = 64, kLongestStep = 111;
+// A third and a fifth of a voxel are whole numbers of units.
+constexpr std::uint32_t kStepsPerVoxel = 60, kDiagonalStep = 85, kLongestStep = 104;  // 60 sqrt(1, 2, 3)
 std::array<GridStep, 26> grid_steps(const VoxelGrid& grid);
+
+/// Whether a triangle meets the cube of half side 1/2 about the origin, by the separating axis theorem.
+/// Akenine-Moller, "Fast 3D triangle-box overlap testing", 2001.
+bool meets_cube(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c);
 
 /// The cells that the surface meets, or whose centres have |winding number| > 1/2.
 class VoxelSolid {
