@@ -44,7 +44,9 @@ class Shortcut:
                 watched.add_modifier(modifier)
         front = [ob.modifiers[name] for name in plan.way.front]
         modes = [switches.aside_switch(modifier) for modifier in (*replaced, *front)]
-        kept = [(address, switches.SWITCHES) for address, *_ in modes[: len(replaced)]]  # drivers and keyframes may change them
+        kept = [
+            (address, switches.SWITCHES) for address, *_ in modes[: len(replaced)]
+        ]  # drivers and keyframes may change them
         if plan.own is not None:
             modes.append(switches.mode_switch(ob.modifiers[plan.own], *switching.switches_of_own(ob, plan)))
         poses = [
