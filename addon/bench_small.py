@@ -29,7 +29,7 @@ from bench_playback import (
 )
 from bench_rigs import ADDON, animate, make_chain, make_mesh, select
 
-TUBES, SIZES = 20, (8, 120, 1_000, 4_000)
+TUBES, SIZES = 20, (8, 500, 1_000, 2_000, 4_000)
 HAIRS, HAIRY_SIZE = 200, 1_000
 ROUNDS = 5
 

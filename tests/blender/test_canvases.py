@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from decorated import decorate, empty_at_a_vertex, of_result
 from helpers import (
     addon_module,
     assert_plays_without_the_addon,
     assert_same_shape,
     data_counts,
+    depsgraph,
     evaluated,
     into_a_shot,
     reopened,
@@ -61,6 +63,12 @@ def canvases():
 def are_deforming(pairs):
     characters = addon_module("run.characters")
     return [characters.character(ob).is_deforming for ob, _twin in pairs]
+
+
+def takes_all(ob):
+    """Whether all of an object's result is that of its canvas."""
+    modifier = addon_module("blender.nodes").find_modifier(ob)
+    return addon_module("blender.nodes").reads_front(modifier)
 
 
 @pytest.fixture
@@ -341,15 +349,64 @@ def test_shape_keys_are_left_to_blender(fresh_scene):
 
 
 def test_modes(pairs):
+    """The tools of the modes for editing and painting need to know which vertex each one was made from."""
     first = pairs[0][0]
     select(first)
     for mode in ("EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT"):
         bpy.ops.object.mode_set(mode=mode)
         if mode != "EDIT":
             assert_all_same(pairs, (4, 5))
+            is_ours = mode in {"WEIGHT_PAINT", "VERTEX_PAINT"} and not takes_all(first)
+            assert are_deforming(pairs) == [is_ours, True, True]
         bpy.ops.object.mode_set(mode="OBJECT")
         assert_all_same(pairs, (6, 7))
     assert all(are_deforming(pairs))
+
+
+IN_ALL = bpy.app.version >= (4, 1, 0)  # before, only the positions are a canvas's
+
+
+def test_all_that_a_mesh_has(pairs, fresh_scene):
+    for each in (pairs[0][0], *(twin for _ob, twin in pairs)):  # the objects share a mesh
+        decorate(each)
+    for frame in (2, 5, 6, 7):
+        fresh_scene.frame_set(frame)
+        for ob, twin in pairs:
+            ours, theirs = of_result(ob), of_result(twin)
+            assert ours.keys() == theirs.keys()
+            assert [name for name in ours if name != "materials" and ours[name] != theirs[name]] == []
+            assert_same_shape(ob, twin)
+    assert are_deforming(pairs) == [True] * 3
+    assert [takes_all(ob) for ob, _twin in pairs] == [IN_ALL] * 3
+
+
+def test_a_child_of_a_vertex(pairs, fresh_scene):
+    """Blender has to find the vertex of the mesh in the result."""
+    empties = [empty_at_a_vertex(each, 70) for each in pairs[1]]
+    for frame in (5, 2, 3, 4, 6):
+        fresh_scene.frame_set(frame)
+        places = [np.array(each.evaluated_get(depsgraph()).matrix_world.translation) for each in empties]
+        assert np.abs(places[0] - places[1]).max() < 1e-4
+    assert_all_same(pairs, (7, 8))
+    assert are_deforming(pairs) == [True] * 3
+    assert [takes_all(ob) for ob, _twin in pairs] == [IN_ALL, False, IN_ALL]
+
+
+def test_particles(pairs):
+    for each in pairs[0]:
+        each.modifiers.new("Particles", "PARTICLE_SYSTEM")
+        settings = each.particle_systems[0].settings
+        settings.type, settings.count = "HAIR", 50
+        each.particle_systems[0].seed = 3
+    bpy.context.view_layer.update()
+    roots = [
+        [tuple(particle.location) for particle in each.evaluated_get(depsgraph()).particle_systems[0].particles]
+        for each in pairs[0]
+    ]
+    assert len(roots[0]) == 50 and np.abs(np.array(roots[0]) - np.array(roots[1])).max() < 1e-4
+    assert_all_same(pairs, (2, 3))
+    assert are_deforming(pairs) == [True] * 3
+    assert [takes_all(ob) for ob, _twin in pairs] == [False, IN_ALL, IN_ALL]
 
 
 def test_the_output_mesh(fresh_scene):

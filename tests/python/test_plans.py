@@ -365,7 +365,7 @@ def test_an_old_group_and_a_missing_attribute_are_mended():
 def shared(canvas=CANVAS, read=CANVAS, hook=CANVAS, **more):
     """A situation in which other objects have the mesh too. canvas: of the object; read: by Sinew's modifier; hook:
     that the hook waits for."""
-    ours = own(reads_canvas=read is not None, canvas=read)
+    ours = own(reads_canvas=read is not None, reads_front=read is not None, canvas=read)
     waits = {"mesh": None, "canvas": hook}
     return bound(before=(ours,), hook=waits, sharer_count=2, canvas=canvas, **{"has_attribute": False} | more)
 
@@ -375,6 +375,22 @@ def test_a_shared_mesh_takes_the_path_through_a_canvas():
     assert plan.way.kind == "CANVAS" and plan.way.in_pass and plan.way.has_own
     assert needed(shared()) == ()
     assert plans.make(shared(is_linked=True)).way.kind == "CANVAS"  # with a canvas from the library
+
+
+def test_a_shared_mesh_takes_all_from_its_canvas_unless_indices_are_needed():
+    assert plans.make(shared()).way.takes_all
+    positions_alone = replace(shared().own, reads_front=False)
+    slow = replace(shared(), modifiers=(positions_alone, *shared().modifiers[1:]))
+    assert needed(slow) == (mends.Mend("READ_CANVAS"),)
+    assert needed(replace(slow, is_linked=True)) == ()
+    particles = replace(shared(), front_trouble="Its particles")
+    assert not plans.make(particles).way.takes_all
+    assert needed(particles) == (mends.Mend("READ_CANVAS", is_blocking=True),)
+    assert needed(replace(slow, front_trouble="Its particles")) == ()
+    before = modifier("UV_WARP", keeps_shape=True, reads_shape=False)
+    assert not plans.make(replace(shared(), modifiers=(before, *shared().modifiers))).way.takes_all
+    hidden = replace(before, shown=(False, False))
+    assert plans.make(replace(shared(), modifiers=(hidden, *shared().modifiers))).way.takes_all
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ NODE_GROUP_NAME = "Sinew"
 PLACING_GROUP_NAME = "Sinew Placing"  # inside the former
 SHARED_GROUP_NAME = "Sinew Shared"  # of Sinew's modifier on a mesh that several objects share
 SHARED_PLACING_GROUP_NAME = "Sinew Shared Placing"  # inside the former
-FRONT_GROUP_NAME = "Sinew Front"  # of Sinew's modifier behind a front
+FRONT_GROUP_NAME = "Sinew Front"  # of Sinew's modifier that takes all from a canvas
 FRONT_PLACING_GROUP_NAME = "Sinew Front Placing"  # inside the former
 CANVAS_GROUP_NAME = "Sinew Canvas"  # of the only modifier of a canvas
 NODE_GROUP_VERSION = 5
@@ -72,10 +72,10 @@ def canvas_of(modifier: bpy.types.Modifier) -> bpy.types.Object | None:
     return graph.get_input(modifier, CANVAS_INPUT) if reads_canvas(modifier) else None
 
 
-def set_canvas(modifier: bpy.types.Modifier, canvas: bpy.types.Object | None, has_front: bool = False) -> None:
-    """Has Sinew's modifier take the positions from a canvas, or with None from the object's own mesh. has_front: it
-    takes not only the positions from the canvas, but all."""
-    group = node_group() if canvas is None else front_group() if has_front else shared_group()
+def set_canvas(modifier: bpy.types.Modifier, canvas: bpy.types.Object | None, takes_all: bool = False) -> None:
+    """Has Sinew's modifier take the positions from a canvas, or with None from the object's own mesh. takes_all: not
+    only the positions, but all that the canvas has."""
+    group = node_group() if canvas is None else front_group() if takes_all else shared_group()
     if modifier.node_group != group:
         modifier.node_group = group
     if canvas is not None:
@@ -179,8 +179,8 @@ def shared_group() -> bpy.types.NodeTree:
 
 
 def front_group() -> bpy.types.NodeTree:
-    """Returns the node group of Sinew's modifiers behind a front, and makes it if there is none. Its result is that of
-    a canvas, with the vertices at the positions in its attribute. Nested like `node_group`."""
+    """Returns the node group of Sinew's modifiers that take all from a canvas, and makes it if there is none. Its
+    result is that of the canvas, with the vertices at the positions in its attribute. Nested like `node_group`."""
     return _reading_group(FRONT_GROUP_NAME, GEOMETRY, _front_placing_group)
 
 

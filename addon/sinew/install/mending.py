@@ -73,7 +73,7 @@ def _apply(mend, plan, ob):
             nodes.set_canvas(ob.modifiers[plan.own], None)
         canvases.remove(ob)
     elif mend.what == mends.READ_CANVAS:
-        nodes.set_canvas(nodes.find_modifier(ob), ob.sinew.canvas, bool(plan.way.front))
+        nodes.set_canvas(nodes.find_modifier(ob), ob.sinew.canvas, plan.way.takes_all)
     elif mend.what == mends.REMOVE_ATTRIBUTE:
         remove_attribute(ob)
     elif mend.what == mends.TAKE_OWN_AWAY:

@@ -205,7 +205,7 @@ def _note_edits(objects, affected, edits, may_lack):
     objects of which some part was edited; may_lack: whether a driver may wait for something that no longer exists, or
     may not wait for all that it should."""
     for key, ob in characters.made_of(edits.vertex_parents).items():
-        if characters.of(ob).way.front:
+        if characters.of(ob).way.takes_all:
             mail.post(bind.rewire, key)
     for ob in objects:
         key = values.key_of(ob)

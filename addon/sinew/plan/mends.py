@@ -55,9 +55,12 @@ def needed(plan: Plan, situation: Situation, newcomers: Collection[int]) -> tupl
     if plan.way.kind == ways.ATTRIBUTE and not situation.has_attribute:
         found.append(Mend(ADD_ATTRIBUTE, is_blocking=True))
     if plan.way.kind == ways.CANVAS:
-        is_read = own is not None and own.reads_canvas and own.reads_front == bool(plan.way.front)
-        if situation.canvas is None or own is None or not is_read or own.canvas != situation.canvas:
-            found.append(Mend(READ_CANVAS, is_blocking=True))
+        is_read = own is not None and own.reads_canvas and own.canvas == situation.canvas is not None
+        takes_enough = own is not None and (own.reads_front or not plan.way.front)
+        is_slow = own is not None and plan.way.takes_all and not own.reads_front and not situation.is_linked
+        is_wrong = not is_read or not takes_enough or own is not None and own.reads_front and not plan.way.takes_all
+        if is_wrong or is_slow:
+            found.append(Mend(READ_CANVAS, is_blocking=is_wrong))
         if situation.has_attribute and not situation.is_mesh_linked:
             found.append(Mend(REMOVE_ATTRIBUTE))
     return tuple(found)

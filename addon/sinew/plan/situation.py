@@ -109,7 +109,7 @@ class Situation:
     sharer_count: int = 1  # objects that have the mesh, without canvases
     canvas: int | None = None  # key of the object's own canvas, if it has one with the right mesh and front
     copied: int | None = None  # key of that canvas's mesh, if it is a copy
-    front_trouble: str = ""  # why Sinew cannot begin with a front on this mesh, a sentence
+    front_trouble: str = ""  # why the result cannot be all of a canvas's, a sentence; "" if not asked
     deforming_parent: str = ""  # name of the parent, if it deforms the mesh directly
     moves_against_armature: bool = False  # mesh and armature were seen to move relative to each other frame by frame
     weights_follow_shape: bool = False  # see survey.weights_follow_shape; False if neither keys nor motion ask for it

@@ -67,7 +67,7 @@ def _read(
         sharer_count=sharer_count,
         canvas=canvas and values.key_of(canvas),
         copied=canvas and canvas.data != mesh and values.key_of(canvas.data) or None,
-        front_trouble=canvas_survey.front_trouble(original) if front else "",
+        front_trouble=canvas_survey.front_trouble(original) if front or sharer_count > 1 else "",
         deforming_parent=_deforming_parent(original),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),

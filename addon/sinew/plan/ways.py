@@ -4,6 +4,7 @@ Sinew deforms in the pass in which Blender evaluates the mesh, so it has to know
 Blender. Where it does not, Blender's own modifier deforms, in the same pass. Does not use Blender.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..blender import modifier_types
@@ -26,6 +27,9 @@ class Way:
     is_small: bool = False  # it could take another path, but Blender is faster with so few vertices
     front: tuple[str, ...] = ()  # of CANVAS, names of the modifiers that only the canvas evaluates
     has_copy: bool = False  # the canvas has a copy of the mesh, not the mesh itself
+    # Of CANVAS: all of the result is the canvas's, which takes less time than to look up its positions. Nothing tells
+    # which vertex of the mesh one of the result was made from.
+    takes_all: bool = False
 
     @property
     def in_pass(self) -> bool:
@@ -196,7 +200,22 @@ def _through_attribute(situation: Situation) -> Way:
     front = fronts.of(situation.modifiers, situation.taken)
     if not front and situation.sharer_count == 1:
         return Way(ATTRIBUTE)
-    return Way(CANVAS, front=tuple(modifier.name for modifier in front), has_copy=situation.sharer_count == 1)
+    return Way(
+        CANVAS,
+        front=tuple(modifier.name for modifier in front),
+        has_copy=situation.sharer_count == 1,
+        takes_all=bool(front) or not situation.front_trouble and _is_idle_before(situation, stages),
+    )
+
+
+def _is_idle_before(situation: Situation, stages: Sequence[str]) -> bool:
+    """Whether no modifier comes before those that Sinew replaces. stages: of the run."""
+    for modifier in situation.modifiers:
+        if modifier.name in situation.taken or modifier.name in stages:
+            break
+        if not modifier.is_own and modifier.is_shown:
+            return False
+    return True
 
 
 def _through_keys(situation: Situation) -> Way:

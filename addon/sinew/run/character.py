@@ -19,8 +19,8 @@ from .status import Status
 
 # Modes in which people edit what they see: Blender's own modifier shows the shape there, as its tools expect.
 EDITING = {"EDIT", "SCULPT"}
-# Modes in which Blender's tools do not need to know which vertex of the mesh one of the result was made from. Behind a
-# front, only Blender's own modifiers tell them.
+# Modes in which Blender's tools do not need to know which vertex of the mesh one of the result was made from. Where all
+# of the result is a canvas's, only Blender's own modifiers tell them.
 WITHOUT_INDICES = {"OBJECT", "POSE"}
 # Evaluated objects per mesh of which something is kept: each render has objects of its own.
 MOST_COPIES = 16
@@ -140,7 +140,7 @@ class Character:
             switching.release(ob)
             if copy.plan.way.in_pass and any(map(cage_stages.was_unbound_late, ob.modifiers)):
                 self.planning.ask_to_rewire()  # which has Blender copy the object again, without the binding
-        if copy.plan.way.front and ob.mode not in WITHOUT_INDICES:
+        if copy.plan.way.takes_all and ob.mode not in WITHOUT_INDICES:
             return False
         return copy.plan.is_wired and not _stands_aside and ob.mode not in EDITING and switches.can_put_aside()
 
