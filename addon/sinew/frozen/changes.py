@@ -22,6 +22,14 @@ def record_frame(rig: rigs.Rig, scene: Any, graph: Any) -> None:
     rig.last, rig.last_layer = rig.record.at(frame), graph.view_layer.as_pointer()
 
 
+def meet(rig: rigs.Rig, graph: Any) -> None:
+    """Finds the meshes of an armature that has not been recorded yet, and asks for their shapes in a graph."""
+    found = followers.find([rig.ob])[rig.ob]
+    if isinstance(found, Followers):
+        follow_shapes(rig, found.hooked)
+        rig.shapes.ask_in(graph)
+
+
 def check_settings(rig: rigs.Rig) -> None:
     """Drops the record if anything has changed on which the pose depends."""
     if rig.curves is None:
@@ -59,6 +67,8 @@ def compare_keys(rig: rigs.Rig) -> None:
 
 def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
     """Drops frames of an armature, and of those whose bones follow it."""
+    if not ranges:
+        return
     reached = [rig]
     for each in reached:
         if each.record.drop_within(ranges):

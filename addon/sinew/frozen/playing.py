@@ -30,6 +30,9 @@ def before_evaluation(scene: Any) -> None:
         if rig.last is not None and not rig.is_frozen and not rig.is_suspect:
             _check_unchanged(rig, graphs.get(rig.last_layer))
         rig.last = None
+        own = next((graph for graph in graphs.values() if rigs.evaluated_copy(rig, graph) is not None), None)
+        if rig.curves is None and own is not None:
+            changes.meet(rig, own)
         rig.shapes.ask(rigs.whole_frame(scene))
     for graph in graphs.values():
         _play(scene, graph)

@@ -44,14 +44,12 @@ class Mesh:
     keeper: Any = field(default_factory=frame_shapes.Keeper)
     identity: int = 0  # of what the recorded shapes were computed by
 
-    def copy_in(self, graph: Any) -> Any:
-        """Returns its evaluated copy in a graph, which asks for shapes from now on."""
-        evaluated = self.ob.evaluated_get(graph)
-        if evaluated.as_pointer() != self.address:
+    def ask_in(self, graph: Any) -> None:
+        """Asks for the shapes of its copy in a graph from now on."""
+        address = self.ob.evaluated_get(graph).as_pointer()
+        if address != self.address:
             self.let_go()
-            self.address = evaluated.as_pointer()
-            self.keeper = frame_shapes.keep(self.address)
-        return evaluated
+            self.address, self.keeper = address, frame_shapes.keep(address)
 
     def let_go(self) -> None:
         frame_shapes.drop(self.address)
@@ -59,10 +57,12 @@ class Mesh:
 
     def note(self, frame: int, graph: Any) -> None:
         """Records what an evaluation of a frame has computed."""
-        evaluated = self.copy_in(graph)
+        evaluated = self.ob.evaluated_get(graph)
         known, found = self.keeper.known, self.keeper.found
         if found is None:
-            return
+            self.ask_in(graph)
+        if found is None or evaluated.as_pointer() != self.address:
+            return  # or another graph has its turn
         if self.identity != self.keeper.identity or known is not None and found is not known:
             self.record.clear()  # something else has changed than the pose
         self.identity = self.keeper.identity
@@ -93,6 +93,11 @@ class Shapes:
         for key, ob in wanted.items():
             if key not in self._meshes:
                 self._meshes[key] = Mesh(ob, records.Record(self._store))
+
+    def ask_in(self, graph: Any) -> None:
+        """Asks for the shapes of the meshes in a graph from now on."""
+        for mesh in self._meshes.values():
+            mesh.ask_in(graph)
 
     def ask(self, frame: int | None) -> None:
         """Says which shapes the next evaluation may take. frame: None for a moment between two frames."""
