@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, make_armature, make_mesh, make_tube, pose, smoothed
-from helpers import addon_module, data_counts, diagonal, evaluated, import_rig, select
+from helpers import addon_module, data_counts, diagonal, evaluated, import_rig, select, traces_of
 
 FRAMES = range(1, 11)
 
@@ -169,6 +169,7 @@ def test_smoothing_is_baked_to_the_rigs_bones(figure, is_bound):
         accelerate(ob)
     before = played(ob)
     _, (made,) = bake(ob, source="RIG")
+    assert traces_of(made) == []
     off, plain = (np.linalg.norm(each - before, axis=2) for each in (played(made), linear))
     assert off.mean() < 0.8 * plain.mean()
 
