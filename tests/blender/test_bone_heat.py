@@ -1,6 +1,6 @@
-"""Sinew's weights against Blender's bone heat, where that works: on closed meshes without accidents. With a stiffness of 4,
-which is Blender's, both are nearly the same. What remains is Blender's cut below 0.05, its areas, and bones that it does
-not see."""
+"""Sinew's weights against Blender's bone heat, where that works: on closed meshes without accidents. With a stiffness
+of 4, which is Blender's, both are nearly the same. What remains is Blender's cut below 0.05, its areas, and bones that
+it does not see."""
 
 import bmesh
 import bpy
