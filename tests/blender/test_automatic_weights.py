@@ -997,8 +997,8 @@ def test_the_commands_sheet_of_test_poses(sinew, blend, tmp_path):
     assert found["degrees"] == 80 and found["tiles"] == len(own["poses"]) >= 5
     assert all(each["stretch"] > 1 > each["squash"] and each["volume"] < 1.2 for each in own["poses"])
     image = bpy.data.images.load(str(sheet))
-    assert tuple(image.size) == (240 * found["tiles"], 240)
-    pixels = np.array(image.pixels).reshape(240, -1, 4)[..., :3]
+    assert tuple(image.size) == (200 * found["tiles"], 200)
+    pixels = np.array(image.pixels).reshape(200, -1, 4)[..., :3]
     for tile in np.split(pixels, found["tiles"], axis=1):
         assert tile.std() > 0.05, "an empty tile"
     code, _out, err = sinew("weights", blend, "--armature", "Rig", "--sheet", str(sheet))

@@ -65,6 +65,8 @@ PURE = {
     "profiling.costs",
     "run.mail",
     "weights.bone_segments",
+    "weights.pictures",
+    "weights.pose_checks",
     "weights.checks",
     "weights.reports",
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 BACKGROUND = (0.92, 0.92, 0.93)
-_PER_PIXEL = 1.7  # samples along a pixel's side, so that no pixel of a triangle is left out
+_PER_PIXEL = 1.4  # samples along a pixel's side, so that no pixel of a triangle is left out
 _MOST_SAMPLES = 64  # along a triangle's side
 
 

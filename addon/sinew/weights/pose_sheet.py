@@ -10,8 +10,8 @@ import numpy as np
 from ..plan import bindable
 from . import checking, pictures, pose_checks
 
-TILE, COLUMNS = 240, 8  # pixels; tiles in a row
-_TEXT = 15  # pixels: the height of a name
+TILE, COLUMNS = 200, 8  # pixels; tiles in a row
+_TEXT = 13  # pixels: the height of a name
 _WIDTH = 2.4  # of the part that bends, or
 _LEAST = 0.12  # of the mesh's size, if that is more: what a tile shows
 _VIEW = np.array([-0.45, -1.0, 0.35])  # where the view comes from, in the world
