@@ -18,10 +18,11 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import ADDON
+from bench_rigs import ADDON, make_generated, make_mesh
 
 RIGS = {"game engine": "game_engine", "Mixamo": "mixamo", "CMU": "cmu_mb"}
 MOST_SUBDIVIDED = 2
+HUMAN = 30_000  # vertices of Rigify's human, about
 
 
 def native():
@@ -92,6 +93,26 @@ def subdivided(positions, faces):
         center = len(points) - 1
         result += [[v, between[i], center, between[i - 1]] for i, v in enumerate(face)]
     return np.array(points), result
+
+
+def rigify_human():
+    """Rigify's human with a face, in one closed surface: positions, faces, heads and tails of the deforming bones."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    armature = make_generated("human")
+    bones = [bone for bone in armature.data.bones if bone.use_deform]
+    ob, size = make_mesh(armature, 3 * HUMAN, one_tube=False), 0.02
+    ob.modifiers.clear()
+    melt = ob.modifiers.new("Melt", "REMESH")
+    melt.mode = "VOXEL"
+    for _ in range(4):
+        melt.voxel_size = size
+        mesh = bpy.data.meshes.new_from_object(ob.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+        size *= (len(mesh.vertices) / HUMAN) ** 0.5
+    positions = np.empty(3 * len(mesh.vertices))
+    mesh.vertices.foreach_get("co", positions)
+    faces = [list(face.vertices) for face in mesh.polygons]
+    heads, tails = (np.array([getattr(bone, end)[:] for bone in bones]) for end in ("head_local", "tail_local"))
+    return positions.reshape(-1, 3), faces, heads, tails
 
 
 def by_sinew(positions, faces, heads, tails):
@@ -287,6 +308,7 @@ def main():
     for _ in range(MOST_SUBDIVIDED):
         positions, faces = subdivided(positions, faces)
         results.append(line(row("subdivided", positions, faces, heads, tails)))
+    results.append(line(row("Rigify's human", *rigify_human())))
     print("\n| what is done with weights | vertices | s | |\n|---|---|---|---|")
     done = []
     for what, vertices, seconds, said in tools(body, options.dem_bones):

@@ -7,7 +7,8 @@ montage -label Blender build/Blender-all.png -label Sinew build/Sinew-all.png bu
   build/Sinew-elbow.png -tile 2x -geometry 480x+4+4 -background "#e4e5e7" -font DejaVu-Sans -pointsize 18 -quality 86 \\
   docs/automatic-weights.jpg
 
-The words at the end are parts of the picture, names in PARTS.
+The words at the end are parts of the picture, names in PARTS. weights-joints.jpg has hips, lips, fingers and elbow,
+four in a row, with a label before each file and -geometry 320x+4+4.
 """
 
 import math
@@ -40,6 +41,8 @@ PARTS = {
     "hips": ((0.0, -0.05, 0.42), 0.6, (-0.2, -1, 0.1)),
     "back": ((0.0, 0.0, 0.52), 1.18, (0.5, 1, 0.15)),
     "head": ((0.0, -0.1, 0.85), 0.5, (-0.3, -1, 0.1)),
+    "lips": ((0.0, -0.15, 0.8), 0.22, (-0.5, -1, 0.05)),
+    "fingers": ((-0.41, -0.34, 0.5), 0.3, (0.2, -1, 0.3)),
 }
 SIZE, SAMPLES = (620, 660), 32
 

@@ -98,7 +98,9 @@ void bind_method_data(py::module_& module) {
       .def(py::init<>(), "Use it for one computation at a time.")
       .def_property_readonly("fraction", &Progress::fraction, "0 to 1.")
       .def_property_readonly("is_cancelled", &Progress::is_cancelled, "Whether cancel() was called.")
-      .def("cancel", &Progress::cancel, "Ends the computation within about 0.1 s; it then returns None.");
+      .def("cancel", &Progress::cancel,
+           "Ends the computation within about 0.1 s, automatic_weights when its matrix is factorized; it then returns "
+           "None.");
 
   py::class_<RotationCenters, MethodData, std::shared_ptr<RotationCenters>>(
       module, "RotationCenters",

@@ -741,6 +741,48 @@ def test_islands_that_move_apart_are_found():
     assert check.islands_apart == 1 and check.vertices["ISLANDS"].tolist() == [1200, 1201, 1202, 1203]
 
 
+def twisted(ob):
+    """Swaps the weights of single vertices in the middle, as bad painting does."""
+    for vertex in (605, 613, 625):
+        for group in ob.vertex_groups:
+            group.remove([vertex])
+        ob.vertex_groups["bone0"].add([vertex], 1.0, "REPLACE")
+
+
+def test_what_bones_stretch_when_they_are_bent():
+    ob, armature = make_figure()
+    parent(ob, armature)
+    good = checked(ob)
+    assert not good.count("STRETCHED") and {pose.bone for pose in good.poses["Tube"]} >= {1, 2, 3, 4, 5}
+    twisted(ob)
+    found = checked(ob, degrees=45)
+    assert {605, 613, 625} <= set(found.of["Tube"].vertices["STRETCHED"].tolist())
+    assert len(found.of["Tube"].vertices["STRETCHED"]) < 40
+    worst = max(found.poses["Tube"], key=lambda pose: pose.stretch)
+    assert found.bones["Tube"][worst.bone] in found.worst_poses(1)[0]
+    pose(armature, 1, False)
+    assert checked(ob, degrees=45).poses["Tube"][0].stretch == found.poses["Tube"][0].stretch
+
+
+def test_the_numbers_of_a_bend_are_those_of_the_bent_mesh():
+    """Bends a bone in Blender and measures the mesh that its modifier makes."""
+    ob, armature = make_figure()
+    parent(ob, armature)
+    (own,) = (each for each in checked(ob).poses["Tube"] if each.bone == 3)
+    bone = armature.pose.bones["bone3"]
+    bone.rotation_mode = "XYZ"
+    setattr(bone.rotation_euler, own.axis.lower(), math.radians(60))
+    bpy.context.view_layer.update()
+    rest = np.array([vertex.co for vertex in ob.data.vertices])
+    edges = np.array([edge.vertices for edge in ob.data.edges])
+
+    def lengths(points):
+        return np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+
+    ratios = lengths(evaluated(ob)) / lengths(rest)
+    assert np.isclose(ratios.max(), own.stretch, rtol=1e-4) and np.isclose(ratios.min(), own.squash, rtol=1e-4)
+
+
 def test_buttons_select_what_the_report_names():
     ob, armature = make_figure()
     parent(ob, armature)
@@ -929,6 +971,26 @@ def test_the_command_ends_with_1_if_vertices_are_without_weights(sinew, blend):
         1,
         "sinew: the vertex groups of all chosen bones are locked: unlock those that should get weights\n",
     )
+
+
+def test_the_commands_sheet_of_test_poses(sinew, blend, tmp_path):
+    sinew("weights", blend, "--armature", "Rig", "--objects", "Tube", "--save")
+    sheet, before = tmp_path / "sheet.png", len(bpy.data.objects)
+    code, out, err = sinew(
+        "weights", blend, "--armature", "Rig", "--check", "--angle", "80", "--sheet", str(sheet), "--json"
+    )
+    assert (code, err, len(bpy.data.objects)) == (0, "", before)
+    found = json.loads(out.splitlines()[-1])
+    (own,) = found["objects"]
+    assert found["degrees"] == 80 and found["tiles"] == len(own["poses"]) >= 5
+    assert all(each["stretch"] > 1 > each["squash"] and each["volume"] < 1.2 for each in own["poses"])
+    image = bpy.data.images.load(str(sheet))
+    assert tuple(image.size) == (200 * found["tiles"], 200)
+    pixels = np.array(image.pixels).reshape(200, -1, 4)[..., :3]
+    for tile in np.split(pixels, found["tiles"], axis=1):
+        assert tile.std() > 0.05, "an empty tile"
+    code, _out, err = sinew("weights", blend, "--armature", "Rig", "--sheet", str(sheet))
+    assert code == 2 or "--check" in err
 
 
 def test_the_commands_mistakes(sinew, blend):

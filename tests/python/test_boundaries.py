@@ -68,6 +68,8 @@ PURE = {
     "run.mail",
     "to_bones.joints",
     "weights.bone_segments",
+    "weights.pictures",
+    "weights.pose_checks",
     "weights.checks",
     "weights.reports",
 }

@@ -130,6 +130,14 @@ def add_weights(commands: Any) -> None:
         help="which meshes, as one body (default: all that belong to the armature); may be repeated",
     )
     command.add_argument("--check", action="store_true", help="change nothing: report what is wrong with the weights")
+    command.add_argument(
+        "--angle",
+        metavar="DEGREES",
+        type=positive_number,
+        default=60.0,
+        help="with --check: by how much each bone is bent to see how far it stretches the mesh (60)",
+    )
+    command.add_argument("--sheet", metavar="FILE.png", help="with --check: write a picture of these poses")
     command.add_argument("--save", action="store_true", help="save the file in its place (default: nothing is saved)")
     command.add_argument(
         "--bones",

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..plan import bindable
-from ..weights import assigning, checking, parenting
+from ..weights import assigning, checking, parenting, pose_sheet
 from .bake import names_of
 from .option_types import identifier
 
@@ -22,8 +22,9 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     armature = _armature(options.armature)
     objects = _objects(names_of(options.objects), armature)
     if options.check:
-        checkup = checking.check(objects, options.max_influences or checking.checks.MOST_INFLUENCES)
-        return {"path": bpy.data.filepath, **checkup.document()}, checkup.sentence(), int(checkup.unweighted > 0)
+        return _check(objects, options)
+    if options.sheet:
+        raise ValueError("--sheet is a picture of what is checked: give --check, too")
     assigning.refuse(objects, armature)
     for ob in objects:
         why = parenting.why_not(ob, armature)
@@ -55,6 +56,15 @@ def save() -> None:
         bpy.ops.wm.save_mainfile()
     except RuntimeError as error:
         raise ValueError(str(error).strip().removeprefix("Error: ")) from error
+
+
+def _check(objects, options):
+    checkup = checking.check(objects, options.max_influences or checking.checks.MOST_INFLUENCES, options.angle)
+    text = "\n".join([*checkup.worst_poses(), checkup.sentence()])
+    document = {"path": bpy.data.filepath, **checkup.document()}
+    if options.sheet:
+        document["sheet"], document["tiles"] = options.sheet, pose_sheet.write(options.sheet, objects, options.angle)
+    return document, text, int(checkup.unweighted > 0)
 
 
 def _armature(name):

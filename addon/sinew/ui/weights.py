@@ -1,5 +1,6 @@
 """Operators that make weights from bones, check weights, and select what the report names."""
 
+import math
 from typing import Any
 
 import bpy
@@ -9,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from ..blender import meshes
 from ..feedback import notice
 from ..plan import bindable
-from ..weights import assigning, bone_segments, checking, checks, parenting, reports, rigid
+from ..weights import assigning, bone_segments, checking, checks, parenting, pose_checks, reports, rigid
 from .in_background import InBackground
 
 ENDS = (
@@ -202,7 +203,8 @@ def masked(mesh: bpy.types.Mesh) -> np.ndarray | None:
 
 class CheckWeights(bpy.types.Operator):
     """Look for vertices without weights, weights that do not sum to 1, too many bones per vertex, weights in bones that
-    are far away, parts that move apart from the surface they lie on, and bones that move nothing"""
+    are far away, parts that move apart from the surface they lie on, bones that move nothing, and edges that a bent
+    bone makes much longer"""
 
     bl_idname = "object.sinew_check_weights"
     bl_label = "Check Weights"
@@ -214,6 +216,14 @@ class CheckWeights(bpy.types.Operator):
         min=1,
         soft_max=16,
     )
+    angle: FloatProperty(
+        name="Test Poses",
+        description="The angle by which each bone is bent to see how far it stretches the mesh",
+        default=math.radians(pose_checks.ANGLE),
+        min=0.0,
+        max=math.pi,
+        subtype="ANGLE",
+    )
 
     @classmethod
     def poll(cls, context):
@@ -221,7 +231,7 @@ class CheckWeights(bpy.types.Operator):
 
     def execute(self, context):
         try:
-            checkup = checking.check(meshes_to_check(context), self.most_influences)
+            checkup = checking.check(meshes_to_check(context), self.most_influences, math.degrees(self.angle))
         except ValueError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -251,6 +261,12 @@ class SelectWeightProblem(bpy.types.Operator):
     most_influences: IntProperty(
         name="Most Bones", description="For the vertices with more bones than this", default=4, min=1
     )
+    angle: FloatProperty(
+        name="Test Poses",
+        description="The angle by which each bone is bent, for stretched vertices",
+        default=math.radians(pose_checks.ANGLE),
+        subtype="ANGLE",
+    )
     object_name: StringProperty(name="Mesh", description="Only this mesh; empty: the active one", options={"HIDDEN"})
 
     @classmethod
@@ -261,7 +277,7 @@ class SelectWeightProblem(bpy.types.Operator):
         chosen = context.view_layer.objects.get(self.object_name) if self.object_name else None
         candidates = [chosen] if chosen is not None else meshes_to_check(context)
         try:
-            found = checking.check(candidates, self.most_influences)
+            found = checking.check(candidates, self.most_influences, math.degrees(self.angle))
         except ValueError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -358,6 +374,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row.label(text=f"{text}: {count:,}")
         button = row.operator(SelectWeightProblem.bl_idname, text="Select")
         button.problem, button.most_influences = problem, report.most_influences
+        if problem == checks.STRETCHED:
+            button.angle = math.radians(report.degrees)
+            for text in report.worst_poses(3):
+                box.label(text=text, icon="BONE_DATA")
     for which, text, names in (
         ("OUTSIDE", "Bones outside the mesh", getattr(report, "bones_outside", ())),
         ("UNUSED", "Bones without vertices", report.bones_without_vertices),

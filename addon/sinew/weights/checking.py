@@ -11,7 +11,7 @@ from mathutils.kdtree import KDTree
 
 from ..blender import meshes
 from ..plan import bindable
-from . import assigning, bone_segments, checks, reports, solid
+from . import assigning, bone_segments, checks, pose_checks, reports, solid
 
 PROBLEMS = (
     (checks.UNWEIGHTED, "Unweighted", "Vertices that no deforming bone moves"),
@@ -19,6 +19,7 @@ PROBLEMS = (
     (checks.MANY, "Many Bones", "Vertices that more bones move than the limit"),
     (checks.FAR_BONES, "Far Bones", "Vertices with weight in a bone that is far away although another is near"),
     (checks.ISLANDS, "Parts Apart", "Loose parts that move apart from the surface they lie on"),
+    (checks.STRETCHED, "Stretched", "Vertices of edges that become much longer when a bone is bent"),
 )
 
 
@@ -30,6 +31,9 @@ class Checkup:
     of: dict[str, checks.Check]  # by the name of the object
     bones_without_vertices: tuple[str, ...]
     most_influences: int  # the limit
+    poses: dict[str, list[pose_checks.TestPose]]  # by the name of the object
+    bones: dict[str, tuple[str, ...]]  # by the name of the object: the names of all bones of its armature
+    degrees: float  # by which bones are bent in the poses
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -51,8 +55,19 @@ class Checkup:
             checks.MANY: f"More than {self.most_influences} bones",
             checks.FAR_BONES: "Weights in far bones",
             checks.ISLANDS: "Parts that move apart",
+            checks.STRETCHED: f"Stretched more than {pose_checks.STRETCHED} times in test poses",
         }
         return [(problem, text, self.count(problem)) for problem, text in names.items() if self.count(problem)]
+
+    def worst_poses(self, count: int = 5) -> list[str]:
+        """Returns what the bones that stretch the mesh most do, for people, the worst first."""
+        all_poses = [(pose, self.bones[name][pose.bone]) for name, own in self.poses.items() for pose in own]
+        all_poses.sort(key=lambda each: -each[0].stretch)
+        return [
+            f"{bone}: edges {pose.squash:.2f} to {pose.stretch:.2f} times as long"
+            + ("" if np.isnan(pose.volume) else f", volume {100 * (pose.volume - 1):+.0f} %")
+            for pose, bone in all_poses[:count]
+        ]
 
     def sentence(self) -> str:
         """Returns the result for people."""
@@ -66,14 +81,30 @@ class Checkup:
         """Returns the result for JSON."""
         return {
             "armature": self.armature,
-            "objects": [{"name": name, **each.document()} for name, each in self.of.items()],
+            "objects": [
+                {
+                    "name": name,
+                    **each.document(),
+                    "stretched": each.count(checks.STRETCHED),
+                    "poses": [pose.document(self.bones[name]) for pose in self.poses[name]],
+                }
+                for name, each in self.of.items()
+            ],
             "unweighted": self.unweighted,
             "bones_without_vertices": list(self.bones_without_vertices),
+            "degrees": self.degrees,
         }
 
 
-def check(objects: Sequence[bpy.types.Object], most_influences: int = checks.MOST_INFLUENCES) -> Checkup:
-    """Checks mesh objects, which have armatures. Raises ValueError if one has none, or is in Edit Mode."""
+def check(
+    objects: Sequence[bpy.types.Object],
+    most_influences: int = checks.MOST_INFLUENCES,
+    degrees: float = pose_checks.ANGLE,
+) -> Checkup:
+    """Checks mesh objects, which have armatures. degrees: by which each bone is bent in the test poses. Raises
+    ValueError if an object has no armature, or is in Edit Mode."""
+    poses: dict[str, list[pose_checks.TestPose]] = {}
+    names_of: dict[str, tuple[str, ...]] = {}
     found: dict[str, checks.Check] = {}
     used: dict[Any, set[str]] = {}
     for ob in objects:
@@ -84,6 +115,11 @@ def check(objects: Sequence[bpy.types.Object], most_influences: int = checks.MOS
             raise ValueError(f"{ob.name} is in Edit Mode; leave it first")
         names, found[ob.name] = _check_object(ob, armature, most_influences)
         used.setdefault(armature, set()).update(names)
+        mesh, bones = posable(ob, armature)
+        poses[ob.name] = pose_checks.check(mesh, bones, degrees)
+        names_of[ob.name] = tuple(bone.name for bone in armature.data.bones)
+        stretched = [pose.stretched for pose in poses[ob.name]]
+        found[ob.name].vertices[checks.STRETCHED] = np.unique(np.concatenate([np.empty(0, int), *stretched]))
     if not found:
         raise ValueError("no mesh with an armature is selected: select one")
     unused = [
@@ -92,7 +128,7 @@ def check(objects: Sequence[bpy.types.Object], most_influences: int = checks.MOS
         for bone in armature.data.bones
         if bone.use_deform and bone.name not in names
     ]
-    return Checkup(next(iter(used)).name, found, tuple(unused), most_influences)
+    return Checkup(next(iter(used)).name, found, tuple(unused), most_influences, poses, names_of, degrees)
 
 
 def _check_object(ob, armature, most_influences):
@@ -109,6 +145,23 @@ def _check_object(ob, armature, most_influences):
         own, solid.world_positions(ob), edges, segments.heads, segments.tails, _nearest, most_influences
     )
     return {bones.names[deforming[bone]] for bone in found.bones_used}, found
+
+
+def posable(ob: bpy.types.Object, armature: bpy.types.Object) -> tuple[pose_checks.Mesh, pose_checks.Bones]:
+    """Returns a mesh object and the bones of its armature, all of them, for test poses, in world space."""
+    bones = assigning.read_bones(armature)
+    number = {name: i for i, name in enumerate(bones.names) if bones.deform[i]}
+    offsets, groups, weights = meshes.read_object_weights(ob)
+    bone_of_group = np.array([number.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
+    vertices, owners, values = checks.Weights(offsets, bone_of_group[groups], weights).used()
+    sums = np.bincount(vertices, values, minlength=len(offsets) - 1)
+    edges, _offsets, _corners = meshes.read_topology(ob.data)
+    own = solid.collect([ob])
+    mesh = pose_checks.Mesh(own.positions, edges, own.triangles(), vertices, owners, values / sums[vertices])
+    turned = np.array([armature.matrix_world.to_3x3() @ bone.matrix_local.to_3x3() for bone in armature.data.bones])
+    axes = turned.transpose(0, 2, 1)
+    axes = axes / np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-30)
+    return mesh, pose_checks.Bones(bones.parents, bones.heads, axes)
 
 
 def _nearest(points, others, reach):

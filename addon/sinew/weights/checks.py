@@ -17,6 +17,7 @@ APART = 0.25  # half the sum of the differences of the weights, above which an i
 WELDED = 1e-6  # of the mesh's size: vertices that are not farther from each other are one
 
 UNWEIGHTED, SUMS, MANY, FAR_BONES, ISLANDS = "UNWEIGHTED", "SUMS", "MANY", "FAR", "ISLANDS"
+STRETCHED = "STRETCHED"
 
 
 @dataclass

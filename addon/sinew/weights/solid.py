@@ -18,6 +18,13 @@ class Solid:
     face_vertices: np.ndarray  # (C,) int32
     starts: np.ndarray  # (objects + 1,): the first vertex of each object
 
+    def triangles(self) -> np.ndarray:
+        """Returns the faces as fans of triangles, (T, 3)."""
+        sizes = np.diff(self.face_offsets)
+        first = np.repeat(self.face_offsets[:-1], sizes - 2)
+        place = np.arange(len(first)) - np.repeat(np.cumsum(sizes - 2) - (sizes - 2), sizes - 2)
+        return np.stack([self.face_vertices[at] for at in (first, first + place + 1, first + place + 2)], axis=1)
+
     def edges(self) -> np.ndarray:
         """Returns the sides of the faces, (C, 2); those of two faces twice."""
         following = np.arange(1, len(self.face_vertices) + 1)
