@@ -134,5 +134,6 @@ def main(rig, folder, parts):
             bpy.ops.render.render(write_still=True)
 
 
-words = sys.argv[sys.argv.index("--") + 1 :]
-main(words[0], Path(words[1]).resolve(), words[2:])
+if __name__ == "__main__":
+    words = sys.argv[sys.argv.index("--") + 1 :]
+    main(words[0], Path(words[1]).resolve(), words[2:])
