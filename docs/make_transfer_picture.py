@@ -2,9 +2,10 @@
 
 In a Blender with the add-on:
 
-blender --python docs/make_transfer_picture.py -b -- data/ogre/skeleton.bf build all elbow
-montage build/coat-Blender-all.png build/coat-Sinew-all.png build/coat-Blender-elbow.png build/coat-Sinew-elbow.png \\
-  -tile 2x -geometry 480x+4+4 -background "#e4e5e7" -quality 86 docs/transfer.jpg
+blender --python docs/make_transfer_picture.py -b -- data/ogre/skeleton.bf build head armpit
+montage build/coat-Blender-head.png build/coat-Sinew-head.png build/coat-Blender-armpit.png \\
+  build/coat-Sinew-armpit.png -tile 2x -geometry 480x+4+4 -background "#e4e5e7" -quality 86 \\
+  docs/transfer.jpg
 
 The words at the end are parts of the picture, names in PARTS of make_weights_picture.py. It also prints how far the
 posed coats are from the one with the weights that its vertices had in the body.
