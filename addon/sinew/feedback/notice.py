@@ -10,14 +10,16 @@ MARGIN = 80  # pixels of a panel's width that are not available for text: icon, 
 _said: set[str] = set()  # the sentences already shown for the open file
 
 
-def draw_sentence(layout: bpy.types.UILayout, context: bpy.types.Context, sentence: str, is_error: bool) -> None:
-    """Draws a sentence, wrapped to the width of the region."""
+def draw_sentence(
+    layout: bpy.types.UILayout, context: bpy.types.Context, sentence: str, is_error: bool, width: float = 0
+) -> None:
+    """Draws a sentence, wrapped to a width in pixels at 100 % interface scale; 0: to the width of the region."""
     column = layout.column(align=True)
     column.alert = is_error
-    width = 1000  # without a window there is no region
-    if context.region:
+    if not width and context.region:
         width = context.region.width / context.preferences.system.ui_scale
     icon = "ERROR" if is_error else "INFO"
+    width = width or 1000  # without a window there is no region
     for line in textwrap.wrap(sentence, max(int((width - MARGIN) / LETTER), 15)):
         column.label(text=line, icon=icon)
         icon = "BLANK1"

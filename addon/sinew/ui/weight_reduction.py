@@ -137,7 +137,7 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
             if self.poses == FRAMES or not name.startswith("frame"):
                 layout.prop(self, name)
         if self._said:
-            notice.draw_sentence(layout.box(), context, self._said, False)
+            notice.draw_sentence(layout.box(), context, self._said, False, DIALOG_WIDTH)
 
 
 def draw_paint(menu: Any, _context: bpy.types.Context) -> None:

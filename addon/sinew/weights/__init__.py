@@ -1,1 +1,1 @@
-"""Makes weights for a mesh from its bones, and checks the weights that it has."""
+"""Makes weights for a mesh from its bones or from another mesh, edits weights, and checks those that a mesh has."""

@@ -1,0 +1,72 @@
+"""Weight tools in a window: weights are transferred while Blender draws; the dialog of Reduce Influences tells how far
+vertices will move before it changes anything; one Ctrl Z takes back what it did. Run as first_ogre.py is.
+"""
+
+import sys
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+from helpers import select
+from test_weight_reduction import counts, make_animated
+from test_weight_tools import dense, entries, suit_of
+from windowed import area, in_area, middle_of, outside, picture, region, run, screen
+
+
+def steps():
+    for each in list(bpy.data.objects):
+        bpy.data.objects.remove(each)
+    ob, _armature = make_animated()
+    suit = suit_of(ob)
+    names = ob.name, suit.name
+    select(ob, suit)
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))}")
+    with in_area("VIEW_3D"):
+        bpy.ops.view3d.view_selected()
+        bpy.ops.ed.undo_push(message="before")
+        assert bpy.ops.object.sinew_transfer_weights("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield from until(lambda: len(bpy.data.objects[names[1]].vertex_groups) > 0)
+    yield 0.5
+    assert (dense(bpy.data.objects[names[1]]).sum(axis=1) > 0.99).all()
+    yield from undo()
+    assert len(bpy.data.objects[names[1]].vertex_groups) == 0
+    print("window: weights transferred, and taken back")
+    yield from in_the_dialog(names[0])
+
+
+def in_the_dialog(name):
+    ob = bpy.data.objects[name]
+    select(ob)
+    before = entries(ob)
+    with in_area("VIEW_3D"):
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        bpy.ops.ed.undo_push(message="before")
+        result = bpy.ops.object.sinew_reduce_influences("INVOKE_DEFAULT", max_influences=2, tolerance=0.1)
+    assert result == {"RUNNING_MODAL"} and bpy.context.scene.frame_current == 3
+    yield 1.0
+    assert entries(bpy.data.objects[name]) == before
+    yield from picture("reduce")
+    yield from outside("xdotool key Return")
+    yield from until(lambda: counts(bpy.data.objects[name]).max() == 2)
+    assert bpy.data.objects[name].data.use_paint_mask_vertex
+    yield from picture("reduced")
+    yield from undo()
+    assert entries(bpy.data.objects[name]) == before and bpy.context.mode == "PAINT_WEIGHT"
+    print("window: the dialog told what would move, and one Ctrl Z took it back")
+
+
+def undo():
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))} key ctrl+z")
+    yield 1.0
+
+
+def until(is_done):
+    for _ in range(200):
+        if is_done():
+            return
+        yield 0.2
+    raise TimeoutError("it took too long")
+
+
+run(steps())
