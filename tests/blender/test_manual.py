@@ -44,6 +44,7 @@ def classes():
         addon_module("ui.bake").Bake,
         addon_module("ui.bake").PlayCache,
         addon_module("ui.crowd").AddCrowd,
+        addon_module("ui.onion_settings").SinewOnionSettings,
         addon_module("ui.preferences").SinewPreferences,
     )
 
@@ -64,6 +65,7 @@ def all_operators():
             "preferences",
             "profile",
             "frozen",
+            "onion_skins",
         )
         for cls in addon_module(f"ui.{name}").CLASSES
         if issubclass(cls, bpy.types.Operator)
@@ -74,7 +76,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(16))
+@pytest.mark.parametrize("number", range(17))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -87,7 +89,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(15))
+@pytest.mark.parametrize("number", range(16))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):

@@ -46,6 +46,7 @@ class Rig:
     is_suspect: bool = True  # the settings may have changed since
     last: Any = None  # the Moment that the last frame change has shown, while it plays live
     last_layer: int = 0  # address of the view layer that has shown it
+    skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
 
     def graph(self) -> Any:
         """Returns the dependency graph in which it is frozen, or None."""
@@ -71,8 +72,13 @@ def used_memory() -> int:
 def known() -> list[Rig]:
     """Returns the armatures that are recorded or frozen, without those that no longer exist."""
     for key in [key for key, rig in _rigs.items() if not _is_alive(rig.ob)]:
-        _rigs.pop(key).record.clear()
+        _discard(_rigs.pop(key))
     return list(_rigs.values())
+
+
+def new_record() -> records.Record:
+    """Returns a record whose memory counts like that of poses."""
+    return records.Record(_store)
 
 
 def get(ob: Any) -> Rig | None:
@@ -92,8 +98,15 @@ def learn(ob: Any) -> Rig:
 def forget() -> None:
     """Discards everything, as after a file was loaded."""
     for rig in _rigs.values():
-        rig.record.clear()
+        _discard(rig)
     _rigs.clear()
+
+
+def _discard(rig: Rig) -> None:
+    """Releases the memory of an armature that is no longer known."""
+    rig.record.clear()
+    if rig.skins is not None:
+        rig.skins.clear()
 
 
 def _is_alive(block: Any) -> bool:
@@ -151,6 +164,12 @@ def _shows(rig: Rig, graph: Any, moment: Any) -> bool:
         key_blocks.values_of(keys.evaluated_get(graph), numbers) == recorded
         for (keys, numbers), recorded in zip(keyed, moment.keys)
     )
+
+
+def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
+    """Whether a graph shows a recorded moment of an armature, frozen or live."""
+    is_played = rig.last is moment and rig.last_layer == graph.view_layer.as_pointer()
+    return is_played or _evaluated(rig, graph) is not None and _shows(rig, graph, moment)
 
 
 def _show(rig: Rig, graph: Any, moment: Any) -> None:
@@ -541,7 +560,7 @@ def find_again() -> None:
         del _rigs[key]
         rig.ob = bpy.data.objects.get(rig.name)
         if rig.ob is None or rig.ob.type != "ARMATURE":
-            rig.record.clear()
+            _discard(rig)
         else:
             rig.key = values.key_of(rig.ob)
             _rigs[rig.key] = rig

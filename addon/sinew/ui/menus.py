@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, frozen, method_settings, weights
+from . import bake, crowd, cures, frozen, method_settings, onion_skins, weights
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -43,6 +43,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
         layout.operator(frozen.FreezeOthers.bl_idname)
         layout.operator(frozen.Thaw.bl_idname)
+        layout.operator(onion_skins.ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON")
         layout.separator()
         layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")
         layout.separator()
