@@ -57,6 +57,11 @@ def freezing():
     return addon_module("frozen.freezing")
 
 
+def scene():
+    """The scene; undo replaces it."""
+    return bpy.context.scene
+
+
 def is_frozen(armature):
     return freezing().get(bpy.data.objects[armature]).is_frozen
 
@@ -67,11 +72,10 @@ def shape(name):
 
 def steps():
     """Meshes and armatures are known by name, since undo replaces them."""
-    scene = bpy.context.scene
     bpy.context.preferences.view.smooth_view = 0
     for each in list(bpy.data.objects):
         bpy.data.objects.remove(each)
-    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
+    scene().frame_start, scene().frame_end = FRAMES[0], FRAMES[-1]
     panel_open()
     yield 0.5
     with in_area("VIEW_3D"):
@@ -81,28 +85,27 @@ def steps():
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "two.blend"))
     yield from open_sidebar()
 
-    scene.sinew_freezes_others = True
+    scene().sinew_freezes_others = True
     yield from pick(meshes[0])
-    assert bpy.context.active_object.name == meshes[0]
-    yield from play_all(scene)
+    yield from play_all()
     yield from until(lambda: is_frozen(armatures[1]), "what is not selected does not freeze")
     assert not is_frozen(armatures[0])
-    assert_as(reference, meshes, scene)
+    assert_as(reference, meshes)
     print("window: what is not selected freezes by itself")
 
-    yield from pose_key_and_undo(scene, meshes, armatures, reference)
+    yield from pose_key_and_undo(meshes, armatures, reference)
 
     yield from pick(meshes[1])
     assert not is_frozen(armatures[1])
-    assert_as(reference, meshes, scene)
+    assert_as(reference, meshes)
     yield from until(lambda: is_frozen(armatures[0]), "what was left does not freeze")
     assert not is_frozen(armatures[1])
-    assert_as(reference, meshes, scene)
+    assert_as(reference, meshes)
     print("window: picking the other one makes it live and freezes the first")
 
-    yield from in_two_windows(meshes, armatures, reference, scene)
-    yield from render(scene, meshes, armatures, reference)
-    yield from onion_skins(scene, meshes, armatures)
+    yield from in_two_windows(meshes, armatures, reference)
+    yield from render(meshes, armatures, reference)
+    yield from onion_skins(meshes, armatures)
     yield from autosaved(armatures, reference)
 
 
@@ -126,14 +129,14 @@ def character(side):
 def shapes_of(name):
     found = []
     for frame in FRAMES:
-        bpy.context.scene.frame_set(frame)
+        scene().frame_set(frame)
         found.append(shape(name))
     return np.array(found)
 
 
-def assert_as(reference, meshes, scene):
+def assert_as(reference, meshes):
     for name in meshes:
-        assert np.array_equal(shape(name), reference[name][scene.frame_current - FRAMES[0]]), name
+        assert np.array_equal(shape(name), reference[name][scene().frame_current - FRAMES[0]]), name
 
 
 def look_at_them():
@@ -146,7 +149,7 @@ def look_at_them():
 
 
 def pick(name):
-    """A click on a mesh."""
+    """A click on a mesh, or on the bones in front of it."""
     ob, view = bpy.data.objects[name], area("VIEW_3D")
     whole = region(view)
     middle = ob.matrix_world @ (sum(map(Vector, ob.bound_box), Vector()) / 8)
@@ -154,14 +157,15 @@ def pick(name):
     yield from outside(f"xdotool mousemove {screen(whole.x + x, whole.y + y)} click 1")
     for _ in range(20):
         yield 0.25
-        if ob.select_get():
+        if bpy.context.view_layer.objects.active in (ob, ob.parent) and bpy.context.active_object.select_get():
             return
+    yield from picture("not-picked")
     raise AssertionError(f"the click has not selected {name}")
 
 
-def play_all(scene):
+def play_all():
     for frame in (*FRAMES, 8):
-        scene.frame_set(frame)
+        scene().frame_set(frame)
         yield 0.05
 
 
@@ -173,7 +177,7 @@ def until(holds, what):
     raise AssertionError(f"{what}: {[(rig.name, rig.is_frozen, rig.reason) for rig in freezing().known()]}")
 
 
-def pose_key_and_undo(scene, meshes, armatures, reference):
+def pose_key_and_undo(meshes, armatures, reference):
     """R and the mouse in Pose Mode, I, Ctrl-Z twice."""
     with in_area("VIEW_3D"):
         armature = bpy.data.objects[armatures[0]]
@@ -204,9 +208,9 @@ def pose_key_and_undo(scene, meshes, armatures, reference):
         bpy.ops.ed.undo_push(message="keyed")
     yield 0.5
     for frame in (12, 8):
-        scene.frame_set(frame)
+        scene().frame_set(frame)
         yield 0.2
-        assert_as(reference, meshes[1:], scene)
+        assert_as(reference, meshes[1:])
     assert np.allclose(shape(meshes[0]), posed, atol=1e-4), "the key does not hold the pose"
     assert np.abs(posed - before).max() > 0.05
     yield from picture("posing-beside-frozen")
@@ -218,15 +222,14 @@ def pose_key_and_undo(scene, meshes, armatures, reference):
     assert np.array_equal(shape(meshes[0]), before), "undo does not bring the shape back"
     with in_area("VIEW_3D"):
         bpy.ops.object.mode_set(mode="OBJECT")
-    scene = bpy.context.scene
-    assert_as(reference, meshes, scene)
-    yield from play_all(scene)
-    assert_as(reference, meshes, scene)
+    assert_as(reference, meshes)
+    yield from play_all()
+    assert_as(reference, meshes)
     yield from until(lambda: is_frozen(armatures[1]), "what is not selected does not freeze after undo")
     print("window: turned a bone, keyed and undid it beside a frozen character")
 
 
-def in_two_windows(meshes, armatures, reference, scene):
+def in_two_windows(meshes, armatures, reference):
     with window():
         bpy.ops.wm.window_new()
     yield 1.0
@@ -234,63 +237,63 @@ def in_two_windows(meshes, armatures, reference, scene):
     _rate, seen = yield from playing(15.0, 40)
     assert len(set(seen)) >= 5, f"only {len(set(seen))} frames were shown"
     assert is_frozen(armatures[0])
-    assert_as(reference, meshes, bpy.context.scene)
+    assert_as(reference, meshes, scene())
     for ours, theirs in ((0, 1), (1, 0)):
         select(bpy.data.objects[meshes[ours]])
-        bpy.context.scene.frame_set(5 + ours)
+        scene().frame_set(5 + ours)
         yield 0.3
         assert not is_frozen(armatures[ours])
         yield from until(lambda other=armatures[theirs]: is_frozen(other), "nothing freezes with two windows")
-        assert_as(reference, meshes, bpy.context.scene)
+        assert_as(reference, meshes, scene())
     yield from picture("two-windows")
     close_other_windows()
     yield 0.5
     print(f"window: played {len(set(seen))} different frames, and picked each, with two windows open")
 
 
-def render(scene, meshes, armatures, reference):
+def render(meshes, armatures, reference):
     """F12 while the first one is frozen, and when all is live."""
-    camera(scene)
-    scene.cycles.samples = 1
-    scene.frame_start, scene.frame_end = 4, 9
+    camera(scene())
+    scene().cycles.samples = 1
+    scene().frame_start, scene().frame_end = 4, 9
     yield from until(lambda: is_frozen(armatures[0]), "nothing freezes beside the camera")
     pictures = []
     for kind in ("frozen", "live"):
         done = []
         for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
             handlers.append(lambda *_, done=done: done.append(True))
-        scene.render.filepath = str(FOLDER / f"{kind}-")
+        scene().render.filepath = str(FOLDER / f"{kind}-")
         with window():
             bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
         while not done:
             yield 0.2
         yield 0.5
         if kind == "frozen":
-            assert_as(reference, meshes, scene)
-            scene.sinew_freezes_others = False
-            freezing().thaw(freezing().known(), scene, bpy.context.view_layer)
+            assert_as(reference, meshes)
+            scene().sinew_freezes_others = False
+            freezing().thaw(freezing().known(), scene(), bpy.context.view_layer)
         pictures.append([pixels(FOLDER / f"{kind}-{frame:04}.png") for frame in range(4, 10)])
     assert np.array_equal(*pictures), "F12 renders something else while a character is frozen"
     assert np.abs(pictures[0][0] - pictures[0][-1]).mean() > 1 / 1000
-    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
-    scene.sinew_freezes_others = True
+    scene().frame_start, scene().frame_end = FRAMES[0], FRAMES[-1]
+    scene().sinew_freezes_others = True
     close_other_windows()
     yield 0.5
     print("window: F12 renders the same with a frozen character")
 
 
-def onion_skins(scene, meshes, armatures):
+def onion_skins(meshes, armatures):
     settings = addon_module("ui.preferences").of_sinew().onion
     settings.before, settings.after, settings.step = 3, 3, 3
     yield from pick(meshes[1])
     with in_area("VIEW_3D"):
         assert bpy.ops.object.sinew_onion_skins() == {"FINISHED"}
-    yield from play_all(scene)
-    scene.frame_set(10)
+    yield from play_all()
+    scene().frame_set(10)
     yield from until(lambda: is_frozen(armatures[0]), "nothing freezes beside ghosts")
-    scene.frame_set(11)
+    scene().frame_set(11)
     yield 0.2
-    scene.frame_set(10)
+    scene().frame_set(10)
     ghosts = yield from seen("onion-skins")
     with in_area("VIEW_3D"):
         bpy.ops.object.sinew_onion_skins()
