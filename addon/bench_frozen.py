@@ -31,7 +31,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     """Returns {what: median of milliseconds}, with the largest difference of the shapes, which must be 0."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    freezing = importlib.import_module(f"{ADDON}.frozen.freezing")
+    freezing, known = (importlib.import_module(f"{ADDON}.frozen.{name}") for name in ("freezing", "rigs"))
     people = make_shot(characters, without)
     meshes = [ob for person in people for ob in person.meshes]
     select(*meshes)
@@ -47,7 +47,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     times["live"].clear()
     rigs = []
     for person in people[1:]:
-        rigs.append(freezing.learn(person.rig))
+        rigs.append(known.learn(person.rig))
     frame_times()
     for _ in range(rounds):
         take("recording")
@@ -65,7 +65,7 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
             take("hidden")
         take("recording")
     memory = sum(rig.record.nbytes for rig in rigs) / 2**20 / max(len(rigs), 1) / len(FRAMES)
-    freezing.forget()
+    known.forget()
     for _ in range(rounds):
         take("live")
     found = {f"{what}_ms": float(np.median(each)) for what, each in times.items()}

@@ -1,10 +1,10 @@
 #include <pybind11/stl.h>
 
-#include <cstring>
 #include <memory>
 #include <optional>
 
 #include "arrays.h"
+#include "layer_poses.h"
 #include "methods.h"
 #include "sinew/deformer.h"
 #include "stages.h"
@@ -76,32 +76,6 @@ std::shared_ptr<ShapeKeys> make_keys(const std::vector<py::array>& positions, co
   const std::vector<std::int64_t> relative = list_of<std::int64_t>("relative_to", numbers);
   const py::gil_scoped_release release;
   return std::make_shared<ShapeKeys>(spans, relative, group_spans);
-}
-
-LayerPose pose_of(const py::handle& given, std::size_t i) {
-  const std::string where = "pose " + std::to_string(i);
-  if (!py::isinstance<py::tuple>(given) || py::len(given) != 2) {
-    throw InputError(where + " is not a tuple (matrices, space)");
-  }
-  const auto tuple = py::reinterpret_borrow<py::tuple>(given);
-  const std::string name = where + ": matrices";
-  const py::array matrices = given_array(name.c_str(), tuple[0]);
-  if (matrices.ndim() != 3) wrong_shape(name.c_str(), matrices, "(J, 4, 4)");
-  LayerPose pose{matrix_stack<const float>(name.c_str(), matrices)};
-  if (tuple[1].is_none()) return pose;
-  const std::string space_name = where + ": space";
-  const py::array space = given_array(space_name.c_str(), tuple[1]);
-  if (space.ndim() != 2 || space.shape(0) != 4 || space.shape(1) != 4) {
-    wrong_shape(space_name.c_str(), space, "(4, 4)");
-  }
-  require_dtype<double>(space_name.c_str(), space);
-  auto& matrix = pose.mesh_from_armature.emplace();
-  for (int row = 0; row < 4; ++row) {
-    for (int column = 0; column < 4; ++column) {
-      std::memcpy(&matrix(row, column), space.data(row, column), sizeof(double));
-    }
-  }
-  return pose;
 }
 
 /// The poses that a stage of layers refers to, and the arrays that they refer to.

@@ -32,9 +32,11 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
     bindings/bind_weight_tools.cpp
+    bindings/host/bind_frame_shape.cpp
     bindings/host/bind_host.cpp
     bindings/host/bind_pose_record.cpp
     bindings/host/bind_shortcut.cpp
+    bindings/host/frame_shape.cpp
     bindings/host/watched.cpp
     bindings/module.cpp)
   target_include_directories(${target} PRIVATE bindings)

@@ -57,13 +57,17 @@ def freezing():
     return addon_module("frozen.freezing")
 
 
+def recorded():
+    return addon_module("frozen.rigs")
+
+
 def scene():
     """The scene; undo replaces it."""
     return bpy.context.scene
 
 
 def is_frozen(armature):
-    return freezing().get(bpy.data.objects[armature]).is_frozen
+    return recorded().get(bpy.data.objects[armature]).is_frozen
 
 
 def shape(name):
@@ -174,7 +178,7 @@ def until(holds, what):
         if holds():
             return
         yield 0.25
-    raise AssertionError(f"{what}: {[(rig.name, rig.is_frozen, rig.reason) for rig in freezing().known()]}")
+    raise AssertionError(f"{what}: {[(rig.name, rig.is_frozen, rig.reason) for rig in recorded().known()]}")
 
 
 def pose_key_and_undo(meshes, armatures, reference):
@@ -271,7 +275,7 @@ def render(meshes, armatures, reference):
         if kind == "frozen":
             assert_as(reference, meshes)
             scene().sinew_freezes_others = False
-            freezing().thaw(freezing().known(), scene(), bpy.context.view_layer)
+            freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
         pictures.append([pixels(FOLDER / f"{kind}-{frame:04}.png") for frame in range(4, 10)])
     assert np.array_equal(*pictures), "F12 renders something else while a character is frozen"
     assert np.abs(pictures[0][0] - pictures[0][-1]).mean() > 1 / 1000

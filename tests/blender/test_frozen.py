@@ -19,6 +19,10 @@ def freezing():
     return addon_module("frozen.freezing")
 
 
+def recorded():
+    return addon_module("frozen.rigs")
+
+
 def layer():
     return bpy.context.view_layer
 
@@ -48,7 +52,7 @@ class Cast:
 
     @property
     def rig(self):
-        return freezing().learn(self.frozen[0])
+        return recorded().learn(self.frozen[0])
 
     def play(self, frames=FRAMES):
         """Compares both on these frames. Returns the shapes of the first."""
@@ -390,7 +394,7 @@ def test_undo_finds_everything_live_and_right(cast):
     cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
     cast.scene = bpy.context.scene
     layer().update()
-    for rig in freezing().known():
+    for rig in recorded().known():
         assert not rig.is_frozen
     cast.assert_same()
     cast.play()
@@ -432,7 +436,7 @@ def test_a_file_saved_while_frozen_is_as_live(cast, tmp_path):
         )
         assert result.returncode == 0, result.stdout + result.stderr
     bpy.ops.wm.open_mainfile(filepath=str(path))
-    assert freezing().known() == []
+    assert recorded().known() == []
 
 
 def test_freezing_leaves_nothing_in_the_file(cast):

@@ -7,7 +7,7 @@ import pytest
 
 from characters import add_shape_keys, make_armature, pose, smoothed
 from helpers import addon_module, depsgraph, evaluated, import_rig, select
-from test_frozen import FRAMES, Cast, freezing, layer
+from test_frozen import FRAMES, Cast, freezing, layer, recorded
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_one_that_follows_another_is_frozen_with_it(cast):
         leaders.append(leader)
     select()
     cast.scene.frame_set(1)
-    leader = freezing().learn(leaders[0])
+    leader = recorded().learn(leaders[0])
     cast.record()
     freezing().freeze([cast.rig], cast.scene, layer())
     assert not cast.rig.is_frozen
@@ -153,7 +153,7 @@ def test_one_that_follows_another_is_frozen_with_it(cast):
 
 
 def test_of_two_one_is_thawed(cast):
-    rigs = [freezing().learn(each[0]) for each in both(cast)]
+    rigs = [recorded().learn(each[0]) for each in both(cast)]
     cast.play()
     freezing().freeze(rigs, cast.scene, layer())
     assert [rig.is_frozen for rig in rigs] == [True, True]
@@ -264,7 +264,7 @@ def test_an_imported_rig_can_be_frozen_once_it_has_keyframes(fresh_scene):
     """It keeps its poses, which do not move its bones any more."""
     ob, armature = import_rig()
     bpy.ops.object.sinew_clip_to_keyframes()
-    rig = freezing().learn(armature)
+    rig = recorded().learn(armature)
     for frame in (1, 2, 3):
         fresh_scene.frame_set(frame)
     select()
@@ -319,7 +319,7 @@ def test_freezing_records_what_is_not_recorded(cast):
     cast.scene.frame_set(4)
     assert bpy.ops.object.sinew_freeze_others() == {"FINISHED"}
     assert cast.scene.frame_current == 4
-    assert [freezing().get(each[0]) is not None and freezing().get(each[0]).is_frozen for each in both(cast)] == [
+    assert [recorded().get(each[0]) is not None and recorded().get(each[0]).is_frozen for each in both(cast)] == [
         True,
         False,
     ]
@@ -347,24 +347,26 @@ def test_what_is_not_selected_is_frozen_and_what_is_picked_is_live(cast):
     for picked, left in (both(cast), both(cast)[::-1]):
         select(picked[0])
         layer().update()
-        assert not freezing().get(picked[0]).is_frozen
+        assert not recorded().get(picked[0]).is_frozen
         freezing().freeze_again(cast.scene, layer())
-        assert freezing().get(left[0]).is_frozen
+        assert recorded().get(left[0]).is_frozen
         cast.play()
 
 
 def test_a_limit_of_memory_drops_the_oldest_frames(cast):
-    limit = freezing()._store.limit
+    limit = recorded().store.limit
     cast.record()
-    size = cast.rig.record.at(1).nbytes
+    size = (cast.rig.record.nbytes + cast.rig.shapes.nbytes) // 10
+    assert recorded().used_memory() == cast.rig.record.nbytes + cast.rig.shapes.nbytes
     try:
-        freezing()._store.set_limit(4 * size)
+        recorded().store.set_limit(4 * size)
         assert cast.rig.record.runs() == [(7, 10)]
         freezing().freeze([cast.rig], cast.scene, layer())
         cast.play()
         assert len(cast.rig.record) == 4
+        assert [len(mesh.record) for mesh in cast.rig.shapes] == [4]
     finally:
-        freezing()._store.set_limit(limit)
+        recorded().store.set_limit(limit)
 
 
 def test_the_panel_lists_who_is_frozen(cast):

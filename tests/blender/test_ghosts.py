@@ -6,7 +6,7 @@ import pytest
 
 from characters import add_shape_keys, smoothed
 from helpers import addon_module, evaluated, select
-from test_frozen import EDITS, FRAMES, Cast, freezing, layer
+from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 
 
 @pytest.fixture
@@ -99,16 +99,16 @@ def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_frozen):
 def test_there_are_none_unless_somebody_asks(cast, settings):
     cast.record()
     assert drawings() == []
-    before = freezing().used_memory()
+    before = recorded().used_memory()
     cast.play()
-    assert freezing().used_memory() == before
+    assert recorded().used_memory() == before
     toggle(cast)
     cast.play()
     assert drawings()
-    assert freezing().used_memory() > before
+    assert recorded().used_memory() > before
     toggle(cast)
     assert drawings() == []
-    assert freezing().used_memory() == before
+    assert recorded().used_memory() == before
 
 
 def test_record_plays_what_ghosts_need(cast, settings):
@@ -304,17 +304,17 @@ def test_undo_keeps_what_is_shown_and_no_old_shape(cast, settings):
 
 
 def test_memory_is_limited_together_with_poses(cast, settings):
-    limit = freezing()._store.limit
+    limit = recorded().store.limit
     toggle(cast)
     try:
-        freezing().set_limit(1)
+        recorded().set_limit(1)
         for frame in range(1, 60):
             cast.scene.frame_set(frame)
-        assert freezing().used_memory() <= 2**20
+        assert recorded().used_memory() <= 2**20
         cast.scene.frame_set(58)
         assert drawings()
     finally:
-        freezing()._store.set_limit(limit)
+        recorded().store.set_limit(limit)
 
 
 def test_another_file_has_no_ghosts(cast, settings):
@@ -322,7 +322,7 @@ def test_another_file_has_no_ghosts(cast, settings):
     cast.record()
     bpy.ops.wm.read_homefile(use_empty=True)
     assert drawings() == []
-    assert freezing().used_memory() == 0
+    assert recorded().used_memory() == 0
 
 
 def test_nothing_of_it_is_in_the_file(cast, settings):
@@ -348,15 +348,15 @@ def test_the_button_says_what_lacks(cast, settings):
 
 def test_the_timeline_marks_recorded_frames(cast):
     strips = addon_module("ui.recorded_frames")
-    assert strips.rigs(bpy.context) == []
+    assert strips.marked(bpy.context) == []
     cast.record()
-    assert strips.rigs(bpy.context) == []
+    assert strips.marked(bpy.context) == []
     select(cast.frozen[0])
-    assert strips.rigs(bpy.context) == [cast.rig]
+    assert strips.marked(bpy.context) == [cast.rig]
     select()
     cast.freeze()
     cast.rig.record.drop_within([(3, 6)])
-    assert strips.rigs(bpy.context) == [cast.rig]
+    assert strips.marked(bpy.context) == [cast.rig]
     bars = strips.bars([cast.rig, cast.rig], lambda frame: 10 * frame, 200, 2)
     assert [bar[:4] for bar in bars] == [(5, 148, 35, 154), (55, 148, 105, 154), (5, 140, 35, 146), (55, 140, 105, 146)]
     assert {bar.color for bar in bars} == {strips.FROZEN}

@@ -179,3 +179,90 @@ def test_no_bone():
     record = host.record_pose(0, LAYOUT)
     assert host.play_pose(0, LAYOUT, record)
     assert not host.play_pose(ctypes.addressof(bones_of([1])[0]), LAYOUT, record)
+
+
+# --- in one walk ----------------------------------------------------------------------------------
+
+
+def addresses(*several):
+    return [ctypes.addressof(bones) for bones in several]
+
+
+def test_a_step_compares_and_writes_both():
+    (first, _a), (second, _b) = bones_of([1, 3, 0]), bones_of([1, 3, 0], 50.0)
+    (target, arrays), (original, original_arrays) = bones_of([1, 3, 0]), bones_of([0, 2, 0], 100.0)
+    before, after = (host.record_pose(ctypes.addressof(bones), LAYOUT) for bones in (first, second))
+    assert host.step_pose(*addresses(target, original), LAYOUT, before, after)
+    assert host.is_pose(ctypes.addressof(target), LAYOUT, after)
+    assert [bone.computed for bone in target] == [50.0, 51.0, 52.0]
+    assert [list(bone.matrix) for bone in original] == [list(bone.matrix) for bone in second]
+    assert original_arrays[0][0] == 100.0
+    assert arrays[0][0] == 50.0
+    assert host.step_pose(ctypes.addressof(target), 0, LAYOUT, after, before)
+    assert host.is_pose(ctypes.addressof(target), LAYOUT, before)
+
+
+@pytest.mark.parametrize("change", ["matrix", "segments", "count", "fewer", "record"])
+def test_a_step_of_another_pose_is_refused(change):
+    (first, _a), (second, _b) = bones_of([1, 3, 0]), bones_of([1, 3, 0], 50.0)
+    target, arrays = bones_of([1, 3] if change == "fewer" else [1, 3, 0])
+    before, after = (host.record_pose(ctypes.addressof(bones), LAYOUT) for bones in (first, second))
+    if change == "matrix":
+        target[2].matrix[3] += 1
+    elif change == "segments":
+        arrays[0][-1] += 1
+    elif change == "count":
+        target[1].count = 4
+    elif change == "record":
+        after = host.record_pose(ctypes.addressof(bones_of([1, 3])[0]), LAYOUT)
+    assert not host.step_pose(ctypes.addressof(target), 0, LAYOUT, before, after)
+
+
+# --- the shapes of meshes -------------------------------------------------------------------------
+
+MATRICES = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
+POSITIONS = np.arange(6, dtype=np.float32).reshape(2, 3)
+
+
+def shape(identity=1, matrices=MATRICES, space=None, values=None, stages=()):
+    return host.shape_of(identity, [(matrices, space)], values, stages, POSITIONS)
+
+
+def test_a_shape_is_a_copy():
+    given = POSITIONS.copy()
+    found = host.shape_of(1, [], None, (), given)
+    given[0] = 7
+    assert np.array_equal(found.positions, POSITIONS)
+    assert found.nbytes > POSITIONS.nbytes
+    assert not found.positions.flags.writeable
+
+
+def test_a_shape_knows_what_it_was_computed_from():
+    topology = sinew_native.Topology(2, np.array([[0, 1]]))
+    smooth = sinew_native.Smooth(topology)
+    moved = MATRICES.copy()
+    moved[1, 2, 3] = np.nextafter(np.float32(0), np.float32(1))
+    values = np.array([0, 0.5, 0.25], np.float32)
+    different = [
+        shape(),
+        shape(2),
+        shape(matrices=moved),
+        shape(space=np.eye(4)),
+        shape(space=np.diag([1.0, 1, 2, 1])),
+        shape(values=values),
+        shape(values=values[::-1].copy()),
+        shape(stages=[smooth.stage(0.5, 3)]),
+        shape(stages=[smooth.stage(0.5, 4)]),
+        shape(stages=[smooth.stage(0.5, 3)] * 2),
+    ]
+    for i, one in enumerate(different):
+        assert [one.is_of_same(other) for other in different] == [i == j for j in range(len(different))]
+    in_columns = MATRICES.transpose(0, 2, 1).copy().transpose(0, 2, 1)
+    assert shape(matrices=in_columns).is_of_same(shape())
+
+
+def test_a_shape_that_follows_another_object_is_not_known():
+    lattice = sinew_native.Lattice(2)
+    points = np.zeros((1, 3), np.float32)
+    stage = lattice.stage(points, (1, 1, 1), (0, 0, 0), (1, 1, 1), ("linear",) * 3, np.eye(4))
+    assert shape(stages=[stage]) is None

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..blender import meshes, values
-from . import freezing, recording, records
+from . import playing, recording, records, rigs
 
 MOST_FACES = 2_000_000  # of a mesh that is shown as a ghost
 
@@ -78,24 +78,24 @@ class Skins:
             self.drop(key)
 
 
-def show(rig: freezing.Rig) -> None:
+def show(rig: rigs.Rig) -> None:
     """Keeps the shapes of a character from now on."""
     rig.skins = rig.skins or Skins()
     _find_objects(rig)
 
 
-def hide(rig: freezing.Rig) -> None:
+def hide(rig: rigs.Rig) -> None:
     if rig.skins is not None:
         rig.skins.clear()
     rig.skins = None
 
 
-def shown() -> list[freezing.Rig]:
+def shown() -> list[rigs.Rig]:
     """Returns the characters whose ghosts are shown."""
-    return [rig for rig in freezing.known() if rig.skins is not None]
+    return [rig for rig in rigs.known() if rig.skins is not None]
 
 
-def is_complete(rig: freezing.Rig, scene: Any) -> bool:
+def is_complete(rig: rigs.Rig, scene: Any) -> bool:
     """Whether no frame of the range has to be played for a character's ghosts."""
     return not recording.missing(rig, scene)
 
@@ -107,18 +107,18 @@ def keep_now(scene: Any, layer: Any) -> None:
 
 def find_again() -> None:
     """Finds all meshes again after an undo step, which may have replaced them."""
-    for rig in freezing.known():
+    for rig in rigs.known():
         if rig.skins is not None:
             rig.skins.clear()
             _find_objects(rig)
 
 
-def _is_moved(ob: Any, rig: freezing.Rig) -> bool:
+def _is_moved(ob: Any, rig: rigs.Rig) -> bool:
     """Whether a mesh object belongs to a character."""
     return ob.type == "MESH" and (ob.parent == rig.ob or rig.ob in recording.armatures_of([ob]))
 
 
-def _find_objects(rig: freezing.Rig) -> None:
+def _find_objects(rig: rigs.Rig) -> None:
     skins = rig.skins
     skins.objects = [ob for ob in bpy.data.objects if _is_moved(ob, rig) and ob.users_scene]
     skins.object_count = len(bpy.data.objects)
@@ -129,10 +129,10 @@ def _find_objects(rig: freezing.Rig) -> None:
 
 def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     """Keeps the shapes of the frame that was just evaluated, as a handler."""
-    rigs = shown()
-    if not rigs or freezing.is_busy() or graph != graph.view_layer.depsgraph:
+    own = shown()
+    if not own or playing.is_busy() or graph != graph.view_layer.depsgraph:
         return
-    for rig in rigs:
+    for rig in own:
         if len(bpy.data.objects) != rig.skins.object_count:
             _find_objects(rig)
         if not is_new_frame:
@@ -142,10 +142,10 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
 
 def _keep_all(scene: Any, graph: Any) -> None:
     """Keeps the shapes of all characters that show ghosts, on the scene's frame."""
-    frame = freezing.whole_frame(scene)
+    frame = rigs.whole_frame(scene)
     for rig in shown():
         moment = rig.record.at(scene.frame_current_final)
-        if frame is None or moment is None or not freezing.is_shown(rig, graph, moment):
+        if frame is None or moment is None or not rigs.is_shown(rig, graph, moment):
             continue
         try:
             for ob in rig.skins.objects:
@@ -155,7 +155,7 @@ def _keep_all(scene: Any, graph: Any) -> None:
             _find_objects(rig)
 
 
-def _look_at_edits(rig: freezing.Rig, graph: Any) -> None:
+def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:
     """Finds the meshes again if an edit may have changed which they are, and discards what an edit of their data may
     have changed on other frames."""
     edited = [update.id.original for update in graph.updates]
@@ -182,7 +182,7 @@ def _keep(skins: Skins, ob: Any, graph: Any, frame: int, moment: Any) -> None:
         skins.drop(key)
     topology = _topology(skins, key, evaluated.data)
     if topology is not None:
-        record = skins.shapes.setdefault(key, freezing.new_record())
+        record = skins.shapes.setdefault(key, records.Record(rigs.store))
         record.put(frame, Shape(positions, matrix, topology, moment))
 
 
@@ -213,12 +213,12 @@ def frames_around(frame: int, before: int, after: int, step: int) -> list[tuple[
 def around(scene: Any, before: int, after: int, step: int, objects: Iterable[Any]) -> list[Ghost]:
     """Returns the ghosts of all characters around the scene's frame, the farthest first. objects: original mesh objects
     that may be shown."""
-    rigs = shown()
-    keys = {values.key_of(ob) for ob in objects} if rigs else set()
+    own = shown()
+    keys = {values.key_of(ob) for ob in objects} if own else set()
     return [
         Ghost((key, frame), shape, steps)
         for frame, steps in frames_around(scene.frame_current, before, after, step)
-        for rig in rigs
+        for rig in own
         for key in rig.skins.shapes
         for shape in (rig.skins.shape(key, frame, rig.record.at(frame)),)
         if key in keys and shape is not None

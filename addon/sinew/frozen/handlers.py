@@ -7,7 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..main import callbacks
-from . import freezing, ghosts
+from . import freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
@@ -25,31 +25,31 @@ def _guarded(function: Any, *arguments: Any) -> None:
 
 @persistent
 def before_evaluation(scene: bpy.types.Scene, *_: Any) -> None:
-    _guarded(freezing.before_evaluation, scene)
+    _guarded(playing.before_evaluation, scene)
 
 
 @persistent
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     _count()
-    _guarded(freezing.after_evaluation, scene, depsgraph, True)
+    _guarded(playing.after_evaluation, scene, depsgraph, True)
     _guarded(ghosts.after_evaluation, scene, depsgraph, True)
 
 
 @persistent
 def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     _count()
-    _guarded(freezing.after_evaluation, scene, depsgraph, False)
+    _guarded(playing.after_evaluation, scene, depsgraph, False)
     _guarded(ghosts.after_evaluation, scene, depsgraph, False)
 
 
 def _count() -> None:
     global _update_number
-    _update_number += not freezing.is_busy()
+    _update_number += not playing.is_busy()
 
 
 @persistent
 def after_load(*_: Any) -> None:
-    freezing.forget()
+    rigs.forget()
 
 
 @persistent
@@ -94,4 +94,4 @@ def unregister() -> None:
     callbacks.stop(freeze_again)
     callbacks.remove(HANDLERS)
     freezing.melt_all()
-    freezing.forget()
+    rigs.forget()

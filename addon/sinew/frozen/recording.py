@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import freezing
+from . import freezing, rigs
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -15,7 +15,7 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
     return scene.frame_start, scene.frame_end
 
 
-def missing(rig: freezing.Rig, scene: bpy.types.Scene) -> list[int]:
+def missing(rig: rigs.Rig, scene: bpy.types.Scene) -> list[int]:
     """Returns the frames of the range that are not recorded, or not with the shapes that its onion skins need."""
     first, last = frame_range(scene)
     return [
@@ -40,7 +40,7 @@ def armatures_of(objects: Iterable[Any]) -> list[Any]:
 
 def animated_armatures(layer: bpy.types.ViewLayer) -> list[Any]:
     """Returns the armature objects of a view layer that have keyframes."""
-    return [ob for ob in layer.objects if ob.type == "ARMATURE" and freezing.has_animation(ob)]
+    return [ob for ob in layer.objects if ob.type == "ARMATURE" and rigs.has_animation(ob)]
 
 
 def steps(
@@ -48,10 +48,10 @@ def steps(
 ) -> Generator[tuple[float, str], None, None]:
     """Plays what is not recorded yet of these armature objects, as a generator that yields (share done, what comes
     next) and may be closed early. The scene returns to its frame."""
-    rigs = [freezing.learn(each) for each in armatures]
-    frames = sorted({frame for rig in rigs for frame in missing(rig, scene)})
-    wanted = [rig for rig in rigs if rig.is_wanted]
-    freezing.thaw([rig for rig in rigs if missing(rig, scene)], scene, layer)
+    own = [rigs.learn(each) for each in armatures]
+    frames = sorted({frame for rig in own for frame in missing(rig, scene)})
+    wanted = [rig for rig in own if rig.is_wanted]
+    freezing.thaw([rig for rig in own if missing(rig, scene)], scene, layer)
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
         for number, each in enumerate(frames):

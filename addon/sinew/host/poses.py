@@ -74,6 +74,12 @@ def play_original(armature: Any, recorded: np.ndarray) -> bool:
     return sinew_native.host.play_original_pose(_first(armature), _layout(), recorded)
 
 
+def step(armature: Any, original: Any, before: np.ndarray, recorded: np.ndarray) -> bool:
+    """Writes a recorded pose into an evaluated armature object and into its original, if the evaluated one has exactly
+    the pose `before`. Returns False if it has not: then some bones may have been written."""
+    return sinew_native.host.step_pose(_first(armature), _first(original), _layout(), before, recorded)
+
+
 def is_posed(armature: Any, recorded: np.ndarray) -> bool:
     """Whether an evaluated armature object has exactly the recorded pose. Raises contract.Broken."""
     return sinew_native.host.is_pose(_first(armature), _layout(), recorded)

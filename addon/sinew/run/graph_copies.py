@@ -25,6 +25,7 @@ MOST_REBUILDS = 8
 LEAST_PATIENCE, MOST_PATIENCE = 2, 16
 
 
+_identities = itertools.count(1)
 _edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
 
 
@@ -84,6 +85,7 @@ class GraphCopy:
         self._has_asked = False  # for a plan that leaves later Armature modifiers to Blender
         self._is_copy_true: bool | None = None  # the canvas's copy is like the mesh; None: to be compared
         self._compared = (0, 0)  # addresses of the two
+        self._identity, self._computed_by = 0, tuple[Any, ...]()  # see identity
 
     @property
     def layers(self) -> list[layers.Layer]:
@@ -295,6 +297,19 @@ class GraphCopy:
     def rest_of_stages(self) -> np.ndarray | None:
         """Returns the positions (V, 3) that the stages start from if nothing runs before them; otherwise None."""
         return self.rest if self.is_of_stages_alone() else None
+
+    def identity(self, ob: Any) -> int:
+        """Returns a number for the deformer, the native objects of the stages and what they start from, as the last
+        evaluation had them. No others have the same number. ob: evaluated."""
+        natives = (
+            self.later[name].native if name in self.later else self.stages.native_of(name)
+            for name in self.stage_names(ob)
+        )
+        computed_by = self.deformer, self.rest_of_stages(), *natives
+        before = self._computed_by  # kept, so that nothing else gets their addresses
+        if len(before) != len(computed_by) or any(a is not b for a, b in zip(before, computed_by)):
+            self._computed_by, self._identity = computed_by, next(_identities)
+        return self._identity
 
     def check_copy(self, mesh: Any, copied: Any) -> None:
         """Compares the mesh with the canvas's copy, if either may have been edited. mesh, copied: evaluated, before all

@@ -14,7 +14,18 @@ from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, vector_arrays
 from ..plan import wiring
-from . import cage_stages, characters, driven_settings, graph_copies, mixes, shape_keys, shortcuts, stages, switching
+from . import (
+    cage_stages,
+    characters,
+    driven_settings,
+    frame_shapes,
+    graph_copies,
+    mixes,
+    shape_keys,
+    shortcuts,
+    stages,
+    switching,
+)
 
 
 def deform_now(ob: Any) -> None:
@@ -54,6 +65,7 @@ def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) 
         # This releases the GIL, so other Python threads keep running.
         deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
         entry.status.error = ""
+        frame_shapes.note(ob, copy.identity(ob), poses, key_values, in_order, out)
         if shortcuts.learn(copy, ob):
             entry.status.timings.add(milliseconds)
         else:

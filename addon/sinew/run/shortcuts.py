@@ -11,7 +11,7 @@ from ..blender import nodes
 from ..host import contract, motions, places, switches, watch
 from ..native import sinew_native
 from ..plan import wiring
-from . import character, graph_copies, layers, switching
+from . import character, frame_shapes, graph_copies, layers, switching
 
 _known: dict[int, "Shortcut"] = {}  # by the address of the evaluated object
 
@@ -51,7 +51,7 @@ class Shortcut:
             (motions.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
             for layer, armature in zip(own, armatures)
         ]
-        self._has_keys = has_keys
+        self._has_keys, self._identity = has_keys, copy.identity(ob)
         self._native = sinew_native.host.Shortcut(
             copy.deformer,
             watched.structs,
@@ -62,6 +62,7 @@ class Shortcut:
             copy.stages_at(ob),
             watch.key_source(self._mesh.shape_keys, plan.animated_mutes) if has_keys else None,
             copy.rest_of_stages(),
+            self._identity,
         )
         self.milliseconds = self._native.milliseconds
 
@@ -81,7 +82,12 @@ class Shortcut:
             self._native.set_stage(number, stage)
         # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
-        return self._native.deform(out)
+        keeper = frame_shapes.of(ob)
+        if keeper is None:
+            return self._native.deform(out)
+        has_run = self._native.deform(out, keeper.known, keeper.is_keeping)
+        keeper.found, keeper.identity = self._native.shape if has_run else None, self._identity
+        return has_run
 
     def _are_switches_alike(self) -> bool:
         """Whether drivers and keyframes have left the switches of modifiers as they were. Only if the native shortcut

@@ -202,6 +202,11 @@ class Stages:
             return None
         return kind.stage(made.native, ob, modifier)
 
+    def native_of(self, name: str) -> Any:
+        """Returns the native object of a stage, or None."""
+        made = self._made.get(name)
+        return made and made.native
+
     def _renew(self, ob: Any, names: Sequence[str], source: Source, driven: Callable[[Any], Any]) -> None:
         connections = meshes.read_topology(source.mesh)
         count = len(source.positions)  # which a loose vertex changes, but none of the connections

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..feedback import notice
-from ..frozen import freezing, recording
+from ..frozen import freezing, recording, rigs
 from .in_steps import InSteps
 from .panels import InSidebar
 
@@ -46,12 +46,12 @@ class Record(InSteps, bpy.types.Operator):
         return self.finish(context, None)
 
     def finish(self, context, _value):
-        rigs = [freezing.learn(each) for each in chosen(context)]
-        lacking = [rig for rig in rigs if recording.missing(rig, context.scene)]
+        own = [rigs.learn(each) for each in chosen(context)]
+        lacking = [rig for rig in own if recording.missing(rig, context.scene)]
         for rig in lacking:
             why = rig.reason or "there is no room in memory, see the preferences, or it has no keyframes"
             self.report({"WARNING"}, f"{rig.name} is not recorded on all frames: {why}")
-        return {"FINISHED"} if len(lacking) < len(rigs) else {"CANCELLED"}
+        return {"FINISHED"} if len(lacking) < len(own) else {"CANCELLED"}
 
 
 class Freezes(InSteps):
@@ -73,13 +73,13 @@ class Freezes(InSteps):
         return self.finish(context, None)
 
     def finish(self: Any, context, _value):
-        rigs = [freezing.learn(each) for each in self.armatures(context)]
-        if not rigs:
+        own = [rigs.learn(each) for each in self.armatures(context)]
+        if not own:
             self.report({"ERROR"}, "select an armature, or an object that one moves")
             return {"CANCELLED"}
-        freezing.freeze(rigs, context.scene, context.view_layer)
-        is_any = any(rig.is_frozen for rig in rigs)
-        for rig in rigs:
+        freezing.freeze(own, context.scene, context.view_layer)
+        is_any = any(rig.is_frozen for rig in own)
+        for rig in own:
             if rig.reason:
                 self.report({"WARNING" if is_any else "ERROR"}, rig.reason)
         notice.redraw()
@@ -116,12 +116,12 @@ class Thaw(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return can_change(context) and any(rig.is_wanted for rig in freezing.known())
+        return can_change(context) and any(rig.is_wanted for rig in rigs.known())
 
     def execute(self, context):
         selected = chosen(context)
-        rigs = [rig for rig in freezing.known() if rig.ob in selected or not selected]
-        freezing.thaw(rigs, context.scene, context.view_layer)
+        own = [rig for rig in rigs.known() if rig.ob in selected or not selected]
+        freezing.thaw(own, context.scene, context.view_layer)
         notice.redraw()
         return {"FINISHED"}
 
@@ -133,10 +133,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(Thaw.bl_idname, icon="LIGHT_SUN")
     layout.operator(Record.bl_idname, icon="REC")
     layout.prop(context.scene, "sinew_freezes_others")
-    for rig in freezing.known():
+    for rig in rigs.known():
         draw_rig(layout, context, rig)
-    if freezing.known():
-        layout.label(text=f"{freezing.used_memory() / 2**20:,.0f} MB recorded", icon="INFO")
+    if rigs.known():
+        layout.label(text=f"{rigs.used_memory() / 2**20:,.0f} MB recorded", icon="INFO")
 
 
 def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -> None:
@@ -161,7 +161,7 @@ class SidebarFrozen(InSidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        return bool(freezing.known()) or context.object is not None and bool(recording.armatures_of([context.object]))
+        return bool(rigs.known()) or context.object is not None and bool(recording.armatures_of([context.object]))
 
     def draw(self, context):
         draw(self.layout, context)

@@ -14,9 +14,8 @@ MOST_SPARE = 64  # batches that are kept though they are not shown
 _VERTEX = """
 void main()
 {
-  vec4 place = from_object * vec4(pos, 1.0);
-  viewed = place.xyz;
-  gl_Position = projection * place;
+  viewed = turned * pos;
+  gl_Position = whole * vec4(pos, 1.0);
 }
 """
 # The normal of a triangle, from how its position changes between pixels: so no normals are stored.
@@ -83,14 +82,15 @@ def _draw() -> None:
     view = context.region_data
     shader = _shader_of_ghosts()
     shader.bind()
-    shader.uniform_float("projection", view.window_matrix)
     # First the depth of a ghost, then its color: whatever of it is behind itself is not seen through it.
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)
     gpu.state.blend_set("ALPHA")
     for ghost, color in drawn:
         batch = _batch(ghost)
-        shader.uniform_float("from_object", view.view_matrix @ Matrix(ghost.shape.matrix.tolist()))
+        placed = view.view_matrix @ Matrix(ghost.shape.matrix.tolist())
+        shader.uniform_float("whole", view.window_matrix @ placed)
+        shader.uniform_float("turned", placed.to_3x3())
         shader.uniform_float("color", color)
         for has_color in (False, True):
             gpu.state.color_mask_set(*4 * (has_color,))
@@ -137,8 +137,9 @@ def _shader_of_ghosts() -> Any:
         passed = gpu.types.GPUStageInterfaceInfo("sinew_ghost")
         passed.smooth("VEC3", "viewed")
         info = gpu.types.GPUShaderCreateInfo()
-        info.push_constant("MAT4", "projection")
-        info.push_constant("MAT4", "from_object")
+        # Together at most 128 bytes: more are not fast everywhere.
+        info.push_constant("MAT4", "whole")  # from the object to the picture
+        info.push_constant("MAT3", "turned")  # from the object to the view, without translation
         info.push_constant("VEC4", "color")
         info.vertex_in(0, "VEC3", "pos")
         info.vertex_out(passed)

@@ -3,7 +3,7 @@
 import bpy
 
 from ..feedback import notice
-from ..frozen import freezing, ghosts
+from ..frozen import ghosts, rigs
 from . import frozen, ghost_drawing, onion_settings, preferences
 from .panels import InSidebar
 
@@ -21,17 +21,17 @@ class ToggleOnionSkins(bpy.types.Operator):
         return bool(frozen.chosen(context))
 
     def execute(self, context):
-        armatures = [ob for ob in frozen.chosen(context) if freezing.has_animation(ob)]
+        armatures = [ob for ob in frozen.chosen(context) if rigs.has_animation(ob)]
         if not armatures:
             self.report({"ERROR"}, "the selected characters have no keyframes, so there is nothing to show")
             return {"CANCELLED"}
-        rigs = [freezing.learn(ob) for ob in armatures]
-        change = ghosts.hide if all(rig.skins is not None for rig in rigs) else ghosts.show
-        for rig in rigs:
+        own = [rigs.learn(ob) for ob in armatures]
+        change = ghosts.hide if all(rig.skins is not None for rig in own) else ghosts.show
+        for rig in own:
             change(rig)
         if change is ghosts.show:
             ghosts.keep_now(context.scene, context.view_layer)
-            if not any(ghosts.is_complete(rig, context.scene) for rig in rigs):
+            if not any(ghosts.is_complete(rig, context.scene) for rig in own):
                 self.report({"INFO"}, "Ghosts appear on the frames that you play from now on. Record plays all of them")
         notice.redraw()
         return {"FINISHED"}
@@ -39,8 +39,8 @@ class ToggleOnionSkins(bpy.types.Operator):
 
 def are_shown(context: bpy.types.Context) -> bool:
     """Whether all selected characters have ghosts."""
-    rigs = [freezing.get(ob) for ob in frozen.chosen(context)]
-    return bool(rigs) and all(rig is not None and rig.skins is not None for rig in rigs)
+    own = [rigs.get(ob) for ob in frozen.chosen(context)]
+    return bool(own) and all(rig is not None and rig.skins is not None for rig in own)
 
 
 class SidebarOnionSkins(InSidebar, bpy.types.Panel):

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, IntProperty, PointerProperty, StringProperty
 
-from ..frozen import freezing
+from ..frozen import rigs
 from ..native import sinew_native
 from ..run import characters
 from . import onion_settings
@@ -48,7 +48,7 @@ def _apply(preferences, _context=None):
 
 
 def _apply_memory(preferences, _context=None):
-    freezing.set_limit(preferences.frozen_memory)
+    rigs.set_limit(preferences.frozen_memory)
 
 
 def _apply_log(preferences, _context=None):
@@ -94,7 +94,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         description="The largest number of megabytes for recorded poses. The oldest are dropped first",
         min=16,
         max=2**20,
-        default=freezing.DEFAULT_LIMIT,
+        default=rigs.DEFAULT_LIMIT,
         update=_apply_memory,
     )
     onion: PointerProperty(type=onion_settings.SinewOnionSettings)

@@ -7,7 +7,7 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from ..frozen import freezing
+from ..frozen import rigs
 from . import frozen
 
 MOST_STRIPS = 8
@@ -26,16 +26,18 @@ class Bar(NamedTuple):
     color: tuple[float, float, float, float]
 
 
-def rigs(context: bpy.types.Context) -> list[freezing.Rig]:
+def marked(context: bpy.types.Context) -> list[rigs.Rig]:
     """Returns the characters with a strip: those that are frozen or were, and the selected ones."""
     selected = frozen.chosen(context)
-    found = [rig for rig in freezing.known() if len(rig.record) and (rig.is_wanted or rig.ob in selected)]
+    found = [rig for rig in rigs.known() if len(rig.record) and (rig.is_wanted or rig.ob in selected)]
     return sorted(found, key=lambda rig: rig.name)[:MOST_STRIPS]
 
 
-def bars(shown: Iterable[freezing.Rig], place: Callable[[float], float], height: float, scale: float) -> list[Bar]:
+def bars(shown: Iterable[rigs.Rig], place: Callable[[float], float], height: float, scale: float) -> list[Bar]:
     """Returns what is drawn. place: the pixel of a frame; height: of the region; scale: of the interface."""
-    found, top = [], height - RULER * scale
+    shown = list(shown)
+    # Under the frame numbers, or over the lower border of a timeline that shows nothing else.
+    found, top = [], max(height - RULER * scale, len(shown) * (HEIGHT + GAP) * scale)
     for rig in shown:
         color = FROZEN if rig.is_frozen else LIVE
         bottom = top - HEIGHT * scale
@@ -46,7 +48,7 @@ def bars(shown: Iterable[freezing.Rig], place: Callable[[float], float], height:
 
 def _draw() -> None:
     context = bpy.context
-    shown = rigs(context)
+    shown = marked(context)
     if not shown:
         return
     region = context.region

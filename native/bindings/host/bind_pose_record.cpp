@@ -28,6 +28,16 @@ struct Region {
   bool is_compared;
 };
 
+/// Returns the number of a bone's segments, 0 if it is not bent.
+std::int32_t segment_count_of(Address bone, const RecordLayout& layout) {
+  const auto count = read<std::int32_t>(bone + layout.segment_count);
+  if (count < 2 || layout.segments.empty()) return 0;
+  for (const auto& array : layout.segments) {
+    if (read<Address>(bone + array[0]) == 0) return 0;
+  }
+  return count;
+}
+
 /// Appends the recorded memory of a bone. Returns the number of its segments, 0 if it is not bent.
 std::int32_t regions_of(Address bone, const RecordLayout& layout, std::vector<Region>& regions) {
   for (const auto& [offset, size] : layout.members) {
@@ -36,11 +46,8 @@ std::int32_t regions_of(Address bone, const RecordLayout& layout, std::vector<Re
   for (const auto& [offset, size] : layout.computed) {
     regions.push_back({bone + offset, static_cast<std::size_t>(size), false});
   }
-  const auto count = read<std::int32_t>(bone + layout.segment_count);
-  if (count < 2 || layout.segments.empty()) return 0;
-  for (const auto& array : layout.segments) {
-    if (read<Address>(bone + array[0]) == 0) return 0;
-  }
+  const std::int32_t count = segment_count_of(bone, layout);
+  if (count == 0) return 0;
   for (const auto& [offset, size, more, is_compared] : layout.segments) {
     const auto bytes = static_cast<std::size_t>(size * (count + more));
     regions.push_back({read<Address>(bone + offset), bytes, is_compared != 0});
@@ -149,6 +156,72 @@ bool play_original_pose(Address bone, const RecordLayout& layout, const Record& 
   return true;
 }
 
+/// Fetches what is recorded of a bone into the caches, while another one is copied.
+void prefetch(Address bone, const RecordLayout& layout) {
+#if defined(__GNUC__)
+  constexpr std::ptrdiff_t kLine = 64;
+  for (const auto& [offset, size] : layout.members) {
+    for (std::ptrdiff_t at = 0; at < size + kLine; at += kLine) {
+      __builtin_prefetch(reinterpret_cast<const void*>(bone + offset + at));
+    }
+  }
+#endif
+}
+
+/// Compares a region with one record and writes another one. Returns false, and writes nothing, if it differs.
+bool step_region(Address at, std::size_t size, bool is_compared, const char* before, const char* next) {
+  auto* const to = reinterpret_cast<void*>(at);
+  if (is_compared && std::memcmp(to, before, size) != 0) return false;
+  std::memcpy(to, next, size);
+  return true;
+}
+
+/// Goes once through the bones, which are cold: compares them with one record, and writes the next one into them and
+/// into those of the original. Returns false at the first bone that differs; those before it are written.
+bool step_pose(Address bone, Address original, const RecordLayout& layout, const Record& before, const Record& next) {
+  const auto* old_bytes = reinterpret_cast<const char*>(before.data());
+  const auto* new_bytes = reinterpret_cast<const char*>(next.data());
+  const auto count = read<std::int32_t>(reinterpret_cast<Address>(old_bytes));
+  const std::size_t head = (static_cast<std::size_t>(count) + 1) * kNumber;
+  if (before.size() != next.size() || std::memcmp(old_bytes, new_bytes, head) != 0) return false;
+  const char* old_at = old_bytes + head;
+  const char* new_at = new_bytes + head;
+  const auto step = [&](Address at, std::ptrdiff_t size, bool is_compared) {
+    const auto bytes = static_cast<std::size_t>(size);
+    const bool is_same = step_region(at, bytes, is_compared, old_at, new_at);
+    old_at += bytes;
+    new_at += bytes;
+    return is_same;
+  };
+  for (std::int32_t b = 0; b < count; ++b) {
+    if (bone == 0) return false;
+    const auto following = read<Address>(bone + layout.next);
+    if (following != 0) prefetch(following, layout);
+    const char* const members = new_at;
+    for (const auto& [offset, size] : layout.members) {
+      if (!step(bone + offset, size, true)) return false;
+    }
+    for (const auto& [offset, size] : layout.computed) step(bone + offset, size, false);
+    const auto segments = read<std::int32_t>(reinterpret_cast<Address>(new_bytes) + (b + 1) * kNumber);
+    if (segment_count_of(bone, layout) != segments) return false;
+    for (const auto& [offset, size, more, is_compared] : layout.segments) {
+      if (segments > 0 && !step(read<Address>(bone + offset), size * (segments + more), is_compared != 0)) return false;
+    }
+    if (original != 0) {
+      const auto after = read<Address>(original + layout.next);
+      if (after != 0) prefetch(after, layout);
+      const char* from = members;
+      for (const auto& [offset, size] : layout.members) {
+        std::memcpy(reinterpret_cast<void*>(original + offset), from, static_cast<std::size_t>(size));
+        from += size;
+      }
+      original = after;
+    }
+    bone = following;
+  }
+  return bone == 0;
+}
+
 }  // namespace
 
 void bind_pose_record(py::module_& host) {
@@ -174,6 +247,12 @@ void bind_pose_record(py::module_& host) {
            "Writes those parts of a record that originals have into the bones of an original.\n\n"
            "record: (N,) uint8, made by record_pose with the same layout. Returns False, and writes nothing, if it was "
            "made of another number of bones.");
+  host.def("step_pose", &step_pose, py::arg("bone"), py::arg("original"), py::arg("layout"), py::arg("before"),
+           py::arg("next"),
+           "Does what is_pose, play_pose and play_original_pose do, while it goes through the bones once.\n\n"
+           "bone, original: addresses of the first bone of an evaluated pose and of its original.\n"
+           "before: the record that the pose must hold; next: the one to write. Both (N,) uint8.\n"
+           "Returns False if the pose does not hold the first record. Then some bones may have been written.");
   host.def(
       "is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
       "Whether the bones of one of Blender's poses hold exactly what is in a record, see play_pose. What the layout "

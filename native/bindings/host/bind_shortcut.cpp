@@ -1,12 +1,14 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <memory>
 #include <optional>
 
 #include "arrays.h"
+#include "host/frame_shape.h"
 #include "host/memory.h"
 #include "host/watched.h"
 #include "sinew/deformer.h"
@@ -121,7 +123,8 @@ class Shortcut {
            const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>& poses,
            const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
            const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
-           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions)
+           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions,
+           std::uint64_t identity)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched_of(watched)),
@@ -130,6 +133,7 @@ class Shortcut {
         stage_owners_(py::list(stages)),
         stages_(stages_of(stage_owners_)),
         rest_owner_(rest_positions),
+        identity_(identity),
         milliseconds_(stages_.size() + 2, 0.0) {
     const std::vector<const Layer*> layers = all_layers();
     if (poses.size() != layers.size() || places_.size() != layers.size()) {
@@ -169,7 +173,9 @@ class Shortcut {
 
   /// Returns false if the full code must compute this frame.
   /// out: address of V x 3 floats; unused if there are keys.
-  bool deform(Address out) {
+  /// known: a shape to take if it was computed from the same as this frame's would be; may be null.
+  /// keep: whether to keep this frame's shape.
+  bool deform(Address out, std::shared_ptr<const FrameShape> known, bool keep) {
     const py::gil_scoped_release release;
     const Watch watch;
     if (!watched_.holds()) return false;
@@ -187,8 +193,17 @@ class Shortcut {
     }
     const auto count = static_cast<std::size_t>(3 * deformer_.vertex_count());
     milliseconds_[0] = watch.milliseconds();
-    const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());
-    deformer_.deform(own, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
+    std::optional<Digest> digest;
+    if (known || keep) digest = digest_of(identity_, poses_, keys_.values, stages_);
+    if (known && known->digest == digest && known->count == count) {
+      std::memcpy(positions, known->positions.get(), count * sizeof(float));
+      std::fill(milliseconds_.begin() + 1, milliseconds_.end(), 0.0);
+      shape_ = std::move(known);
+    } else {
+      const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());
+      deformer_.deform(own, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
+      shape_ = keep && digest ? std::make_shared<FrameShape>(*digest, std::span<const float>(positions, count)) : nullptr;
+    }
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
     }
@@ -196,6 +211,9 @@ class Shortcut {
   }
 
   const std::vector<double>& milliseconds() const { return milliseconds_; }
+
+  /// The shape that the last frame has taken or kept, or null.
+  const std::shared_ptr<const FrameShape>& shape() const { return shape_; }
 
  private:
   class Watch {
@@ -268,6 +286,8 @@ class Shortcut {
   std::vector<Stage> stages_;
   std::optional<py::array> rest_owner_;
   std::span<const float> rest_;
+  std::uint64_t identity_;
+  std::shared_ptr<const FrameShape> shape_;
   KeySource keys_;
   std::vector<PoseSource> sources_;
   std::vector<Switch> switches_;
@@ -286,10 +306,10 @@ void bind_shortcut(py::module_& host) {
                    const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>&,
                    const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
-                   const std::optional<GivenKeys>&, const std::optional<py::array>&>(),
+                   const std::optional<GivenKeys>&, const std::optional<py::array>&, std::uint64_t>(),
           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
           py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
-          py::arg("rest_positions") = py::none(),
+          py::arg("rest_positions") = py::none(), py::arg("identity") = 0,
           "deformer: a Deformer.\n"
           "watched: memory that must stay as it is now for the shortcut to hold: for each struct (address, parent, "
           "voucher, [(offset, size) of each region, in bytes]). A struct is read only after region `voucher` of the "
@@ -308,6 +328,7 @@ void bind_shortcut(py::module_& host) {
           "its points and of their number, numbers of the keys that drivers or keyframes may mute), or None. The shape "
           "is written into the first key's points.\n"
           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
+          "identity: as in shape_of.\n"
           "Raises ValueError for sizes that do not fit, and for a watched struct that its parent does not lead to.")
       .def("holds", &Shortcut::holds, "Whether the watched memory is unchanged.")
       .def("set_stage", &Shortcut::set_stage, py::arg("number"), py::arg("stage"),
@@ -315,13 +336,18 @@ void bind_shortcut(py::module_& host) {
            "number: which of the stages.\n"
            "stage: a sinew_native.Stage of the same kind, which is not of layers.\n"
            "Raises ValueError for another one, and if there is no such stage.")
-      .def("deform", &Shortcut::deform, py::arg("out") = 0,
+      .def("deform", &Shortcut::deform, py::arg("out") = 0, py::arg("known") = py::none(), py::arg("keep") = false,
            "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"
            "out: address of V x 3 float32, C-contiguous, for the shape; not used if there are keys.\n"
+           "known: a FrameShape or None. If it was computed from the same as this frame's would be, it is copied and "
+           "nothing is computed.\n"
+           "keep: whether to copy the shape, if it had to be computed.\n"
            "Returns False, and does nothing, if it does not hold, if the first key has another number of points, "
            "or if an object's scale is 0 along an axis.\n"
            "Raises ValueError, without changing the switches, if a pose has different bones or "
            "segments.")
+      .def_property_readonly("shape", &Shortcut::shape,
+                             "The FrameShape that the last frame has copied or kept; None if there is none.")
       .def_property_readonly(
           "milliseconds", [](py::object self) { return view_list(self.cast<const Shortcut&>().milliseconds(), self); },
           "(S + 2,) float64, read-only, times in the last frame: reading the pose, keys and layers, each stage.");

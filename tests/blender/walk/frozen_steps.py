@@ -14,11 +14,15 @@ def freezing():
     return addon_module("frozen.freezing")
 
 
+def recorded():
+    return addon_module("frozen.rigs")
+
+
 @kind(6)
 def freeze(random):
     scene.leave_modes()
     chosen = [each for each in scene.armatures() if random.random() < 0.7]
-    rigs = [freezing().learn(each) for each in chosen if each.animation_data]
+    rigs = [recorded().learn(each) for each in chosen if each.animation_data]
     first = random.randint(1, scene.LAST_FRAME - 5)
     for frame in range(first, random.randint(first, scene.LAST_FRAME) + 1):
         bpy.context.scene.frame_set(frame)
@@ -28,7 +32,7 @@ def freeze(random):
 
 @kind(1)
 def thaw(random):
-    rigs = [rig for rig in freezing().known() if random.random() < 0.6]
+    rigs = [rig for rig in recorded().known() if random.random() < 0.6]
     freezing().thaw(rigs, bpy.context.scene, bpy.context.view_layer)
 
 
@@ -65,7 +69,7 @@ def shown():
 
 def assert_frozen_as_live():
     """Has Blender evaluate everything again, and compares."""
-    rigs = freezing().frozen()
+    rigs = recorded().frozen()
     if not rigs:
         return
     before = shown()

@@ -1,0 +1,246 @@
+"""The armatures that are recorded or frozen, and what is recorded of them.
+
+Whether an armature is frozen is read from its evaluated copy (`is_intact`), so nothing can be wrong about it for
+longer than one evaluation: whatever builds relations, or copies the armature again, is noticed right after it and
+before anything is drawn."""
+
+import sys
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ..blender import values
+from ..host import evaluations, key_blocks, marks, poses
+from . import records, stored_keys
+from .followers import Followers
+from .shapes import Shapes, is_alive
+
+DEFAULT_LIMIT = 2048  # megabytes for all records
+MARK = "OBJECT"  # kind of the mark on a frozen armature's evaluated copy
+store: records.Store = records.Store(DEFAULT_LIMIT * records.MEGABYTE)
+
+
+@dataclass
+class Rig:
+    """An armature that is recorded, and may be frozen, with all that follows it."""
+
+    ob: Any  # the original armature object
+    key: int
+    name: str
+    record: records.Record
+    is_wanted: bool = False  # frozen whenever possible, see `freeze`
+    is_frozen: bool = False
+    reason: str = ""  # why it is live although it is wanted frozen, a sentence
+    followers: Followers = field(default_factory=Followers)
+    scene: Any = None  # in which it is frozen
+    layer: str = ""  # name of the view layer in which it is frozen
+    shown: int | None = None  # the frame whose pose was written last
+    pose: Any = None  # that Moment
+    has_other_keys: bool = False  # for more than the channels of bones, which a record does not hold
+    is_selected: bool = False  # it was, or something of it, at the last look
+    curves: dict[Any, stored_keys.Curve] | None = None  # the keyframes that the record was made with
+    digest: Any = None  # of the settings that the record was made with
+    is_suspect: bool = True  # the settings may have changed since
+    last: Any = None  # the Moment that the last frame change has shown, while it plays live
+    last_layer: int = 0  # address of the view layer that has shown it
+    shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
+    skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
+
+    def clear(self) -> None:
+        """Drops all that is recorded."""
+        self.record.clear()
+        self.shapes.clear()
+        if self.skins is not None:
+            self.skins.clear()
+
+    def graph(self) -> Any:
+        """Returns the dependency graph in which it is frozen, or None."""
+        layer = self.scene.view_layers.get(self.layer) if is_alive(self.scene) else None
+        return layer.depsgraph if layer is not None else None
+
+
+_rigs: dict[int, Rig] = {}
+
+
+def set_limit(megabytes: int) -> None:
+    """Sets how much memory all records may need together."""
+    store.set_limit(megabytes * records.MEGABYTE)
+
+
+def used_memory() -> int:
+    """Returns how much memory all records need, in bytes."""
+    return store.used
+
+
+def has_any() -> bool:
+    """Whether any armature is known."""
+    return bool(_rigs)
+
+
+def known() -> list[Rig]:
+    """Returns the armatures that are recorded or frozen, without those that no longer exist."""
+    for key in [key for key, rig in _rigs.items() if not is_alive(rig.ob)]:
+        _rigs.pop(key).clear()
+    return list(_rigs.values())
+
+
+def get(ob: Any) -> Rig | None:
+    """Returns what is known of an armature object, or None."""
+    found = _rigs.get(values.key_of(ob))
+    return found if found is not None and is_alive(found.ob) else None
+
+
+def learn(ob: Any) -> Rig:
+    """Records an original armature object from now on, whenever it plays. Returns what is known of it."""
+    found = get(ob)
+    if found is None:
+        found = _rigs[values.key_of(ob)] = Rig(ob, values.key_of(ob), ob.name, records.Record(store))
+    return found
+
+
+def forget() -> None:
+    """Discards everything, as after a file was loaded."""
+    for rig in _rigs.values():
+        rig.clear()
+    _rigs.clear()
+
+
+def evaluated_copy(rig: Rig, graph: Any) -> Any:
+    """Returns the evaluated copy of an armature, or None if the graph has none."""
+    if graph is None:
+        return None
+    found = rig.ob.evaluated_get(graph)
+    return found if found.is_evaluated else None
+
+
+def is_intact(rig: Rig, graph: Any) -> bool:
+    """Whether an armature is still frozen in its graph, as it was left."""
+    evaluated = evaluated_copy(rig, graph)
+    if evaluated is None or not marks.is_marked(evaluated, MARK):
+        return False
+    data = evaluated.animation_data
+    return data is not None and data.action is None and not len(data.nla_tracks)
+
+
+class Moment(NamedTuple):
+    """What is recorded of one frame."""
+
+    pose: np.ndarray  # (N,) uint8, see host/poses.py
+    keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
+
+    @property
+    def nbytes(self) -> int:
+        return self.pose.nbytes + sum(map(sys.getsizeof, self.keys))
+
+
+def moment_of(rig: Rig, graph: Any) -> Moment:
+    """Returns what an evaluation has made of an armature."""
+    values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in keyed(rig, graph))
+    return Moment(poses.record(evaluated_copy(rig, graph)), values_now)
+
+
+def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
+    """Returns the shape keys that follow an armature and are in the graph."""
+    return [(keys, numbers) for keys, numbers in rig.followers.keyed if keys.evaluated_get(graph).is_evaluated]
+
+
+def shows(rig: Rig, graph: Any, moment: Any) -> bool:
+    """Whether the evaluated bones, and the keys that follow them, are exactly as recorded."""
+    if moment is None or not poses.is_posed(evaluated_copy(rig, graph), moment.pose):
+        return False
+    follow = keyed(rig, graph)
+    return len(follow) == len(moment.keys) and all(
+        key_blocks.values_of(keys.evaluated_get(graph), numbers) == recorded
+        for (keys, numbers), recorded in zip(follow, moment.keys)
+    )
+
+
+def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
+    """Whether a graph shows a recorded moment of an armature, frozen or live."""
+    is_played = rig.last is moment and rig.last_layer == graph.view_layer.as_pointer()
+    return is_played or evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
+
+
+def show(rig: Rig, graph: Any, moment: Any) -> None:
+    """Writes what is recorded into the evaluated copies, and into the originals as Blender does."""
+    poses.play(evaluated_copy(rig, graph), moment.pose)
+    poses.play_original(rig.ob, moment.pose)
+    for (keys, numbers), recorded in zip(keyed(rig, graph), moment.keys):
+        key_blocks.set_values(keys.evaluated_get(graph), numbers, recorded)
+        key_blocks.set_values(keys, numbers, recorded)
+
+
+def show_next(rig: Rig, graph: Any, before: Any, moment: Any) -> bool:
+    """Does what `shows` and `show` do, but goes through the bones only once. before: the Moment that must be shown.
+    Returns False if it is not: then the armature has to be thawed, because some bones may have been written."""
+    follow = [(keys.evaluated_get(graph), keys, numbers) for keys, numbers in keyed(rig, graph)]
+    if before is None or not len(follow) == len(before.keys) == len(moment.keys):
+        return False
+    for (evaluated, _keys, numbers), recorded in zip(follow, before.keys):
+        if key_blocks.values_of(evaluated, numbers) != recorded:
+            return False
+    if not poses.step(evaluated_copy(rig, graph), rig.ob, before.pose, moment.pose):
+        return False
+    for (evaluated, keys, numbers), recorded in zip(follow, moment.keys):
+        key_blocks.set_values(evaluated, numbers, recorded)
+        key_blocks.set_values(keys, numbers, recorded)
+    return True
+
+
+def shapes(character: Any, frame: int) -> list[tuple[Any, np.ndarray, np.ndarray]] | None:
+    """Returns the recorded shapes of what follows an armature on a frame: a list of (original mesh object, positions
+    (V, 3) float32 in its space, matrix (4, 4) float32 from there to world space). The positions are read-only, what
+    Sinew has written: of the mesh's own vertices, before the modifiers behind Sinew's; behind a front, of the vertices
+    that the front has made. Meshes whose shape is not known, because they were edited since, are left out. None if the
+    pose of that frame is not recorded.
+
+    character: an original armature object. Evaluates nothing."""
+    rig = get(character)
+    if rig is None or frame not in rig.record:
+        return None
+    return [
+        (mesh.ob, shape.native.positions, np.array(shape.place, np.float32))
+        for mesh in rig.shapes
+        if is_alive(mesh.ob) and (shape := mesh.record.at(frame)) is not None
+    ]
+
+
+def whole_frame(scene: Any) -> int | None:
+    """Returns the scene's frame, or None on a sub-frame."""
+    frame = scene.frame_current_final
+    return int(frame) if frame == int(frame) else None
+
+
+def has_animation(ob: Any) -> bool:
+    """Whether an original object has an action or NLA tracks."""
+    data = ob.animation_data
+    return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
+
+
+def is_tagged(rig: Rig, graph: Any) -> bool:
+    """Whether an armature has been edited and not been evaluated since."""
+    evaluated = evaluated_copy(rig, graph)
+    return evaluated is not None and (evaluations.is_tagged(evaluated) or evaluations.is_tagged(evaluated.data))
+
+
+def frozen() -> list[Rig]:
+    """Returns the armatures that are frozen."""
+    return [rig for rig in known() if rig.is_frozen]
+
+
+def find_again() -> None:
+    """Finds all armatures again after an undo step, which may have replaced them. The shapes of their meshes are
+    dropped."""
+    for key, rig in list(_rigs.items()):
+        rig.shapes.clear()
+        if is_alive(rig.ob) and values.key_of(rig.ob) == key:
+            continue
+        del _rigs[key]
+        rig.ob = bpy.data.objects.get(rig.name)
+        if rig.ob is None or rig.ob.type != "ARMATURE":
+            rig.clear()
+        else:
+            rig.key = values.key_of(rig.ob)
+            _rigs[rig.key] = rig
