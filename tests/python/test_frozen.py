@@ -214,7 +214,8 @@ def test_a_step_of_another_pose_is_refused(change):
     elif change == "count":
         target[1].count = 4
     elif change == "record":
-        after = host.record_pose(ctypes.addressof(bones_of([1, 3])[0]), LAYOUT)
+        other, _other_arrays = bones_of([1, 3])
+        after = host.record_pose(ctypes.addressof(other), LAYOUT)
     assert not host.step_pose(ctypes.addressof(target), 0, LAYOUT, before, after)
 
 

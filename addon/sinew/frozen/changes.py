@@ -67,6 +67,8 @@ def compare_keys(rig: rigs.Rig) -> None:
 
 def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
     """Drops frames of an armature, and of those whose bones follow it."""
+    if not ranges:
+        return
     reached = [rig]
     for each in reached:
         if each.record.drop_within(ranges):

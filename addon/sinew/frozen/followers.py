@@ -195,9 +195,9 @@ def outside_of(rig: Any) -> list[Any]:
 # --- the armature itself --------------------------------------------------------------------------
 
 
-def check(rig: Any) -> None:
+def check(rig: Any) -> list[Any]:
     """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
-    whatever follows it."""
+    whatever follows it. Returns the other armature objects on which the pose depends."""
     data = rig.animation_data
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
         raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
@@ -230,10 +230,12 @@ def check(rig: Any) -> None:
         timed = next((each for each in bone.constraints if each.type in _TIMED), None)
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
-    moving = [each for each in outside_of(rig) if each.type != "ARMATURE" and not _is_still(each)]
+    outside = outside_of(rig)
+    moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each)]
     if moving:
         names = _names([each.name for each in moving])
         raise NotFreezable(f"bones of {rig.name} follow {names}, outside of it, which may move")
+    return [each for each in outside if each.type == "ARMATURE"]
 
 
 def _plays_clip(rig: Any) -> bool:

@@ -17,17 +17,9 @@ def is_building() -> bool:
     return _is_building
 
 
-def _why_live(rig: rigs.Rig, found: Followers | followers.NotFreezable, scene: Any, layer: Any) -> str:
-    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing. found: as returned
-    by followers.find."""
-    if contract.freezing_trouble():
-        return contract.freezing_trouble()
-    try:
-        followers.check(rig.ob)
-    except followers.NotFreezable as reason:
-        return str(reason)
-    if isinstance(found, followers.NotFreezable):
-        return f"{rig.name} cannot be frozen: {found}"
+def _why_live(rig: rigs.Rig, found: Followers, scene: Any, layer: Any) -> str:
+    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing. found: what follows
+    it."""
     if found.keyed != rig.followers.keyed:
         rig.is_suspect = True
     rig.followers = found
@@ -52,22 +44,7 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes armatures, and keeps those frozen that already are. `reason` of those that cannot be frozen says why.
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
     layer.update()
-    chosen = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
-    found = followers.find([rig.ob for rig in chosen.values()])
-    for rig in list(chosen.values()):
-        rig.is_wanted = True
-        rig.reason = _why_live(rig, found[rig.ob], scene, layer)
-        if rig.reason:
-            del chosen[rig.key]
-    while True:  # one follows another, which cannot be frozen
-        for rig in chosen.values():
-            lacking = [each for each in followers.needs(rig.ob) if values.key_of(each) not in chosen]
-            if lacking:
-                rig.reason = f"{rig.name} follows bones of {lacking[0].name}, which is live"
-                del chosen[rig.key]
-                break
-        else:
-            break
+    chosen = _freezable({rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}, scene, layer)
     for _ in range(MOST_ATTEMPTS):
         _build(list(chosen.values()), scene, layer)
         if all(rig.is_frozen for rig in chosen.values()):
@@ -76,6 +53,36 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     for rig in chosen.values():
         if not rig.is_frozen:
             rig.reason = f"{rig.name} is edited by a handler after each evaluation, so it stays live"
+
+
+def _freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
+    """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
+    found = followers.find([rig.ob for rig in chosen.values()])
+    needed: dict[int, list[Any]] = {}  # the other armatures on which each depends
+    for rig in chosen.values():
+        rig.is_wanted, rig.reason = True, contract.freezing_trouble()
+        own = found[rig.ob]
+        try:
+            if not rig.reason:
+                needs = followers.check(rig.ob)
+                if isinstance(own, followers.NotFreezable):
+                    rig.reason = f"{rig.name} cannot be frozen: {own}"
+                else:
+                    rig.reason = _why_live(rig, own, scene, layer)
+        except followers.NotFreezable as reason:
+            rig.reason = str(reason)
+        if not rig.reason:
+            needed[rig.key] = needs
+    lacking = True
+    while lacking:  # one follows another, which cannot be frozen
+        lacking = False
+        for key, needs in list(needed.items()):
+            live = next((each for each in needs if values.key_of(each) not in needed), None)
+            if live is not None:
+                rig, lacking = chosen[key], True
+                rig.reason = f"{rig.name} follows bones of {live.name}, which is live"
+                del needed[key]
+    return {key: chosen[key] for key in needed}
 
 
 def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:

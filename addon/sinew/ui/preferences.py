@@ -91,7 +91,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
     )
     frozen_memory: IntProperty(
         name="Memory of Frozen Characters",
-        description="The largest number of megabytes for recorded poses. The oldest are dropped first",
+        description="The largest number of megabytes for recorded poses and shapes. The oldest are dropped first",
         min=16,
         max=2**20,
         default=rigs.DEFAULT_LIMIT,

@@ -123,8 +123,7 @@ class Shortcut {
            const std::vector<std::tuple<Address, std::vector<std::int32_t>, std::vector<std::int32_t>>>& poses,
            const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
            const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
-           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions,
-           std::uint64_t identity)
+           const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions, std::uint64_t identity)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched_of(watched)),
@@ -202,7 +201,8 @@ class Shortcut {
     } else {
       const std::span<const LayerPose> own(poses_.data(), deformer_.layers().size());
       deformer_.deform(own, {positions, count}, keys_.values, rest_, stages_, std::span(milliseconds_).subspan(1));
-      shape_ = keep && digest ? std::make_shared<FrameShape>(*digest, std::span<const float>(positions, count)) : nullptr;
+      shape_ =
+          keep && digest ? std::make_shared<FrameShape>(*digest, std::span<const float>(positions, count)) : nullptr;
     }
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
