@@ -97,7 +97,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         default=rigs.DEFAULT_LIMIT,
         update=_apply_memory,
     )
-    onion: PointerProperty(type=onion_settings.SinewOnionSettings)
+    onion: PointerProperty(name="Onion Skins", type=onion_settings.SinewOnionSettings)
     log_file: StringProperty(
         name="Log File",
         subtype="FILE_PATH",
