@@ -175,7 +175,7 @@ window_tests() {
   local folder
   folder=$BUILD/window/$($BLENDER --version | sed -n 's/^Blender \([0-9.]*\).*/\1/p')
   mkdir -p "$folder"
-  for file in in_window in_weight_paint first_ogre profiled baked weighted reduced each_method; do
+  for file in in_window frozen_in_window in_weight_paint first_ogre profiled baked weighted reduced each_method; do
     LIBGL_ALWAYS_SOFTWARE=1 isolated xvfb-run -a -s "-screen 0 1280x800x24" tests/blender/hand.sh "$folder" \
       "$BLENDER" --window-geometry 0 0 1280 800 --python tests/blender/$file.py -- "$folder" \
       >"$folder/$file.log" 2>&1 || { tail -40 "$folder/$file.log"; return 1; }

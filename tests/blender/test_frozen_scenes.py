@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers import addon_module, evaluated, select
-from test_frozen import Cast, freezing, layer, matrices_of
+from test_frozen import Cast, freezing, layer, matrices_of, recorded
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_removing_the_view_layer_in_which_it_is_frozen(cast):
     if bpy.context.window is None:
         pytest.skip("no window whose view layer could be changed")
     bpy.context.window.view_layer = other
-    freezing().learn(cast.frozen[0])
+    recorded().learn(cast.frozen[0])
     for frame in (1, 2, 3):
         cast.scene.frame_set(frame)
     freezing().freeze([cast.rig], cast.scene, other)

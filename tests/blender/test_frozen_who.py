@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from characters import add_shape_keys, make_armature, pose, smoothed
-from helpers import addon_module, depsgraph, evaluated, select
+from helpers import addon_module, depsgraph, evaluated, import_rig, select
 from test_frozen import FRAMES, Cast, freezing, layer, recorded
 
 
@@ -258,6 +258,26 @@ def test_who_cannot_be_frozen_says_why(cast, prepare):
     freezing().freeze([rig], cast.scene, layer())
     assert not rig.is_frozen
     assert clause in rig.reason
+
+
+def test_an_imported_rig_can_be_frozen_once_it_has_keyframes(fresh_scene):
+    """It keeps its poses, which do not move its bones any more."""
+    ob, armature = import_rig()
+    bpy.ops.object.sinew_clip_to_keyframes()
+    rig = recorded().learn(armature)
+    for frame in (1, 2, 3):
+        fresh_scene.frame_set(frame)
+    select()
+    freezing().freeze([rig], fresh_scene, layer())
+    assert rig.is_frozen
+    fresh_scene.frame_set(2)
+    wanted = evaluated(ob).copy()
+    ob.sinew.source = "CLIP"
+    freezing().thaw([rig], fresh_scene, layer())
+    freezing().freeze([rig], fresh_scene, layer())
+    assert not rig.is_frozen
+    assert "plays the poses of an imported rig" in rig.reason
+    assert np.allclose(evaluated(ob), wanted, atol=1e-4)
 
 
 def test_a_target_that_stands_still_is_followed_when_it_is_moved(cast):

@@ -47,6 +47,7 @@ def classes():
         addon_module("ui.bake").PlayCache,
         addon_module("ui.to_bones").BakeToBones,
         addon_module("ui.crowd").AddCrowd,
+        addon_module("ui.onion_settings").SinewOnionSettings,
         addon_module("ui.preferences").SinewPreferences,
     )
 
@@ -70,6 +71,7 @@ def all_operators():
             "preferences",
             "profile",
             "frozen",
+            "onion_skins",
         )
         for cls in addon_module(f"ui.{name}").CLASSES
         if issubclass(cls, bpy.types.Operator)
@@ -80,7 +82,7 @@ def rows(name, identifier):
     return [rest for row_name, row_identifier, rest in ROWS if (row_name, row_identifier) == (name, identifier)]
 
 
-@pytest.mark.parametrize("number", range(21))
+@pytest.mark.parametrize("number", range(22))
 def test_each_property_stands_there(number):
     group = classes()[number]
     found = properties_of(group)
@@ -93,7 +95,7 @@ def test_each_property_stands_there(number):
     assert not missing, f"{group.__name__}: docs/options.md has no row for {missing}"
 
 
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(21))
 def test_each_choice_stands_there(number):
     """Not those of the preferences: which instruction sets there are is up to the processor."""
     for each in properties_of(classes()[number]):

@@ -10,6 +10,7 @@ import bpy
 from ..blender import animation, nodes
 from ..clips import clip_store
 from ..plan import wiring
+from ..run import characters
 
 MOST_NAMES = 3  # that a reason lists
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
@@ -219,7 +220,7 @@ def check(rig: Any) -> list[Any]:
         raise NotFreezable(f"the armature data {rig.data.name} have keyframes of their own")
     if rig.pose.ik_solver == "ITASC":
         raise NotFreezable(f"{rig.name} uses the iTaSC solver, whose result depends on the frames before")
-    if clip_store.has_poses(rig.data):
+    if clip_store.has_poses(rig.data) and _plays_clip(rig):
         raise NotFreezable(
             f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
         )
@@ -235,6 +236,10 @@ def check(rig: Any) -> list[Any]:
         names = _names([each.name for each in moving])
         raise NotFreezable(f"bones of {rig.name} follow {names}, outside of it, which may move")
     return [each for each in outside if each.type == "ARMATURE"]
+
+
+def _plays_clip(rig: Any) -> bool:
+    return any(ob.sinew.armature == rig and ob.sinew.source == "CLIP" for ob in characters.by_clip())
 
 
 def _check_driver(rig: Any, curve: Any) -> None:

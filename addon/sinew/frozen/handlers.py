@@ -7,7 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..main import callbacks
-from . import freezing, playing, rigs
+from . import freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
@@ -32,12 +32,14 @@ def before_evaluation(scene: bpy.types.Scene, *_: Any) -> None:
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     _count()
     _guarded(playing.after_evaluation, scene, depsgraph, True)
+    _guarded(ghosts.after_evaluation, scene, depsgraph, True)
 
 
 @persistent
 def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     _count()
     _guarded(playing.after_evaluation, scene, depsgraph, False)
+    _guarded(ghosts.after_evaluation, scene, depsgraph, False)
 
 
 def _count() -> None:
@@ -53,6 +55,7 @@ def after_load(*_: Any) -> None:
 @persistent
 def after_undo(*_: Any) -> None:
     freezing.find_again()
+    ghosts.find_again()
 
 
 def freeze_again() -> float:

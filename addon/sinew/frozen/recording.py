@@ -16,9 +16,13 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
 
 
 def missing(rig: rigs.Rig, scene: bpy.types.Scene) -> list[int]:
-    """Returns the frames of the range that are not recorded."""
+    """Returns the frames of the range that are not recorded, or not with the shapes that its onion skins need."""
     first, last = frame_range(scene)
-    return [frame for frame in range(first, last + 1) if frame not in rig.record]
+    return [
+        frame
+        for frame in range(first, last + 1)
+        if frame not in rig.record or rig.skins is not None and rig.skins.lacks(frame, rig.record.at(frame))
+    ]
 
 
 def armatures_of(objects: Iterable[Any]) -> list[Any]:

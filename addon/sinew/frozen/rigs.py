@@ -46,11 +46,14 @@ class Rig:
     last: Any = None  # the Moment that the last frame change has shown, while it plays live
     last_layer: int = 0  # address of the view layer that has shown it
     shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
+    skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
 
     def clear(self) -> None:
         """Drops all that is recorded."""
         self.record.clear()
         self.shapes.clear()
+        if self.skins is not None:
+            self.skins.clear()
 
     def graph(self) -> Any:
         """Returns the dependency graph in which it is frozen, or None."""
@@ -152,6 +155,12 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
         key_blocks.values_of(keys.evaluated_get(graph), numbers) == recorded
         for (keys, numbers), recorded in zip(follow, moment.keys)
     )
+
+
+def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
+    """Whether a graph shows a recorded moment of an armature, frozen or live."""
+    is_played = rig.last is moment and rig.last_layer == graph.view_layer.as_pointer()
+    return is_played or evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
 
 
 def show(rig: Rig, graph: Any, moment: Any) -> None:

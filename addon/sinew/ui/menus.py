@@ -4,7 +4,18 @@ from typing import Any
 
 import bpy
 
-from . import bake, crowd, cures, frozen, method_settings, to_bones, weight_reduction, weight_tools, weights
+from . import (
+    bake,
+    crowd,
+    cures,
+    frozen,
+    method_settings,
+    onion_skins,
+    to_bones,
+    weight_reduction,
+    weight_tools,
+    weights,
+)
 from .display import ToggleSkeleton, ToggleWeights
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
 from .preferences import OpenManual
@@ -46,6 +57,7 @@ class SinewMenu(bpy.types.Menu):
         layout.operator(frozen.Freeze.bl_idname, icon="FREEZE")
         layout.operator(frozen.FreezeOthers.bl_idname)
         layout.operator(frozen.Thaw.bl_idname)
+        layout.operator(onion_skins.ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON")
         layout.separator()
         layout.operator(crowd.RenewCrowd.bl_idname, icon="COMMUNITY")
         layout.separator()

@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import EnumProperty, IntProperty, PointerProperty, StringProperty
 
 from ..frozen import rigs
 from ..native import sinew_native
 from ..run import characters
+from . import onion_settings
 
 log = logging.getLogger("sinew")
 ADDON = __package__.rpartition(".")[0]
@@ -96,6 +97,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         default=rigs.DEFAULT_LIMIT,
         update=_apply_memory,
     )
+    onion: PointerProperty(name="Onion Skins", type=onion_settings.SinewOnionSettings)
     log_file: StringProperty(
         name="Log File",
         subtype="FILE_PATH",
@@ -111,6 +113,7 @@ class SinewPreferences(bpy.types.AddonPreferences):
         column.prop(self, "instruction_set")
         column.prop(self, "frozen_memory")
         column.prop(self, "log_file")
+        onion_settings.draw(layout.column(heading="Onion Skins"), self.onion)
         row = layout.row(align=True)
         row.label(text=f"{sinew_native.instruction_set()}, {sinew_native.thread_count()} threads at work", icon="INFO")
         row.operator(OpenManual.bl_idname, icon="HELP")
@@ -130,7 +133,7 @@ class OpenManual(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (OpenManual, SinewPreferences)
+CLASSES = (onion_settings.SinewOnionSettings, OpenManual, SinewPreferences)
 
 
 def register() -> None:

@@ -1,0 +1,52 @@
+"""How many onion skins are shown, and how they look: a part of the preferences, so that no file has it."""
+
+from typing import Any
+
+import bpy
+from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
+
+
+class SinewOnionSettings(bpy.types.PropertyGroup):
+    """Settings of onion skins."""
+
+    before: IntProperty(
+        name="Before", description="Number of ghosts before the current frame", default=3, min=0, max=50
+    )
+    after: IntProperty(name="After", description="Number of ghosts after the current frame", default=3, min=0, max=50)
+    step: IntProperty(name="Step", description="Frames from one ghost to the next", default=2, min=1, max=1000)
+    color_before: FloatVectorProperty(
+        name="Color Before",
+        description="Color of the ghosts before the current frame",
+        subtype="COLOR",
+        default=(0.15, 0.55, 1.0),
+        min=0,
+        max=1,
+    )
+    color_after: FloatVectorProperty(
+        name="Color After",
+        description="Color of the ghosts after the current frame",
+        subtype="COLOR",
+        default=(1.0, 0.4, 0.1),
+        min=0,
+        max=1,
+    )
+    opacity: FloatProperty(
+        name="Opacity",
+        description="Opacity of the ghosts nearest to the current frame",
+        subtype="FACTOR",
+        default=0.6,
+        min=0,
+        max=1,
+    )
+
+
+def draw(layout: bpy.types.UILayout, settings: Any) -> None:
+    """Draws the settings."""
+    row = layout.row(align=True)
+    row.prop(settings, "before")
+    row.prop(settings, "after")
+    row.prop(settings, "step")
+    row = layout.row(align=True)
+    row.prop(settings, "color_before", text="")
+    row.prop(settings, "color_after", text="")
+    row.prop(settings, "opacity")

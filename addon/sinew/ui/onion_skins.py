@@ -1,0 +1,68 @@
+"""Onion skins: the button and the panel with their settings."""
+
+import bpy
+
+from ..feedback import notice
+from ..frozen import ghosts, rigs
+from . import frozen, ghost_drawing, onion_settings, preferences
+from .panels import InSidebar
+
+
+class ToggleOnionSkins(bpy.types.Operator):
+    """Show ghosts of the selected characters before and after the current frame, on all frames that are recorded or
+    play from now on; press again to hide them. The file does not change"""
+
+    bl_idname = "object.sinew_onion_skins"
+    bl_label = "Onion Skins"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return bool(frozen.chosen(context))
+
+    def execute(self, context):
+        armatures = [ob for ob in frozen.chosen(context) if rigs.has_animation(ob)]
+        if not armatures:
+            self.report({"ERROR"}, "the selected characters have no keyframes, so there is nothing to show")
+            return {"CANCELLED"}
+        own = [rigs.learn(ob) for ob in armatures]
+        change = ghosts.hide if all(rig.skins is not None for rig in own) else ghosts.show
+        for rig in own:
+            change(rig)
+        if change is ghosts.show:
+            ghosts.keep_now(context.scene, context.view_layer)
+            if not any(ghosts.is_complete(rig, context.scene) for rig in own):
+                self.report({"INFO"}, "Ghosts appear on the frames that you play from now on. Record plays all of them")
+        notice.redraw()
+        return {"FINISHED"}
+
+
+def are_shown(context: bpy.types.Context) -> bool:
+    """Whether all selected characters have ghosts."""
+    own = [rigs.get(ob) for ob in frozen.chosen(context)]
+    return bool(own) and all(rig is not None and rig.skins is not None for rig in own)
+
+
+class SidebarOnionSkins(InSidebar, bpy.types.Panel):
+    bl_idname, bl_parent_id = "VIEW3D_PT_sinew_onion", "VIEW3D_PT_sinew_frozen"
+    bl_label = "Onion Skins"
+
+    def draw(self, context):
+        self.layout.operator(ToggleOnionSkins.bl_idname, icon="ONIONSKIN_ON", depress=are_shown(context))
+        settings = preferences.of_sinew(context)
+        if settings is not None:
+            onion_settings.draw(self.layout, settings.onion)
+
+
+CLASSES = (ToggleOnionSkins, SidebarOnionSkins)
+register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    register_classes()
+    ghost_drawing.start()
+
+
+def unregister() -> None:
+    ghost_drawing.stop()
+    unregister_classes()

@@ -1,0 +1,364 @@
+"""Onion skins show the shapes that a character has on the frames around the current one, or nothing."""
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import add_shape_keys, smoothed
+from helpers import addon_module, evaluated, select
+from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
+
+
+@pytest.fixture
+def cast(fresh_scene):
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    return Cast(fresh_scene)
+
+
+@pytest.fixture
+def settings():
+    """The preferences of onion skins, which are put back."""
+    found = addon_module("ui.preferences").of_sinew().onion
+    names = [name for name in found.bl_rna.properties.keys() if name not in {"rna_type", "name"}]
+    before = {name: getattr(found, name) for name in names}
+    before = {name: tuple(value) if hasattr(value, "__len__") else value for name, value in before.items()}
+    yield found
+    for name, value in before.items():
+        setattr(found, name, value)
+
+
+def ghosts():
+    return addon_module("frozen.ghosts")
+
+
+def drawings():
+    return addon_module("ui.ghost_drawing").drawings(bpy.context)
+
+
+def toggle(cast):
+    """Presses the button, and has what is frozen freeze again."""
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_onion_skins() == {"FINISHED"}
+    select()
+    layer().update()
+
+
+def live_shapes(cast, frames=FRAMES):
+    """{frame: ((V, 3) of the mesh that Sinew deforms, of that which Blender deforms)} of the live twin, world space."""
+    frame, found = cast.scene.frame_current, {}
+    for each in frames:
+        cast.scene.frame_set(each)
+        found[each] = [world(evaluated(ob), ob.matrix_world) for ob in cast.live[1:3]]
+    cast.scene.frame_set(frame)
+    return found
+
+
+def world(positions, matrix):
+    matrix = np.array(matrix, np.float32)
+    return positions @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def shown(cast, ob):
+    """{frame: (V, 3)} of the ghosts of one mesh object that are drawn, world space."""
+    key = addon_module("blender.values").key_of(ob)
+    return {
+        ghost.key[1]: world(ghost.shape.positions, ghost.shape.matrix)
+        for ghost, _color in drawings()
+        if ghost.key[0] == key
+    }
+
+
+def assert_ghosts(cast, frames):
+    """On exactly these frames, for both meshes, and as the live twin."""
+    found = [shown(cast, ob) for ob in cast.frozen[1:3]]
+    assert [sorted(each) for each in found] == [sorted(frames)] * 2
+    wanted = live_shapes(cast, frames)
+    for frame in frames:
+        for ours, theirs in zip(found, wanted[frame]):
+            assert np.array_equal(ours[frame], theirs)
+
+
+@pytest.mark.parametrize("is_frozen", [False, True])
+def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_frozen):
+    settings.before, settings.after, settings.step = 2, 3, 1
+    toggle(cast)
+    cast.record()
+    if is_frozen:
+        cast.freeze()
+    cast.scene.frame_set(5)
+    assert_ghosts(cast, [3, 4, 6, 7, 8])
+    settings.step = 2
+    assert_ghosts(cast, [1, 3, 7, 9])
+    settings.before = 0
+    assert_ghosts(cast, [7, 9])
+    cast.scene.frame_set(9)
+    assert_ghosts(cast, [])
+    assert cast.rig.is_frozen == is_frozen
+
+
+def test_there_are_none_unless_somebody_asks(cast, settings):
+    cast.record()
+    assert drawings() == []
+    before = recorded().used_memory()
+    cast.play()
+    assert recorded().used_memory() == before
+    toggle(cast)
+    cast.play()
+    assert drawings()
+    assert recorded().used_memory() > before
+    toggle(cast)
+    assert drawings() == []
+    assert recorded().used_memory() == before
+
+
+def test_record_plays_what_ghosts_need(cast, settings):
+    settings.before, settings.after, settings.step = 1, 1, 4
+    cast.record()
+    cast.scene.frame_set(5)
+    toggle(cast)
+    assert_ghosts(cast, [])
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_record() == {"FINISHED"}
+    assert_ghosts(cast, [1, 9])
+    assert addon_module("frozen.recording").missing(cast.rig, cast.scene) == []
+
+
+def test_ghosts_of_a_frozen_character_are_recorded_while_it_plays_from_memory(cast, settings):
+    settings.before, settings.after, settings.step = 1, 1, 2
+    cast.freeze()
+    select(cast.frozen[0])
+    bpy.ops.object.sinew_onion_skins()
+    select()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+    assert cast.rig.is_frozen
+    cast.scene.frame_set(5)
+    assert_ghosts(cast, [3, 7])
+
+
+def test_colors_fade_with_the_distance(cast, settings):
+    settings.before, settings.after, settings.step, settings.opacity = 3, 2, 1, 0.5
+    settings.color_before, settings.color_after = (1, 0, 0), (0, 1, 0)
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(5)
+    found = {ghost.key[1]: color for ghost, color in drawings()}
+    assert found[4] == pytest.approx((1, 0, 0, 0.5))
+    assert found[3] == pytest.approx((1, 0, 0, 0.35))
+    assert found[2] == pytest.approx((1, 0, 0, 0.2))
+    assert found[6] == pytest.approx((0, 1, 0, 0.5))
+    assert found[7] == pytest.approx((0, 1, 0, 0.2))
+    order = [abs(ghost.steps) for ghost, _ in drawings()]
+    assert order == sorted(order, reverse=True)
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_no_ghost_is_older_than_an_edit_of_the_armature(cast, settings, edit):
+    settings.before, settings.after, settings.step = 5, 5, 1
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(5)
+    for armature, *_ in (cast.frozen, cast.live):
+        edit(armature)
+    layer().update()
+    cast.scene.frame_set(6)
+    assert_ghosts(cast, sorted(shown(cast, cast.frozen[1])))
+    cast.play()
+    cast.scene.frame_set(5)
+    assert_ghosts(cast, [1, 2, 3, 4, 6, 7, 8, 9, 10])
+
+
+def test_moving_a_key_leaves_the_other_ghosts(cast, settings):
+    settings.before, settings.after, settings.step = 8, 8, 1
+    for armature, *_ in (cast.frozen, cast.live):
+        for curve in addon_module("blender.animation").action_curves(armature.animation_data.action):
+            for point in curve.keyframe_points:
+                point.interpolation = "LINEAR"
+            curve.update()
+    layer().update()
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(2)
+    for armature, *_ in (cast.frozen, cast.live):
+        curve = addon_module("blender.animation").action_curves(armature.animation_data.action)[0]
+        curve.keyframe_points[3].co.y += 1
+        curve.update()
+    layer().update()
+    assert_ghosts(cast, [1, 3, 4])  # the third key's handle has moved, too
+
+
+def edit_mesh(ob):
+    ob.data.vertices[5].co.x += 1
+    ob.data.update()
+
+
+def edit_weights(ob):
+    ob.vertex_groups["bone1"].add(range(200), 0.7, "REPLACE")
+    ob.data.update()
+
+
+def edit_modifier(ob):
+    ob.modifiers["Armature"].use_deform_preserve_volume = True
+
+
+def edit_smoothing(ob):
+    smoothed(ob, iterations=3)
+
+
+def edit_keys(ob):
+    add_shape_keys(ob)
+
+
+def edit_place(ob):
+    ob.location.x += 1
+
+
+def edit_faces(ob):
+    ob.modifiers.new("Triangulate", "TRIANGULATE")
+
+
+@pytest.mark.parametrize(
+    "edit", [edit_mesh, edit_weights, edit_modifier, edit_smoothing, edit_keys, edit_place, edit_faces]
+)
+def test_no_ghost_is_older_than_an_edit_of_the_mesh(cast, settings, edit):
+    settings.before, settings.after, settings.step = 5, 5, 1
+    toggle(cast)
+    cast.record()
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for _, *both, _prop in (cast.frozen, cast.live):
+        for ob in both:
+            edit(ob)
+    layer().update()
+    assert_ghosts(cast, sorted(shown(cast, cast.frozen[1])))
+    cast.play()
+    cast.scene.frame_set(5)
+    assert_ghosts(cast, [1, 2, 3, 4, 6, 7, 8, 9, 10])
+
+
+def test_triangles_are_read_once_and_again_when_they_change(cast, settings):
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(5)
+    topologies = {id(ghost.shape.topology) for ghost, _ in drawings()}
+    assert len(topologies) == 2  # one for each mesh
+    ghost = drawings()[0].ghost
+    assert ghost.shape.topology.triangles.dtype == np.int32
+    assert ghost.shape.topology.triangles.max() == len(ghost.shape.positions) - 1
+    cast.frozen[1].modifiers.new("Subdivision", "SUBSURF").levels = 1
+    for frame in (3, 5):
+        cast.scene.frame_set(frame)
+    key = addon_module("blender.values").key_of(cast.frozen[1])
+    shape = next(ghost.shape for ghost, _ in drawings() if ghost.key[0] == key)
+    assert len(shape.positions) > len(cast.frozen[1].data.vertices)
+    assert shape.topology.triangles.max() == len(shape.positions) - 1
+
+
+def test_a_prop_on_a_bone_has_ghosts(cast, settings):
+    settings.before, settings.after, settings.step = 1, 1, 1
+    cast.frozen[3].data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    toggle(cast)
+    cast.record()
+    cast.freeze()
+    cast.scene.frame_set(4)
+    found = shown(cast, cast.frozen[3])
+    assert sorted(found) == [3, 5]
+    for frame, positions in found.items():
+        cast.scene.frame_set(frame)
+        assert np.array_equal(positions[0], np.array(cast.live[3].matrix_world.translation, np.float32))
+
+
+def test_hidden_and_removed_objects_have_no_ghosts(cast, settings):
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(5)
+    cast.frozen[1].hide_set(True)
+    assert shown(cast, cast.frozen[1]) == {}
+    assert shown(cast, cast.frozen[2])
+    bpy.data.objects.remove(cast.frozen[2])
+    cast.scene.frame_set(4)
+    layer().update()
+    assert drawings() == []
+    bpy.data.objects.remove(cast.frozen[0])
+    cast.scene.frame_set(5)
+    assert drawings() == []
+
+
+def test_undo_keeps_what_is_shown_and_no_old_shape(cast, settings):
+    bpy.ops.ed.undo_push(message="before")
+    toggle(cast)
+    cast.record()
+    cast.scene.frame_set(5)
+    cast.frozen[3].location.x = 1
+    bpy.ops.ed.undo_push(message="moved")
+    names = [[ob.name for ob in each] for each in (cast.frozen, cast.live)]
+    bpy.ops.ed.undo()
+    cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
+    cast.scene = bpy.context.scene
+    layer().update()
+    assert drawings() == []
+    cast.play()
+    cast.scene.frame_set(5)
+    assert_ghosts(cast, sorted({1, 3, 7, 9} & set(shown(cast, cast.frozen[1]))))
+    assert drawings()
+
+
+def test_memory_is_limited_together_with_poses(cast, settings):
+    limit = recorded().store.limit
+    toggle(cast)
+    try:
+        recorded().set_limit(1)
+        for frame in range(1, 60):
+            cast.scene.frame_set(frame)
+        assert recorded().used_memory() <= 2**20
+        cast.scene.frame_set(58)
+        assert drawings()
+    finally:
+        recorded().store.set_limit(limit)
+
+
+def test_another_file_has_no_ghosts(cast, settings):
+    toggle(cast)
+    cast.record()
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert drawings() == []
+    assert recorded().used_memory() == 0
+
+
+def test_nothing_of_it_is_in_the_file(cast, settings):
+    def state():
+        blocks = [block for each in bpy.data.user_map() for block in [each]]
+        return [(block.name_full, len(block.keys()) if hasattr(block, "keys") else 0) for block in blocks]
+
+    before = state()
+    toggle(cast)
+    cast.record()
+    assert drawings()
+    assert state() == before
+
+
+def test_the_button_says_what_lacks(cast, settings):
+    cast.frozen[0].animation_data_clear()
+    select(cast.frozen[0])
+    with pytest.raises(RuntimeError, match="have no keyframes"):
+        bpy.ops.object.sinew_onion_skins()
+    select()
+    assert not bpy.ops.object.sinew_onion_skins.poll()
+
+
+def test_the_timeline_marks_recorded_frames(cast):
+    strips = addon_module("ui.recorded_frames")
+    assert strips.marked(bpy.context) == []
+    cast.record()
+    assert strips.marked(bpy.context) == []
+    select(cast.frozen[0])
+    assert strips.marked(bpy.context) == [cast.rig]
+    select()
+    cast.freeze()
+    cast.rig.record.drop_within([(3, 6)])
+    assert strips.marked(bpy.context) == [cast.rig]
+    bars = strips.bars([cast.rig, cast.rig], lambda frame: 10 * frame, 200, 2)
+    assert [bar[:4] for bar in bars] == [(5, 148, 35, 154), (55, 148, 105, 154), (5, 140, 35, 146), (55, 140, 105, 146)]
+    assert {bar.color for bar in bars} == {strips.FROZEN}
+    cast.thaw()
+    assert {bar.color for bar in strips.bars([cast.rig], float, 200, 1)} == {strips.LIVE}
