@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, evaluated, select, stages, traces, twin_of, way
+from helpers import addon_module, assert_same_shape, evaluated, import_rig, select, stages, traces, twin_of, way
 
 
 @pytest.fixture(autouse=True)
@@ -303,6 +303,26 @@ def test_a_bone_of_a_mesh_that_several_objects_have_is_renamed(fresh_scene):
     for ob in objects:
         assert "elbow" in ob.vertex_groups
         assert_plays(ob, twin)
+
+
+def test_a_bone_loses_its_parent(fresh_scene):
+    """Blender then evaluates the parent at any time, no longer before the bone, so the hook has to wait for it too."""
+    ob, armature = import_rig("capsule")
+    look = addon_module("main.handlers").look_into_the_mail
+
+    def awaited():
+        hook = addon_module("run.characters").character(ob).plan.hook_of(ob)
+        return {target.bone_target for variable in hook.driver.variables for target in variable.targets} - {""}
+
+    look()
+    assert awaited() == {"tip"}
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    armature.data.edit_bones["lower"].parent = None
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    look()
+    assert awaited() == {"base", "tip"}
 
 
 @pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))

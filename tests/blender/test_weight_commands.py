@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers import addon_module
-from test_automatic_weights import dense, sinew  # noqa: F401 (a fixture)
+from test_automatic_weights import dense
 from test_weight_reduction import make_animated
 from test_weight_tools import SIDES, entries, make_body, make_symmetric, run, suit_of, transfer
 
@@ -28,7 +28,7 @@ def result_of(out):
     return json.loads(out.splitlines()[-1])
 
 
-def test_transfer(sinew, saved):  # noqa: F811
+def test_transfer(sinew, saved):
     body, _ = make_body()
     suit_of(body), suit_of(body, 1.1, "Coat")
     path = saved()
@@ -48,7 +48,7 @@ def test_transfer(sinew, saved):  # noqa: F811
     assert np.array_equal(dense(suit), made)
 
 
-def test_measuring_a_transfer_changes_nothing(sinew, saved):  # noqa: F811
+def test_measuring_a_transfer_changes_nothing(sinew, saved):
     body, _ = make_body()
     suit_of(body)
     path = saved()
@@ -58,7 +58,7 @@ def test_measuring_a_transfer_changes_nothing(sinew, saved):  # noqa: F811
     assert path.read_bytes() == before and not len(bpy.data.objects["Suit"].vertex_groups)
 
 
-def test_a_transfer_that_leaves_vertices_without_weights_ends_with_1(sinew, saved):  # noqa: F811
+def test_a_transfer_that_leaves_vertices_without_weights_ends_with_1(sinew, saved):
     body, _ = make_body()
     suit_of(body)
     for group in body.vertex_groups:
@@ -71,7 +71,7 @@ def test_a_transfer_that_leaves_vertices_without_weights_ends_with_1(sinew, save
     assert code == 1 and "3 without weights" in out
 
 
-def test_smooth(sinew, saved):  # noqa: F811
+def test_smooth(sinew, saved):
     make_animated()
     path = saved()
     run("smooth_weights", bpy.data.objects["Tube"], steps=2, factor=0.25)
@@ -81,7 +81,7 @@ def test_smooth(sinew, saved):  # noqa: F811
     assert result_of(out)["results"][0]["changed"] == 1200 and result_of(out)["saved"] is False
 
 
-def test_mirror(sinew, saved):  # noqa: F811
+def test_mirror(sinew, saved):
     make_symmetric()
     path = saved()
     run("mirror_weights", bpy.data.objects["Ball"])
@@ -92,7 +92,7 @@ def test_mirror(sinew, saved):  # noqa: F811
     assert sinew("weights", "mirror", path, "--objects", "Ball", "--axis", "z", "--from", "negative")[0] == 0
 
 
-def test_reduce(sinew, saved):  # noqa: F811
+def test_reduce(sinew, saved):
     make_animated()
     path = saved()
     run("reduce_influences", bpy.data.objects["Tube"], max_influences=2)
@@ -108,7 +108,7 @@ def test_reduce(sinew, saved):  # noqa: F811
     assert sinew(*words, "--test-poses", "--fade", 0, "--tolerance", 99)[0] == 0
 
 
-def test_mistakes(sinew, saved):  # noqa: F811
+def test_mistakes(sinew, saved):
     body, _ = make_body()
     path = saved()
     assert sinew("weights", "transfer", path, "--from", "Body", "--to", "Suit")[::2] == (

@@ -27,14 +27,15 @@ _BONE_NUMBERS = (
 
 
 def bone_signature(armature: Any) -> list[Any]:
-    """Returns a value that differs if the bones have changed in any way that affects influences."""
+    """Returns a value that differs if the bones have changed in any way that affects influences, or which of them Blender
+    evaluates first."""
     bones = armature.data.bones
     parts = [bones.keys()]
     for name, size, dtype in _BONE_NUMBERS:
         numbers = np.empty(size * len(bones), dtype)
         bones.foreach_get(name, numbers)
         parts.append(numbers.tobytes())
-    parts.append([is_curved(bone) for bone in bones])
+    parts.append([(is_curved(bone), getattr(bone.parent, "name", None)) for bone in bones])
     return parts
 
 

@@ -71,6 +71,8 @@ def why_not_in_front(modifier: bpy.types.Modifier) -> str:
 def front_trouble(ob: bpy.types.Object) -> str:
     """Returns why Sinew cannot begin with a front on this object, a sentence, or "". ob: original."""
     mesh = ob.data
+    if values.VERSION < (4, 1, 0):
+        return "In this version of Blender Sinew cannot begin with the result of other modifiers"
     if ob.particle_systems:
         return "Its particles need to know which vertex of the mesh each one behind the first modifiers was made from"
     child = next((each for each in bpy.data.objects if is_parented_to_vertices(each) and each.parent == ob), None)
@@ -78,8 +80,6 @@ def front_trouble(ob: bpy.types.Object) -> str:
         return (
             f"The parent of {child.name} is a vertex of the mesh, which only Blender finds behind the first modifiers"
         )
-    if values.VERSION < (4, 1, 0):
-        return "In this version of Blender Sinew cannot begin with the result of other modifiers"
     if any("simplify" in path for scene in bpy.data.scenes for path in animation.animated_paths(scene)):
         return "The simplification of a scene is animated, on which the modifiers before the Armature modifier depend"
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:

@@ -56,6 +56,7 @@ def _read(
     modifiers = _modifiers(ob, names)
     front = [modifier.name for modifier in fronts.of(modifiers, names)]
     canvas = canvas_survey.canvas_of(original, front, sharer_count)
+    may_take_all = bool(front) or sharer_count > 1 and mesh.shape_keys is None
     asks_for_shape = bool(taken) and (moves_against_armature or mesh.shape_keys is not None)
     return Situation(
         values.key_of(mesh),
@@ -67,7 +68,7 @@ def _read(
         sharer_count=sharer_count,
         canvas=canvas and values.key_of(canvas),
         copied=canvas and canvas.data != mesh and values.key_of(canvas.data) or None,
-        front_trouble=canvas_survey.front_trouble(original) if front or sharer_count > 1 else "",
+        front_trouble=canvas_survey.front_trouble(original) if may_take_all else "",
         deforming_parent=_deforming_parent(original),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),

@@ -37,8 +37,8 @@ std::uint32_t SolidGraph::cube(std::int32_t block, int i, int j, int k) const {
 }
 
 Eigen::Vector3d SolidGraph::within_cell(int cube) const {
-  const Eigen::Vector3d at(cube % factor_, cube / factor_ % factor_, cube / factor_ / factor_);
-  return (at + Eigen::Vector3d::Constant(0.5)) / factor_ - Eigen::Vector3d::Constant(0.5);
+  const Eigen::Vector3i at(cube % factor_, cube / factor_ % factor_, cube / factor_ / factor_);
+  return (at.cast<double>() + Eigen::Vector3d::Constant(0.5)) / factor_ - Eigen::Vector3d::Constant(0.5);
 }
 
 Eigen::Vector3d SolidGraph::centre(std::uint32_t node) const {
