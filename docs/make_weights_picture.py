@@ -3,9 +3,9 @@
 In a Blender with the add-on:
 
 blender --python docs/make_weights_picture.py -b -- data/ogre/skeleton.bf build all elbow
-montage -label Blender build/Blender-all.png -label Sinew build/Sinew-all.png build/Blender-elbow.png \\
-  build/Sinew-elbow.png -tile 2x -geometry 480x+4+4 -background "#e4e5e7" -font DejaVu-Sans -pointsize 18 -quality 86 \\
-  docs/automatic-weights.jpg
+montage -label Blender build/Blender-all.png -label Sinew build/Sinew-all.png -label Blender build/Blender-elbow.png \\
+  -label Sinew build/Sinew-elbow.png -tile 2x -geometry 480x+4+4 -background "#e4e5e7" \\
+  -font DejaVu-Sans -pointsize 18 -quality 86 docs/automatic-weights.jpg
 
 The words at the end are parts of the picture, names in PARTS. weights-joints.jpg has hips, lips, fingers and elbow,
 four in a row, with a label before each file and -geometry 320x+4+4.

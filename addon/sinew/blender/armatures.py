@@ -27,8 +27,8 @@ _BONE_NUMBERS = (
 
 
 def bone_signature(armature: Any) -> list[Any]:
-    """Returns a value that differs if the bones have changed in any way that affects influences, or which of them Blender
-    evaluates first."""
+    """Returns a value that differs if the bones have changed in any way that affects influences, or which of them
+    Blender evaluates first."""
     bones = armature.data.bones
     parts = [bones.keys()]
     for name, size, dtype in _BONE_NUMBERS:
