@@ -34,7 +34,7 @@ class SinewOnionSettings(bpy.types.PropertyGroup):
         name="Opacity",
         description="Opacity of the ghosts nearest to the current frame",
         subtype="FACTOR",
-        default=0.6,
+        default=0.35,
         min=0,
         max=1,
     )
