@@ -46,7 +46,7 @@ sanitize_address() {
     runtime+="$(g++ -print-file-name=$library) "
   done
   # Without leaks, of which Python itself has many, and without the test that reads the machine code.
-  LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0:$NO_MEMORY_IS_NO_FAULT SINEW_BUILD=$folder $PYTHON -m pytest -q -p no:cacheprovider \
+  LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0:$NO_MEMORY_IS_NO_FAULT SINEW_BUILD=$folder $PYTHON -m pytest -q --durations=8 -p no:cacheprovider \
     tests/python --ignore tests/python/test_vectorisation.py
 }
 

@@ -6,6 +6,10 @@
 WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,package,panel,render,safety}.py
   tests/blender/test_{same_as_modifier,same_pass,shortcuts}.py)
 
+# What a person does in a window. They take five minutes in each program, so that only a release runs all of them in all;
+# otherwise the others than the newest run the first.
+WINDOW_TESTS=(in_window frozen_in_window in_weight_paint first_ogre profiled baked weighted reduced each_method)
+
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
   local versions=(own) missing=() systems=() pythons=(3.13) part=() version kind=
@@ -54,7 +58,9 @@ run_tests() {
   await_all
   for version in "${versions[@]}"; do # one at a time: a window that waits for a core is late
     pick "$version"
-    is_module || alone "window of Blender $version" window_tests
+    part=("${WINDOW_TESTS[@]}")
+    [[ ! "$kind $version" =~ ^all\ (3.4|4.3)$ ]] || part=("${WINDOW_TESTS[0]}")
+    is_module || alone "window of Blender $version" window_tests "${part[@]}"
     [[ ! $version =~ ^(own|3.4|5.2)$ ]] || alone "farm with Blender $version" farm_tests
   done
   report
@@ -79,7 +85,7 @@ python_tests() {
   local scipy
   scipy=$(.ci/pypi scipy)
   say "Python tests"
-  PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q -p no:cacheprovider tests/python
+  PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q --durations=8 -p no:cacheprovider tests/python
 }
 
 # VERSION of Python: with the wheel, as pip installs it
@@ -89,7 +95,7 @@ windows_python_tests() {
   say "Python tests, $("$original/run" --version) for Windows"
   rm -rf "$python" && mkdir -p "${python%/*}" && cp -r "$original" "$python" &&
     "$python/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-"cp${1/./}"-*-win_amd64.whl &&
-    SINEW_BUILD='' SINEW_ZIP=$ZIP "$python/run" -m pytest -q -p no:cacheprovider tests/wheel tests/python \
+    SINEW_BUILD='' SINEW_ZIP=$ZIP "$python/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
       --ignore tests/python/test_vectorisation.py
 }
 
@@ -98,7 +104,7 @@ arm_python_tests() {
   local python
   python=$(.ci/arm_python) || return 1
   say "Python tests, $("$python/run" --version) for 64-bit ARM"
-  SINEW_BUILD=$BUILD/aarch64 "$python/run" -m pytest -q -p no:cacheprovider tests/python \
+  SINEW_BUILD=$BUILD/aarch64 "$python/run" -m pytest -q --durations=8 -p no:cacheprovider tests/python \
     --ignore tests/python/test_vectorisation.py
 }
 
@@ -108,7 +114,7 @@ binaries_tests() {
   lief=$(.ci/pypi lief) && libraries=$(.ci/macos_python) || return 1
   say "tests of the modules as files"
   PYTHONPATH=$lief SINEW_LIBPYTHONS=$libraries SINEW_MODULES=$(IFS=: && echo "${MODULES[*]}") \
-    $PYTHON -m pytest -q -p no:cacheprovider tests/binaries
+    $PYTHON -m pytest -q --durations=8 -p no:cacheprovider tests/binaries
 }
 
 package_tests() {
@@ -168,14 +174,14 @@ usd_core() {
   esac
 }
 
-# Under a virtual screen, drawn in software.
+# FILE...: under a virtual screen, drawn in software.
 window_tests() {
   install_packages xvfb xauth xdotool imagemagick
   say "window tests in $("$BLENDER" --version | head -1)"
   local folder
   folder=$BUILD/window/$($BLENDER --version | sed -n 's/^Blender \([0-9.]*\).*/\1/p')
   mkdir -p "$folder"
-  for file in in_window frozen_in_window in_weight_paint first_ogre profiled baked weighted reduced each_method; do
+  for file in "$@"; do
     LIBGL_ALWAYS_SOFTWARE=1 isolated xvfb-run -a -s "-screen 0 1280x800x24" tests/blender/hand.sh "$folder" \
       "$BLENDER" --window-geometry 0 0 1280 800 --python tests/blender/$file.py -- "$folder" \
       >"$folder/$file.log" 2>&1 || { tail -40 "$folder/$file.log"; return 1; }
@@ -189,5 +195,5 @@ farm_tests() {
   install_packages nodejs
   local openjd
   openjd=$(.ci/pypi openjd-cli)
-  BLENDER=$BLENDER SINEW_OPENJD=$openjd isolated $PYTHON -m pytest -q -p no:cacheprovider tests/farm
+  BLENDER=$BLENDER SINEW_OPENJD=$openjd isolated $PYTHON -m pytest -q --durations=8 -p no:cacheprovider tests/farm
 }

@@ -13,6 +13,6 @@ sys.path.insert(0, str(HERE))
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
 if not any(Path(argument.partition("::")[0]).exists() for argument in arguments):
     arguments.append(str(HERE))
-code = pytest.main(["-q", "-p", "no:cacheprovider", f"--rootdir={HERE}", *arguments])
+code = pytest.main(["-q", "--durations=8", "-p", "no:cacheprovider", f"--rootdir={HERE}", *arguments])
 sys.stdout.flush()
 sys.exit(int(code))
