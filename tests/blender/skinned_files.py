@@ -2,6 +2,7 @@
 joints, weights and clip. Needs the command `assimp` (Debian: assimp-utils)."""
 
 import json
+import re
 import shutil
 import subprocess
 
@@ -20,6 +21,8 @@ class SkinnedFile:
     def __init__(self, path):
         if shutil.which("assimp") is None:
             pytest.skip("assimp is not there (Debian: assimp-utils)")
+        if path.suffix == ".fbx" and version() == "5.4":
+            pytest.skip("assimp 5.4 takes an FBX file's offset matrices for mere scales")
         dump = path.with_suffix(".assjson")
         done = subprocess.run(
             ["assimp", "export", str(path), str(dump), "-fassjson"], capture_output=True, text=True, check=False
@@ -77,6 +80,12 @@ class SkinnedFile:
         found[:3, :3] = turn(at(channel["rotationkeys"], time)) * at(channel["scalingkeys"], time)
         found[:3, 3] = at(channel["positionkeys"], time)
         return found
+
+
+def version():
+    """Of the command assimp, for example "5.4"."""
+    said = subprocess.run(["assimp", "version"], capture_output=True, text=True, check=False).stdout
+    return re.search(r"Version (\d[\d.]*)", said)[1]
 
 
 def matrix(numbers):
