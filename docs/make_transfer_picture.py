@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from make_weights_picture import import_ogre, look_at, pose, studio
+from make_weights_picture import import_ogre, look_at, pose, select, studio
 
 BONES = ("pelvis", "spine", "chest", "clavicle", "upper_arm", "forearm")  # that the coat covers
 THICKNESS, STEPS = 0.035, 6  # how far the coat stands off, share of the height; in so many steps
@@ -57,14 +57,6 @@ def make_coat(body, height):
     coat.data.materials.clear()
     coat.data.materials.append(material)
     return coat
-
-
-def select(*objects):
-    for each in bpy.context.selected_objects:
-        each.select_set(False)
-    for each in objects:
-        each.select_set(True)
-    bpy.context.view_layer.objects.active = objects[0]
 
 
 def by_blender(body, coat):

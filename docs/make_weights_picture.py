@@ -66,14 +66,18 @@ def take_apart(ob):
     bpy.context.view_layer.update()
 
 
+def select(*objects):
+    for each in bpy.context.selected_objects:
+        each.select_set(False)
+    for each in objects:
+        each.select_set(True)
+    bpy.context.view_layer.objects.active = objects[0]
+
+
 def weigh(ob, armature, operator, **settings):
     """Replaces the weights. Returns how many vertices have none."""
     take_apart(ob)
-    for each in bpy.context.selected_objects:
-        each.select_set(False)
-    for each in (ob, armature):
-        each.select_set(True)
-    bpy.context.view_layer.objects.active = armature
+    select(armature, ob)
     operator(**settings)
     return sum(not len(vertex.groups) for vertex in ob.data.vertices)
 

@@ -17,6 +17,7 @@ from windowed import (
     FOLDER,
     area,
     areas,
+    choose_a_bone,
     close_other_windows,
     in_area,
     middle_of,
@@ -138,17 +139,7 @@ def pose_a_bone(ob):
     armature = ob.sinew.armature
     armature.animation_data.action = None
     twin = builtin_copy(ob)
-    with in_area("VIEW_3D"):
-        select(armature)
-        bpy.ops.object.mode_set(mode="POSE")
-        bpy.ops.pose.select_all(action="DESELECT")
-        bone = max(
-            armature.pose.bones,
-            key=lambda bone: len(bone.children_recursive) * bool(bone.parent and bone.parent.parent),
-        )
-        (bone if hasattr(bone, "select") else bone.bone).select = True
-        armature.data.bones.active = bone.bone
-        bpy.ops.ed.undo_push(message="chosen a bone")
+    bone = choose_a_bone(armature)
     name, twin_name, bone_name = ob.name, twin.name, bone.name
     before = evaluated(ob)
     yield 0.5

@@ -19,6 +19,7 @@ from windowed import (
     FOLDER,
     area,
     camera,
+    choose_a_bone,
     close_other_windows,
     in_area,
     middle_of,
@@ -183,18 +184,7 @@ def until(holds, what):
 
 def pose_key_and_undo(meshes, armatures, reference):
     """R and the mouse in Pose Mode, I, Ctrl-Z twice."""
-    with in_area("VIEW_3D"):
-        armature = bpy.data.objects[armatures[0]]
-        select(armature)
-        bpy.ops.object.mode_set(mode="POSE")
-        bpy.ops.pose.select_all(action="DESELECT")
-        bone = max(
-            armature.pose.bones,
-            key=lambda bone: len(bone.children_recursive) * bool(bone.parent and bone.parent.parent),
-        )
-        (bone if hasattr(bone, "select") else bone.bone).select = True
-        armature.data.bones.active = bone.bone
-        bpy.ops.ed.undo_push(message="chosen a bone")
+    choose_a_bone(bpy.data.objects[armatures[0]])
     before = shape(meshes[0])
     yield 0.5
     x, y = middle_of(region(area("VIEW_3D")))

@@ -120,6 +120,22 @@ def assert_same_shape(ob, reference, tolerance=1e-5):
     assert error < tolerance, f"{error:.3g} of the diagonal"
 
 
+def add_hair(ob):
+    ob.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = ob.particle_systems[0].settings
+    settings.type, settings.count = "HAIR", 50
+    ob.particle_systems[0].seed = 3
+
+
+def assert_same_hair(ob, reference):
+    """The hair of both, as add_hair gives it, grows in the same places."""
+    roots = [
+        [tuple(particle.location) for particle in each.evaluated_get(depsgraph()).particle_systems[0].particles]
+        for each in (ob, reference)
+    ]
+    assert len(roots[0]) == 50 and np.abs(np.array(roots[0]) - np.array(roots[1])).max() < 1e-4
+
+
 def stages(ob):
     """Names of the modifiers of the run that Sinew stands in for, but for Armature modifiers."""
     return list(addon_module("run.characters").character(ob).run.stages)

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from helpers import select
 from test_weight_reduction import counts, make_animated
 from test_weight_tools import dense, entries, suit_of
-from windowed import area, in_area, middle_of, outside, picture, region, run, screen
+from windowed import area, in_area, middle_of, outside, picture, region, run, screen, until
 
 
 def steps():
@@ -59,14 +59,6 @@ def in_the_dialog(name):
 def undo():
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))} key ctrl+z")
     yield 1.0
-
-
-def until(is_done):
-    for _ in range(200):
-        if is_done():
-            return
-        yield 0.2
-    raise TimeoutError("it took too long")
 
 
 run(steps())

@@ -8,8 +8,10 @@ import pytest
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from decorated import decorate, empty_at_a_vertex, of_result
 from helpers import (
+    add_hair,
     addon_module,
     assert_plays_without_the_addon,
+    assert_same_hair,
     assert_same_shape,
     data_counts,
     depsgraph,
@@ -394,16 +396,9 @@ def test_a_child_of_a_vertex(pairs, fresh_scene):
 
 def test_particles(pairs):
     for each in pairs[0]:
-        each.modifiers.new("Particles", "PARTICLE_SYSTEM")
-        settings = each.particle_systems[0].settings
-        settings.type, settings.count = "HAIR", 50
-        each.particle_systems[0].seed = 3
+        add_hair(each)
     bpy.context.view_layer.update()
-    roots = [
-        [tuple(particle.location) for particle in each.evaluated_get(depsgraph()).particle_systems[0].particles]
-        for each in pairs[0]
-    ]
-    assert len(roots[0]) == 50 and np.abs(np.array(roots[0]) - np.array(roots[1])).max() < 1e-4
+    assert_same_hair(*pairs[0])
     assert_all_same(pairs, (2, 3))
     assert are_deforming(pairs) == [True] * 3
     assert [takes_all(ob) for ob, _twin in pairs] == [False, IN_ALL, IN_ALL]

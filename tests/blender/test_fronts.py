@@ -8,8 +8,10 @@ import pytest
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
 from decorated import decorate, empty_at_a_vertex, of_result
 from helpers import (
+    add_hair,
     addon_module,
     assert_plays_without_the_addon,
+    assert_same_hair,
     assert_same_shape,
     data_counts,
     depsgraph,
@@ -463,16 +465,9 @@ def test_children_of_vertices(fresh_scene, later):
 
 def test_particles(pairs):
     for each in pairs[0]:
-        each.modifiers.new("Particles", "PARTICLE_SYSTEM")
-        each.particle_systems[0].settings.type = "HAIR"
-        each.particle_systems[0].settings.count = 50
-        each.particle_systems[0].seed = 3
+        add_hair(each)
     bpy.context.view_layer.update()
-    roots = [
-        [tuple(particle.location) for particle in each.evaluated_get(depsgraph()).particle_systems[0].particles]
-        for each in pairs[0]
-    ]
-    assert len(roots[0]) == 50 and np.abs(np.array(roots[0]) - np.array(roots[1])).max() < 1e-4
+    assert_same_hair(*pairs[0])
     assert_all_same(pairs, (2, 3))
     assert way(pairs[0][0]) == "BLENDER"
 

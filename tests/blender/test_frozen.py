@@ -79,6 +79,13 @@ class Cast:
         freezing().thaw([self.rig], self.scene, layer())
         assert not self.rig.is_frozen
 
+    def undo(self):
+        names = [[ob.name for ob in each] for each in (self.frozen, self.live)]
+        bpy.ops.ed.undo()
+        self.frozen, self.live = ([bpy.data.objects[name] for name in each] for each in names)
+        self.scene = bpy.context.scene
+        layer().update()
+
     def assert_same(self):
         assert np.array_equal(evaluated(self.frozen[1]), evaluated(self.live[1]))
         assert np.array_equal(evaluated(self.frozen[2]), evaluated(self.live[2]))
@@ -389,11 +396,7 @@ def test_undo_finds_everything_live_and_right(cast):
     cast.scene.frame_set(8)
     cast.frozen[3].location.x = 1
     bpy.ops.ed.undo_push(message="moved")
-    names = [[ob.name for ob in each] for each in (cast.frozen, cast.live)]
-    bpy.ops.ed.undo()
-    cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
-    cast.scene = bpy.context.scene
-    layer().update()
+    cast.undo()
     for rig in recorded().known():
         assert not rig.is_frozen
     cast.assert_same()

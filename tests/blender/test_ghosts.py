@@ -291,11 +291,7 @@ def test_undo_keeps_what_is_shown_and_no_old_shape(cast, settings):
     cast.scene.frame_set(5)
     cast.frozen[3].location.x = 1
     bpy.ops.ed.undo_push(message="moved")
-    names = [[ob.name for ob in each] for each in (cast.frozen, cast.live)]
-    bpy.ops.ed.undo()
-    cast.frozen, cast.live = ([bpy.data.objects[name] for name in each] for each in names)
-    cast.scene = bpy.context.scene
-    layer().update()
+    cast.undo()
     assert drawings() == []
     cast.play()
     cast.scene.frame_set(5)

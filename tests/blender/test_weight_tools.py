@@ -53,6 +53,14 @@ def transfer(source, *targets, **settings):
     return run("transfer_weights", source, *targets, **settings)
 
 
+def transferred_and_cleared(body, suit):
+    """The weights that the suit gets, which has none again afterwards."""
+    transfer(body, suit)
+    found = dense(suit)
+    suit.vertex_groups.clear()
+    return found
+
+
 def refusal(operator, *objects, **settings):
     """The sentence with which an operator refuses."""
     with pytest.raises(RuntimeError) as raised:
@@ -161,9 +169,7 @@ def test_an_island_far_away_follows_one_point():
 def test_both_are_compared_where_they_are_in_the_world(name):
     body, armature = make_body()
     suit = suit_of(body)
-    transfer(body, suit)
-    expected = dense(suit)
-    suit.vertex_groups.clear()
+    expected = transferred_and_cleared(body, suit)
     place = places()[name]
     for ob in (body, suit):  # both, so that shares of the size are the same
         ob.parent = None
@@ -178,9 +184,7 @@ def test_both_are_compared_where_they_are_in_the_world(name):
 def test_a_sheared_parent():
     body, armature = make_body()
     suit = suit_of(body)
-    transfer(body, suit)
-    expected = dense(suit)
-    suit.vertex_groups.clear()
+    expected = transferred_and_cleared(body, suit)
     top, below = bpy.data.objects.new("Top", None), bpy.data.objects.new("Below", None)
     for ob in (top, below):
         bpy.context.collection.objects.link(ob)
@@ -207,9 +211,7 @@ def test_the_rest_shape_counts_whatever_is_shown():
 def test_several_sources_for_the_active_one():
     body, _ = make_body()
     suit = suit_of(body)
-    transfer(body, suit)
-    expected = dense(suit)
-    suit.vertex_groups.clear()
+    expected = transferred_and_cleared(body, suit)
     upper = twin_of(body)
     upper.name = "Upper"
     for ob, is_upper in ((body, False), (upper, True)):

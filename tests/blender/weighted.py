@@ -11,7 +11,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from characters import make_armature, make_tube
 from helpers import addon_module, select
-from windowed import area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen
+from windowed import area, in_area, middle_of, open_sidebar, outside, picture, region, run, screen, until
 
 NAME = "Tube"
 
@@ -101,14 +101,6 @@ def groups():
 def weightless(ob):
     offsets, _groups, _weights = addon_module("blender.meshes").read_weights(ob.data)
     return np.count_nonzero(np.diff(offsets) == 0)
-
-
-def until(is_done):
-    for _ in range(600):
-        if is_done():
-            return
-        yield 0.2
-    raise TimeoutError("it took too long")
 
 
 run(steps())

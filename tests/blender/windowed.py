@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from helpers import addon_module, deform_small_meshes
+from helpers import addon_module, deform_small_meshes, select
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 SECONDS = 400  # at most, for a whole file of steps
@@ -89,6 +89,31 @@ def in_area(kind):
     """As if the mouse were over it."""
     found = area(kind)
     return bpy.context.temp_override(window=windows()[0], area=found, region=region(found))
+
+
+def choose_a_bone(armature):
+    """Selects a bone in Pose Mode that moves much of the character. Returns it."""
+    with in_area("VIEW_3D"):
+        select(armature)
+        bpy.ops.object.mode_set(mode="POSE")
+        bpy.ops.pose.select_all(action="DESELECT")
+        bone = max(
+            armature.pose.bones,
+            key=lambda bone: len(bone.children_recursive) * bool(bone.parent and bone.parent.parent),
+        )
+        (bone if hasattr(bone, "select") else bone.bone).select = True
+        armature.data.bones.active = bone.bone
+        bpy.ops.ed.undo_push(message="chosen a bone")
+    return bone
+
+
+def until(is_done, seconds=120):
+    """Yields until is_done() holds."""
+    for _ in range(5 * seconds):
+        if is_done():
+            return
+        yield 0.2
+    raise TimeoutError(f"it took longer than {seconds} seconds")
 
 
 # --- the hand -------------------------------------------------------------------------------------

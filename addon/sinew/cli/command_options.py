@@ -9,6 +9,7 @@ from ..bake import job
 from ..profiling import costs
 from . import weight_options
 from .option_types import blend_path, frames_by, identifier, positive_integer, positive_number, share
+from .shared_options import add_file, add_frames, add_objects, add_save
 
 BLENDERS_METHODS = ("linear", "dual-quaternion")  # those of its Armature modifier
 METHODS = (*BLENDERS_METHODS, "blended", "rotation-centers", "direct-delta-mush")
@@ -119,16 +120,9 @@ def add_weights(commands: Any) -> None:
     command = add_command(
         commands, "weights", "make weights for meshes from the bones of an armature; exit code 1 if any vertex has none"
     )
-    command.add_argument(
-        "path", metavar="FILE.blend", nargs="?", type=blend_path, help="default: the file that is open"
-    )
+    add_file(command)
     command.add_argument("--armature", metavar="NAME", required=True, help="the armature whose bones move the meshes")
-    command.add_argument(
-        "--objects",
-        metavar="NAME,...",
-        action="append",
-        help="which meshes, as one body (default: all that belong to the armature); may be repeated",
-    )
+    add_objects(command, "which meshes, as one body (default: all that belong to the armature)")
     command.add_argument("--check", action="store_true", help="change nothing: report what is wrong with the weights")
     command.add_argument(
         "--angle",
@@ -138,7 +132,7 @@ def add_weights(commands: Any) -> None:
         help="with --check: by how much each bone is bent to see how far it stretches the mesh (60)",
     )
     command.add_argument("--sheet", metavar="FILE.png", help="with --check: write a picture of these poses")
-    command.add_argument("--save", action="store_true", help="save the file in its place (default: nothing is saved)")
+    add_save(command)
     command.add_argument(
         "--bones",
         choices=("automatic", "tail", "child"),
@@ -185,13 +179,7 @@ def add_weights(commands: Any) -> None:
 
 def add_bake(commands: Any) -> None:
     command = add_command(commands, "bake", "write the shapes of every frame to files: point caches, or USD")
-    command.add_argument(
-        "path",
-        metavar="FILE.blend",
-        nargs="?",
-        type=blend_path,
-        help="default: the file that is open; nothing is saved",
-    )
+    add_file(command, "default: the file that is open; nothing is saved")
     command.add_argument(
         "-o",
         "--output",
@@ -201,24 +189,14 @@ def add_bake(commands: Any) -> None:
         required=True,
         help="made if it is missing",
     )
-    command.add_argument(
-        "--frames",
-        metavar="A-B[:STEP]",
-        type=frames_by(bake_range.parse),
-        help="the frames of the whole bake (default: the scene's; if the first is negative, --frames=-5-10)",
-    )
+    add_frames(command, "the frames of the whole bake (default: the scene's; if the first is negative, --frames=-5-10)")
     command.add_argument(
         "--chunk",
         metavar="A-B,...",
         type=frames_by(bake_range.parse_chunk),
         help="bake only these frames, into the same files as other processes",
     )
-    command.add_argument(
-        "--objects",
-        metavar="NAME,...",
-        action="append",
-        help="which meshes (default: all visible ones with modifiers or shape keys); may be repeated",
-    )
+    add_objects(command, "which meshes (default: all visible ones with modifiers or shape keys)")
     command.add_argument(
         "--format", choices=job.FORMATS, default="pc2", help="point caches pc2 (the default) or mdd, or usd"
     )
@@ -244,21 +222,9 @@ def add_bake_to_bones(commands: Any) -> None:
         "bake-to-bones",
         "make an armature with keyframes and meshes with weights that play what meshes do, whatever deforms them",
     )
-    command.add_argument(
-        "path", metavar="FILE.blend", nargs="?", type=blend_path, help="default: the file that is open"
-    )
-    command.add_argument(
-        "--objects",
-        metavar="NAME,...",
-        action="append",
-        help="which meshes, for one armature (default: all visible ones with modifiers or shape keys); may be repeated",
-    )
-    command.add_argument(
-        "--frames",
-        metavar="A-B[:STEP]",
-        type=frames_by(bake_range.parse),
-        help="the frames to bake (default: the scene's; if the first is negative, --frames=-5-10)",
-    )
+    add_file(command)
+    add_objects(command, "which meshes, for one armature (default: all visible ones with modifiers or shape keys)")
+    add_frames(command, "the frames to bake (default: the scene's; if the first is negative, --frames=-5-10)")
     command.add_argument(
         "--bones", metavar="N", type=positive_integer, default=20, help="the largest number of bones to find (20)"
     )
@@ -284,7 +250,7 @@ def add_bake_to_bones(commands: Any) -> None:
         type=positive_number,
         help="fail, and save nothing, if a vertex is further off than this on any frame, in Blender's unit",
     )
-    command.add_argument("--save", action="store_true", help="save the file in its place (default: nothing is saved)")
+    add_save(command)
 
 
 def add_bench(commands: Any) -> None:

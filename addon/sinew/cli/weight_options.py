@@ -3,8 +3,8 @@
 import argparse
 from collections.abc import Callable
 
-from ..bake import frame_range
-from .option_types import blend_path, frames_by, identifier, positive_integer, positive_number, share, whole_number
+from .option_types import identifier, positive_integer, positive_number, share, whole_number
+from .shared_options import add_file, add_frames, add_objects, add_save
 
 # The second words of commands of two words, of which `weights` is the first.
 TOOLS = ("transfer", "smooth", "mirror", "reduce")
@@ -30,21 +30,9 @@ def add(add_command: Callable[[str, str], argparse.ArgumentParser]) -> None:
     )
 
 
-def _add_file(command):
-    command.add_argument(
-        "path", metavar="FILE.blend", nargs="?", type=blend_path, help="default: the file that is open"
-    )
-    command.add_argument("--save", action="store_true", help="save the file in its place (default: nothing is saved)")
-
-
-def _add_objects(command):
-    command.add_argument(
-        "--objects", metavar="NAME,...", action="append", required=True, help="which meshes; may be repeated"
-    )
-
-
 def _add_transfer(command):
-    _add_file(command)
+    add_file(command)
+    add_save(command)
     for name, dest, text in (
         ("--from", "sources", "the meshes to copy from, as one; may be repeated"),
         ("--to", "targets", "the meshes to copy to; may be repeated"),
@@ -74,8 +62,9 @@ def _add_transfer(command):
 
 
 def _add_smooth(command):
-    _add_file(command)
-    _add_objects(command)
+    add_file(command)
+    add_save(command)
+    add_objects(command, "which meshes", required=True)
     command.add_argument(
         "--steps",
         metavar="N",
@@ -94,8 +83,9 @@ def _add_smooth(command):
 
 
 def _add_mirror(command):
-    _add_file(command)
-    _add_objects(command)
+    add_file(command)
+    add_save(command)
+    add_objects(command, "which meshes", required=True)
     command.add_argument(
         "--axis", type=identifier, choices=("X", "Y", "Z"), default="X", help="the meshes' own axis (X)"
     )
@@ -109,8 +99,9 @@ def _add_mirror(command):
 
 
 def _add_reduce(command):
-    _add_file(command)
-    _add_objects(command)
+    add_file(command)
+    add_save(command)
+    add_objects(command, "which meshes", required=True)
     command.add_argument(
         "--max-influences",
         metavar="N",
@@ -118,11 +109,8 @@ def _add_reduce(command):
         default=4,
         help="the largest number of bones per vertex (4)",
     )
-    command.add_argument(
-        "--frames",
-        metavar="A-B[:STEP]",
-        type=frames_by(frame_range.parse),
-        help="the frames on which moves are measured (default: the scene's, at most 50 of them, evenly spread)",
+    add_frames(
+        command, "the frames on which moves are measured (default: the scene's, at most 50 of them, evenly spread)"
     )
     command.add_argument(
         "--test-poses", action="store_true", help="measure with each bone turned by 90 degrees, instead of frames"

@@ -4,13 +4,13 @@ import os
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..bake import baking, mesh_cache
 from ..bake import job as jobs
-from ..bake.frame_range import FrameRange
 from .in_steps import InSteps
 from .operators import selected_meshes
+from .over_frames import OverFrames
 
 FORMATS = (
     ("pc2", "PC2", "A point cache, little-endian"),
@@ -19,16 +19,13 @@ FORMATS = (
 )
 
 
-class BakeSettings:
+class BakeSettings(OverFrames):
     """The properties that Bake and BakeFrames, which does the work, share."""
 
     directory: StringProperty(
         name="Folder", description="Folder for the files; created if it does not exist", subtype="DIR_PATH"
     )
     file_format: EnumProperty(name="Format", description="The file format", items=FORMATS)
-    frame_start: IntProperty(name="First Frame", description="The first frame to bake; by default the scene's")
-    frame_end: IntProperty(name="Last Frame", description="The last frame to bake; by default the scene's")
-    frame_step: IntProperty(name="Step", description="Distance from one baked frame to the next", default=1, min=1)
     until_subdivision: BoolProperty(
         name="Until Subdivision",
         description="Bake the shape before the first Subdivision Surface modifier, which then works on the cache",
@@ -41,13 +38,7 @@ class BakeSettings:
         description="Play the baked files with a Mesh Cache modifier, and switch off the modifiers that it replaces",
     )
 
-    def settings(self: Any) -> dict[str, Any]:
-        return {
-            name: getattr(self, name) for name in BakeSettings.__annotations__ if self.properties.is_property_set(name)
-        }
-
     def job(self: Any, context: bpy.types.Context) -> jobs.Job:
-        scene, is_set = context.scene, self.properties.is_property_set
         folder = bpy.path.abspath(self.directory)
         if not folder or folder.startswith("//"):
             raise ValueError("choose a folder for the files; for one beside the .blend, save the .blend first")
@@ -55,11 +46,7 @@ class BakeSettings:
             raise ValueError("a Mesh Cache modifier plays PC2 and MDD, not USD")
         return jobs.Job(
             folder=os.path.abspath(folder),
-            frames=FrameRange(
-                self.frame_start if is_set("frame_start") else scene.frame_start,
-                self.frame_end if is_set("frame_end") else scene.frame_end,
-                self.frame_step,
-            ),
+            frames=self.frames(context.scene),
             names=tuple(ob.name for ob in selected_meshes(context)),
             format=self.file_format,
             overwrite=self.overwrite,
@@ -90,19 +77,12 @@ class Bake(BakeSettings, bpy.types.Operator):
     def invoke(self, context, _event):
         if not self.directory and bpy.data.filepath:
             self.directory = bpy.path.abspath("//bake/")
-        for name in ("frame_start", "frame_end"):
-            if not self.properties.is_property_set(name):
-                setattr(self, name, getattr(context.scene, name))
+        self.set_frames(context.scene)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context):
-        how = "EXEC_DEFAULT" if bpy.app.background or context.window is None else "INVOKE_DEFAULT"
-        try:
-            return {"FINISHED"} & bpy.ops.object.sinew_bake_frames(how, **self.settings()) or {"CANCELLED"}
-        except RuntimeError as error:
-            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
-            return {"CANCELLED"}
+    def execute(self, _context):
+        return self.start(bpy.ops.object.sinew_bake_frames)
 
 
 class BakeFrames(BakeSettings, InSteps, bpy.types.Operator):

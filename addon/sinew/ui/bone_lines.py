@@ -1,7 +1,5 @@
 """Draws the lines that the bones stand for when weights are made."""
 
-from typing import Any
-
 import bpy
 import gpu
 import numpy as np
@@ -11,10 +9,10 @@ from gpu_extras.batch import batch_for_shader
 from ..feedback import notice
 from ..weights import assigning, bone_segments
 from .display import armature_of
+from .drawn import Drawn
 from .weights import ENDS
 
 COLOR = (1.0, 0.55, 0.1, 1.0)
-_handler: Any = None  # Blender's handle of `_draw`, None while nothing is drawn
 _ends = bone_segments.AUTOMATIC
 
 
@@ -39,15 +37,11 @@ def _draw():
     gpu.state.line_width_set(1.0)
 
 
+_lines = Drawn(bpy.types.SpaceView3D, _draw)
+
+
 def are_shown() -> bool:
-    return _handler is not None
-
-
-def hide() -> None:
-    global _handler
-    if _handler is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
-        _handler = None
+    return _lines.is_shown()
 
 
 class ToggleBoneLines(bpy.types.Operator):
@@ -65,12 +59,12 @@ class ToggleBoneLines(bpy.types.Operator):
         return ob is not None and ob.type in {"MESH", "ARMATURE"} and armature_of(ob) is not None
 
     def execute(self, _context):
-        global _handler, _ends
+        global _ends
         is_same = are_shown() and _ends == self.ends
-        hide()
+        _lines.hide()
         if not is_same:
             _ends = self.ends
-            _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+            _lines.show()
         notice.redraw()
         return {"FINISHED"}
 
@@ -85,5 +79,5 @@ register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
 
 def unregister() -> None:
-    hide()
+    _lines.hide()
     _unregister()

@@ -8,6 +8,7 @@ from mathutils import Matrix
 
 from ..frozen import ghosts
 from . import preferences
+from .drawn import Drawn
 
 FADING = 0.6  # share of the opacity that the farthest ghost loses
 MOST_SPARE = 64  # batches that are kept though they are not shown
@@ -27,7 +28,6 @@ void main()
   result = vec4(color.rgb * (0.45 + 0.55 * facing), color.a);
 }
 """
-_handler: Any = None  # Blender's handle of `_draw`, None while nothing is drawn
 _shader: Any = None
 _batches: dict[tuple[int, int], tuple[ghosts.Shape, Any]] = {}  # (shape, its batch), by key of the ghost
 _triangles: dict[int, tuple[ghosts.Topology, Any]] = {}  # (topology, its triangles), by key of the mesh object
@@ -60,16 +60,12 @@ def _color(settings: Any, steps: int) -> tuple[float, float, float, float]:
 
 def start() -> None:
     """Draws ghosts from now on, wherever there are any."""
-    global _handler
-    if _handler is None and not bpy.app.background:
-        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    if not bpy.app.background:
+        _drawn.show()
 
 
 def stop() -> None:
-    global _handler
-    if _handler is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
-        _handler = None
+    _drawn.hide()
     _batches.clear()
     _triangles.clear()
 
@@ -148,3 +144,6 @@ def _shader_of_ghosts() -> Any:
         info.fragment_source(_FRAGMENT)
         _shader = gpu.shader.create_from_info(info)
     return _shader
+
+
+_drawn = Drawn(bpy.types.SpaceView3D, _draw)

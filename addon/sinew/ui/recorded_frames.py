@@ -1,7 +1,7 @@
 """Marks in the timeline which frames of characters are recorded: a thin strip under the frame numbers for each."""
 
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import bpy
 import gpu
@@ -9,11 +9,11 @@ from gpu_extras.batch import batch_for_shader
 
 from ..frozen import rigs
 from . import frozen
+from .drawn import Drawn
 
 MOST_STRIPS = 8
 RULER, HEIGHT, GAP = 23, 3, 1  # of the frame numbers, of a strip, between two: pixels at 100 % interface scale
 FROZEN, LIVE = (0.35, 0.75, 1.0, 0.9), (0.55, 0.6, 0.65, 0.7)
-_handler: Any = None
 
 
 class Bar(NamedTuple):
@@ -73,14 +73,13 @@ def _triangles(bar: Bar) -> list[tuple[float, float]]:
     return [(left, bottom), (right, bottom), (right, top), (left, bottom), (right, top), (left, top)]
 
 
+_strips = Drawn(bpy.types.SpaceDopeSheetEditor, _draw, "POST_PIXEL")
+
+
 def register() -> None:
-    global _handler
     if not bpy.app.background:
-        _handler = bpy.types.SpaceDopeSheetEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+        _strips.show()
 
 
 def unregister() -> None:
-    global _handler
-    if _handler is not None:
-        bpy.types.SpaceDopeSheetEditor.draw_handler_remove(_handler, "WINDOW")
-        _handler = None
+    _strips.hide()

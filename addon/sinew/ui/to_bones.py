@@ -5,11 +5,11 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty
 
-from ..bake.frame_range import FrameRange
 from ..to_bones import baking
 from ..to_bones.report import Report
 from .in_steps import InSteps
 from .operators import selected_meshes
+from .over_frames import OverFrames
 
 SOURCES = (
     ("NEW", "New Bones", "Find bones that play the deformation best"),
@@ -17,12 +17,9 @@ SOURCES = (
 )
 
 
-class ToBonesSettings:
+class ToBonesSettings(OverFrames):
     """The properties that BakeToBones and BakeToBonesSteps, which does the work, share."""
 
-    frame_start: IntProperty(name="First Frame", description="The first frame to bake; by default the scene's")
-    frame_end: IntProperty(name="Last Frame", description="The last frame to bake; by default the scene's")
-    frame_step: IntProperty(name="Step", description="Distance from one baked frame to the next", default=1, min=1)
     source: EnumProperty(name="Bones", description="Which bones the new armature has", items=SOURCES)
     bones: IntProperty(
         name="Number of Bones",
@@ -57,20 +54,9 @@ class ToBonesSettings:
         precision=4,
     )
 
-    def settings(self: Any) -> dict[str, Any]:
-        """Returns the properties that are set."""
-        names = ToBonesSettings.__annotations__
-        return {name: getattr(self, name) for name in names if self.properties.is_property_set(name)}
-
     def job(self: Any, context: bpy.types.Context) -> baking.Settings:
-        scene, is_set = context.scene, self.properties.is_property_set
-        frames = FrameRange(
-            self.frame_start if is_set("frame_start") else scene.frame_start,
-            self.frame_end if is_set("frame_end") else scene.frame_end,
-            self.frame_step,
-        )
         bones = self.bones if self.source == "NEW" else 0
-        return baking.Settings(frames, bones, self.max_influences, self.iterations, self.tolerance)
+        return baking.Settings(self.frames(context.scene), bones, self.max_influences, self.iterations, self.tolerance)
 
 
 def can_bake(context: bpy.types.Context) -> bool:
@@ -92,9 +78,7 @@ class BakeToBones(ToBonesSettings, bpy.types.Operator):
         return can_bake(context)
 
     def invoke(self, context, _event):
-        for name in ("frame_start", "frame_end"):
-            if not self.properties.is_property_set(name):
-                setattr(self, name, getattr(context.scene, name))
+        self.set_frames(context.scene)
         return context.window_manager.invoke_props_dialog(self)
 
     def draw(self, _context):
@@ -110,14 +94,8 @@ class BakeToBones(ToBonesSettings, bpy.types.Operator):
         for name in ("max_influences", "iterations", "tolerance"):
             self.layout.prop(self, name)
 
-    def execute(self, context):
-        how = "EXEC_DEFAULT" if bpy.app.background or context.window is None else "INVOKE_DEFAULT"
-        try:
-            done = bpy.ops.object.sinew_bake_to_bones_steps(how, **self.settings())
-        except RuntimeError as error:
-            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
-            return {"CANCELLED"}
-        return {"FINISHED"} & done or {"CANCELLED"}
+    def execute(self, _context):
+        return self.start(bpy.ops.object.sinew_bake_to_bones_steps)
 
 
 class BakeToBonesSteps(ToBonesSettings, InSteps, bpy.types.Operator):
