@@ -92,10 +92,10 @@ python_tests() {
 
 # VERSION of Python: with the wheel, as pip installs it
 windows_python_tests() {
-  local python=$BUILD/environments/windows-$1 original
+  local python=$BUILD/windows-python-$1 original
   original=$(.ci/windows_python "$1") || return 1
   say "Python tests, $("$original/run" --version) for Windows"
-  rm -rf "$python" && mkdir -p "${python%/*}" && cp -r "$original" "$python" &&
+  rm -rf "$python" && cp -r "$original" "$python" &&
     "$python/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-"cp${1/./}"-*-win_amd64.whl &&
     SINEW_BUILD='' SINEW_ZIP=$ZIP "$python/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
       --ignore tests/python/test_vectorisation.py
