@@ -5,7 +5,20 @@ import numpy as np
 import pytest
 
 from characters import accelerate, add_shape_keys, animate, make_armature, make_mesh, make_tube, pose, smoothed
-from helpers import addon_module, assert_same_shape, builtin_copy, import_rig, select, twin_of, way
+from helpers import (
+    addon_module,
+    assert_same_on_all_frames,
+    assert_same_shape,
+    builtin_copy,
+    diagonal,
+    import_rig,
+    is_deforming,
+    own_positions,
+    select,
+    traces,
+    twin_of,
+    way,
+)
 
 FRAMES = (1, 6, 11)
 SOAK_ROUNDS, SOAK_FRAMES = 50, 10
@@ -74,6 +87,27 @@ def test_rendered_frames_equal_the_modifiers(fresh_scene, tmp_path, output, anim
     ob, _ = import_rig("capsule", output=output)
     add_camera(fresh_scene)
     assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, ob, builtin_copy(ob), animation))
+
+
+def test_an_ogre_is_imported_baked_rendered_and_unbound(fresh_scene, tmp_path):
+    ob, _ = import_rig("ogre")
+    assert ob.sinew.is_bound
+    reference = builtin_copy(ob)
+    add_camera(fresh_scene)
+    fresh_scene.camera.data.type, fresh_scene.camera.data.ortho_scale = "ORTHO", diagonal(own_positions(ob))
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, ob, reference))
+    assert is_deforming(ob)
+    select(ob)
+    first, last = FRAMES[0], FRAMES[-1]
+    assert bpy.ops.object.sinew_bake(
+        directory=str(tmp_path), frame_start=first, frame_end=last, file_format="pc2", play=True
+    ) == {"FINISHED"}
+    assert_same_on_all_frames(fresh_scene, ob, reference, FRAMES)  # from the file
+    assert bpy.ops.object.sinew_take_off_cache() == {"FINISHED"}
+    assert_same_on_all_frames(fresh_scene, ob, reference, FRAMES)
+    assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    assert not ob.sinew.is_bound and not traces()
+    assert_same_on_all_frames(fresh_scene, ob, reference, FRAMES)
 
 
 def with_motion_blur(scene):
