@@ -6,7 +6,7 @@
 
 namespace sinew {
 
-bool SimplexLeastSquares::factor(const Eigen::MatrixXd& g) {
+bool SimplexLeastSquares::factor(const Matrix& g) {
   const std::size_t n = used_.size();
   lower_.resize(n * n);
   for (std::size_t row = 0; row < n; ++row) {
@@ -36,7 +36,7 @@ void SimplexLeastSquares::substitute(std::vector<double>& values) const {
   }
 }
 
-void SimplexLeastSquares::solve_equality(const Eigen::VectorXd& b) {
+void SimplexLeastSquares::solve_equality(const Vector& b) {
   const std::size_t n = used_.size();
   values_.resize(n);
   ones_.assign(n, 1);
@@ -49,8 +49,7 @@ void SimplexLeastSquares::solve_equality(const Eigen::VectorXd& b) {
   for (std::size_t i = 0; i < n; ++i) values_[i] += multiplier_ * ones_[i];
 }
 
-void SimplexLeastSquares::improve(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, Eigen::VectorXd& x,
-                                  bool may_enter) {
+void SimplexLeastSquares::improve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x, bool may_enter) {
   const double tolerance = 1e-12 * g.diagonal().maxCoeff();
   for (Eigen::Index round = 0; round < 4 * b.size() + 16; ++round) {
     if (!factor(g)) {  // two unknowns do the same: the last of them leaves
@@ -95,7 +94,7 @@ void SimplexLeastSquares::improve(const Eigen::MatrixXd& g, const Eigen::VectorX
   }
 }
 
-void SimplexLeastSquares::solve(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, Eigen::VectorXd& x) {
+void SimplexLeastSquares::solve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x) {
   used_.clear();
   const double sum = x.sum();
   if (sum > 0) {
@@ -114,8 +113,7 @@ void SimplexLeastSquares::solve(const Eigen::MatrixXd& g, const Eigen::VectorXd&
   if (const double reached = x.sum(); reached > 0) x /= reached;
 }
 
-void SimplexLeastSquares::solve_sparse(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, int most,
-                                       Eigen::VectorXd& x) {
+void SimplexLeastSquares::solve_sparse(const Matrix& g, const Vector& b, int most, Eigen::Ref<Eigen::VectorXd> x) {
   solve(g, b, x);
   while (std::ssize(used_) > most) {
     // Without unknown i the sum rises by x_i^2 / (2 (G^-1)_ii), but for the condition on their sum.
@@ -148,8 +146,8 @@ void SimplexLeastSquares::solve_sparse(const Eigen::MatrixXd& g, const Eigen::Ve
   if (const double reached = x.sum(); reached > 0) x /= reached;
 }
 
-void SimplexLeastSquares::solve_among(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, const std::vector<int>& used,
-                                      Eigen::VectorXd& x) {
+void SimplexLeastSquares::solve_among(const Matrix& g, const Vector& b, const std::vector<int>& used,
+                                      Eigen::Ref<Eigen::VectorXd> x) {
   // Begins with equal shares of all, from which those leave that would become negative; then a full search among them.
   const auto n = static_cast<Eigen::Index>(used.size());
   Eigen::MatrixXd own_g(n, n);

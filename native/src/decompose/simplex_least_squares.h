@@ -10,22 +10,24 @@ namespace sinew {
 /// use; what would become negative leaves, what lowers the sum enters. One object for each thread.
 class SimplexLeastSquares {
  public:
+  using Matrix = Eigen::Ref<const Eigen::MatrixXd>;
+  using Vector = Eigen::Ref<const Eigen::VectorXd>;
+
   /// G  n x n, positive definite.
   /// x  n: not negative, with sum 1, to begin with; or all 0. The solution.
-  void solve(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, Eigen::VectorXd& x);
+  void solve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x);
 
   /// The same with at most `most` unknowns that are not 0. Those that raise the sum least leave, one by one.
-  void solve_sparse(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, int most, Eigen::VectorXd& x);
+  void solve_sparse(const Matrix& g, const Vector& b, int most, Eigen::Ref<Eigen::VectorXd> x);
 
   /// The same with no unknowns but those in `used`, ascending; the others become 0.
-  void solve_among(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, const std::vector<int>& used,
-                   Eigen::VectorXd& x);
+  void solve_among(const Matrix& g, const Vector& b, const std::vector<int>& used, Eigen::Ref<Eigen::VectorXd> x);
 
  private:
-  bool factor(const Eigen::MatrixXd& g);
+  bool factor(const Matrix& g);
   void substitute(std::vector<double>& values) const;
-  void solve_equality(const Eigen::VectorXd& b);
-  void improve(const Eigen::MatrixXd& g, const Eigen::VectorXd& b, Eigen::VectorXd& x, bool may_enter);
+  void solve_equality(const Vector& b);
+  void improve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x, bool may_enter);
   double& lower(std::size_t row, std::size_t column) { return lower_[row * used_.size() + column]; }
   double lower(std::size_t row, std::size_t column) const { return lower_[row * used_.size() + column]; }
 

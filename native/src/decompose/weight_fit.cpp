@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <span>
 
 #include "base/cancelled.h"
 #include "base/parallel.h"
@@ -79,7 +80,7 @@ class Panel {
 /// Smooth weights below are those of joints too far away.
 constexpr float kNear = 1e-6f;
 
-/// The joints that are tried at a point: those of the largest smooth weights; all if none is known or `most` is 0.
+/// Finds the joints that are tried at a point: those of the largest smooth weights; all if none is known or `most` is 0.
 void choose(const float* smooth, std::size_t joints, std::size_t most, std::vector<std::int32_t>& chosen) {
   chosen.clear();
   for (std::size_t j = 0; j < joints && most > 0; ++j) {
@@ -100,17 +101,44 @@ void choose(const float* smooth, std::size_t joints, std::size_t most, std::vect
 
 /// Least squares of the points of one task; their joints are chosen once, for all sweeps.
 struct Task {
-  std::vector<std::vector<std::int32_t>> chosen;  ///< of each point
-  std::vector<Eigen::VectorXd> moved;             ///< of each point and chosen joint: sum over frames of x . M (u, 1)
+  std::vector<std::uint32_t> begin{0};  ///< of each point in those below, and the end
+  std::vector<std::int32_t> chosen;     ///< of each point
+  std::vector<double> moved;            ///< of each point and chosen joint: sum over frames of x . M (u, 1)
+
+  std::span<const std::int32_t> chosen_at(std::size_t i) const {
+    return std::span(chosen).subspan(begin[i], begin[i + 1] - begin[i]);
+  }
+  Eigen::Map<const Eigen::VectorXd> moved_at(std::size_t i) const {
+    return {moved.data() + begin[i], static_cast<Eigen::Index>(begin[i + 1] - begin[i])};
+  }
+};
+
+/// The memory for one point's system, kept from point to point: only a larger system allocates.
+class System {
+ public:
+  void resize(std::size_t n) {
+    n_ = static_cast<Eigen::Index>(n);
+    numbers_.resize(std::max(numbers_.size(), 2 * n * (n + 1)));
+  }
+  Eigen::Map<Eigen::MatrixXd> matrix() { return {numbers_.data(), n_, n_}; }
+  Eigen::Map<Eigen::MatrixXd> exact_matrix() { return {numbers_.data() + n_ * n_, n_, n_}; }
+  Eigen::Map<Eigen::VectorXd> right_side() { return {numbers_.data() + 2 * n_ * n_, n_}; }
+  Eigen::Map<Eigen::VectorXd> weights() { return {numbers_.data() + 2 * n_ * n_ + n_, n_}; }
+
+ private:
+  Eigen::Index n_ = 0;
+  std::vector<double> numbers_;
 };
 
 Task prepared(const Clip& clip, const Motions& motions, const Panel& smooth, std::size_t most, std::size_t begin,
               std::size_t end) {
   Task task;
-  std::vector<std::int32_t> column(motions.joints(), -1), together;
+  std::vector<std::int32_t> column(motions.joints(), -1), together, chosen;
   for (std::size_t p = begin; p < end; ++p) {
-    choose(smooth.row(p), static_cast<std::size_t>(motions.joints()), most, task.chosen.emplace_back());
-    for (const std::int32_t j : task.chosen.back()) {
+    choose(smooth.row(p), static_cast<std::size_t>(motions.joints()), most, chosen);
+    task.chosen.insert(task.chosen.end(), chosen.begin(), chosen.end());
+    task.begin.push_back(static_cast<std::uint32_t>(task.chosen.size()));
+    for (const std::int32_t j : chosen) {
       if (column[j] >= 0) continue;
       column[j] = static_cast<std::int32_t>(together.size());
       together.push_back(j);
@@ -121,12 +149,10 @@ Task prepared(const Clip& clip, const Motions& motions, const Panel& smooth, std
     rows.middleRows<4>(static_cast<Eigen::Index>(4 * i)) = motions.rows().middleRows<4>(4 * together[i]);
   }
   const Rows products = moves_of(clip, begin, end) * rows.transpose();
+  task.moved.reserve(task.chosen.size());
   for (std::size_t p = begin; p < end; ++p) {
-    const std::vector<std::int32_t>& chosen = task.chosen[p - begin];
-    Eigen::VectorXd& moved = task.moved.emplace_back(chosen.size());
-    for (std::size_t i = 0; i < chosen.size(); ++i) {
-      moved[static_cast<Eigen::Index>(i)] =
-          products.block<1, 4>(static_cast<Eigen::Index>(p - begin), 4 * column[chosen[i]]).dot(clip.rest[p]);
+    for (const std::int32_t j : task.chosen_at(p - begin)) {
+      task.moved.push_back(products.block<1, 4>(static_cast<Eigen::Index>(p - begin), 4 * column[j]).dot(clip.rest[p]));
     }
   }
   return task;
@@ -147,35 +173,36 @@ double WeightFit::improve(const Motions& motions, WeightRows& weights, const Pro
     smooth.smooth(neighbours_);
     parallel_for(tasks, 1, [&](std::size_t first, std::size_t last) {
       SimplexLeastSquares solver;
-      Eigen::MatrixXd g;
-      Eigen::VectorXd b, x;
+      System system;
       for (std::size_t t = first; t < last; ++t) {
         stop_if_cancelled(progress);
         const std::size_t begin = t * kPoints, end = std::min(begin + kPoints, points);
         Task& task = prepared_tasks[t];
         if (sweep == 0) task = prepared(clip_, motions, smooth, settings_.local ? settings_.candidates : 0, begin, end);
         for (std::size_t p = begin; p < end; ++p) {
-          const std::vector<std::int32_t>& chosen = task.chosen[p - begin];
+          const std::span<const std::int32_t> chosen = task.chosen_at(p - begin);
           const auto n = static_cast<Eigen::Index>(chosen.size());
-          g.resize(n, n);
+          system.resize(chosen.size());
+          auto g = system.matrix(), exact = system.exact_matrix();
+          auto b = system.right_side(), x = system.weights();
           for (Eigen::Index i = 0; i < n; ++i) {
             for (Eigen::Index k = 0; k <= i; ++k) {
               const auto block = squares.block<4, 4>(4 * chosen[i], 4 * chosen[k]);
               g(i, k) = g(k, i) = clip_.rest[p].dot(block * clip_.rest[p]);
             }
           }
-          const Eigen::VectorXd& moved = task.moved[p - begin];
+          const auto moved = task.moved_at(p - begin);
           b = moved;
           const float* const target = smooth.row(p);
           const bool is_known = std::any_of(target, target + joints, [](float w) { return w > 0; });
           const double own_pull = std::max(is_known ? pull : 0.0, 1e-12 * g.diagonal().maxCoeff());
-          const Eigen::MatrixXd exact = g;
+          exact = g;
           for (Eigen::Index i = 0; i < n; ++i) {
             g(i, i) += own_pull;
             if (is_known) b[i] += own_pull * target[chosen[i]];
           }
           // Begins with the weights of before, in the order of the joints.
-          x.setZero(n);
+          x.setZero();
           const std::size_t row = p * weights.width;
           for (std::size_t i = row; i < row + weights.width; ++i) {
             if (weights.weights[i] == 0) continue;
@@ -192,7 +219,7 @@ double WeightFit::improve(const Motions& motions, WeightRows& weights, const Pro
           const double square = Eigen::VectorXf::Map(clip_.row(p), static_cast<Eigen::Index>(clip_.numbers()))
                                     .cast<double>()
                                     .squaredNorm();
-          left[p] = std::max(0.0, square - 2 * x.dot(moved) + x.dot(exact * x));
+          left[p] = std::max(0.0, square - 2 * x.dot(moved) + x.dot(exact.lazyProduct(x)));
         }
       }
     });
