@@ -1,5 +1,6 @@
 """Weight tools in a window: weights are transferred while Blender draws; the dialog of Reduce Influences tells how far
-vertices will move before it changes anything; one Ctrl Z takes back what it did. Run as first_ogre.py is.
+vertices will move before it changes anything; one Ctrl Z takes back what it did. Esc stops Bake to Bones and leaves
+nothing; what it has made goes with one Ctrl Z. Run as first_ogre.py is.
 """
 
 import sys
@@ -54,6 +55,35 @@ def in_the_dialog(name):
     yield from undo()
     assert entries(bpy.data.objects[name]) == before and bpy.context.mode == "PAINT_WEIGHT"
     print("window: the dialog told what would move, and one Ctrl Z took it back")
+    yield from to_bones(name)
+
+
+def to_bones(name):
+    bpy.ops.object.mode_set(mode="OBJECT")
+    select(bpy.data.objects[name])
+    scene = bpy.context.scene
+    names, frame = sorted(bpy.data.objects.keys()), scene.frame_current
+    with in_area("VIEW_3D"):
+        bpy.ops.ed.undo_push(message="before")
+        result = bpy.ops.object.sinew_bake_to_bones_steps(
+            "INVOKE_DEFAULT", frame_end=300, bones=60, iterations=10000, tolerance=0
+        )
+    assert result == {"RUNNING_MODAL"}
+    yield 1.0
+    yield from picture("to-bones")
+    assert scene.frame_current == 300  # the last; the operator goes back when it ends
+    yield from outside("xdotool key Escape")
+    yield from until(lambda: scene.frame_current == frame)
+    assert sorted(bpy.data.objects.keys()) == names
+    with in_area("VIEW_3D"):
+        result = bpy.ops.object.sinew_bake_to_bones_steps("INVOKE_DEFAULT", bones=6)
+    assert result == {"RUNNING_MODAL"}
+    yield from until(lambda: scene.frame_current == frame and len(bpy.data.objects) > len(names))
+    made = [ob for ob in bpy.data.objects if ob.name not in names]
+    assert sorted(ob.type for ob in made) == ["ARMATURE", "MESH"]
+    yield from undo()
+    assert sorted(bpy.data.objects.keys()) == names
+    print("window: Esc stopped Bake to Bones, and one Ctrl Z took back what it had made")
 
 
 def undo():
