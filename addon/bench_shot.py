@@ -41,7 +41,7 @@ SMOOTHED, THICKNESS = "Coat", 0.27  # slightly thicker than the body
 EYE_BONES = ("MCH-eye.L", "MCH-eye.R")
 PROPS, SHARING_PROPS, SHARED_MESHES, PROP_SIDE = 3_000, 2_000, 200, 10
 SHOT_ROUNDS = 9
-LEFT_OUT = ("keys", "smooth", "preserve-volume", "eyes", "props")  # what --without can leave out
+LEFT_OUT = ("clothes", "keys", "smooth", "preserve-volume", "eyes", "props")  # what --without can leave out
 
 
 @dataclass
@@ -81,7 +81,8 @@ def make_shot(characters, without):
 def make_person(without):
     rig = make_generated("human")
     body = make_mesh(rig, BODY_VERTICES, False, BODY)
-    clothes = [make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in CLOTHES.items()]
+    garments = {} if "clothes" in without else CLOTHES
+    clothes = [make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in garments.items()]
     if "keys" not in without:
         add_keys(body, BODY_KEYS)
     for ob in (body, *clothes):
