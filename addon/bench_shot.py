@@ -82,7 +82,9 @@ def make_person(without):
     rig = make_generated("human")
     body = make_mesh(rig, BODY_VERTICES, False, BODY)
     garments = {} if "clothes" in without else CLOTHES
-    clothes = [make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in garments.items()]
+    clothes = [
+        make_mesh(rig, vertices, False, name, covers, THICKNESS) for name, (vertices, covers) in garments.items()
+    ]
     if "keys" not in without:
         add_keys(body, BODY_KEYS)
     for ob in (body, *clothes):

@@ -49,6 +49,19 @@ TEST(Parallel, RangesCoverEverythingOnce) {
   }
 }
 
+TEST(Parallel, EachWorkRunsOnceAndWhatOneThrowsComesToTheCaller) {
+  const ThreadsOfATest threads_of_a_test;
+  for (const int threads : {1, 3}) {
+    set_thread_count(threads);
+    for (const std::size_t count : {0, 1, 40}) {
+      std::vector<int> visits(count, 0);
+      run_parallel(count, [&](std::size_t i) { ++visits[i]; });
+      EXPECT_EQ(visits, std::vector<int>(count, 1));
+    }
+    EXPECT_THROW(run_parallel(5, [](std::size_t) { throw std::bad_alloc(); }), std::bad_alloc);
+  }
+}
+
 TEST(Parallel, OneRangeOrOneThreadStaysOnTheCallingThread) {
   const ThreadsOfATest threads_of_a_test;
   const auto caller = std::this_thread::get_id();

@@ -192,13 +192,13 @@ def test_a_step_compares_and_writes_both():
     (first, _a), (second, _b) = bones_of([1, 3, 0]), bones_of([1, 3, 0], 50.0)
     (target, arrays), (original, original_arrays) = bones_of([1, 3, 0]), bones_of([0, 2, 0], 100.0)
     before, after = (host.record_pose(ctypes.addressof(bones), LAYOUT) for bones in (first, second))
-    assert host.step_pose(*addresses(target, original), LAYOUT, before, after)
+    assert host.step_poses(LAYOUT, [(*addresses(target, original), before, after)]) == [True]
     assert host.is_pose(ctypes.addressof(target), LAYOUT, after)
     assert [bone.computed for bone in target] == [50.0, 51.0, 52.0]
     assert [list(bone.matrix) for bone in original] == [list(bone.matrix) for bone in second]
     assert original_arrays[0][0] == 100.0
     assert arrays[0][0] == 50.0
-    assert host.step_pose(ctypes.addressof(target), 0, LAYOUT, after, before)
+    assert host.step_poses(LAYOUT, [(ctypes.addressof(target), 0, after, before)]) == [True]
     assert host.is_pose(ctypes.addressof(target), LAYOUT, before)
 
 
@@ -216,7 +216,20 @@ def test_a_step_of_another_pose_is_refused(change):
     elif change == "record":
         other, _other_arrays = bones_of([1, 3])
         after = host.record_pose(ctypes.addressof(other), LAYOUT)
-    assert not host.step_pose(ctypes.addressof(target), 0, LAYOUT, before, after)
+    assert host.step_poses(LAYOUT, [(ctypes.addressof(target), 0, before, after)]) == [False]
+
+
+def test_many_steps_are_independent():
+    (first, _a), (second, _b) = bones_of([1, 3, 0]), bones_of([1, 3, 0], 50.0)
+    before, after = (host.record_pose(ctypes.addressof(bones), LAYOUT) for bones in (first, second))
+    kept = [bones_of([1, 3, 0]) for _ in range(40)]
+    targets = [bones for bones, _arrays in kept]
+    for bones in targets[::3]:
+        bones[2].matrix[3] += 1
+    said = host.step_poses(LAYOUT, [(ctypes.addressof(bones), 0, before, after) for bones in targets])
+    assert said == [bool(number % 3) for number in range(40)]
+    assert [host.is_pose(ctypes.addressof(bones), LAYOUT, after) for bones in targets] == said
+    assert host.step_poses(LAYOUT, []) == []
 
 
 # --- the shapes of meshes -------------------------------------------------------------------------

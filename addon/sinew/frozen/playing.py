@@ -65,24 +65,24 @@ def _play(scene: Any, graph: Any) -> None:
         elif frame is None or frame not in rig.record:
             reasons[rig.key] = f"frame {scene.frame_current_final:g} of {rig.name} is not recorded: it is live there"
     if frame is not None and not reasons:
-        for rig in own:
-            if not _play_frame(rig, graph, frame):
-                reasons[rig.key] = f"something besides its keyframes moves the bones of {rig.name}"
-                changes.drop(rig, [stored_keys.ALL])
+        for rig in _play_frame(own, graph, frame):
+            reasons[rig.key] = f"something besides its keyframes moves the bones of {rig.name}"
+            changes.drop(rig, [stored_keys.ALL])
     if reasons:
         freezing.melt(graph, reasons)
 
 
-def _play_frame(rig: rigs.Rig, graph: Any, frame: int) -> bool:
-    """Shows a recorded frame of a frozen armature. Returns False if its bones are not as they were left."""
-    if rig.shown == frame:
-        return rigs.shows(rig, graph, rig.pose)
-    moment = rig.record.at(frame)
-    if not rigs.show_next(rig, graph, rig.pose, moment):
-        return False
-    rig.shown, rig.pose = frame, moment
-    _tag_followers(rig)
-    return True
+def _play_frame(own: list[rigs.Rig], graph: Any, frame: int) -> list[rigs.Rig]:
+    """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
+    lacking = [rig for rig in own if rig.shown == frame and not rigs.shows(rig, graph, rig.pose)]
+    steps = [(rig, rig.record.at(frame)) for rig in own if rig.shown != frame]
+    for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
+        if is_shown:
+            rig.shown, rig.pose = frame, moment
+            _tag_followers(rig)
+        else:
+            lacking.append(rig)
+    return lacking
 
 
 def _tag_followers(rig: rigs.Rig) -> None:

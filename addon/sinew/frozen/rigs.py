@@ -5,6 +5,7 @@ longer than one evaluation: whatever builds relations, or copies the armature ag
 before anything is drawn."""
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -172,21 +173,32 @@ def show(rig: Rig, graph: Any, moment: Any) -> None:
         key_blocks.set_values(keys, numbers, recorded)
 
 
-def show_next(rig: Rig, graph: Any, before: Any, moment: Any) -> bool:
-    """Does what `shows` and `show` do, but goes through the bones only once. before: the Moment that must be shown.
-    Returns False if it is not: then the armature has to be thawed, because some bones may have been written."""
-    follow = [(keys.evaluated_get(graph), keys, numbers) for keys, numbers in keyed(rig, graph)]
-    if before is None or not len(follow) == len(before.keys) == len(moment.keys):
-        return False
-    for (evaluated, _keys, numbers), recorded in zip(follow, before.keys):
-        if key_blocks.values_of(evaluated, numbers) != recorded:
-            return False
-    if not poses.step(evaluated_copy(rig, graph), rig.ob, before.pose, moment.pose):
-        return False
-    for (evaluated, keys, numbers), recorded in zip(follow, moment.keys):
-        key_blocks.set_values(evaluated, numbers, recorded)
-        key_blocks.set_values(keys, numbers, recorded)
-    return True
+def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
+    """Does what `shows` and `show` do, for several armatures at once, and goes through the bones of each only once.
+    steps: each with the Moment to show; `rig.pose` must be shown. Returns False for those of which it is not: they have
+    to be thawed, because some bones may have been written."""
+    found = []
+    for rig, moment in steps:
+        follow = [(keys.evaluated_get(graph), keys, numbers) for keys, numbers in keyed(rig, graph)]
+        is_left = rig.pose is not None and len(follow) == len(rig.pose.keys) == len(moment.keys)
+        is_left = is_left and all(
+            key_blocks.values_of(evaluated, numbers) == recorded
+            for (evaluated, _keys, numbers), recorded in zip(follow, rig.pose.keys)
+        )
+        found.append((rig, moment, follow, is_left))
+    stepped = iter(
+        poses.step(
+            (evaluated_copy(rig, graph), rig.ob, rig.pose.pose, moment.pose)
+            for rig, moment, _follow, is_left in found
+            if is_left
+        )
+    )
+    results = [is_left and next(stepped) for _rig, _moment, _follow, is_left in found]
+    for (_rig, moment, follow, _is_left), is_shown in zip(found, results):
+        for (evaluated, keys, numbers), recorded in zip(follow, moment.keys) if is_shown else ():
+            key_blocks.set_values(evaluated, numbers, recorded)
+            key_blocks.set_values(keys, numbers, recorded)
+    return results
 
 
 def shapes(character: Any, frame: int) -> list[tuple[Any, np.ndarray, np.ndarray]] | None:

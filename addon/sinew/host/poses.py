@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -74,10 +75,14 @@ def play_original(armature: Any, recorded: np.ndarray) -> bool:
     return sinew_native.host.play_original_pose(_first(armature), _layout(), recorded)
 
 
-def step(armature: Any, original: Any, before: np.ndarray, recorded: np.ndarray) -> bool:
-    """Writes a recorded pose into an evaluated armature object and into its original, if the evaluated one has exactly
-    the pose `before`. Returns False if it has not: then some bones may have been written."""
-    return sinew_native.host.step_pose(_first(armature), _first(original), _layout(), before, recorded)
+def step(steps: Iterable[tuple[Any, Any, np.ndarray, np.ndarray]]) -> list[bool]:
+    """Writes recorded poses into evaluated armature objects and into their originals, where the evaluated one has
+    exactly the pose `before`. steps: of each armature (evaluated, original, before, recorded). Returns False for those
+    that have another pose: some of their bones may have been written."""
+    return sinew_native.host.step_poses(
+        _layout(),
+        [(_first(armature), _first(original), before, recorded) for armature, original, before, recorded in steps],
+    )
 
 
 def is_posed(armature: Any, recorded: np.ndarray) -> bool:

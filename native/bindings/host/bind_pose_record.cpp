@@ -2,9 +2,12 @@
 
 #include <array>
 #include <optional>
+#include <span>
+#include <tuple>
 
 #include "arrays.h"
 #include "host/memory.h"
+#include "sinew/threads.h"
 
 // A record of a pose: what Blender's evaluation has written into its bones, so that it can be written there again.
 
@@ -176,9 +179,16 @@ bool step_region(Address at, std::size_t size, bool is_compared, const char* bef
   return true;
 }
 
+/// What `step_pose` does to one pose.
+struct Step {
+  Address bone, original;
+  std::span<const std::uint8_t> before, next;  // records
+};
+
 /// Goes once through the bones, which are cold: compares them with one record, and writes the next one into them and
 /// into those of the original. Returns false at the first bone that differs; those before it are written.
-bool step_pose(Address bone, Address original, const RecordLayout& layout, const Record& before, const Record& next) {
+bool step_pose(const RecordLayout& layout, const Step& wanted) {
+  auto [bone, original, before, next] = wanted;
   const auto* old_bytes = reinterpret_cast<const char*>(before.data());
   const auto* new_bytes = reinterpret_cast<const char*>(next.data());
   const auto count = read<std::int32_t>(reinterpret_cast<Address>(old_bytes));
@@ -222,6 +232,21 @@ bool step_pose(Address bone, Address original, const RecordLayout& layout, const
   return bone == 0;
 }
 
+using StepOfRecords = std::tuple<Address, Address, Record, Record>;
+
+std::vector<bool> step_poses(const RecordLayout& layout, const std::vector<StepOfRecords>& wanted) {
+  std::vector<Step> steps;
+  for (const auto& [bone, original, before, next] : wanted) {
+    steps.push_back({bone,
+                     original,
+                     {before.data(), static_cast<std::size_t>(before.size())},
+                     {next.data(), static_cast<std::size_t>(next.size())}});
+  }
+  std::vector<std::uint8_t> has_stepped(steps.size());
+  run_parallel(steps.size(), [&](std::size_t i) { has_stepped[i] = step_pose(layout, steps[i]); });
+  return {has_stepped.begin(), has_stepped.end()};
+}
+
 }  // namespace
 
 void bind_pose_record(py::module_& host) {
@@ -247,12 +272,14 @@ void bind_pose_record(py::module_& host) {
            "Writes those parts of a record that originals have into the bones of an original.\n\n"
            "record: (N,) uint8, made by record_pose with the same layout. Returns False, and writes nothing, if it was "
            "made of another number of bones.");
-  host.def("step_pose", &step_pose, py::arg("bone"), py::arg("original"), py::arg("layout"), py::arg("before"),
-           py::arg("next"),
-           "Does what is_pose, play_pose and play_original_pose do, while it goes through the bones once.\n\n"
-           "bone, original: addresses of the first bone of an evaluated pose and of its original.\n"
-           "before: the record that the pose must hold; next: the one to write. Both (N,) uint8.\n"
-           "Returns False if the pose does not hold the first record. Then some bones may have been written.");
+  host.def(
+      "step_poses", &step_poses, py::arg("layout"), py::arg("steps"),
+      "Does what is_pose, play_pose and play_original_pose do, to several poses in parallel, while it goes through "
+      "the bones of each once.\n\n"
+      "steps: of each pose (bone, original, before, next): the addresses of the first bone of an evaluated pose and "
+      "of its original, or 0; the record that the pose must hold, and the one to write, both (N,) uint8.\n"
+      "Returns for each pose False if it does not hold the first record. Then some of its bones may have been "
+      "written.");
   host.def(
       "is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
       "Whether the bones of one of Blender's poses hold exactly what is in a record, see play_pose. What the layout "

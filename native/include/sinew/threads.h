@@ -1,6 +1,9 @@
 /// How many threads the library may use.
 #pragma once
 
+#include <cstddef>
+#include <functional>
+
 namespace sinew {
 
 /// Lets every later call use at most `count` threads, the calling one included, and never more than
@@ -10,5 +13,10 @@ void set_thread_count(int count);
 
 /// Returns the number of threads that the next call may use, at least 1.
 int thread_count();
+
+/// Calls work(i) for each i in [0, count), in any order and on several threads, and returns when all calls have ended. A
+/// call must write only what no other one touches. For works of some 20 microseconds and more. An exception that one of
+/// them throws is rethrown here; some may then never have run.
+void run_parallel(std::size_t count, const std::function<void(std::size_t)>& work);
 
 }  // namespace sinew

@@ -89,6 +89,12 @@ void set_thread_count(int count) {
 
 int thread_count() { return current_pool()->threads(); }
 
+void run_parallel(std::size_t count, const std::function<void(std::size_t)>& work) {
+  parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) work(i);
+  });
+}
+
 void set_threads_always_pay(bool always) { always_pay = always; }
 
 bool threads_pay(double microseconds) {
