@@ -23,6 +23,16 @@ double combinations(int n, int k) {
   return count;
 }
 
+/// Changes ascending numbers from [0, n) into those that follow in lexicographic order. Returns false after the last.
+bool next_combination(std::vector<int>& numbers, int n) {
+  const int k = static_cast<int>(numbers.size());
+  int i = k - 1;
+  while (i >= 0 && numbers[i] == n - k + i) --i;
+  if (i < 0) return false;
+  std::iota(numbers.begin() + i, numbers.end(), numbers[i] + 1);
+  return true;
+}
+
 /// One vertex: where its bones take it in the poses. One object for each thread.
 class VertexReduction {
  public:
@@ -122,15 +132,11 @@ class VertexReduction {
       if (cost < best) best = cost, kept = tried;
     };
     if (combinations(n, most_) * static_cast<double>(std::max<std::ptrdiff_t>(1, matrices_.frames)) <= kTries) {
-      std::vector<std::uint8_t> is_kept(n);
-      std::fill_n(is_kept.begin(), most_, 1);
+      tried.resize(most_);
+      std::iota(tried.begin(), tried.end(), 0);
       do {
-        tried.clear();
-        for (int i = 0; i < n; ++i) {
-          if (is_kept[i]) tried.push_back(i);
-        }
         try_it();
-      } while (std::prev_permutation(is_kept.begin(), is_kept.end()));
+      } while (next_combination(tried, n));
       return kept;
     }
     std::vector<int> left(n);

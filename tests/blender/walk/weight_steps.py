@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from helpers import select
+from helpers import own_positions, select
 
 from . import scene
 from .kinds import on_both
@@ -24,6 +24,13 @@ def alone(step):
     return run
 
 
+def is_like_its_twin(ob):
+    """Whether both have the same vertices to the last bit. Otherwise tools that choose, a bone or a nearest point, may
+    choose differently among equals."""
+    ob, twin = next(pair for pair in scene.pairs() if ob in pair)
+    return np.array_equal(own_positions(ob), own_positions(twin))
+
+
 @on_both(1)
 def lock_groups(random, ob):
     for group in ob.vertex_groups:
@@ -41,6 +48,8 @@ def smooth_weights(random, ob):
 @on_both(2)
 @alone
 def mirror_weights(random, ob):
+    if not is_like_its_twin(ob):
+        return
     in_a_mode(random, ob)
     bpy.ops.object.sinew_mirror_weights(axis=random.choice("XXYZ"), direction=random.choice(("POSITIVE", "NEGATIVE")))
 
@@ -48,6 +57,8 @@ def mirror_weights(random, ob):
 @on_both(2)
 @alone
 def reduce_influences(random, ob):
+    if not is_like_its_twin(ob):
+        return
     in_a_mode(random, ob)
     first = random.randint(1, scene.LAST_FRAME - 3)
     bpy.ops.object.sinew_reduce_influences(
