@@ -9,7 +9,8 @@ from . import scene
 
 TOLERANCE = 1e-5  # of the diagonal
 # Corrective Smooth turns by a corner's sides: where they are nearly parallel, the last bit of a position decides. And a
-# negative factor amplifies rounding of all vertices in each iteration.
+# negative factor amplifies rounding of all vertices in each iteration. Solidify moves along normals: of a face that is
+# nearly a line, the last bit decides them.
 FEW, LOOSE_TOLERANCE = 1 / 500, 5e-3
 # Says something of the program, not of the modifier; and the property that the hook drives: it counts for curves alone.
 NOT_SAID = {
@@ -84,7 +85,8 @@ def looseness(ob):
             10 * LOOSE_TOLERANCE,
         )  # the last bit of a position decides to which face it is bound, and where faces are cut
     factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
-    return (0.0 if not factors else 1.0 if min(factors) < 0 else FEW), LOOSE_TOLERANCE
+    has_few = bool(factors) or any(modifier.type == "SOLIDIFY" for modifier in ob.modifiers)
+    return (1.0 if min(factors, default=0) < 0 else FEW if has_few else 0.0), LOOSE_TOLERANCE
 
 
 def assert_close(ours, theirs, where, looseness=(0.0, TOLERANCE)):
