@@ -90,25 +90,23 @@ python_tests() {
   PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q --durations=8 -p no:cacheprovider tests/python
 }
 
-# VERSION of Python: with the wheel, as pip installs it
+# VERSION of Python
 windows_python_tests() {
-  local python=$BUILD/windows-python-$1 original
-  original=$(.ci/windows_python "$1") || return 1
-  say "Python tests, $("$original/run" --version) for Windows"
-  rm -rf "$python" && cp -r "$original" "$python" &&
-    "$python/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-"cp${1/./}"-*-win_amd64.whl &&
-    SINEW_BUILD='' SINEW_ZIP=$ZIP "$python/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
-      --ignore tests/python/test_vectorisation.py
+  original=$(.ci/windows_python "$1") && tests_with_wheel Windows "$BUILD/windows-python-$1" "cp${1/./}-*-win_amd64"
 }
 
-# With the wheel, as pip installs it; all but those that read machine code.
 arm_python_tests() {
-  local python=$BUILD/arm-python original
-  original=$(.ci/arm_python) || return 1
-  say "Python tests, $("$original/run" --version) for 64-bit ARM"
-  rm -rf "$python" && cp -r "$original" "$python" &&
-    "$python/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-cp311-*_aarch64.whl &&
-    SINEW_BUILD='' SINEW_ZIP=$ZIP "$python/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
+  original=$(.ci/arm_python) && tests_with_wheel "64-bit ARM" "$BUILD/arm-python" "cp311-*_aarch64"
+}
+
+# SYSTEM FOLDER WHEEL: with the wheel, as pip installs it into a copy of the Python in $original; all but the tests that
+# read machine code.
+tests_with_wheel() {
+  say "Python tests, $("$original/run" --version) for $1"
+  # shellcheck disable=SC2086 # a pattern
+  rm -rf "$2" && cp -r "$original" "$2" &&
+    "$2/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-$3.whl &&
+    SINEW_BUILD='' SINEW_ZIP=$ZIP "$2/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
       --ignore tests/python/test_vectorisation.py
 }
 

@@ -13,6 +13,7 @@ LISTS = sorted(
     (
         "frame_change_pre",
         "frame_change_post",
+        "depsgraph_update_pre",
         "depsgraph_update_post",
         "load_post",
         "save_pre",

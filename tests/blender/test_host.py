@@ -193,6 +193,11 @@ def spoil_setting_aside(host, monkeypatch):
     monkeypatch.setattr(host["switches"], "_ASIDE", 1 << 30)
 
 
+def spoil_muting(host, monkeypatch):
+    monkeypatch.setattr(host["switches"], "_MUTED", 1 << 5)
+    monkeypatch.setattr(addon_module("plan.ways"), "FEWEST_VERTICES", {"ATTRIBUTE": 10_000, "KEYS": 10_000})
+
+
 def plain(ob):
     pass
 
@@ -206,6 +211,7 @@ def plain(ob):
         (spoil_keys, add_shape_keys, "shape keys are not where they were"),
         (spoil_attributes, plain, "attributes are not where they were"),
         (spoil_switches, plain, "the bits of switches of modifiers have another meaning"),
+        (spoil_muting, plain, "the bits of muted drivers have another meaning"),
         (spoil_setting_aside, plain, "the bit that disables modifiers has another meaning"),
     ),
 )

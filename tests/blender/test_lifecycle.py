@@ -406,3 +406,18 @@ def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
     assert not ob.sinew.is_bound and not ob.modifiers["Armature"].show_viewport
     assert_same_shape(ob, twin)
     assert len(bpy.data.node_groups) == 0
+
+
+def test_who_deletes_the_driver_unbinds(fresh_scene):
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    twin = twin_of(ob)
+    for frame in (1, 10):
+        pose(armature, frame, False)
+    accelerate(ob)
+    fresh_scene.frame_set(4)
+    ob.driver_remove(ob.animation_data.drivers[0].data_path)
+    bpy.context.view_layer.update()
+    assert not ob.sinew.is_bound and not ob.modifiers.get("Sinew")
+    fresh_scene.frame_set(7)
+    assert_same_shape(ob, twin)

@@ -44,6 +44,80 @@ def test_fewer_vertices_than_pay(fresh_scene, limit, parts):
     assert way(ob) == ("KEYS" if parts else "ATTRIBUTE")
 
 
+@pytest.fixture
+def calls(monkeypatch):
+    """The list of names of objects for which Blender has called the full path."""
+    in_pass, found = addon_module("run.in_pass"), []
+    deform = in_pass._deform
+
+    def count(entry, copy, ob):
+        found.append(ob.name)
+        deform(entry, copy, ob)
+
+    monkeypatch.setattr(in_pass, "_deform", count)
+    return found
+
+
+def test_blender_calls_nothing_on_frames_that_it_deforms(fresh_scene, limit, calls):
+    limit(VERTICES + 1)
+    ob, twin = character()
+    bpy.context.view_layer.update()
+    calls.clear()
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 6))
+    assert calls == [] and "fewer than" in addon_module("run.characters").character(ob).way.reason
+    ob.update_tag()  # Blender copies the object again
+    bpy.context.view_layer.update()
+    assert calls == [ob.name]
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(6, 9))
+    assert calls == [ob.name]
+
+
+def subdivide(mesh):
+    bm = bmesh.new()
+    bm.from_mesh(mesh)
+    bmesh.ops.subdivide_edges(bm, edges=list(bm.edges), cuts=1, use_grid_fill=True)
+    bm.to_mesh(mesh)
+    bm.free()
+
+
+def test_a_mesh_that_grows_and_shrinks(fresh_scene, limit):
+    """Only the mesh is edited, not the object."""
+    limit(VERTICES + 1)
+    ob, twin = character()
+    small = ob.data.copy()
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(1, 4))
+    for mesh in (ob.data, twin.data):
+        subdivide(mesh)
+    bpy.context.view_layer.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(4, 7))
+    assert way(ob) == "ATTRIBUTE" and addon_module("run.characters").character(ob).is_deforming
+    for mesh in (ob.data, twin.data):
+        bm = bmesh.new()
+        bm.from_mesh(small)
+        bm.to_mesh(mesh)
+        bm.free()
+    bpy.context.view_layer.update()
+    assert_same_on_all_frames(fresh_scene, ob, twin, range(7, 10))
+    assert way(ob) == "BLENDER" and len(ob.data.vertices) == VERTICES
+
+
+def test_undoing_the_growth(fresh_scene, limit):
+    limit(VERTICES + 1)
+    ob, twin = character()
+    bpy.context.view_layer.update()
+    name, other = ob.name, twin.name
+    bpy.ops.ed.undo_push(message="small")
+    for mesh in (ob.data, twin.data):
+        subdivide(mesh)
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="large")
+    for step, wanted in ((bpy.ops.ed.undo, "BLENDER"), (bpy.ops.ed.redo, "ATTRIBUTE"), (bpy.ops.ed.undo, "BLENDER")):
+        step()
+        ob, twin = bpy.data.objects[name], bpy.data.objects[other]
+        assert_same_on_all_frames(bpy.context.scene, ob, twin, range(1, 4))
+        assert way(ob) == wanted
+
+
 def another_method(ob):
     ob.sinew.method = "BLENDED"
 

@@ -157,6 +157,44 @@ def test_a_modifier_is_applied(pair, name):
     assert pair[0].sinew.is_bound == (name != "Armature")
 
 
+def key_positions(ob):
+    """(K, V, 3)"""
+    blocks = ob.data.shape_keys.key_blocks
+    return np.array([[point.co for point in block.data] for block in blocks])
+
+
+@pytest.mark.parametrize("active", (0, 1), ids=("the reference", "another key"))
+@pytest.mark.parametrize("kind", ("UV_WARP", "VERTEX_WEIGHT_EDIT"))
+def test_applying_what_moves_nothing_leaves_the_keys_alone(pair, kind, active):
+    """Blender copies the evaluated keys to the original."""
+    names = [each.name for each in pair]
+    with_keys(pair)
+    for each in pair:
+        each.active_shape_key_index = active
+        modifier = each.modifiers.new("Moves nothing", kind)
+        if kind == "VERTEX_WEIGHT_EDIT":
+            modifier.vertex_group = "no bone"
+    for frame in (4, 5, 6):  # the last one by the fast path
+        bpy.context.scene.frame_set(frame)
+    wanted = key_positions(pair[1])
+    bpy.ops.ed.undo_push(message="before")
+    for each in pair:
+        select(each)
+        assert bpy.ops.object.modifier_apply(modifier="Moves nothing") == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="after")
+    for step in (None, bpy.ops.ed.undo, bpy.ops.ed.redo):
+        if step is not None:
+            step()
+        ob, twin = [bpy.data.objects[name] for name in names]
+        assert np.array_equal(key_positions(ob), wanted) and np.array_equal(key_positions(twin), wanted)
+        assert np.array_equal(own_positions(ob), own_positions(twin))
+        assert_same_shape(ob, twin)
+    for frame in (7, 8, 9):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+        assert way(ob) == "KEYS"
+
+
 @pytest.mark.parametrize("keys", (False, True), ids=("plain", "shape keys"))
 @pytest.mark.parametrize("keep", (False, True), ids=("applied", "kept"))
 def test_the_shape_is_saved_as_a_shape_key(pair, keys, keep):

@@ -113,11 +113,8 @@ def _sort_in(rig: Any, ob: Any, found: Followers) -> None:
 
 
 def hook_of(ob: Any) -> Any:
-    """Returns the hook of an original or evaluated object, or None."""
-    if ob.type != "MESH" or not ob.sinew.is_bound:
-        return None
-    carrier = wiring.carrier_of(ob)
-    return wiring.hook_of(ob, carrier) if carrier is not None else None
+    """Returns the hook of a bound mesh, original or evaluated, or None."""
+    return wiring.find_hook(ob) if ob.type == "MESH" and ob.sinew.is_bound else None
 
 
 def _pointers(struct: Any) -> list[Any]:

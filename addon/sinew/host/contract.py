@@ -65,6 +65,7 @@ CONTRACT: dict[str, dict[str, Member]] = {
     "bPoseChannel_Runtime": {"bbone_segments": Member("int", 4), "*bbone_deform_mats": _pointer("Mat4")},
     "DriverTarget": {"*id": _pointer("ID")},
     "DriverVar": {"curval": Member("float", 4)},
+    "FCurve": {"flag": Member("short", 2)},
     "ModifierData": {"mode": Member("int", 4)},
     "ArmatureModifierData": {
         "deformflag": Member("short", 2),

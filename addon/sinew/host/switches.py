@@ -1,4 +1,5 @@
-"""Writes switches of evaluated objects' modifiers by address. Through the API, a change would count as an edit.
+"""Writes switches of evaluated objects' modifiers and drivers by address: through the API, a change would count as an
+edit.
 
 A modifier that Sinew replaces is switched off by a bit of its own, with which Blender disables a modifier for a while.
 Its switches for viewport and renders are left to the user, and to drivers and keyframes, which may set them on each
@@ -17,6 +18,7 @@ _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
 SWITCHES = _VIEWPORT | _RENDER
 _ASIDE = 1 << 31  # a bit of a modifier's mode: Blender does not evaluate it, whatever its switches are
 _GROUPS, _ENVELOPES = 1, 2  # bits of an Armature modifier's deformflag
+_MUTED = 1 << 4  # a bit of an F-curve's flag
 
 
 def bind_armature_modifier(modifier: Any, groups: bool, envelopes: bool) -> None:
@@ -30,6 +32,12 @@ def bind_armature_modifier(modifier: Any, groups: bool, envelopes: bool) -> None
         (bool(groups), bool(envelopes)),
         lambda: (modifier.use_vertex_groups, modifier.use_bone_envelopes),
     )
+
+
+def mute_driver(curve: Any) -> None:
+    """Mutes a driver of an evaluated object, until Blender copies the object again. Also from that driver."""
+    flag = ctypes.c_int16.from_address(contract.region(curve, "FCurve", "flag")[0])
+    _write("muted drivers", flag, flag.value | _MUTED, (True,), lambda: (curve.mute,))
 
 
 def mode_switch(modifier: Any, viewport: bool, render: bool) -> tuple[int, int, int]:
@@ -105,8 +113,8 @@ def _write(
     what: str,
     number: ctypes.c_int16 | ctypes.c_int32,
     value: int,
-    wanted: tuple[bool, bool],
-    shown: Callable[[], tuple[bool, bool]],
+    wanted: tuple[bool, ...],
+    shown: Callable[[], tuple[bool, ...]],
 ) -> None:
     """Writes a number whose bits are switches. Compares the result with the API until each bit was seen to change.
 

@@ -85,6 +85,12 @@ def _in_main_thread(function, *arguments):
 
 
 @persistent
+def before_depsgraph_update(*_: Any) -> None:
+    if _is_main_thread():
+        mending.mend_keys_of_applied()
+
+
+@persistent
 def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     write_lock.look()
     _put_handlers_back()
@@ -137,6 +143,8 @@ def before_undo_redo(*_: Any) -> None:
 
 @persistent
 def on_undo_redo(*_: Any) -> None:
+    characters.gather_again()
+    mending.mend_keys_of_applied()
     forget(is_undo=True)
     for ob in characters.bound_objects():
         own = nodes.find_modifier(ob)
@@ -158,6 +166,9 @@ class Edits:
 
     of_collections: bool  # objects may have been added, removed, shown or hidden
     keys: set = field(default_factory=set)  # of all updated data-blocks
+    # Keys of the data-blocks that may have been edited themselves. An object that only follows others has another shape
+    # or place, but Blender need not shade it anew.
+    own_keys: set = field(default_factory=set)
     meshes: list = field(default_factory=list)  # (original mesh object, whether its geometry has changed)
     armatures: list = field(default_factory=list)  # original armature data
     vertex_parents: set = field(default_factory=set)  # keys of the objects whose vertices updated objects follow
@@ -168,6 +179,8 @@ class Edits:
         for update in depsgraph.updates:
             block = update.id
             edits.keys.add(values.key_of(block))
+            if update.is_updated_shading or not update.is_updated_geometry:
+                edits.own_keys.add(values.key_of(block))
             if isinstance(block, bpy.types.Armature):  # also if only the pose has changed
                 edits.armatures.append(block.original)
             elif isinstance(block, bpy.types.Object) and block.type == "MESH":
@@ -209,20 +222,20 @@ def _note_edits(objects, affected, edits, may_lack):
             mail.post(bind.rewire, key)
     for ob in objects:
         key = values.key_of(ob)
-        is_edited = key in edits.keys
-        if is_edited:
-            if bind.release_if_undone(ob):
-                continue
-            characters.see(ob)
+        is_updated, is_edited = key in edits.keys, not edits.own_keys.isdisjoint((key, values.key_of(ob.data)))
+        if is_edited and bind.release_if_undone(ob):
+            continue
+        if is_updated:
+            characters.see(ob, is_edited)
         entry = characters.of(ob)
-        if entry.way.kind == ways.BLENDER and key in affected:
+        if entry.way.kind == ways.BLENDER and (is_edited or entry.way.is_of_bones and key in affected):
             sharer_count = entry.planning.sharer_count  # updated elsewhere: counting searches the whole file
             entry.look_again()
             entry.planning.sharer_count = sharer_count
             entry.look(ob)
         elif entry.is_wired and (
             entry.planning.should_revive(ob)
-            or (may_lack or is_edited and edits.of_collections)
+            or (may_lack or is_updated and edits.of_collections)
             and not survey.waits_for_targets(ob, entry.plan)
             or key in affected
             and survey.may_go_on(ob, entry.plan)
@@ -309,6 +322,7 @@ def take_over_open_file() -> None:
 FRAME_HANDLERS = (("frame_change_pre", before_frame), ("frame_change_post", after_frame))
 HANDLERS = (
     *FRAME_HANDLERS,
+    ("depsgraph_update_pre", before_depsgraph_update),
     ("depsgraph_update_post", on_depsgraph_update),
     ("load_post", on_load),
     ("save_pre", before_save),

@@ -25,6 +25,7 @@ class Way:
     reason: str = ""  # of BLENDER, a sentence for users
     wants_keys: bool = False  # it would take the path through shape keys if it had any
     is_small: bool = False  # it could take another path, but Blender is faster with so few vertices
+    is_of_bones: bool = False  # it could take another path with other bones
     front: tuple[str, ...] = ()  # of CANVAS, names of the modifiers that only the canvas evaluates
     has_copy: bool = False  # the canvas has a copy of the mesh, not the mesh itself
     # Of CANVAS: all of the result is the canvas's, which takes less time than to look up its positions. Nothing tells
@@ -80,7 +81,8 @@ def whatever_its_size(situation: Situation) -> Way:
         return Way(BLENDER, reason)
     if situation.weights_follow_shape:
         what = "Its shape keys move vertices" if situation.keys else "Mesh and armature move against each other"
-        return Way(BLENDER, f"{what}, so the weights from envelopes or curved B-bones change on each frame")
+        reason = f"{what}, so the weights from envelopes or curved B-bones change on each frame"
+        return Way(BLENDER, reason, is_of_bones=True)
     return _through_keys(situation) if situation.keys is not None else _through_attribute(situation)
 
 

@@ -63,6 +63,12 @@ def carrier_of(ob: bpy.types.Object) -> Any:
     )
 
 
+def find_hook(ob: bpy.types.Object) -> Any:
+    """Returns the hook of an original or evaluated object, or None."""
+    carrier = carrier_of(ob)
+    return None if carrier is None else hook_of(ob, carrier)
+
+
 def taken_modifiers(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
     """Returns the Armature modifiers that Sinew replaces, in stack order; none if it replaces only shape keys and
     smoothing."""
@@ -143,6 +149,11 @@ def hook_variables(
     for i, (target, place) in enumerate(targets):
         wanted.append((f"target{i}", "OBJECT" if place in SHAPES.values() else "BONE", target, place))
     return wanted
+
+
+def waits_for_nothing(hook: bpy.types.FCurve) -> bool:
+    """Whether a hook only marks the modifier, as of a mesh that is left to Blender."""
+    return len(hook.driver.variables) == 1
 
 
 def drivers_of_settings(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> list[Any]:
@@ -370,8 +381,7 @@ def target_of(hook: bpy.types.FCurve, name: str) -> Any:
 
 def revive(ob: bpy.types.Object) -> None:
     """Makes Blender evaluate the hook again if it became invalid because the add-on was not there."""
-    carrier = carrier_of(ob)
-    hook = carrier and hook_of(ob, carrier)
+    hook = find_hook(ob)
     if hook and not hook.driver.is_valid:
         hook.driver.is_valid = True
         ob.update_tag()

@@ -146,8 +146,7 @@ def _subjects(context):
 def _animated(context, armatures):
     """Returns the absences of all keyframes and of all drivers, except the drivers that call Sinew. armatures: the
     evaluated ones, since `depsgraph.ids` lacks hidden armatures."""
-    carriers = [(ob, wiring.carrier_of(ob)) for ob in characters.bound_objects()]
-    hooks = [wiring.hook_of(ob, carrier) for ob, carrier in carriers if carrier is not None]
+    hooks = [wiring.find_hook(ob) for ob in characters.bound_objects()]
     blocks = [block.original for block in context.evaluated_depsgraph_get().ids if hasattr(block, "animation_data")]
     blocks += rigs.blocks_of(armatures)
     found = zip(("Keyframes", "Drivers"), ("KEYFRAMES", "DRIVERS"), rigs.unmuted_curves(blocks, hooks))
@@ -193,7 +192,7 @@ class _Subject:
         self._add_modifiers(evaluated)
 
     def _add_own(self):
-        entry = characters.character(self.ob)
+        entry = characters.looked_at(self.ob)
         self.cost.is_bound = True
         self.cost.reason = entry.status.error or entry.way.reason if entry else ""
         if entry and not self.cost.reason:

@@ -49,6 +49,7 @@ _characters: dict[int, Character] = {}  # by the key of the mesh object
 _file = _File()
 _is_stale = True  # bound meshes were added or removed since the walk
 _editions: dict[int, int] = {}  # key of the mesh object -> the edition of its mesh, kept through undo
+_silencing: set[int] = set()  # keys of the mesh objects in whose evaluated shape keys Sinew writes
 _gathering_number = 0
 _gathering = threading.Lock()  # held while _characters gets entries or is replaced
 
@@ -78,6 +79,17 @@ def character(ob: bpy.types.Object) -> Character | None:
     return _characters.get(values.key_of(ob)) if ob.sinew.is_bound else None
 
 
+def looked_at(ob: bpy.types.Object) -> Character | None:
+    """Returns the Character of an original object with its plan, or None if the object is not bound. After an undo, a
+    mesh that Blender deforms has no plan until somebody asks: its hook need not be called, see in_pass."""
+    if not ob.sinew.is_bound:
+        return None
+    entry = of(ob)
+    if not entry.planning.has_looked:
+        entry.look(ob)
+    return entry
+
+
 def _new(key: int, name: tuple[str, str | None]) -> Character:
     return Character(key, name, _editions.get(key, 0))
 
@@ -90,6 +102,7 @@ def forget(is_undo: bool = False) -> None:
         if is_undo:
             _editions.update((key, entry.data.edition) for key, entry in _characters.items())
         _characters, _file, _is_stale = {}, _File(), True
+        _silencing.clear()
     layers.forget_editions()
     shortcuts.forget()
     mail.forget()
@@ -147,6 +160,17 @@ def find(key: int) -> bpy.types.Object | None:
     return _file.objects.get(key)
 
 
+def note_silencing(entry: Character) -> None:
+    """Notes that Sinew writes shapes into the evaluated shape keys of a bound mesh. From any thread."""
+    _silencing.add(entry.key)
+
+
+def silencing() -> list[bpy.types.Object]:
+    """Returns the bound objects in whose evaluated shape keys Sinew writes."""
+    found = [find(key) for key in tuple(_silencing)]
+    return [ob for ob in found if ob is not None]
+
+
 def gather_again() -> None:
     """Has the next query walk through the file again."""
     global _is_stale
@@ -164,15 +188,16 @@ def gathering() -> int:
     return _gathering_number
 
 
-def see(ob: bpy.types.Object) -> None:
-    """Updates what is known of a bound object after an edit."""
+def see(ob: bpy.types.Object, is_edited: bool) -> None:
+    """Updates what is known of a bound object after an update. is_edited: more than its name or place may differ."""
     key = values.key_of(ob)
     if _file.objects.get(key) != ob:
         gather_again()
         return
     entry = of(ob)
     entry.name = _name(ob)
-    _file.sort_in(key, ob)
+    if is_edited:
+        _file.sort_in(key, ob)
 
 
 def see_mesh(mesh: bpy.types.Mesh, is_in_doubt: bool) -> None:

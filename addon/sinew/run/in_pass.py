@@ -12,8 +12,8 @@ import numpy as np
 
 from ..blender import meshes, nodes, values
 from ..clips import posing
-from ..host import contract, evaluations, key_blocks, marks, vector_arrays
-from ..plan import wiring
+from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
+from ..plan import ways, wiring
 from . import (
     cage_stages,
     characters,
@@ -74,6 +74,15 @@ def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) 
     switching.switch(ob, copy.plan, copy.is_deforming)
     if work is None:
         _give_keys_back(copy, ob)
+        _rest(copy, ob)
+
+
+def _rest(copy: graph_copies.GraphCopy, ob: Any) -> None:
+    """Has Blender no longer call the hook of a mesh that is left to Blender, until it copies the object again. That it
+    does at the latest when Sinew takes another path, for which the hook has to wait for more."""
+    hook = copy.hook_of(ob)
+    if hook is not None and copy.plan.way.kind == ways.BLENDER and wiring.waits_for_nothing(hook):
+        switches.mute_driver(hook)
 
 
 def _stand_back(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) -> None:
@@ -137,6 +146,7 @@ def _read_keys(copy: graph_copies.GraphCopy, ob: Any, mesh: Any) -> None:
     fresh = not marks.test_and_mark(keys, "KEY")
     if not fresh and copy.keys is not None and copy.keys_address == keys.as_pointer():
         return
+    characters.note_silencing(copy.character)
     copy.keys_address = keys.as_pointer()
     source = keys if fresh else ob.original.data.shape_keys
     copy.keys = shape_keys.read(source, len(mesh.vertices), copy.weights)

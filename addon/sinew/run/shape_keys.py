@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..blender import meshes
 from ..host import key_blocks, marks
 from ..native import sinew_native
 
@@ -53,3 +54,19 @@ def give_back(keys: Any, known: Keys) -> None:
     base = key_blocks.key_positions(addresses[0], len(known.base))
     if base is not None:
         base[:] = known.base
+
+
+def mend_original(mesh: Any, keys: Any, known: Keys) -> None:
+    """Gives an original mesh and its reference key their shape back if they have been given the one that Sinew has
+    written into the evaluated copy. So Blender does where a modifier that moves nothing is applied: it copies the
+    evaluated keys, and to the mesh the active one.
+
+    mesh: original; keys: evaluated, not copied again since Sinew wrote into them; known: what was read of them."""
+    shape, own = (
+        key_blocks.key_positions(key_blocks.key_addresses(each)[0], len(known.base)) for each in (keys, mesh.shape_keys)
+    )
+    if shape is None or own is None or not np.array_equal(own, shape) or np.array_equal(own, known.base):
+        return
+    own[:] = known.base
+    if np.array_equal(meshes.read_positions(mesh), shape):
+        mesh.vertices.foreach_set("co", known.base.ravel())

@@ -24,7 +24,7 @@ class Advice:
 
 def warnings(ob: bpy.types.Object) -> list[Advice]:
     """Returns the warnings about a bound mesh, worst first."""
-    entry = characters.character(ob)
+    entry = characters.looked_at(ob)
     return [
         *_about_evaluation(ob, entry),
         *_about_copy(ob),

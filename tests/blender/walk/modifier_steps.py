@@ -207,13 +207,12 @@ def remove_modifier(random, ob):
 
 @on_both(2)
 def apply_modifier(random, ob):
-    """But out of turn, for which the manual says to unbind first: a Corrective Smooth among others takes the shape of
-    the moment for its rest shape, which bound meshes have elsewhere, and a mesh with keys gets its evaluated keys."""
+    """But a Corrective Smooth among others, for which the manual says to unbind first: it takes the shape of the moment
+    for its rest shape, which bound meshes have elsewhere."""
     modifier = own(ob)[0] if own(ob) and random.random() < 0.7 else one_of(random, ob)
     if not are_poses_written_back(ob):
         return
-    is_out_of_turn = bool(keys_of(ob)) and modifier != next(iter(own(ob)), None)
-    if modifier and not is_out_of_turn and (modifier.type != "CORRECTIVE_SMOOTH" or len(own(ob)) == 1):
+    if modifier and (modifier.type != "CORRECTIVE_SMOOTH" or len(own(ob)) == 1):
         select(ob)
         bpy.ops.object.modifier_apply(modifier=modifier.name)
 
