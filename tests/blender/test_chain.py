@@ -197,6 +197,23 @@ def test_bind_coordinates(fresh_scene, make):
     assert stages(ob) == ["Corrective"]
 
 
+def test_binding_with_only_smooth(fresh_scene, make):
+    """Only Smooth needs no binding, but has to find it when it is switched off."""
+    ob, twin = make(simple, bind=False)
+    for each in (ob, twin):
+        each.modifiers["Corrective"].rest_source, each.modifiers["Corrective"].use_only_smooth = "BIND", True
+    accelerate(ob)
+    assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5, 9))
+    for each in (ob, twin):
+        bound_while_bent(each, 7)
+        assert each.modifiers["Corrective"].is_bind
+    assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5, 9))
+    assert stages(ob) == ["Corrective"]
+    for each in (ob, twin):
+        each.modifiers["Corrective"].use_only_smooth = False
+    assert_same_on_all_frames(fresh_scene, ob, twin, (2, 6, 10))
+
+
 def test_not_bound(fresh_scene, make):
     ob, twin = make(lambda ob: smoothed(ob, rest_source="BIND"))
     assert_same_on_all_frames(fresh_scene, ob, twin, (1, 5))

@@ -213,11 +213,14 @@ def awaited_by(modifier: Any) -> tuple[int, str] | None:
 
 
 def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
-    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or ""."""
-    if modifier.type != "CORRECTIVE_SMOOTH" or modifier.rest_source != "BIND" or modifier.use_only_smooth:
+    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or "". With Only Smooth
+    it needs none, but Blender can bind it only as long as it evaluates it."""
+    if modifier.type != "CORRECTIVE_SMOOTH" or modifier.rest_source != "BIND":
         return ""
     if not modifier.is_bind:
         return runs.why_not_bound(None, len(ob.data.vertices))
+    if modifier.use_only_smooth:
+        return ""
     return runs.why_not_bound(vector_arrays.bound_count(modifier), len(ob.data.vertices))
 
 
