@@ -69,6 +69,10 @@ def rename_bone(random):
     armature = one_armature(random)
     if armature and len(armature.data.bones):
         random.choice(armature.data.bones).name = random.choice(("bone0", "bone1", "elbow", 'the "bone"', "side"))
+        # Blender finds keyframes of the new name only when it sorts out again what depends on what.
+        newcomer = bpy.data.objects.new("", None)
+        bpy.context.scene.collection.objects.link(newcomer)
+        bpy.data.objects.remove(newcomer)
         bpy.context.view_layer.update()
         for pair in scene.pairs():  # Blender may leave a mesh stale that has a group of the new name already
             for ob in pair:
