@@ -416,6 +416,15 @@ def test_what_a_transfer_refuses(spoil):
     assert [entries(ob) for ob in (body, suit)] == before
 
 
+def test_a_target_with_two_armatures_needs_the_bones_of_one():
+    body, _ = make_body()
+    suit = suit_of(body)
+    other_bones(body, suit)
+    suit.modifiers.new("Behind", "ARMATURE").object = body.modifiers["Armature"].object
+    assert transfer(body, suit) == {"FINISHED"}
+    assert np.abs(dense(suit).sum(axis=1) - 1).max() < 1e-5
+
+
 def test_one_refused_target_leaves_the_others_alone():
     body, _ = make_body()
     suit, other = suit_of(body), suit_of(body, 1.1, "Coat")

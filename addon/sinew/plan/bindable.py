@@ -39,6 +39,12 @@ def find_armature(ob: Any) -> Any:
     return None
 
 
+def armatures_of(ob: Any) -> list[Any]:
+    """Returns the armatures of a mesh: those of its Armature modifiers, or find_armature's, or none."""
+    found = [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object]
+    return list(dict.fromkeys(found)) or [each for each in (find_armature(ob),) if each is not None]
+
+
 def meshes_of(context: Any, armature: Any) -> list[Any]:
     """Returns the meshes of the view layer that an armature deforms, through Blender or Sinew."""
     return [

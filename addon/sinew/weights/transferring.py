@@ -121,17 +121,17 @@ class Transfer:
         self.matched: list[np.ndarray] = []  # (V,) bool for each target
 
     def _refuse_other_bones(self, armatures: Any) -> None:
-        """Raises ValueError if a target's own armature lacks bones of the source."""
+        """Raises ValueError if a target's own armatures lack bones of the source."""
         for ob in self.targets:
-            own = bindable.find_armature(ob)
-            if own is None or own in armatures:
+            own = bindable.armatures_of(ob)
+            if not own or not armatures.keys().isdisjoint(own):
                 continue
-            there = set(table.deforming(own))
+            there = {name for each in own for name in table.deforming(each)}
             missing = [name for name in self._source_names if name not in there]
             if missing:
                 listed = ", ".join(missing[:3]) + (f" and {len(missing) - 3:,} more" if len(missing) > 3 else "")
                 raise ValueError(
-                    f"{ob.name} belongs to {own.name}, which lacks deforming bones that move "
+                    f"{ob.name} belongs to {_names(own)}, which lacks deforming bones that move "
                     f"{_names(self.sources)}: {listed}. Give it the Armature modifier of {self.armature.name}"
                 )
 

@@ -56,8 +56,8 @@ def parent_with_automatic_weights(random, ob):
 
 @on_both(0.7)
 def parent_with_sinew_weights(random, ob):
-    """Adds an Armature modifier too, and makes weights."""
-    rigs = scene.armatures()
+    """Adds an Armature modifier too, and makes weights. Blender may not know where a hidden armature is."""
+    rigs = [rig for rig in scene.armatures() if rig.visible_get()]
     if rigs and has_room(ob) and ob.data.vertices:
         select(random.choice(rigs), ob)
         settings = {"stiffness": random.choice((2.0, 8.0)), "max_influences": random.choice((0, 3))}
