@@ -10,7 +10,7 @@ import bpy
 from mathutils import Euler, Matrix
 
 from characters import BONES, by_keys, make_armature, make_cage, make_mesh, make_mesh_cage, make_tube
-from helpers import deform_small_meshes, select
+from helpers import deform_small_meshes, depsgraph, select
 
 OURS, TWINS = "Tube ", "Twin "
 LAST_FRAME = 20
@@ -139,3 +139,8 @@ def take_keyframes():
     reason. And what a scene shows at first has not come to the objects themselves: before 5.0 an edit of an armature
     then brings back the pose that they have, and Blender shows it in what is evaluated anew after that."""
     bpy.context.scene.frame_set(bpy.context.scene.frame_current)
+    if len(bpy.data.scenes) > 1:
+        graph = depsgraph()
+        for ob in bpy.context.view_layer.objects:
+            seen = ob.evaluated_get(graph)
+            ob.location, ob.rotation_euler = seen.location.copy(), seen.rotation_euler.copy()
