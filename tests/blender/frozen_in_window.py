@@ -31,6 +31,7 @@ from windowed import (
     region,
     run,
     screen,
+    until,
     window,
     windows,
 )
@@ -93,7 +94,7 @@ def steps():
     scene().sinew_freezes_others = True
     yield from pick(meshes[0])
     yield from play_all()
-    yield from until(lambda: is_frozen(armatures[1]), "what is not selected does not freeze")
+    yield from until_frozen(armatures[1], "what is not selected does not freeze")
     assert not is_frozen(armatures[0])
     assert_as(reference, meshes)
     print("window: what is not selected freezes by itself")
@@ -103,7 +104,7 @@ def steps():
     yield from pick(meshes[1])
     assert not is_frozen(armatures[1])
     assert_as(reference, meshes)
-    yield from until(lambda: is_frozen(armatures[0]), "what was left does not freeze")
+    yield from until_frozen(armatures[0], "what was left does not freeze")
     assert not is_frozen(armatures[1])
     assert_as(reference, meshes)
     print("window: picking the other one makes it live and freezes the first")
@@ -174,12 +175,12 @@ def play_all():
         yield 0.05
 
 
-def until(holds, what):
-    for _ in range(60):
-        if holds():
-            return
-        yield 0.25
-    raise AssertionError(f"{what}: {[(rig.name, rig.is_frozen, rig.reason) for rig in recorded().known()]}")
+def until_frozen(armature, what):
+    try:
+        yield from until(lambda: is_frozen(armature), 15)
+    except TimeoutError:
+        rigs = [(rig.name, rig.is_frozen, rig.reason) for rig in recorded().known()]
+        raise AssertionError(f"{what}: {rigs}") from None
 
 
 def pose_key_and_undo(meshes, armatures, reference):
@@ -219,7 +220,7 @@ def pose_key_and_undo(meshes, armatures, reference):
     assert_as(reference, meshes)
     yield from play_all()
     assert_as(reference, meshes)
-    yield from until(lambda: is_frozen(armatures[1]), "what is not selected does not freeze after undo")
+    yield from until_frozen(armatures[1], "what is not selected does not freeze after undo")
     print("window: turned a bone, keyed and undid it beside a frozen character")
 
 
@@ -230,7 +231,7 @@ def in_two_windows(meshes, armatures, reference):
     assert len(windows()) == 2
     _rate, seen = yield from playing(15.0, 40)
     assert len(set(seen)) >= 5, f"only {len(set(seen))} frames were shown"
-    yield from until(lambda: is_frozen(armatures[0]), "what is not selected does not freeze after playing")
+    yield from until_frozen(armatures[0], "what is not selected does not freeze after playing")
     scene().frame_set(8)  # playing may have stopped behind the last frame
     assert_as(reference, meshes)
     for ours, theirs in ((0, 1), (1, 0)):
@@ -238,7 +239,7 @@ def in_two_windows(meshes, armatures, reference):
         scene().frame_set(5 + ours)
         yield 0.3
         assert not is_frozen(armatures[ours])
-        yield from until(lambda other=armatures[theirs]: is_frozen(other), "nothing freezes with two windows")
+        yield from until_frozen(armatures[theirs], "nothing freezes with two windows")
         assert_as(reference, meshes)
     yield from picture("two-windows")
     close_other_windows()
@@ -251,7 +252,7 @@ def render(meshes, armatures, reference):
     camera(scene())
     scene().cycles.samples = 1
     scene().frame_start, scene().frame_end = 4, 9
-    yield from until(lambda: is_frozen(armatures[0]), "nothing freezes beside the camera")
+    yield from until_frozen(armatures[0], "nothing freezes beside the camera")
     pictures = []
     for kind in ("frozen", "live"):
         done = []
@@ -285,7 +286,7 @@ def onion_skins(meshes, armatures):
         assert bpy.ops.object.sinew_onion_skins() == {"FINISHED"}
     yield from play_all()
     scene().frame_set(10)
-    yield from until(lambda: is_frozen(armatures[0]), "nothing freezes beside ghosts")
+    yield from until_frozen(armatures[0], "nothing freezes beside ghosts")
     scene().frame_set(11)
     yield 0.2
     scene().frame_set(10)

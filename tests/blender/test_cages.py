@@ -523,15 +523,21 @@ def test_settings_of_clothes(fresh_scene, sparse, invert):
         assert_moves(fresh_scene, ob, twin, (2, 3))
 
 
-def test_edits_of_clothes_and_body(fresh_scene, dressed):
-    ob, twin, body = dressed
+def check_of(scene, ob, twin):
+    """Function that checks the shape after an edit, and whether it is Sinew's."""
 
     def check(sinew=True):
         bpy.context.view_layer.update()
         assert_same_shape(ob, twin)
-        assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 6))
+        assert_same_on_all_frames(scene, ob, twin, (4, 5, 6))
         assert addon_module("run.characters").character(ob).is_deforming == sinew
 
+    return check
+
+
+def test_edits_of_clothes_and_body(fresh_scene, dressed):
+    ob, twin, body = dressed
+    check = check_of(fresh_scene, ob, twin)
     check()
     for vertex in body.data.vertices:
         vertex.co.x *= 1.2
@@ -780,12 +786,7 @@ def test_edits_of_a_box(fresh_scene, box):
     twin = twin_of(ob)
     accelerate(ob)
 
-    def check(sinew=True):
-        bpy.context.view_layer.update()
-        assert_same_shape(ob, twin)
-        assert_same_on_all_frames(fresh_scene, ob, twin, (4, 5, 6))
-        assert addon_module("run.characters").character(ob).is_deforming == sinew
-
+    check = check_of(fresh_scene, ob, twin)
     check()
     for vertex in box.data.vertices:
         vertex.co.x *= 1.2

@@ -213,8 +213,10 @@ def awaited_by(modifier: Any) -> tuple[int, str] | None:
 
 
 def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
-    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or "". (With Only Smooth
-    it needs none, but Blender can only bind what it evaluates itself.)"""
+    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or "".
+
+    With Only Smooth it needs none, but Blender can only bind what it evaluates itself.
+    """
     if modifier.type != "CORRECTIVE_SMOOTH" or modifier.rest_source != "BIND":
         return ""
     if not modifier.is_bind:
