@@ -16,9 +16,10 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "rigs"
 # Runs another Blender like this one. For the Python module, as_blender.py has said where it is.
 COMMAND = [bpy.app.binary_path] if bpy.app.binary_path else [sys.executable, os.environ["AS_BLENDER"]]
+BY_WINE = sys.platform == "win32" and hasattr(ctypes.CDLL("ntdll"), "wine_get_version")
 # For tests that have Blender read a file by mapping it into memory.
 maps_files = pytest.mark.skipif(
-    sys.platform == "win32" and hasattr(ctypes.CDLL("ntdll"), "wine_get_version") and bpy.app.version >= (5, 0, 0),
+    BY_WINE and bpy.app.version >= (5, 0, 0),
     reason="Wine 8 maps no files for Blender 5.0 and later, which reads pictures and OBJ files that way",
 )
 # For tests that need more of the program than its scripts.
