@@ -12,8 +12,7 @@ from characters import make_armature, make_tube
 from helpers import BY_WINE, import_rig, select
 
 pytestmark = pytest.mark.skipif(
-    BY_WINE and bpy.app.version < (5, 0, 0),
-    reason="Wine 8 lacks a function of OpenMP with which Blender 4.2 solves them",
+    BY_WINE and bpy.app.version < (5, 0, 0), reason="Wine 8 lacks a function with which Blender 4.2 solves them"
 )
 POSES, DEGREES = 10, 35
 WORSE = 1.1  # no mesh may be farther from its own weights' shape than this many times Blender's
