@@ -112,6 +112,17 @@ def test_a_frozen_character_plays_as_a_live_one(cast):
     assert np.ptp(shapes, axis=0).max() > 0.1
 
 
+def test_a_bound_mesh_that_is_left_to_blender_plays_too(fresh_scene, monkeypatch):
+    """Blender does not call its hook any more."""
+    monkeypatch.setattr(addon_module("plan.ways"), "FEWEST_VERTICES", {"ATTRIBUTE": 10_000, "KEYS": 10_000})
+    cast = Cast(fresh_scene)
+    cast.freeze()
+    shapes = cast.play()
+    assert cast.rig.is_frozen and not is_deforming(cast.frozen[1]) and len(np.unique(shapes[:, 0], axis=0)) > 5
+    cast.thaw()
+    assert np.array_equal(cast.play(), shapes)
+
+
 def test_its_bones_are_not_evaluated(cast):
     """What the record holds is what everybody sees."""
     cast.freeze()
