@@ -71,8 +71,8 @@ class Weights:
     @functools.cached_property
     def used_names(self) -> set[str]:
         """The names of the groups in which any vertex has a weight other than 0."""
-        counts = np.bincount(self.groups[(self.weights != 0) & (self.groups >= 0)], minlength=len(self.names))
-        return {name for name, count in zip(self.names, counts.tolist()) if count}
+        is_used = _with_weight(self.groups, self.weights, len(self.names))
+        return {name for name, used in zip(self.names, is_used.tolist()) if used}
 
     def of_group(self, name: str) -> np.ndarray | None:
         """Returns the weights in one group, (V,), or None if there is no such group."""
@@ -267,13 +267,21 @@ def space_between(ob: Any, armature: Any) -> np.ndarray | None:
 
 def _moving(own: Influences, bones: Bones) -> np.ndarray:
     """Returns which bones move any vertex, (B,) bool. own: the influences of the mesh."""
-    has_weight = np.zeros(bones.joint_count + 1, bool)
-    has_weight[own.joints[own.weights != 0]] = True
+    has_weight = _with_weight(own.joints, own.weights, bones.joint_count + 1)
     moves = np.zeros(len(bones.names), bool)
     for bone in np.flatnonzero(bones.first_joint >= 0):
         first = bones.first_joint[bone]
         moves[bone] = has_weight[first : first + bones.joint_counts[bone]].any()
     return moves
+
+
+def _with_weight(numbers: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
+    """Returns which joints or groups have a weight other than 0, (count,) bool. numbers (N,): those of the weights,
+    negative for none."""
+    counts = weights != 0
+    if len(numbers) and numbers.min() < 0:
+        counts &= numbers >= 0
+    return np.bincount(numbers if counts.all() else numbers[counts], minlength=count) > 0
 
 
 def _share(mask: np.ndarray | None, vertex_count: int) -> np.ndarray:
