@@ -417,6 +417,8 @@ def test_who_deletes_the_driver_unbinds(fresh_scene):
     accelerate(ob)
     fresh_scene.frame_set(4)
     ob.driver_remove(ob.animation_data.drivers[0].data_path)
+    if bpy.app.version < (4, 0):  # where Blender tells nobody until the object is edited
+        ob.update_tag()
     bpy.context.view_layer.update()
     assert not ob.sinew.is_bound and not ob.modifiers.get("Sinew")
     fresh_scene.frame_set(7)
