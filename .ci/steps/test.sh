@@ -92,21 +92,23 @@ python_tests() {
 
 # VERSION of Python
 windows_python_tests() {
-  original=$(.ci/windows_python "$1") && tests_with_wheel Windows "$BUILD/windows-python-$1" "cp${1/./}-*-win_amd64"
+  local original
+  original=$(.ci/windows_python "$1") && tests_with_wheel Windows "$original" "$BUILD/windows-python-$1" "cp${1/./}-*-win_amd64"
 }
 
 arm_python_tests() {
-  original=$(.ci/arm_python) && tests_with_wheel "64-bit ARM" "$BUILD/arm-python" "cp311-*_aarch64"
+  local original
+  original=$(.ci/arm_python) && tests_with_wheel "64-bit ARM" "$original" "$BUILD/arm-python" "cp311-*_aarch64"
 }
 
-# SYSTEM FOLDER WHEEL: with the wheel, as pip installs it into a copy of the Python in $original; all but the tests that
-# read machine code.
+# SYSTEM PYTHON FOLDER WHEEL: with the wheel, as pip installs it into FOLDER, a copy of PYTHON; all but the tests that read
+# machine code.
 tests_with_wheel() {
-  say "Python tests, $("$original/run" --version) for $1"
+  say "Python tests, $("$2/run" --version) for $1"
   # shellcheck disable=SC2086 # a pattern
-  rm -rf "$2" && cp -r "$original" "$2" &&
-    "$2/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-$3.whl &&
-    SINEW_BUILD='' SINEW_ZIP=$ZIP "$2/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
+  rm -rf "$3" && cp -r "$2" "$3" &&
+    "$3/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-$4.whl &&
+    SINEW_BUILD='' SINEW_ZIP=$ZIP "$3/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
       --ignore tests/python/test_vectorisation.py
 }
 

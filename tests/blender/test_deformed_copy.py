@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, hook, make_armature, make_mesh, make_tube, pose, smoothed
+from characters import accelerate, add_shape_keys, hook, make_armature, make_mesh, make_tube, pose, smoothed, with_twin
 from helpers import (
     addon_module,
     assert_same_shape,
@@ -494,11 +494,9 @@ def test_in_a_collection_that_is_put_away(tube):
 def test_a_file_whose_mesh_had_the_shape_itself(fresh_scene, tmp_path):
     """As the output Mesh was before: the modifier bound to nothing, the rest shape in an attribute."""
     armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
     for frame in (1, 10):
         pose(armature, frame, False)
-    accelerate(ob)
+    ob, twin = with_twin(make_mesh(armature, False))
     addon_module("install.mending").remove_own_modifier(ob)
     rest = own_positions(ob)
     ob.data.attributes.new("rest_position", "FLOAT_VECTOR", "POINT").data.foreach_set("vector", rest.reshape(-1))

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, with_twin
 from helpers import (
     addon_module,
     assert_plays_without_the_addon,
@@ -383,11 +383,9 @@ def test_nothing_of_sinew_is_in_the_evaluated_mesh(fresh_scene):
 def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
     """It would leave the attribute behind, by which an applied modifier is told from a removed one."""
     armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
     for frame in (1, 10):
         pose(armature, frame, False)
-    accelerate(ob)
+    ob, twin = with_twin(make_mesh(armature, False))
     group = ob.modifiers["Sinew"].node_group
     group["sinew_version"] -= 1
     within = next(node.node_tree for node in group.nodes if node.type == "GROUP")
@@ -410,11 +408,9 @@ def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
 
 def test_who_deletes_the_driver_unbinds(fresh_scene):
     armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
     for frame in (1, 10):
         pose(armature, frame, False)
-    accelerate(ob)
+    ob, twin = with_twin(make_mesh(armature, False))
     fresh_scene.frame_set(4)
     ob.driver_remove(ob.animation_data.drivers[0].data_path)
     if bpy.app.version < (4, 0):  # where Blender tells nobody until the object is edited

@@ -157,6 +157,20 @@ def test_a_modifier_is_applied(pair, name):
     assert pair[0].sinew.is_bound == (name != "Armature")
 
 
+def test_a_deleted_mesh_with_keys_is_not_looked_for(pair):
+    """That would go through all objects of the file on each update."""
+    with_keys(pair)
+    twin = pair[1]
+    bpy.data.objects.remove(pair[0])
+    bpy.context.view_layer.update()
+    characters = addon_module("run.characters")
+    before = characters.gathering()
+    for x in range(3):
+        twin.location.x = x
+        bpy.context.view_layer.update()
+    assert characters.gathering() == before
+
+
 def key_positions(ob):
     """(K, V, 3)"""
     blocks = ob.data.shape_keys.key_blocks

@@ -26,6 +26,11 @@ _BONE_NUMBERS = (
 )
 
 
+def of_modifiers(ob: Any) -> list[Any]:
+    """Returns the armature objects of a mesh object's Armature modifiers, in stack order."""
+    return [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object is not None]
+
+
 def bone_signature(armature: Any) -> list[Any]:
     """Returns a value that differs if the bones have changed in any way that affects influences, or which of them
     Blender evaluates first."""

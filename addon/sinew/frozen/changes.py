@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..blender import values
+from ..blender import armatures, values
 from . import followers, rigs, settings, stored_keys
 from .followers import Followers
 
@@ -51,8 +51,7 @@ def follow_shapes(rig: rigs.Rig, hooked: list[Any]) -> None:
     first."""
 
     def is_first(ob: Any) -> bool:
-        armatures = (each.object for each in ob.modifiers if each.type == "ARMATURE" and each.object is not None)
-        return next(armatures, None) == rig.ob
+        return armatures.of_modifiers(ob)[:1] == [rig.ob]
 
     rig.shapes.follow(ob for ob in hooked if is_first(ob))
 

@@ -260,7 +260,7 @@ def switch_output(ob: bpy.types.Object) -> None:
     else:
         deformed_copy.remove(ob)
     settings.installed_output = new
-    characters.see(ob, True)
+    characters.see(ob)
     show(ob)
 
 

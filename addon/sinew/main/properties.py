@@ -87,7 +87,7 @@ def _apply_show_shape(settings, _context):
 
 def _apply_source(settings, _context):
     if settings.is_bound:
-        characters.see(settings.id_data, True)
+        characters.see(settings.id_data)
     if settings.is_bound and settings.source == "CLIP" and settings.armature is not None:
         bind.show_clip(settings.armature)
 

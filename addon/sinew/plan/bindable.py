@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..blender import animation, meshes
+from ..blender import animation, armatures, meshes
 from . import survey, ways, wiring
 
 
@@ -41,8 +41,8 @@ def find_armature(ob: Any) -> Any:
 
 def armatures_of(ob: Any) -> list[Any]:
     """Returns the armatures of a mesh: those of its Armature modifiers, or find_armature's, or none."""
-    found = [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object]
-    return list(dict.fromkeys(found)) or [each for each in (find_armature(ob),) if each is not None]
+    own = armatures.of_modifiers(ob) or [find_armature(ob)]
+    return [each for each in dict.fromkeys(own) if each is not None]
 
 
 def meshes_of(context: Any, armature: Any) -> list[Any]:

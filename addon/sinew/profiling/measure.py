@@ -194,8 +194,8 @@ class _Subject:
     def _add_own(self):
         entry = characters.looked_at(self.ob)
         self.cost.is_bound = True
-        self.cost.reason = entry.status.error or entry.way.reason if entry else ""
-        if entry and not self.cost.reason:
+        self.cost.reason = entry.status.error or entry.way.reason
+        if not self.cost.reason:
             self.is_deformed_by_sinew = True
             self._own = (Part("Sinew", "SINEW", None, OWN_CLOCK), [])
             self.cost.parts.append(self._own[0])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import bpy
 
-from ..blender import animation, meshes, values
+from ..blender import animation, armatures, meshes, values
 from ..feedback import notice
 from ..native import sinew_native
 from . import layers, mail, shortcuts
@@ -35,13 +35,13 @@ class _File:
 
     def sort_in(self, key: int, ob: bpy.types.Object) -> None:
         """Enters a bound object."""
-        armatures = [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object]
+        own = armatures.of_modifiers(ob)
         for kept, belongs in (self.by_clip, _may_follow_clip(ob)), (self.with_copy, _has_copy(ob)):
             if belongs:
                 kept[key] = ob
             else:
                 kept.pop(key, None)
-        for part in (ob, ob.data, *armatures, *(armature.data for armature in armatures)):
+        for part in (ob, ob.data, *own, *(armature.data for armature in own)):
             self.parts.setdefault(values.key_of(part), set()).add(key)
 
 
@@ -167,8 +167,10 @@ def note_silencing(entry: Character) -> None:
 
 def silencing() -> list[bpy.types.Object]:
     """Returns the bound objects in whose evaluated shape keys Sinew writes."""
-    found = [find(key) for key in tuple(_silencing)]
-    return [ob for ob in found if ob is not None]
+    if _silencing and _is_stale:
+        _gather()
+    found = [_file.objects.get(key) for key in tuple(_silencing)]
+    return [ob for ob in found if ob is not None and _is_alive(ob)]
 
 
 def gather_again() -> None:
@@ -188,7 +190,7 @@ def gathering() -> int:
     return _gathering_number
 
 
-def see(ob: bpy.types.Object, is_edited: bool) -> None:
+def see(ob: bpy.types.Object, is_edited: bool = True) -> None:
     """Updates what is known of a bound object after an update. is_edited: more than its name or place may differ."""
     key = values.key_of(ob)
     if _file.objects.get(key) != ob:

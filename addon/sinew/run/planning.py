@@ -100,6 +100,6 @@ class Planning:
         if count == self.sharer_count:
             return
         self.sharer_count = count
-        if self._modifiers is not None:  # it was looked at
+        if self.has_looked:
             self.looks += 1
             self.ask_to_rewire()

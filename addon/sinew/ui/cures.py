@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from ..blender import meshes
+from ..blender import armatures, meshes
 from ..install import bind, mending
 from ..plan import survey
 
@@ -45,8 +45,8 @@ def bone_weights(ob: bpy.types.Object) -> list[dict[int, float]]:
 @contextmanager
 def _at_rest(ob):
     """Shows the object in its rest shape inside the `with` block: armatures in rest position, only the Basis shown."""
-    armatures = {modifier.object.data for modifier in ob.modifiers if modifier.type == "ARMATURE" and modifier.object}
-    settings = [(armature, "pose_position", "REST") for armature in armatures if armature.library is None]
+    used = {armature.data for armature in armatures.of_modifiers(ob)}
+    settings = [(data, "pose_position", "REST") for data in used if data.library is None]
     if ob.data.shape_keys is not None:
         settings += [(ob, "show_only_shape_key", True), (ob, "active_shape_key_index", 0)]
     before = [getattr(owner, name) for owner, name, _value in settings]
