@@ -80,6 +80,13 @@ def add_shape_keys(ob):
             keys[name].keyframe_insert("value", frame=frame)
 
 
+def remove_group(ob, name):
+    """Blender 3.4 and 4.3 tell nobody that a script has removed a group: the mesh would still be deformed with it, but
+    without waiting for its bone."""
+    ob.vertex_groups.remove(ob.vertex_groups[name])
+    ob.data.update()
+
+
 def with_bendy_bones(ob):
     for bone, segments in zip(ob.modifiers["Armature"].object.data.bones, (4, 8, 1, 3, 5)):
         bone.bbone_segments = segments

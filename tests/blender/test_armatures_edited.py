@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from characters import add_shape_keys, face_of, make_body, place, smoothed, with_twin
+from characters import add_shape_keys, face_of, make_body, place, remove_group, smoothed, with_twin
 from helpers import (
     addon_module,
     assert_plays_without_the_addon,
@@ -68,7 +68,7 @@ def paint(ob, _):
 
 
 def remove_a_group(ob, _):
-    ob.vertex_groups.remove(ob.vertex_groups["Face jaw"])
+    remove_group(ob, "Face jaw")
 
 
 def move_vertices(ob, _):

@@ -14,6 +14,7 @@ from characters import (
     make_armature,
     make_mesh,
     pose,
+    remove_group,
     smoothed,
     with_bendy_bones,
 )
@@ -390,7 +391,7 @@ def paint(ob):
 
 
 def remove_the_group(ob):
-    ob.vertex_groups.remove(ob.vertex_groups["bone2"])
+    remove_group(ob, "bone2")
 
 
 def move_vertices(ob):

@@ -18,6 +18,7 @@ from characters import (
     make_mesh,
     make_tube,
     pose,
+    remove_group,
     smoothed,
     with_bendy_bones,
 )
@@ -104,7 +105,7 @@ def paint(ob, _):
 
 
 def remove_a_group(ob, _):
-    ob.vertex_groups.remove(ob.vertex_groups["bone1"])
+    remove_group(ob, "bone1")
 
 
 def move_vertices(ob, _):
