@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "each_instruction_set.h"
 #include "failures.h"
 #include "meshes.h"
 
@@ -80,9 +81,13 @@ struct Cage {
   Floats points, weights;
 };
 
-TEST(Lattice, IsTheSlowFormula) {
+class LatticeOnEachInstructionSet : public OnEachInstructionSet {};
+
+INSTANTIATE_TEST_SUITE_P(Kernels, LatticeOnEachInstructionSet, each_instruction_set(), set_name);
+
+TEST_P(LatticeOnEachInstructionSet, IsTheSlowFormula) {
   rigs::Random random(1);
-  constexpr std::int32_t kVertices = 3000;
+  constexpr std::int32_t kVertices = 1007;
   const Floats positions = meshes::random_positions(random, kVertices);
   const Floats group = meshes::some_weights(random, kVertices);
   for (const std::array<std::int32_t, 3>& counts :
@@ -106,7 +111,7 @@ TEST(Lattice, IsTheSlowFormula) {
   }
 }
 
-TEST(Lattice, AtRestMovesNothing) {
+TEST_P(LatticeOnEachInstructionSet, AtRestMovesNothing) {
   rigs::Random random(2);
   const Cage cage(random, {2, 2, 2}, {Spline::b_spline, Spline::b_spline, Spline::b_spline});
   Floats rest;
@@ -121,7 +126,7 @@ TEST(Lattice, AtRestMovesNothing) {
   EXPECT_EQ(own, positions);
 }
 
-TEST(Lattice, FarAwayAndNotANumber) {
+TEST_P(LatticeOnEachInstructionSet, FarAwayAndNotANumber) {
   rigs::Random random(3);
   const Cage cage(random, {3, 3, 3}, {Spline::cardinal, Spline::b_spline, Spline::linear});
   Floats own{1e30f, -1e30f, 1e20f, std::numeric_limits<float>::quiet_NaN(), 0, 0, 2e9f, -2e9f, 5};

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <limits>
 #include <new>
 #include <thread>
@@ -90,6 +91,22 @@ TEST(Parallel, ThreadsPayForLongWorkAlone) {
   EXPECT_TRUE(threads_pay(1e6));
   set_thread_count(1);
   EXPECT_FALSE(threads_pay(1e6));
+}
+
+TEST(Parallel, ThreadsPayEarlierIfMuchWorkFollows) {
+  const ThreadsOfATest threads_of_a_test;
+  set_threads_always_pay(false);
+  set_thread_count(4);
+  std::this_thread::sleep_for(std::chrono::milliseconds(10));  // until those that have worked before are asleep
+  EXPECT_FALSE(threads_pay(50));
+  {
+    const WorkAhead much(1e6), little(1);
+    EXPECT_TRUE(threads_pay(50));
+    EXPECT_FALSE(threads_pay(5));
+  }
+  EXPECT_FALSE(threads_pay(50));
+  const WorkAhead little(1);
+  EXPECT_FALSE(threads_pay(50));
 }
 
 TEST(Parallel, WhatABodyThrowsComesToTheCaller) {

@@ -61,6 +61,9 @@ class CorrectiveSmooth {
   /// Throws what apply() would throw for invalid settings, and does nothing else.
   void check(const Settings& settings) const;
 
+  /// The approximate time of apply() on one thread.
+  double microseconds(const Settings& settings) const;
+
   /// positions  in and out, V x 3. What the rest shape loses is kept from call to call while factor,
   ///            iterations and type stay the same; apart from that, only the first call, and the
   ///            first that runs concurrently with others, allocate anything. The result has the same

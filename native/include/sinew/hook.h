@@ -54,6 +54,9 @@ class Hook {
   /// Throws what apply() would throw for invalid settings, and does nothing else.
   void check(const Settings& settings) const;
 
+  /// The approximate time of apply() on one thread.
+  double microseconds(const Settings& settings) const;
+
   /// positions  in and out, V x 3. Allocates nothing. The result has the same bits for any number of
   ///            threads.
   /// Throws InputError if the shape does not fit, and for a setting that is not finite.

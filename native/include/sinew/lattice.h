@@ -12,6 +12,8 @@
 
 namespace sinew {
 
+struct LatticeField;
+
 /// How a lattice interpolates between its points along one of its axes.
 enum class Spline { linear, cardinal, catmull_rom, b_spline };
 
@@ -32,18 +34,11 @@ class LatticePoints {
   LatticePoints(const Grid& grid, std::span<const float> points, const Matrix4<float>& lattice_from_mesh,
                 std::span<const float> weights = {});
 
-  /// Moves a point of the mesh, x y z, by a share of what the lattice does there.
-  void move(float share, float* point) const;
+  /// As the kernels read them.
+  const LatticeField& field() const { return *field_; }
 
  private:
-  struct Taps;
-  Taps taps_of(int axis, float place) const;
-
-  Grid grid_;
-  Matrix4<float> lattice_from_mesh_;
-  std::array<std::array<Eigen::Array4f, 4>, 3> weights_;  // along each axis, by the powers of the place in a cell
-  std::vector<float> differences_;                        // P x 4: from the rest grid, mesh space; the weight; zeros
-  bool has_weights_;
+  std::shared_ptr<const LatticeField> field_;
 };
 
 /// Moves each vertex with the points of a lattice around it, in float32 as Blender does, up to the order of the sum.
@@ -65,6 +60,9 @@ class Lattice {
 
   /// Throws what apply() would throw for invalid settings, and does nothing else.
   void check(const Settings& settings) const;
+
+  /// The approximate time of apply() on one thread.
+  double microseconds(const Settings& settings) const;
 
   /// positions  in and out, V x 3. Allocates nothing. The result has the same bits for any number of threads.
   /// Throws InputError if the shape does not fit, for a strength that is not finite and without points.

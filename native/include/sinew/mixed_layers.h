@@ -32,6 +32,9 @@ class MixedLayers {
   /// Throws what apply() would throw for poses that do not fit, and does nothing else.
   void check(const Settings& settings) const;
 
+  /// The approximate time of apply() on one thread.
+  double microseconds(const Settings& settings) const;
+
   /// positions  in and out, V x 3, in mesh space. Uses one parallel region. Allocates nothing once each thread has
   ///            seen layers of this size. The result has the same bits for any number of threads.
   /// Throws InputError if a shape does not fit.

@@ -63,6 +63,9 @@ class SurfaceDeform {
   /// Throws what apply() would throw for invalid settings, and does nothing else.
   void check(const Settings& settings) const;
 
+  /// The approximate time of apply() on one thread.
+  double microseconds(const Settings& settings) const;
+
   /// positions  in and out, V x 3. Allocates nothing. The result has the same bits for any number of threads.
   /// Throws InputError if the shape does not fit, for a strength that is not finite and without a shape.
   void apply(const Settings& settings, std::span<float> positions) const;

@@ -71,6 +71,8 @@ std::atomic<std::chrono::steady_clock::time_point> last_region_end{};
 
 std::atomic<bool> always_pay = false;
 
+thread_local bool will_be_awake = false;
+
 std::shared_ptr<Pool> current_pool() {
   const std::lock_guard lock(pool_mutex);
   if (!pool) pool = std::make_shared<Pool>(machine_threads());
@@ -95,12 +97,18 @@ void run_parallel(std::size_t count, const std::function<void(std::size_t)>& wor
   });
 }
 
+WorkAhead::WorkAhead(double microseconds) : before_(will_be_awake) {
+  if (microseconds >= kPaysAsleep) will_be_awake = true;
+}
+
+WorkAhead::~WorkAhead() { will_be_awake = before_; }
+
 void set_threads_always_pay(bool always) { always_pay = always; }
 
 bool threads_pay(double microseconds) {
   if (always_pay) return true;
   if (microseconds < kPaysAwake || thread_count() == 1) return false;
-  if (microseconds >= kPaysAsleep) return true;
+  if (microseconds >= kPaysAsleep || will_be_awake) return true;
   return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) < kAwakeFor;
 }
 

@@ -19,6 +19,19 @@ bool can_start(int count);
 /// when the last parallel region ended. Always false if there is only one thread.
 bool threads_pay(double microseconds);
 
+/// While it lives, threads_pay() on this thread counts on threads being awake if so much work follows that it will wake
+/// them anyway.
+class WorkAhead {
+ public:
+  /// microseconds  that the work to come needs on one thread.
+  explicit WorkAhead(double microseconds);
+  WorkAhead(const WorkAhead&) = delete;
+  ~WorkAhead();
+
+ private:
+  bool before_;
+};
+
 /// For tests: makes threads_pay return true however short the work is, or decide again as usual.
 void set_threads_always_pay(bool always);
 

@@ -1,7 +1,8 @@
 #include "sinew/lattice.h"
 
 #include <Eigen/LU>
-#include <cmath>
+#include <algorithm>
+#include <array>
 
 #include "base/parallel.h"
 #include "base/vertex_numbers.h"
@@ -13,41 +14,80 @@ namespace sinew {
 namespace {
 
 // The approximate cost of a vertex on one thread.
-constexpr double kMicroseconds = 3e-2;
+constexpr double kMicroseconds = 1.2e-2;
 
 constexpr std::size_t kPiece = 1024;
 
-using Four = Eigen::Array4f;
+using Four = std::array<float, LatticeField::kMost>;
 
 /// Returns the polynomials of t, by the powers of t, that weigh the four points around a place between the second and
-/// the third, at t of the way.
+/// the third, at t of the way; of a linear spline those of these two, then zeros.
 std::array<Four, 4> weights_of(Spline spline) {
   switch (spline) {
     case Spline::linear:
-      return {Four(0, 1, 0, 0), Four(0, -1, 1, 0), Four::Zero(), Four::Zero()};
+      return {Four{1}, Four{-1, 1}, Four{}, Four{}};
     case Spline::b_spline: {
       constexpr float kSixth = 0.16666666f;
-      return {Four(kSixth, 0.66666666f, kSixth, 0), Four(-0.5f, 0, 0.5f, 0), Four(0.5f, -1, 0.5f, 0),
-              Four(-kSixth, 0.5f, -0.5f, kSixth)};
+      return {Four{kSixth, 0.66666666f, kSixth}, Four{-0.5f, 0, 0.5f}, Four{0.5f, -1, 0.5f},
+              Four{-kSixth, 0.5f, -0.5f, kSixth}};
     }
     default: {
       const float c = spline == Spline::cardinal ? 0.71f : 0.5f;
-      return {Four(0, 1, 0, 0), Four(-c, 0, c, 0), Four(2 * c, c - 3, 3 - 2 * c, -c), Four(-c, 2 - c, c - 2, c)};
+      return {Four{0, 1}, Four{-c, 0, c}, Four{2 * c, c - 3, 3 - 2 * c, -c}, Four{-c, 2 - c, c - 2, c}};
     }
   }
 }
 
+/// How often the last point stands for those that are missing beyond an end of an axis.
+std::int32_t repeats_of(const LatticeField::Axis& axis) { return static_cast<std::int32_t>(axis.taps) - 1; }
+
+LatticeField::Axis axis_of(const LatticePoints::Grid& grid, int axis, const Matrix4<float>& lattice_from_mesh) {
+  LatticeField::Axis made{};
+  for (int i = 0; i < 4; ++i) made.from_mesh[i] = lattice_from_mesh(axis, i);
+  made.first = grid.first[axis];
+  if (grid.counts[axis] == 1) {
+    made.step = 1;
+    made.taps = 1;
+    made.weights[0][0] = 1;
+    return made;
+  }
+  made.step = grid.step[axis];
+  made.taps = grid.interpolation[axis] == Spline::linear ? 2 : 4;
+  const auto half = static_cast<std::int32_t>(made.taps / 2);
+  made.lowest = static_cast<float>(-half);
+  made.highest = static_cast<float>(grid.counts[axis] - 2 + half);
+  made.before = half - 1 - repeats_of(made);
+  const std::array<Four, 4> weights = weights_of(grid.interpolation[axis]);
+  for (std::size_t power = 0; power < 4; ++power) std::ranges::copy(weights[power], made.weights[power]);
+  return made;
+}
+
+/// Returns the field's points. own  P x kNumbers, those of the lattice.
+std::vector<float> with_repeated_ends(const LatticeField& field, const std::array<std::int32_t, 3>& counts,
+                                      const std::vector<float>& own) {
+  constexpr std::ptrdiff_t kNumbers = LatticeField::kNumbers;
+  const auto& [u, v, w] = field.axes;
+  std::vector<float> points;
+  points.reserve(w.stride * static_cast<std::size_t>(counts[2] + 2 * repeats_of(w)) + LatticeField::kMost * kNumbers);
+  for (std::int32_t k = -repeats_of(w); k < counts[2] + repeats_of(w); ++k) {
+    for (std::int32_t j = -repeats_of(v); j < counts[1] + repeats_of(v); ++j) {
+      const auto begin = own.begin() + kNumbers * counts[0] *
+                                           (std::ptrdiff_t{counts[1]} * std::clamp(k, 0, counts[2] - 1) +
+                                            std::clamp(j, 0, counts[1] - 1));
+      const auto end = begin + kNumbers * counts[0];
+      for (int i = 0; i < repeats_of(u); ++i) points.insert(points.end(), begin, begin + kNumbers);
+      points.insert(points.end(), begin, end);
+      for (int i = 0; i < repeats_of(u); ++i) points.insert(points.end(), end - kNumbers, end);
+    }
+  }
+  points.resize(points.size() + LatticeField::kMost * LatticeField::kNumbers);  // the last are read as one of kMost
+  return points;
+}
+
 }  // namespace
 
-/// The points along one axis that have an effect on a vertex: neighbours.
-struct LatticePoints::Taps {
-  std::int32_t first, count;
-  std::array<float, LatticeBlock::kMost> weights;
-};
-
 LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, const Matrix4<float>& lattice_from_mesh,
-                             std::span<const float> weights)
-    : grid_(grid), lattice_from_mesh_(lattice_from_mesh), has_weights_(!weights.empty()) {
+                             std::span<const float> weights) {
   std::ptrdiff_t count = 1;
   for (const std::int32_t own : grid.counts) {
     if (own < 1) fail("a lattice has ", own, " points along an axis; expected 1 or more");
@@ -59,13 +99,22 @@ LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, co
     check_setting("first", grid.first[axis]);
     check_setting("step", grid.step[axis]);
     if (grid.counts[axis] > 1 && grid.step[axis] == 0) fail("step is 0 along an axis with more than one point");
-    weights_[axis] = weights_of(grid.interpolation[axis]);
   }
-  if (has_weights_) check_vertex_numbers("weights", weights, count, "the lattice");
+  if (!weights.empty()) check_vertex_numbers("weights", weights, count, "the lattice");
   const Eigen::Matrix3f mesh_from_lattice =
       lattice_from_mesh.cast<double>().inverse().topLeftCorner<3, 3>().cast<float>();
   if (!mesh_from_lattice.allFinite()) fail("the matrix has no inverse");
-  differences_.reserve(4 * (static_cast<std::size_t>(count) + LatticeBlock::kMost));
+
+  auto field = std::make_shared<LatticeField>();
+  field->has_weights = !weights.empty();
+  std::size_t size = LatticeField::kNumbers;
+  for (int axis = 0; axis < 3; ++axis) {
+    LatticeField::Axis& own = field->axes[axis] = axis_of(grid, axis, lattice_from_mesh);
+    own.stride = size;
+    size *= static_cast<std::size_t>(grid.counts[axis] + 2 * repeats_of(own));
+  }
+  std::vector<float> differences;
+  differences.reserve(LatticeField::kNumbers * static_cast<std::size_t>(count));
   std::size_t p = 0;
   Eigen::Vector3f rest;
   // Added up point by point, as in Blender.
@@ -77,58 +126,12 @@ LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, co
       for (std::int32_t u = 0; u < grid.counts[0]; ++u, rest[0] += grid.step[0], ++p) {
         const Eigen::Vector3f moved = mesh_from_lattice * (Eigen::Vector3f(points.data() + 3 * p) - rest);
         if (!moved.allFinite()) fail("points is not finite at point ", p);
-        differences_.insert(differences_.end(), {moved.x(), moved.y(), moved.z(), has_weights_ ? weights[p] : 0});
+        differences.insert(differences.end(), {moved.x(), moved.y(), moved.z(), field->has_weights ? weights[p] : 0});
       }
     }
   }
-  differences_.resize(differences_.size() + LatticeBlock::kMost * LatticeBlock::kNumbers);  // for the last block
-}
-
-LatticePoints::Taps LatticePoints::taps_of(int axis, float place) const {
-  const std::int32_t last = grid_.counts[axis] - 1;
-  if (last == 0) return {0, 1, {1}};
-  // Farther away all four points are the same one. What is not a number is there, too.
-  const float along = std::max(-3.0f, std::min((place - grid_.first[axis]) / grid_.step[axis], last + 2.0f));
-  auto cell = static_cast<std::int32_t>(along);
-  if (static_cast<float>(cell) > along) --cell;
-  const float t = along - static_cast<float>(cell);
-  const auto& c = weights_[axis];
-  const Four weights = c[0] + t * (c[1] + t * (c[2] + t * c[3]));
-  const bool is_linear = grid_.interpolation[axis] == Spline::linear;
-  const int begin = is_linear ? 1 : 0, end = is_linear ? 3 : 4;
-  // Beyond an end of the lattice, its last point stands for the missing ones.
-  const auto point = [&](int i) { return std::clamp(cell - 1 + i, 0, last); };
-  Taps taps{point(begin), point(end - 1) - point(begin) + 1, {}};
-  for (int i = begin; i < end; ++i) taps.weights[point(i) - taps.first] += weights[i];
-  return taps;
-}
-
-void LatticePoints::move(float share, float* point) const {
-  const auto& m = lattice_from_mesh_;
-  std::array<Taps, 3> taps;
-  for (int axis = 0; axis < 3; ++axis) {
-    taps[axis] = taps_of(axis, point[0] * m(axis, 0) + point[1] * m(axis, 1) + m(axis, 2) * point[2] + m(axis, 3));
-  }
-  LatticeBlock block;
-  block.row_size = LatticeBlock::kNumbers * grid_.counts[0];
-  block.layer_size = block.row_size * grid_.counts[1];
-  block.first = differences_.data() + LatticeBlock::kNumbers * taps[0].first + block.row_size * taps[1].first +
-                block.layer_size * taps[2].first;
-  for (int axis = 0; axis < 3; ++axis) block.counts[axis] = taps[axis].count;
-  for (std::size_t i = 0; i < LatticeBlock::kMost; ++i) {
-    Four::Map(block.along_u + LatticeBlock::kNumbers * i).setConstant(taps[0].weights[i]);
-    block.along_v[i] = taps[1].weights[i];
-    block.along_w[i] = taps[2].weights[i];
-  }
-  Four sum;
-  sum_block(block, sum.data());
-  sum *= share;
-  if (!has_weights_) {
-    for (int axis = 0; axis < 3; ++axis) point[axis] += sum[axis];
-    return;
-  }
-  const float kept = sum[3];
-  for (int axis = 0; axis < 3; ++axis) point[axis] = (1 - kept) * point[axis] + kept * (point[axis] + sum[axis]);
+  field->points = with_repeated_ends(*field, grid.counts, differences);
+  field_ = std::move(field);
 }
 
 Lattice::Lattice(std::ptrdiff_t vertex_count, const VertexGroup& group) : vertex_count_(vertex_count) {
@@ -146,14 +149,15 @@ void Lattice::check(const Settings& settings) const {
   if (!settings.points) fail("a lattice has no points");
 }
 
+double Lattice::microseconds(const Settings&) const { return kMicroseconds * static_cast<double>(vertices_.size()); }
+
 void Lattice::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
   check(settings);
-  const bool threads = threads_pay(kMicroseconds * static_cast<double>(vertices_.size()));
+  const bool threads = threads_pay(microseconds(settings));
   parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      settings.points->move(weights_[i] * settings.strength, positions.data() + 3 * std::size_t{vertices_[i]});
-    }
+    move_vertices(settings.points->field(), std::span(vertices_).subspan(begin, end - begin), weights_.data() + begin,
+                  settings.strength, positions.data());
   });
 }
 

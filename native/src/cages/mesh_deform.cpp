@@ -181,6 +181,11 @@ void MeshDeform::check(const Settings& settings) const {
   }
 }
 
+double MeshDeform::microseconds(const Settings&) const {
+  return kMicroseconds * static_cast<double>(blocks_->cage.size() * kVertices) +
+         kMicrosecondsOfABlock * static_cast<double>(blocks_->count());
+}
+
 void MeshDeform::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
   check(settings);
@@ -188,9 +193,7 @@ void MeshDeform::apply(const Settings& settings, std::span<float> positions) con
   const bool is_finite = Eigen::Map<const Eigen::ArrayXf>(moved.data(), std::ssize(moved)).isFinite().all();
   const auto& m = settings.mesh_from_bound;
   const Blocks& blocks = *blocks_;
-  const double microseconds = kMicroseconds * static_cast<double>(blocks.cage.size() * kVertices) +
-                              kMicrosecondsOfABlock * static_cast<double>(blocks.count());
-  const std::size_t piece = threads_pay(microseconds) ? kPiece : blocks.count();
+  const std::size_t piece = threads_pay(microseconds(settings)) ? kPiece : blocks.count();
   parallel_for(blocks.count(), piece, [&](std::size_t begin, std::size_t end) {
     alignas(64) float sums[3 * kVertices];
     const Eigen::Map<const Lanes, Eigen::Aligned64> x(sums), y(sums + kVertices), z(sums + 2 * kVertices);

@@ -140,12 +140,16 @@ void SurfaceDeform::check(const Settings& settings) const {
   }
 }
 
+double SurfaceDeform::microseconds(const Settings& settings) const {
+  return settings.strength == 0 ? 0 : kMicrosecondsPerTerm * static_cast<double>(terms_.size());
+}
+
 void SurfaceDeform::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
   check(settings);
   if (settings.strength == 0) return;
   const Shape& shape = *settings.shape;
-  const bool threads = threads_pay(kMicrosecondsPerTerm * static_cast<double>(terms_.size()));
+  const bool threads = threads_pay(microseconds(settings));
   parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Term* term = terms_.data() + first_[i];

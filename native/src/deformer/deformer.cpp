@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/check.h"
+#include "base/parallel.h"
 #include "base/vertex_numbers.h"
 #include "deformer/run_layers.h"
 
@@ -96,6 +97,11 @@ void Deformer::deform(std::span<const LayerPose> poses, std::span<float> positio
                       std::span<const float> rest_positions, std::span<const Stage> stages,
                       std::span<double> milliseconds) const {
   check(poses, positions, key_values, rest_positions, stages, milliseconds);
+  double microseconds = 0;
+  for (const Stage& stage : stages) {
+    microseconds += std::visit([](const auto& one) { return one.stage->microseconds(one.settings); }, stage);
+  }
+  const WorkAhead work_ahead(microseconds);
   Watch watch(milliseconds);
   if (!rest_positions.empty()) {
     run_layers(layers_, poses, {rest_positions}, positions);

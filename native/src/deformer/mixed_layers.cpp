@@ -4,6 +4,7 @@
 
 #include "base/check.h"
 #include "base/vertex_numbers.h"
+#include "deformer/method.h"
 #include "deformer/run_layers.h"
 #include "skinning/tile.h"
 
@@ -28,6 +29,12 @@ MixedLayers::MixedLayers(std::vector<std::shared_ptr<const Layer>> layers) : lay
 }
 
 void MixedLayers::check(const Settings& settings) const { check_poses(layers_, settings.poses, "the stage"); }
+
+double MixedLayers::microseconds(const Settings&) const {
+  double total = 0;
+  for (const auto& layer : layers_) total += microseconds_a_vertex(layer->method());
+  return total * static_cast<double>(tiles_.size() * kTile);
+}
 
 void MixedLayers::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());

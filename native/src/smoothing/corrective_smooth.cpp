@@ -63,7 +63,7 @@ class CorrectiveSmooth::Body {
   }
 
   void apply(const Settings& settings, std::span<float> positions) {
-    if (settings.iterations <= 0 || settings.factor == 0 || around_.worked_on == 0) return;
+    if (microseconds(settings) == 0) return;
     const Reading losses(*this, settings.only_smooth ? nullptr : borrow_losses(settings));
     Smoothing smoothing(around_, microseconds(settings), spaces_);
     smoothing.load(positions.data());
@@ -77,6 +77,14 @@ class CorrectiveSmooth::Body {
   }
 
   const std::ptrdiff_t vertex_count;
+
+  /// Of apply(); 0 if it does nothing.
+  double microseconds(const Settings& settings) const {
+    if (settings.iterations <= 0 || settings.factor == 0) return 0;
+    const double step = settings.type == SmoothType::simple ? kMicrosecondsSimple : kMicrosecondsLength;
+    return static_cast<double>(around_.worked_on) *
+           (kMicroseconds + step * settings.iterations + (settings.only_smooth ? 0 : kMicrosecondsCorners));
+  }
 
  private:
   /// Counts as a reader during its lifetime. own  already counts it, or is null.
@@ -94,12 +102,6 @@ class CorrectiveSmooth::Body {
     Body& body_;
     Losses* own_;
   };
-
-  double microseconds(const Settings& settings) const {
-    const double step = settings.type == SmoothType::simple ? kMicrosecondsSimple : kMicrosecondsLength;
-    return static_cast<double>(around_.worked_on) *
-           (kMicroseconds + step * settings.iterations + (settings.only_smooth ? 0 : kMicrosecondsCorners));
-  }
 
   void iterate(const Settings& settings, Smoothing& smoothing) const {
     const auto step = settings.type == SmoothType::simple ? simple_step : length_step;
@@ -175,6 +177,8 @@ void CorrectiveSmooth::check(const Settings& settings) const {
     fail("there are no rest positions; pass some, or only_smooth");
   }
 }
+
+double CorrectiveSmooth::microseconds(const Settings& settings) const { return body_->microseconds(settings); }
 
 void CorrectiveSmooth::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());

@@ -112,12 +112,16 @@ void Hook::check(const Settings& settings) const {
   if (settings.uniform && !settings.uniform->allFinite()) fail("uniform is not finite");
 }
 
+double Hook::microseconds(const Settings& settings) const {
+  return settings.strength == 0 ? 0 : kMicroseconds * static_cast<double>(vertices_.size());
+}
+
 void Hook::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
   check(settings);
   if (settings.strength == 0) return;
   const Pull pull(settings);
-  const bool threads = !names_twice_ && threads_pay(kMicroseconds * static_cast<double>(vertices_.size()));
+  const bool threads = !names_twice_ && threads_pay(microseconds(settings));
   parallel_for(vertices_.size(), threads ? kPiece : vertices_.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       pull.move(weights_[i], positions.data() + 3 * std::size_t{vertices_[i]});

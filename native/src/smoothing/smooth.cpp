@@ -38,15 +38,19 @@ std::ptrdiff_t Smooth::vertex_count() const { return body_->vertex_count; }
 
 void Smooth::check(const Settings& settings) const { check_setting("factor", settings.factor); }
 
+double Smooth::microseconds(const Settings& settings) const {
+  const bool moves = settings.x || settings.y || settings.z;
+  if (settings.iterations <= 0 || settings.factor == 0 || !moves) return 0;
+  return static_cast<double>(body_->around.worked_on) * (kMicroseconds + kMicrosecondsStep * settings.iterations);
+}
+
 void Smooth::apply(const Settings& settings, std::span<float> positions) const {
   check_position_count("positions", positions, vertex_count());
   check(settings);
-  const bool moves = settings.x || settings.y || settings.z;
+  const double microseconds = this->microseconds(settings);
+  if (microseconds == 0) return;
   const Neighbourhood& around = body_->around;
-  if (settings.iterations <= 0 || settings.factor == 0 || !moves || around.worked_on == 0) return;
-  Smoothing smoothing(around,
-                      static_cast<double>(around.worked_on) * (kMicroseconds + kMicrosecondsStep * settings.iterations),
-                      body_->spaces);
+  Smoothing smoothing(around, microseconds, body_->spaces);
   smoothing.load(positions.data());
   smoothing.iterate(settings.iterations, [&](std::size_t begin, std::size_t end, const float* from, float* to) {
     mean_step(around, begin, end, settings, from, to);
