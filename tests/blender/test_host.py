@@ -256,6 +256,37 @@ def test_weights_in_another_storage_are_read_through_the_api(host, monkeypatch, 
     assert way(ob) == "ATTRIBUTE"
 
 
+@pytest.mark.parametrize("spoilt", (False, True))
+def test_connections_are_what_the_api_says(host, monkeypatch, spoilt):
+    """The first time, they are compared: memory that differs is never used."""
+    connections, meshes = addon_module("host.connections"), addon_module("blender.meshes")
+    read = connections._in_a_row
+    if spoilt:
+        monkeypatch.setattr(connections, "_in_a_row", lambda *asked: read(*asked) + 1)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=7, ring_count=5)
+    mesh = bpy.context.object.data
+    mesh.vertices.add(1)
+    mesh.edges.add(1)
+    mesh.edges[-1].vertices = 0, len(mesh.vertices) - 1
+    for _ in range(2):
+        edges, offsets, corners = meshes.read_topology(mesh)
+        assert edges.tolist() == [list(edge.vertices) for edge in mesh.edges]
+        assert offsets.tolist() == [*(face.loop_start for face in mesh.polygons), len(mesh.loops)]
+        assert corners.tolist() == [corner.vertex_index for corner in mesh.loops]
+        assert [each.dtype for each in (edges, offsets, corners)] == ["int32"] * 3
+    assert {"vertices", "loop_start", "vertex_index"}.isdisjoint(host["proof"]._proved) == spoilt
+
+
+def test_few_connections_are_read_too():
+    mesh = bpy.data.meshes.new("Few")
+    for points, edges, faces in (([], [], []), ([(0, 0, 0)] * 3, [(0, 1)], []), ([(0, 0, 0)] * 3, [], [(0, 1, 2)])):
+        mesh.clear_geometry()
+        mesh.from_pydata(points, edges, faces)
+        found, offsets, corners = addon_module("blender.meshes").read_topology(mesh)
+        assert found.shape == (len(mesh.edges), 2)
+        assert (len(offsets), corners.tolist()) == (len(faces) + 1, [v for face in faces for v in face])
+
+
 def test_each_is_compared_once(host, monkeypatch, fresh_scene):
     """On the frames after that nothing is asked of Blender's API."""
     armature = make_armature()

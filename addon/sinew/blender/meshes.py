@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from ..host import deform_verts, vector_arrays
+from ..host import connections, deform_verts, vector_arrays
 from . import nodes
 
 
@@ -63,13 +63,13 @@ def select_vertices(mesh: bpy.types.Mesh, selected: np.ndarray) -> None:
 
 def read_topology(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns edges (E, 2), offsets of each face's corners (faces + 1,) and the corners' vertices (C,), all int32."""
-    edges, corners = np.empty(2 * len(mesh.edges), np.int32), np.empty(len(mesh.loops), np.int32)
-    offsets = np.empty(len(mesh.polygons) + 1, np.int32)
-    mesh.edges.foreach_get("vertices", edges)
-    mesh.loops.foreach_get("vertex_index", corners)
-    mesh.polygons.foreach_get("loop_start", offsets[:-1])
-    offsets[-1] = len(corners)
-    return edges.reshape(-1, 2), offsets, corners
+    return connections.read(mesh.edges, "vertices", 2), *read_corners(mesh)
+
+
+def read_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Returns offsets of each face's corners (faces + 1,) and the corners' vertices (C,), int32."""
+    corners = connections.read(mesh.loops, "vertex_index")[:, 0]
+    return np.append(connections.read(mesh.polygons, "loop_start"), np.int32(len(corners))), corners
 
 
 def point_attribute(mesh: bpy.types.Mesh, name: str) -> bpy.types.Attribute | None:
@@ -211,15 +211,9 @@ def shade_smooth(mesh: bpy.types.Mesh) -> None:
 
 def read_faces(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns face_offsets (faces + 1,), face_vertices and face_materials (faces,), int32."""
-    starts = np.empty(len(mesh.polygons), np.int32)
-    counts = np.empty(len(mesh.polygons), np.int32)
     materials = np.empty(len(mesh.polygons), np.int32)
-    corners = np.empty(len(mesh.loops), np.int32)
-    mesh.polygons.foreach_get("loop_start", starts)
-    mesh.polygons.foreach_get("loop_total", counts)
     mesh.polygons.foreach_get("material_index", materials)
-    mesh.loops.foreach_get("vertex_index", corners)
-    return np.append(starts, len(corners)).astype(np.int32), corners, materials
+    return *read_corners(mesh), materials
 
 
 # --- weights --------------------------------------------------------------------------------------

@@ -79,7 +79,7 @@ HWY_INLINE void sum_around(const LatticeField& field, const float* HWY_RESTRICT 
     const auto weight = hn::Set(d, along[2].weights[k][i]);
     for (std::size_t r = 0; r < registers; ++r) totals[r] = hn::MulAdd(weight, layer[r], totals[r]);
   }
-  alignas(64) float of_points[kMost * kNumbers];
+  alignas(64) float of_points[kMost * kNumbers] = {};
   for (std::size_t r = 0; r < registers; ++r) hn::Store(totals[r], d, of_points + r * kLanes);
   constexpr Point point;
   for (std::size_t n = 0; n < kNumbers; n += hn::MaxLanes(point)) {
