@@ -1,10 +1,11 @@
 """Measures Blender's evaluation after a dab of Weight Paint, with its own modifier and with Sinew, in one process.
 
-    blender -b --python-exit-code 1 --python addon/bench_edits.py -- [--vertices N] [--json FILE]
+    blender -b --python-exit-code 1 --python addon/bench_edits.py -- [--vertices N] [--rig NAME] [--stack NAME]
+        [--json FILE]
 
-A tube of 40,000 vertices on a chain of 22 bones, in Weight Paint mode. A dab changes the weight of 50 neighboring
-vertices in the active vertex group, through Blender's API; the `view_layer.update()` that follows is timed.
-Medians over 40 dabs in each of several alternating rounds.
+A character of 40,000 vertices in Weight Paint mode: a tube on a chain of 22 bones, or one of Rigify's rigs. A dab
+changes the weight of 50 neighboring vertices in the active vertex group, through Blender's API; the
+`view_layer.update()` that follows is timed. Medians over 40 dabs in each of several alternating rounds.
 """
 
 import argparse
@@ -19,10 +20,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from bench_playback import TOLERANCE, difference, number, shapes, without_handlers
-from bench_rigs import ADDON, CHAIN, make_characters, select
+from bench_rigs import ADDON, CHAIN, RIGS, STACKS, make_characters, select
 
 ROUNDS, DABS, DABBED = 5, 40, 50
-FRAME = 20  # a frame on which the tube is bent
+FRAME = 20  # a frame on which the character is bent
 
 
 def dab_times(ob, seed):
@@ -40,11 +41,11 @@ def dab_times(ob, seed):
     return times[1:]
 
 
-def measure(vertices):
+def measure(rig, vertices, stack):
     """Returns one row, a dictionary."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    (ob,) = make_characters(CHAIN, vertices)
+    (ob,) = make_characters(rig, vertices, stack=stack)
     bpy.context.scene.frame_set(FRAME)
     times, worst = {"modifier": [], "sinew": []}, 0.0
     for seed in range(ROUNDS):  # alternating, because the machine's speed drifts
@@ -59,6 +60,8 @@ def measure(vertices):
     assert worst < TOLERANCE, f"Sinew's shape is {worst:.3g} of the diagonal off the modifier's"
     modifier, ours = (statistics.median(times[name]) for name in ("modifier", "sinew"))
     return {
+        "rig": rig,
+        "stack": stack,
         "vertices": len(ob.data.vertices),
         "modifier_ms": modifier,
         "sinew_ms": ours,
@@ -70,14 +73,15 @@ def measure(vertices):
 def main(arguments):
     parser = argparse.ArgumentParser(prog="bench_edits.py", description=__doc__.splitlines()[0])
     parser.add_argument("--vertices", type=int, default=40_000)
+    parser.add_argument("--rig", choices=(CHAIN, *RIGS), default=CHAIN)
+    parser.add_argument("--stack", choices=STACKS, default="")
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
     print(f"\nBlender {bpy.app.version_string}, milliseconds per evaluation, medians of {ROUNDS} x {DABS} dabs\n")
-    print("| a dab of Weight Paint, vertices | modifier | Sinew | Sinew's extra |\n|---|---|---|---|")
-    row = measure(options.vertices)
-    print(
-        f"| {row['vertices']:,} | {' | '.join(number(row[name]) for name in ('modifier_ms', 'sinew_ms', 'more_ms'))} |"
-    )
+    print("| a dab of Weight Paint | vertices | stack | modifier | Sinew | Sinew's extra |\n" + "|---" * 6 + "|")
+    row = measure(options.rig, options.vertices, options.stack)
+    times = " | ".join(number(row[name]) for name in ("modifier_ms", "sinew_ms", "more_ms"))
+    print(f"| {row['rig']} | {row['vertices']:,} | {row['stack'] or '-'} | {times} |")
     if options.json:
         Path(options.json).write_text(json.dumps({"blender": bpy.app.version_string, **row}, indent=1) + "\n")
 

@@ -3,7 +3,7 @@
 
 # WHAT OPTION: of the benchmarks in Blender, besides --json and --blender.
 has_option() {
-  [[ "$1 $2" =~ ^(playback\ --(rig|stack|vertices|characters)|(bake|crowd|edits)\ --vertices|shot\ --(characters|parts|frozen|without))$ ]]
+  [[ "$1 $2" =~ ^(playback\ --(rig|stack|vertices|characters)|(bake|crowd)\ --vertices|edits\ --(rig|stack|vertices)|shot\ --(characters|parts|frozen|without))$ ]]
 }
 
 bench() {

@@ -14,7 +14,8 @@ def read(items: Any, member: str, width: int = 1) -> np.ndarray:
     """Returns a copy of a member with which each item begins, (N, width) int32.
 
     items: a mesh's edges, loops or polygons; member: "vertices", "vertex_index" or "loop_start". Blender's API looks up
-    each item by itself, which takes a hundred times as long; it is asked only until it has once said the same, and where the numbers are not in a row."""
+    each item by itself, which takes a hundred times as long. It is asked only until it has once said the same, and
+    where the numbers are not in a row."""
     count = len(items)
     found = _in_a_row(items, count, width)
     if found is not None and not proof.is_due(member):

@@ -23,6 +23,8 @@ from . import driven_settings, layers, methods, mixes, stages, switching
 # curved B-bones) and the mesh moves relative to its armature, they would have to be rebuilt on every frame.
 MOST_REBUILDS = 8
 LEAST_PATIENCE, MOST_PATIENCE = 2, 16
+# Modes in which each dab of a brush changes the mesh.
+PAINTING = {"WEIGHT_PAINT", "VERTEX_PAINT"}
 
 
 _identities = itertools.count(1)
@@ -169,6 +171,24 @@ class GraphCopy:
             shared = self.character.data.shared
             self.weights = shared.equal_to(layers.Weights, found.same_as) or shared.add(found)
             self.first.native = None
+
+    def leaves_dabs(self, ob: Any) -> bool:
+        """Whether Blender deforms an evaluated object in an evaluation in which somebody has painted on it.
+
+        To read all weights again takes longer than Blender's Armature modifiers and shape keys, but not as long as its
+        smoothing."""
+        plan = self.plan
+        return (
+            ob.mode in PAINTING
+            and self.is_read()
+            and plan is not None
+            and plan.is_wired
+            and self.looks == self.character.planning.looks
+            and all(name in ob.modifiers for name in (*plan.replaced, *filter(None, [plan.own])))
+            and ob.sinew.installed_output != "MESH"  # which takes the shape that Sinew has written
+            and not self.method.kind
+            and len(self.stage_names(ob)) == len(self.mixes_now()) - 1
+        )
 
     def set_rest(self, found: np.ndarray) -> None:
         """Sets the rest shape, (V, 3). With shape keys, that is the reference key."""

@@ -57,6 +57,8 @@ def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) 
     """Runs the full path, or switches Blender's own modifiers on if Sinew does not deform the object now."""
     start = perf_counter()
     with entry.lock:  # a render may evaluate the same object at the same time
+        if copy.leaves_dabs(ob) and _is_dab(copy, ob):
+            raise mixes.NotYet
         work = _prepare(copy, ob) if entry.is_at_work(copy, ob) and copy.has_work(ob) else None
     if work is not None:
         deformer, poses, out, key_values, rest, in_order = work
@@ -75,6 +77,23 @@ def _deform(entry: characters.Character, copy: graph_copies.GraphCopy, ob: Any) 
     if work is None:
         _give_keys_back(copy, ob)
         _rest(copy, ob)
+
+
+def _is_dab(copy: graph_copies.GraphCopy, ob: Any) -> bool:
+    """Whether the mesh was edited since the last evaluation. Then it is read in the next one that does not follow an
+    edit."""
+    hook = copy.hook_of(ob)
+    mesh = hook and wiring.source_of(hook)
+    if mesh is None or _test_and_mark(hook, mesh):
+        return False
+    copy.mesh_address = 0
+    return True
+
+
+def _test_and_mark(hook: Any, mesh: Any) -> bool:
+    """Whether Sinew has seen this evaluated copy of the mesh that a hook reads. From now on, it has."""
+    canvas = wiring.waits_for(hook, "canvas")
+    return marks.test_and_mark(mesh, "MESH", canvas and canvas.original.data)
 
 
 def _rest(copy: graph_copies.GraphCopy, ob: Any) -> None:
@@ -108,9 +127,7 @@ def _prepare(copy: graph_copies.GraphCopy, ob: Any) -> tuple[Any, ...]:
         raise mixes.NotYet  # Blender has not evaluated the canvas
     addresses: Any
     key_values = addresses = None
-    canvas = wiring.waits_for(hook, "canvas")
-    is_seen = marks.test_and_mark(mesh, "MESH", canvas and canvas.original.data)
-    is_edited = not is_seen or copy.mesh_address != mesh.as_pointer()
+    is_edited = not _test_and_mark(hook, mesh) or copy.mesh_address != mesh.as_pointer()
     is_fresh = is_edited or not copy.is_read()
     if is_fresh:
         copy.read_mesh(mesh, is_edited)

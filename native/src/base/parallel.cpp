@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "base/check.h"
+#include "base/per_thread.h"
 #include "sinew/threads.h"
 
 namespace sinew {
@@ -71,7 +72,11 @@ std::atomic<std::chrono::steady_clock::time_point> last_region_end{};
 
 std::atomic<bool> always_pay = false;
 
-thread_local bool will_be_awake = false;
+/// Of the calling thread, see WorkAhead.
+struct Ahead {
+  bool wakes_threads = false;
+};
+bool& wakes_threads() { return per_thread<Ahead>().wakes_threads; }
 
 std::shared_ptr<Pool> current_pool() {
   const std::lock_guard lock(pool_mutex);
@@ -97,18 +102,18 @@ void run_parallel(std::size_t count, const std::function<void(std::size_t)>& wor
   });
 }
 
-WorkAhead::WorkAhead(double microseconds) : before_(will_be_awake) {
-  if (microseconds >= kPaysAsleep) will_be_awake = true;
+WorkAhead::WorkAhead(double microseconds) : before_(wakes_threads()) {
+  if (microseconds >= kPaysAsleep) wakes_threads() = true;
 }
 
-WorkAhead::~WorkAhead() { will_be_awake = before_; }
+WorkAhead::~WorkAhead() { wakes_threads() = before_; }
 
 void set_threads_always_pay(bool always) { always_pay = always; }
 
 bool threads_pay(double microseconds) {
   if (always_pay) return true;
   if (microseconds < kPaysAwake || thread_count() == 1) return false;
-  if (microseconds >= kPaysAsleep || will_be_awake) return true;
+  if (microseconds >= kPaysAsleep || wakes_threads()) return true;
   return std::chrono::steady_clock::now() - last_region_end.load(std::memory_order_relaxed) < kAwakeFor;
 }
 
