@@ -191,6 +191,29 @@ def enter_mode(random, ob, twin):
             bpy.ops.object.mode_set(mode=mode)
 
 
+@on_pair(2)
+def dabs(random, ob, twin):
+    """Of a brush, while Blender deforms the mesh after each."""
+    scene.make_active(ob, twin)
+    if not ob.visible_get() or ob.data.users > 1 or not ob.vertex_groups or not len(ob.data.vertices):
+        return
+    mode = random.choice(("WEIGHT_PAINT", "WEIGHT_PAINT", "VERTEX_PAINT"))
+    for each in ob, twin:
+        bpy.context.view_layer.objects.active = each
+        bpy.ops.object.mode_set(mode=mode)
+    for _ in range(random.randint(1, 3)):
+        group, weight = random.choice(ob.vertex_groups.keys()), random.random()
+        part = range(random.randrange(len(ob.data.vertices)), len(ob.data.vertices), random.randint(1, 5))
+        for each in ob, twin:
+            each.vertex_groups[group].add(part, weight, "REPLACE")
+            each.data.update()
+        bpy.context.view_layer.update()
+        compare.assert_alike()
+        if random.random() < 0.3:
+            bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
+            compare.assert_alike()
+
+
 @kind(1)
 def pose_mode(random):
     armature = one_armature(random)
