@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
+from characters import accelerate, add_shape_keys, hook, make_armature, make_mesh, pose
 from helpers import (
     addon_module,
     assert_plays_without_the_addon,
@@ -163,6 +163,26 @@ def test_between_the_stages(character):
     assert_same_on_all_frames(bpy.context.scene, ob, twin, range(1, 5))
     assert stages(ob) == ["Smooth", "Corrective"]
     assert_same_data(ob, twin)
+
+
+@pytest.mark.parametrize("with_keys", (False, True))
+@pytest.mark.parametrize("before", (None, *BESIDE))
+def test_a_hook_to_chosen_vertices_behind_it_is_blenders(character, before, with_keys):
+    """Blender moves other vertices there than the chosen ones."""
+    ob = character
+    if with_keys:
+        add_shape_keys(ob)
+    if before is not None:
+        before(ob)
+    behind = hook(ob)
+    behind.vertex_indices_set(range(0, 1200, 5))
+    select(ob)  # Blender 5 puts it first
+    bpy.ops.object.modifier_move_to_index(modifier=behind.name, index=len(ob.modifiers) - 1)
+    twin = twin_of(ob)
+    accelerate(ob)
+    assert_same_on_all_frames(bpy.context.scene, ob, twin, range(1, 5))
+    assert way(ob) == ("KEYS" if with_keys else "ATTRIBUTE" if before is None else "BLENDER")
+    assert (stages(ob) == [behind.name]) == (before is None)
 
 
 @pytest.mark.parametrize("with_keys", (False, True))

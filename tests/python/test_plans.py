@@ -158,6 +158,24 @@ def test_what_has_nothing_to_do_with_the_shape_may_be_anywhere(more):
     assert not any(mend.what == "PUT_OWN_FIRST" for mend in needed(given))
 
 
+@pytest.mark.parametrize("is_first", (False, True))
+def test_a_hook_that_picks_by_index_ends_the_run_behind_what_keeps_all_vertices(is_first):
+    warp = modifier("UV_WARP", keeps_shape=True, reads_shape=False)
+    picks, behind = modifier("HOOK", picks_by_index=True), (modifier("SMOOTH"), warp)
+
+    def run(*more):
+        return runs.of(bound(*more, before=(warp,), keys=keys()) if is_first else bound(*behind, *more, keys=keys()))
+
+    stages = () if is_first else ("SMOOTH",)
+    assert (run(picks).stages, run(picks).end) == (stages, "HOOK")
+    assert run(picks).reason == (
+        "it picks vertices by index, and Blender mixes these up behind UV_WARP: move it before that one"
+    )
+    assert run(replace(picks, picks_by_index=False)).stages == (*stages, "HOOK")
+    assert runs.of(bound(picks, replace(warp, shown=(False, False)), keys=keys())).stages == ("HOOK",)
+    assert runs.of(bound(replace(warp, shown=(False, False)), picks, keys=keys())).stages == ("HOOK",)
+
+
 def test_what_depends_on_the_shape_comes_before_sinews_modifier():
     normals = modifier("WEIGHTED_NORMAL", keeps_shape=True)
     assert needed(bound(before=(normals, own()))) == ()

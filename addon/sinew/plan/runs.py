@@ -49,6 +49,7 @@ def of(situation: Situation) -> Run:
             _why_not(modifier, like, asked)
             or _why_not_mixed(mix[1:], like, asked)
             or _why_not_mixed_in(modifier, modifiers[i + 1 :])
+            or _why_not_picked(modifier, modifiers[:i])
         )
         if modifier.type == "ARMATURE" and not taken:
             reason = _without_armature(stages)
@@ -92,6 +93,15 @@ def _why_not_mixed_in(modifier: Modifier, behind: Sequence[Modifier]) -> str:
         if not each.does_nothing:
             return f"{each.name} behind it mixes with it: turn off Multi Modifier there if it need not"
     return ""
+
+
+def _why_not_picked(modifier: Modifier, before: Sequence[Modifier]) -> str:
+    """Returns why Blender's own result of a Hook is not the one that Sinew would compute, or "". Behind a modifier that
+    keeps all vertices, Blender moves the mesh's first vertices, as many as there are, in place of the chosen ones."""
+    keeping = next((each for each in before if each.keeps_shape and each.is_shown), None)
+    if not modifier.picks_by_index or keeping is None:
+        return ""
+    return f"it picks vertices by index, and Blender mixes these up behind {keeping.name}: move it before that one"
 
 
 def _without_armature(stages: Collection[str]) -> str:
