@@ -119,6 +119,21 @@ def test_a_modifier_edited_while_painting(painted):
         assert_same_shape(ob, twin)
 
 
+@pytest.mark.parametrize("painted", (linear, add_shape_keys), indirect=True)
+def test_modifiers_added_between_dabs(painted):
+    scene, ob, twin = painted
+    for add in (two, smooth, two):
+        for each in (ob, twin):
+            add(each)
+        bpy.context.view_layer.update()
+        for weight in (0.3, 0.6):
+            for each in (ob, twin):
+                dab(each, weight)
+            assert_same_shape(ob, twin)
+        scene.frame_set(scene.frame_current + 1)
+        assert_same_shape(ob, twin)
+
+
 @pytest.mark.parametrize("painted", (linear,), indirect=True)
 def test_a_method_that_blender_lacks_is_shown_while_its_weights_are_painted(painted):
     _scene, ob, twin = painted

@@ -178,16 +178,14 @@ class GraphCopy:
         To read all weights again takes longer than Blender's Armature modifiers and shape keys, but not as long as its
         smoothing."""
         plan = self.plan
+        if ob.mode not in PAINTING or not self.is_read() or plan is None or not plan.is_wired:
+            return False
         return (
-            ob.mode in PAINTING
-            and self.is_read()
-            and plan is not None
-            and plan.is_wired
-            and self.looks == self.character.planning.looks
+            self.looks == self.character.planning.looks
             and all(name in ob.modifiers for name in (*plan.replaced, *filter(None, [plan.own])))
             and ob.sinew.installed_output != "MESH"  # which takes the shape that Sinew has written
             and not self.method.kind
-            and len(self.stage_names(ob)) == len(self.mixes_now()) - 1
+            and {name for mix in plan.run.mixes for name in mix}.issuperset(self.stage_names(ob))
         )
 
     def set_rest(self, found: np.ndarray) -> None:
