@@ -34,8 +34,3 @@ def is_copy(variable: Any) -> bool:
 def copies(hook: bpy.types.FCurve) -> list[Any]:
     """Returns the variables of a hook that are copies of other drivers' variables, in order."""
     return [each for each in hook.driver.variables if is_copy(each)]
-
-
-def own(hook: bpy.types.FCurve) -> list[Any]:
-    """Returns the other variables of a hook."""
-    return [each for each in hook.driver.variables if not is_copy(each)]

@@ -22,7 +22,7 @@ class Plan:
     run: runs.Run = runs.Run()  # what Sinew replaces behind them, or without them
     later: tuple[tuple[str, tuple[bool, bool]], ...] = ()  # Armature modifiers of the run: (name, binds)
     own: str | None = None  # name of Sinew's modifier
-    waits_for: frozenset[tuple[int, str]] = frozenset()  # bones, as returned by wiring.awaited_bones
+    waits_for: frozenset[tuple[int, str]] = frozenset()  # bones, see wiring.Waits.awaited
     driven: tuple[tuple[str, tuple[Driven, ...]], ...] = ()  # (name of a modifier that Sinew replaces, its `driven`)
     animated_mutes: tuple[int, ...] = ()  # as in situation.Keys
     is_wired: bool = False  # the file has what the path needs

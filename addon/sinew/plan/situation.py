@@ -86,9 +86,9 @@ class Hook:
     carrier: str = ""  # name of the modifier with that property
     mesh: int | None = None  # key of the mesh that it waits for
     keys: int | None = None  # key of the shape keys that it waits for
-    targets: frozenset[tuple[int, str]] = frozenset()  # that it waits for, as returned by wiring.targets_of
+    targets: frozenset[tuple[int, str]] = frozenset()  # that it waits for, see wiring.Waits
     has_lost_target: bool = False  # an object or a bone that it waits for was deleted
-    awaited: frozenset[tuple[int, str]] = frozenset()  # as returned by wiring.awaited_bones
+    awaited: frozenset[tuple[int, str]] = frozenset()  # see wiring.Waits
     canvas: int | None = None  # key of the canvas that it waits for
     copied: int | None = None  # key of the canvas's copy of the mesh that it waits for
     driven: tuple[Any, ...] = ()  # descriptions of its copies of other drivers' variables, in order

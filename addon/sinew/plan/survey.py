@@ -7,7 +7,7 @@ import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
 from ..host import contract, graph_modes, vector_arrays
-from . import cages, canvas_survey, driven, driver_variables, fronts, mends, plans, runs, wiring
+from . import cages, canvas_survey, driven, fronts, mends, plans, runs, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
 # Parent types that only transform the mesh; the others deform it.
@@ -233,7 +233,8 @@ def waits_for_targets(ob: bpy.types.Object, plan: plans.Plan) -> bool:
     if curve is None:
         return True
     names = [name for name in plan.replaced if name in ob.modifiers]
-    hook = Hook(plan.hook_path, targets=wiring.targets_of(curve), has_lost_target=wiring.has_lost_target(curve))
+    waits = wiring.waits_of(curve)
+    hook = Hook(plan.hook_path, targets=waits.targets, has_lost_target=waits.has_lost_target)
     return mends.waits_for(hook, (awaited_by(ob.modifiers[name]) for name in names))
 
 
@@ -249,17 +250,18 @@ def _hook(ob: bpy.types.Object, carrier: bpy.types.Modifier | None) -> Hook | No
         return None
     curve = wiring.hook_of(ob, carrier)
     mesh, keys, canvas, copied = (wiring.waits_for(curve, name) for name in ("mesh", "keys", "canvas", "copied"))
+    waits = wiring.waits_of(curve)
     return Hook(
         wiring.path_of(carrier),
         carrier.name,
         mesh and values.key_of(mesh),
         keys and values.key_of(keys),
-        wiring.targets_of(curve),
-        wiring.has_lost_target(curve),
-        wiring.awaited_bones(curve),
+        waits.targets,
+        waits.has_lost_target,
+        waits.awaited,
         canvas=canvas and values.key_of(canvas),
         copied=copied and values.key_of(copied),
-        driven=tuple(map(driver_variables.description, driver_variables.copies(curve))),
+        driven=waits.driven,
     )
 
 

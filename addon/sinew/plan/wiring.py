@@ -13,7 +13,7 @@ and Blender's tools find the modifier that they look for.
 """
 
 from collections.abc import Collection, Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -234,20 +234,41 @@ def weighted_groups(ob: bpy.types.Object) -> set[str]:
     return {group.name for group, count in zip(ob.vertex_groups, counts.tolist()) if count}
 
 
-def awaited_bones(hook: bpy.types.FCurve) -> frozenset[tuple[int, str]]:
-    """Returns {(key of a target object, name of a bone or path)} for all variables of a hook.
+class Waits(NamedTuple):
+    """What a hook waits for."""
 
-    For a B-bone, the path is the property that waits for its segments.
-    """
-    return _awaited(variable.targets[0] for variable in driver_variables.own(hook))
+    targets: frozenset[tuple[int, str]]  # {(key of an object, name of a bone, property in SHAPES or "")}
+    # Whether an object or a bone was deleted. Blender makes such a driver invalid, or does not evaluate it when it
+    # should.
+    has_lost_target: bool
+    # {(key of a target object, name of a bone or path)} for all variables; for a B-bone, the path is the property that
+    # waits for its segments.
+    awaited: frozenset[tuple[int, str]]
+    driven: tuple[Any, ...]  # descriptions of its copies of other drivers' variables, in order
 
 
-def _awaited(targets: Iterable[Any]) -> frozenset[tuple[int, str]]:
-    return frozenset(
-        (values.key_of(target.id), target.bone_target or target.data_path)
-        for target in targets
-        if target.id is not None
-    )
+def waits_of(hook: bpy.types.FCurve) -> Waits:
+    """Reads the variables of a hook. A large rig has hundreds, so each is looked at once."""
+    awaited, targets, driven, has_lost_target = set(), set(), [], False
+    keys: dict[Any, int] = {}
+    for variable in hook.driver.variables:
+        if driver_variables.is_copy(variable):
+            driven.append(driver_variables.description(variable))
+            continue
+        target = variable.targets[0]
+        block, bone, path = target.id, target.bone_target, target.data_path
+        is_object = variable.type == "TRANSFORMS" or path in SHAPES.values()
+        if block is None:
+            has_lost_target |= is_object
+            continue
+        if block not in keys:
+            keys[block] = values.key_of(block)
+        waited = keys[block], bone or path
+        awaited.add(waited)
+        if is_object:
+            targets.add(waited)
+            has_lost_target |= bool(bone) and bone not in block.data.bones
+    return Waits(frozenset(targets), has_lost_target, frozenset(awaited), tuple(driven))
 
 
 def is_waiting_for(
@@ -255,7 +276,7 @@ def is_waiting_for(
 ) -> bool:
     """Whether a hook waits for the motion of all deforming bones of these names.
 
-    awaited: as returned by awaited_bones; names: None for all.
+    awaited: see Waits; names: None for all.
     """
     key, bones = values.key_of(armature), armature.data.bones
     own = {name for owner, name in awaited if owner == key}
@@ -267,31 +288,6 @@ def is_waiting_for(
         for bone in bones
         if bone.use_deform and (names is None or bone.name in names)
     )
-
-
-def targets_of(hook: bpy.types.FCurve) -> frozenset[tuple[int, str]]:
-    """Returns {(key of an object, name of a bone, property in SHAPES or "")} that a hook waits for."""
-    return _awaited(_objects_of(hook))
-
-
-def has_lost_target(hook: bpy.types.FCurve) -> bool:
-    """Whether an object or a bone that the hook waits for was deleted.
-
-    Blender makes such a driver invalid, or does not evaluate it when it should.
-    """
-    return any(
-        target.id is None or target.bone_target and target.bone_target not in target.id.data.bones
-        for target in _objects_of(hook)
-    )
-
-
-def _objects_of(hook: bpy.types.FCurve) -> list[Any]:
-    """Returns the targets of a hook that are objects, with their transforms or shapes, or bones."""
-    return [
-        variable.targets[0]
-        for variable in driver_variables.own(hook)
-        if variable.type == "TRANSFORMS" or variable.targets[0].data_path in SHAPES.values()
-    ]
 
 
 def wire(
