@@ -182,25 +182,27 @@ def play(random):
 
 @on_pair(4)
 def enter_mode(random, ob, twin):
-    """Both of them, as otherwise Blender shows other shapes."""
-    mode = random.choice(("EDIT", "EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT"))
+    enter(ob, twin, random.choice(("EDIT", "EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT")))
+
+
+def enter(ob, twin, mode):
+    """Both of them, as otherwise Blender shows other shapes. Returns whether they can."""
     scene.make_active(ob, twin)
-    if ob.visible_get() and ob.data.users == 1:
-        for each in ob, twin:
-            bpy.context.view_layer.objects.active = each
-            bpy.ops.object.mode_set(mode=mode)
+    if not ob.visible_get() or ob.data.users > 1:
+        return False
+    for each in ob, twin:
+        bpy.context.view_layer.objects.active = each
+        bpy.ops.object.mode_set(mode=mode)
+    return True
 
 
 @on_pair(2)
 def dabs(random, ob, twin):
     """Of a brush, while Blender deforms the mesh after each."""
-    scene.make_active(ob, twin)
-    if not ob.visible_get() or ob.data.users > 1 or not ob.vertex_groups or not len(ob.data.vertices):
+    if not ob.vertex_groups or not len(ob.data.vertices):
         return
-    mode = random.choice(("WEIGHT_PAINT", "WEIGHT_PAINT", "VERTEX_PAINT"))
-    for each in ob, twin:
-        bpy.context.view_layer.objects.active = each
-        bpy.ops.object.mode_set(mode=mode)
+    if not enter(ob, twin, random.choice(("WEIGHT_PAINT", "WEIGHT_PAINT", "VERTEX_PAINT"))):
+        return
     for _ in range(random.randint(1, 3)):
         group, weight = random.choice(ob.vertex_groups.keys()), random.random()
         part = range(random.randrange(len(ob.data.vertices)), len(ob.data.vertices), random.randint(1, 5))
