@@ -75,8 +75,15 @@ def main(arguments):
     parser.add_argument("--vertices", type=int, default=40_000)
     parser.add_argument("--rig", choices=(CHAIN, *RIGS), default=CHAIN)
     parser.add_argument("--stack", choices=STACKS, default="")
+    parser.add_argument("--shot", action="store_true", help="the edits of a whole shot, see bench_hand.py")
+    parser.add_argument("--characters", type=int, default=5, help="of the shot")
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
+    if options.shot:
+        import bench_hand
+
+        bench_hand.main(options)
+        return
     print(f"\nBlender {bpy.app.version_string}, milliseconds per evaluation, medians of {ROUNDS} x {DABS} dabs\n")
     print("| a dab of Weight Paint | vertices | stack | modifier | Sinew | Sinew's extra |\n" + "|---" * 6 + "|")
     row = measure(options.rig, options.vertices, options.stack)
