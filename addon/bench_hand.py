@@ -14,7 +14,6 @@ from pathlib import Path
 from time import perf_counter
 
 import bpy
-import numpy as np
 
 from bench_playback import TOLERANCE, difference, number, shapes, without_handlers
 from bench_rigs import ADDON, select
@@ -64,9 +63,10 @@ def undo(rig):
 
 def insert_keys(rig):
     bone = bone_named(rig, KEYED)
-    times = [milliseconds(lambda: bone.keyframe_insert("location", frame=FRAME + 0.25 * step)) for step in range(STEPS)]
-    for step in range(STEPS):
-        bone.keyframe_delete("location", frame=FRAME + 0.25 * step)
+    frames = [FRAME + 0.25 * step for step in range(STEPS)]
+    times = [milliseconds(lambda frame=frame: bone.keyframe_insert("location", frame=frame)) for frame in frames]
+    for frame in frames:
+        bone.keyframe_delete("location", frame=frame)
     bpy.context.view_layer.update()
     return times[3:]
 
@@ -166,7 +166,13 @@ def main(options):
     print("|" + "---|" * 6)
     for row, found in rows.items():
         modifiers, sinew, frozen = (found[way] for way in WAYS)
-        cells = number(modifiers), number(sinew), f"{sinew / modifiers:.2f}", number(frozen), f"{frozen / modifiers:.2f}"
+        cells = (
+            number(modifiers),
+            number(sinew),
+            f"{sinew / modifiers:.2f}",
+            number(frozen),
+            f"{frozen / modifiers:.2f}",
+        )
         print(f"| {row} | {' | '.join(cells)} |", flush=True)
     print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * 5)
     if options.json:

@@ -266,15 +266,15 @@ def an_error():
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)
-    graph_copy = addon_module("run.graph_copies").GraphCopy
-    poses, graph_copy.poses = graph_copy.poses, lambda *_: (_ for _ in ()).throw(MemoryError("There is no memory left"))
+    chain = addon_module("run.chain").Chain
+    poses, chain.poses = chain.poses, lambda *_: (_ for _ in ()).throw(MemoryError("There is no memory left"))
     for frame in (3, 4, 5):
         bpy.context.scene.frame_set(frame)
         yield 0.5
     assert len(shown) == 1 and "Sinew cannot deform ogre" in shown[0], shown
     assert_same_shape(ob, builtin_copy(ob))
     yield from picture("error")
-    graph_copy.poses = poses
+    chain.poses = poses
     print("window: told what is wrong")
 
 

@@ -201,16 +201,22 @@ def assert_plays_without_the_addon(folder, ob, twin):
 
 def make_fail(monkeypatch, name):
     """Has the deformation of the mesh object of that name fail from now on."""
-    graph_copy = addon_module("run.graph_copies").GraphCopy
-    poses = graph_copy.poses
+    chain = addon_module("run.chain").Chain
+    poses = chain.poses
 
-    def fail(copy, *arguments):
-        if copy.character.name[0] == name:
+    def fail(own, ob, *arguments):
+        if ob.name == name:
             raise RuntimeError("It was told to fail")
-        return poses(copy, *arguments)
+        return poses(own, ob, *arguments)
 
-    monkeypatch.setattr(graph_copy, "poses", fail)
-    monkeypatch.setattr(addon_module("run.shortcuts"), "deform", lambda _: False)
+    monkeypatch.setattr(chain, "poses", fail)
+    monkeypatch.setattr(addon_module("run.fast_path").FastPath, "run", lambda *_: False)
+
+
+def shortcut_of(ob, graph=None):
+    """Returns the shortcut of an object's evaluated copy, or None."""
+    known = addon_module("run.graph_copies").at(ob.evaluated_get(graph or depsgraph()).as_pointer())
+    return known and known.fast_path.shortcut
 
 
 def into_a_shot(folder, overridden):

@@ -17,6 +17,7 @@ from helpers import (
     into_a_shot,
     is_deforming,
     select,
+    shortcut_of,
     stages,
     traces_of,
     way,
@@ -44,7 +45,7 @@ def in_use(request, fresh_scene):
 
 
 def goes_the_fast_path(ob):
-    shortcut = addon_module("run.shortcuts").of(ob.evaluated_get(depsgraph()))
+    shortcut = shortcut_of(ob)
     return shortcut is not None and shortcut.holds()
 
 

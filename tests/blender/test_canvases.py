@@ -19,6 +19,7 @@ from helpers import (
     into_a_shot,
     reopened,
     select,
+    shortcut_of,
     traces,
     twin_of,
     way,
@@ -90,9 +91,8 @@ def test_each_has_its_own_shape(pairs):
 
 def test_the_fast_path_watches_the_canvas(pairs):
     assert_all_same(pairs)
-    shortcuts = addon_module("run.shortcuts")
     graph = bpy.context.evaluated_depsgraph_get()
-    assert all(shortcuts.of(ob.evaluated_get(graph)) is not None for ob, _twin in pairs)
+    assert all(shortcut_of(ob, graph) is not None for ob, _twin in pairs)
     for block in (pairs[0][0].data, *(twin.data for _ob, twin in pairs)):
         block.vertices[7].co.x += 0.2
         block.update()

@@ -22,11 +22,11 @@ from helpers import (
     addon_module,
     assert_same_on_all_frames,
     assert_same_shape,
-    depsgraph,
     diagonal,
     end,
     evaluated,
     select,
+    shortcut_of,
     stages,
     twin_of,
     way,
@@ -598,7 +598,7 @@ def test_mesh_without_faces_or_edges(fresh_scene):
 def test_frames_that_are_alike_go_the_shorter_way(fresh_scene, make):
     ob, twin = make(animated)
     assert_same_on_all_frames(fresh_scene, ob, twin, (16, 17, 18, 19))  # behind the last keyframe
-    assert addon_module("run.shortcuts").of(ob.evaluated_get(depsgraph())).holds()
+    assert shortcut_of(ob).holds()
     assert_same_on_all_frames(fresh_scene, ob, twin)
 
 

@@ -18,6 +18,7 @@ from helpers import (
     into_a_shot,
     reopened,
     select,
+    shortcut_of,
     traces,
     twin_of,
     way,
@@ -90,7 +91,7 @@ def test_the_same_shape(fresh_scene, fronts):
     assert_all_same(pairs)
     assert way(pairs[0][0]) == "CANVAS" and are_deforming(pairs) == [True]
     graph = depsgraph()
-    assert addon_module("run.shortcuts").of(pairs[0][0].evaluated_get(graph)) is not None
+    assert shortcut_of(pairs[0][0], graph) is not None
 
 
 def test_mirrored_groups(fresh_scene):

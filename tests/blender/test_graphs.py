@@ -119,8 +119,9 @@ def test_copies_that_are_equal_share_what_was_made(two_graphs):
     characters = addon_module("run.characters")
     scenes = [bpy.context.scene.view_layers[0].depsgraph, graph]
     first, second = (characters.character(ob).copy_of(ob.evaluated_get(each)) for each in scenes)
-    assert first is not second and first.deformer is not second.deformer
-    assert first.weights is second.weights and first.rest is second.rest and first.layers[0] is second.layers[0]
+    assert first is not second and first.chain.deformer is not second.chain.deformer
+    assert first.reading.weights is second.reading.weights and first.reading.rest is second.reading.rest
+    assert first.chain.first.layers[0] is second.chain.first.layers[0]
 
 
 def test_a_script_that_reads_the_hooks_property_changes_nothing(two_graphs):

@@ -220,22 +220,22 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
     fresh_scene.frame_set(4, subframe=0.5)
     characters, calls, before = addon_module("run.characters"), [], evaluated(ob)
-    shortcuts = addon_module("run.shortcuts")
-    deform = shortcuts.deform
+    fast_path = addon_module("run.fast_path").FastPath
+    run = fast_path.run
 
-    def note_taken(evaluated_object):
-        taken = deform(evaluated_object)
-        calls.extend([True] * taken)
-        return taken
+    def note_run(own, evaluated_object):
+        has_run = run(own, evaluated_object)
+        calls.extend([True] * has_run)
+        return has_run
 
-    monkeypatch.setattr(shortcuts, "deform", note_taken)
-    is_at_work = characters.Character.is_at_work
+    monkeypatch.setattr(fast_path, "run", note_run)
+    may_work = characters.Character.may_work
 
-    def note(entry, copy, evaluated_object):
-        calls.append(is_at_work(entry, copy, evaluated_object))
+    def note(entry, plan, evaluated_object):
+        calls.append(may_work(entry, plan, evaluated_object))
         return calls[-1]
 
-    monkeypatch.setattr(characters.Character, "is_at_work", note)
+    monkeypatch.setattr(characters.Character, "may_work", note)
     assert "Whole Frame" not in draw()
     assert bpy.ops.object.sinew_measure() == {"FINISHED"}
     assert calls.count(False) > 9 and abs(calls.count(True) - calls.count(False)) <= 5
@@ -245,7 +245,7 @@ def test_whole_frames_with_and_without(fresh_scene, monkeypatch):
     assert (fresh_scene.frame_current, fresh_scene.frame_subframe) == (4, 0.5)
     entry, evaluated_object = characters.of(ob), ob.evaluated_get(depsgraph())
     assert np.array_equal(evaluated(ob), before)
-    assert is_at_work(entry, entry.copy_of(evaluated_object), evaluated_object)
+    assert may_work(entry, entry.copy_of(evaluated_object).plan, evaluated_object)
     other = bpy.data.scenes.new("other")
     assert addon_module("main.whole_frames").last(other) is None
     ob.sinew.output = "MESH"

@@ -26,9 +26,9 @@ from helpers import (
     addon_module,
     assert_same_on_all_frames,
     assert_same_shape,
-    depsgraph,
     evaluated,
     select,
+    shortcut_of,
     twin_of,
     way,
 )
@@ -79,11 +79,6 @@ def in_use(request, fresh_scene):
 def play(scene, first):
     for frame in range(first, first + 3):
         scene.frame_set(frame)
-
-
-def shortcut_of(ob):
-    """Of its evaluated copy, or None."""
-    return addon_module("run.shortcuts").of(ob.evaluated_get(depsgraph()))
 
 
 def goes_it(ob):
@@ -414,6 +409,8 @@ def test_another_pose_than_was_thought(in_use):
     class Wrong:
         def holds(self):
             return True
+
+        has_bones = holds
 
         def set_stage(self, _number, _stage):
             pass

@@ -169,7 +169,7 @@ def posed():
         [(address, -1, 0, [(Owner.state.offset, 4)])],
         [(address, [0, -1, 1], [1, 0, 3])],
         (Pose.first.offset, Pose.array.offset, *BONE),
-        [(address + Owner.mesh_place.offset, address + Owner.armature_place.offset)],
+        [((address + Owner.mesh_place.offset, -1), (address + Owner.armature_place.offset, -1))],
         [(address + Owner.mode.offset, 0b0011, 0b0100)],
     )
     return SimpleNamespace(
@@ -216,7 +216,7 @@ def test_a_shortcut_poses_the_layers_of_stages(posed):
         [],
         [(address, [0, -1, 1], [1, 0, 3])] * 2,
         (Pose.first.offset, Pose.array.offset, *BONE),
-        [(address + Owner.mesh_place.offset, address + Owner.armature_place.offset)] * 2,
+        [((address + Owner.mesh_place.offset, -1), (address + Owner.armature_place.offset, -1))] * 2,
         [],
         (mixed.stage([(identities, None)]),),
     )
@@ -226,6 +226,41 @@ def test_a_shortcut_poses_the_layers_of_stages(posed):
     poses = as_poses(posed, host.space_between(MESH, ARMATURE))
     posed.deformer.deform(poses, wanted, stages=[mixed.stage(poses)])
     assert np.array_equal(out, wanted) and shortcut.milliseconds.shape == (3,)
+
+
+def test_a_shortcut_follows_the_address_of_a_place(posed):
+    """Blender allocates new memory for an object's matrix when it copies the object again."""
+    address, out, wanted = ctypes.addressof(posed.owner), *np.empty((2, 3, 3), np.float32)
+    links = (ctypes.c_void_p * 2)()
+    places = [((ctypes.addressof(links), 4), (ctypes.addressof(links) + 8, 4))]
+    layout = Pose.first.offset, Pose.array.offset, *BONE
+    shortcut = host.Shortcut(posed.deformer, [], [(address, [0, -1, 1], [1, 0, 3])], layout, places, [])
+    for _ in range(2):
+        matrices = [(ctypes.c_float * 17)(9, *placed(each)) for each in (MESH, ARMATURE)]
+        links[:] = [ctypes.addressof(each) for each in matrices]
+        assert shortcut.deform(out.ctypes.data)
+        posed.deformer.deform(as_poses(posed, host.space_between(MESH, ARMATURE)), wanted)
+        assert np.array_equal(out, wanted)
+
+
+def test_a_shortcut_asks_whether_bones_were_copied(posed):
+    """Then the caller compares them, and marks the copy."""
+    mark, rest = ctypes.c_uint8(83), np.zeros((3, 3), np.float32)
+    shortcut = host.Shortcut(
+        sinew_native.Deformer(vertex_count=3),
+        [],
+        [],
+        (0,) * 6,
+        [],
+        [],
+        rest_positions=rest,
+        bones=[ctypes.addressof(mark)],
+    )
+    out = np.ones((3, 3), np.float32)
+    mark.value = 0
+    assert shortcut.holds() and not shortcut.has_bones() and not shortcut.deform(out.ctypes.data) and out.all()
+    mark.value = 83
+    assert shortcut.has_bones() and shortcut.deform(out.ctypes.data) and not out.any()
 
 
 def test_the_space_between_two_places():
@@ -446,7 +481,7 @@ def test_a_shortcut_through_another_pose(posed, spoil):
 )
 def test_a_shortcut_that_does_not_fit(posed, poses, sentence):
     with pytest.raises(ValueError, match=sentence):
-        host.Shortcut(posed.deformer, [], poses, (0,) * 6, [(0, 0)], [])
+        host.Shortcut(posed.deformer, [], poses, (0,) * 6, [((0, -1), (0, -1))], [])
 
 
 def test_keys_are_silenced_and_given_back():

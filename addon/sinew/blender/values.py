@@ -8,6 +8,10 @@ import numpy as np
 VERSION = bpy.app.version
 
 
+# Whether the key of a data-block stays the same when a step is undone: otherwise it is an address.
+KEYS_OUTLIVE_UNDO = hasattr(bpy.types.ID, "session_uid")
+
+
 def key_of(id_block: bpy.types.ID) -> int:
     """Returns a number that identifies a data-block within the session. Its evaluated copies have the same number."""
     original = id_block.original

@@ -6,6 +6,7 @@ Offsets are those of the running Blender. A member that is not in the table cann
 
 import ctypes
 import functools
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import bpy
@@ -39,7 +40,8 @@ CONTRACT: dict[str, dict[str, Member]] = {
         "vertex_group_names": Member("ListBase", 16),
     },
     "Key": {},
-    "bArmature": {"flag": Member("int", 4)},
+    "bArmature": {"flag": Member("int", 4), "bonebase": Member("ListBase", 16)},
+    "Bone": {"*next": _pointer("Bone", 0), "childbase": Member("ListBase", 16)},
     # A struct in a list begins with the address of the next one.
     "ListBase": {"*first": _pointer("void", 0), "*last": _pointer("void", 8)},
     "bDeformGroup": {"*next": _pointer("bDeformGroup", 0), "name": _NAME},
@@ -277,7 +279,7 @@ def forget() -> None:
     """Discards the result of the check, so that the next use checks again. For tests."""
     global _trouble, _freezing_trouble
     _trouble = _freezing_trouble = None
-    for function in (offset, size, struct_size, unused_byte, place):
+    for function in (offset, size, struct_size, plain_regions, unused_byte, place):
         function.cache_clear()
 
 
@@ -339,6 +341,32 @@ def struct_size(kind: str) -> int:
     if kind not in CONTRACT and kind not in FREEZING:
         raise KeyError(kind)
     return _of(kind).size
+
+
+@functools.cache
+def plain_regions(kind: str) -> list[tuple[int, int]]:
+    """Returns [(offset, size)] in bytes of all that a struct contains except addresses."""
+    if kind not in CONTRACT:
+        raise KeyError(kind)
+    _of(kind)  # which raises Broken
+    found: list[tuple[int, int]] = []
+    for offset, size in _plain(layout.structs(), kind, 0):
+        if found and sum(found[-1]) == offset:
+            found[-1] = found[-1][0], found[-1][1] + size
+        else:
+            found.append((offset, size))
+    return found
+
+
+def _plain(structs: dict[str, layout.Struct], kind: str, start: int) -> Iterator[tuple[int, int]]:
+    for name, (offset, of_type, size) in structs[kind].members.items():
+        if name[0] in "*(":
+            continue
+        if of_type in structs:
+            for place in range(offset, offset + size, structs[of_type].size):
+                yield from _plain(structs, of_type, start + place)
+        else:
+            yield start + offset, size
 
 
 @functools.cache

@@ -28,7 +28,23 @@ def place_layout() -> tuple[int | None, int] | None:
         return place if _matrix_at(_place_address(probe, place)) == _columns(probe.matrix_world) else None
 
 
-def _place_address(ob: Any, place: tuple[int | None, int]) -> int:
+def place_at(ob: Any) -> tuple[int, int]:
+    """Returns where an evaluated object's matrix to world space is, 16 float32, column by column: its address and -1,
+    or the address at which the address of a struct is stored, and the matrix's offset in that struct in bytes. Blender
+    allocates new memory for the struct when it copies the object again."""
+    place = place_layout()
+    assert place is not None  # is_found
+    pointer, offset = place
+    start = ob.as_pointer()
+    return (start + offset, -1) if pointer is None else (start + pointer, offset)
+
+
+def is_found(ob: Any) -> bool:
+    """Whether an evaluated object's matrix to world space is where place_at says."""
+    return place_layout() is not None and _matrix_at(_place_address(ob, place_layout())) == _columns(ob.matrix_world)
+
+
+def _place_address(ob: Any, place: Any) -> int:
     pointer, offset = place
     start = ob.as_pointer()
     return (start if pointer is None else contract.address_at(start + pointer)) + offset
@@ -40,18 +56,3 @@ def _matrix_at(address: int) -> list[float]:
 
 def _columns(matrix: Matrix) -> list[float]:
     return [number for column in matrix.transposed() for number in column]
-
-
-def place_address(ob: Any) -> int | None:
-    """Returns the address of an evaluated object's matrix to world space, 16 float32, column by column; None if it
-    cannot be found. The address is valid while the memory of `place_regions` is unchanged."""
-    place = place_layout()
-    address = place and _place_address(ob, place)
-    return address if address and _matrix_at(address) == _columns(ob.matrix_world) else None
-
-
-def place_regions(ob: Any) -> list[tuple[int, int]]:
-    """Returns [(address, size)] of the memory that shows whether `place_address` is still valid: if Blender copies an
-    object again, it allocates new memory for its matrix."""
-    place = place_layout()
-    return [] if place is None or place[0] is None else [(ob.as_pointer() + place[0], layout.POINTER)]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from . import contract, key_blocks, marks, places
+from . import contract, key_blocks, marks
 
 _ARMATURE_MODIFIER = "*object", "deformflag", "multi", "defgrp_name"
 # For each type of modifier: its struct, and the members that its stage depends on.
@@ -28,10 +28,12 @@ class Tree:
     def __init__(self, ob: Any) -> None:
         """ob: an evaluated object, which exists whenever Blender calls for it."""
         self.structs: list[tuple[int, int, int, list[tuple[int, int]]]] = []  # as sinew_native.host.Shortcut takes them
+        # Addresses of the armatures' marks. A mark may be lost while the bones stay as they are.
+        self.bones: list[int] = []
         mark = marks.mark_region(ob, "OBJECT")
         origin = contract.region(ob, "ID", "*orig_id")
         mode = contract.region(ob, "Object", "mode")
-        self._add(ob, [mark, origin, mode, *places.place_regions(ob)], -1, 0)
+        self._add(ob, [mark, origin, mode], -1, 0)
 
     def _add(self, struct: Any, regions: list[tuple[int, int]], parent: int, voucher: int) -> int:
         """Adds a struct. regions: [(address, size)]; parent: number of a struct; voucher: which of its regions shows
@@ -75,9 +77,9 @@ class Tree:
         owner = self._add_owned(modifier, settings)
         mode = contract.region(armature, "Object", "mode")
         link = contract.region(armature, "Object", "*data")
-        posed = self._add(armature, [link, mode, *places.place_regions(armature)], owner, 0)
-        flag = contract.region(data, "bArmature", "flag")
-        self._add(data, [marks.mark_region(data, "ARMATURE"), flag], posed, 0)
+        posed = self._add(armature, [link, mode], owner, 0)
+        self._add(data, [contract.region(data, "bArmature", "flag")], posed, 0)
+        self.bones.append(marks.mark_region(data, "ARMATURE")[0])
 
 
 def key_source(block: Any, animated: Sequence[int]) -> tuple[list[int], tuple[int, ...], Sequence[int]]:

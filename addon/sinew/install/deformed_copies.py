@@ -98,9 +98,9 @@ def _follow_one(entry, ob, depsgraph):
     if shape is None:
         return
     # While the user paints, the geometry need not be renewed: the vertices stay where they are.
-    is_stale = copy.sinew.copied_edition != seen.edition and ob.mode == "OBJECT"
+    is_stale = copy.sinew.copied_edition != seen.reading.edition and ob.mode == "OBJECT"
     if is_stale or copy.data.library is not None or len(copy.data.vertices) != len(shape):
-        deformed_copy.renew(copy, ob, seen.edition)
+        deformed_copy.renew(copy, ob, seen.reading.edition)
     entry.status.is_copy_known = True
     meshes.write_positions(copy.data, shape)
 
@@ -108,7 +108,7 @@ def _follow_one(entry, ob, depsgraph):
 def _shape_of(seen, ob, evaluated):
     """Returns the shape after Sinew's stages, as the viewport shows it, or None if it is not available.
 
-    (V, 3) float32; may refer to Blender's memory, so use it at once. seen: graph_copies.GraphCopy of the evaluated
+    (V, 3) float32; may refer to Blender's memory, so use it at once. seen: graph_copy.GraphCopy of the evaluated
     object.
     """
     plan = seen.plan or characters.of(ob).plan

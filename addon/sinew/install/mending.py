@@ -44,10 +44,10 @@ def _mend_keys(entry, ob):
         return
     copy, mesh = entry.copy_of(evaluated), wiring.source_of(hook)
     keys = mesh and mesh.shape_keys
-    if keys is None or copy.keys is None or keys.original != ob.data.shape_keys:
+    if keys is None or copy.reading.keys is None or keys.original != ob.data.shape_keys:
         return
-    if copy.keys_address == keys.as_pointer() and marks.is_marked(keys, "KEY"):
-        shape_keys.mend_original(ob.data, keys, copy.keys)
+    if copy.reading.has_read_keys(keys) and marks.is_marked(keys, "KEY"):
+        shape_keys.mend_original(ob.data, keys, copy.reading.keys)
 
 
 def _adapt(ob):

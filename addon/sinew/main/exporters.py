@@ -33,10 +33,10 @@ def _restore_keys(copy, ob):
     """Restores the shape keys. They still count as read, so the next evaluation does not read them again."""
     hook = copy.plan.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
-    if not keys or copy.keys is None or not marks.is_marked(keys, "KEY"):
+    if not keys or copy.reading.keys is None or not marks.is_marked(keys, "KEY"):
         return
     addresses = key_blocks.key_addresses(keys)
     key_blocks.give_keys_back(addresses, key_blocks.key_addresses(keys.original))
-    base = key_blocks.key_positions(addresses[0], len(copy.keys.base))
+    base = key_blocks.key_positions(addresses[0], len(copy.reading.keys.base))
     if base is not None:
-        base[:] = copy.keys.base
+        base[:] = copy.reading.keys.base

@@ -52,6 +52,7 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     copied = characters.with_copy()
     if copied:
         deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
+    characters.sweep()
     mail.deliver()
 
 
@@ -116,6 +117,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
         deformed_copies.tidy(copied, depsgraph, has_gathered)
     exporters.tidy(depsgraph)
     _learn_graphs(depsgraph)
+    characters.sweep()
     mail.deliver()
 
 
@@ -145,16 +147,21 @@ def before_undo_redo(*_: Any) -> None:
 def on_undo_redo(*_: Any) -> None:
     characters.gather_again()
     mending.mend_keys_of_applied()
-    forget(is_undo=True)
+    characters.follow_undo()
+    forget_what_was_seen()
     for ob in characters.bound_objects():
         own = nodes.find_modifier(ob)
         if own is not None and nodes.reads_canvas(own):
             mail.post(bind.rewire, values.key_of(ob))
 
 
-def forget(is_undo: bool = False) -> None:
+def forget() -> None:
+    characters.forget()
+    forget_what_was_seen()
+
+
+def forget_what_was_seen() -> None:
     _bone_names.clear()
-    characters.forget(is_undo)
     deformed_copies.forget()
     posing.forget()
     reports.forget()
@@ -297,7 +304,7 @@ def _put_handlers_back():
     """Puts missing handlers back. While one was missing, a different file may have been opened, or steps undone."""
     global _is_file_unknown
     if callbacks.put_back():
-        forget(is_undo=True)
+        forget()
         _is_file_unknown = True
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import values
-from ..run import character, characters
+from ..run import characters, standing_aside
 
 BLOCK = 10  # consecutive frames that are played with one of the two before the other's turn
 MOST_FRAMES = 40  # with each of the two
@@ -64,7 +64,7 @@ def measure(scene: Any, progress: Any) -> Measured:
             progress.step(first / MOST_FRAMES, "measuring frames")
             block = frames[first : first + BLOCK]
             sinew += frame_times(scene, block)
-            with character.StandAside():
+            with standing_aside.StandAside():
                 blender += frame_times(scene, block)
     finally:
         for ob in characters.bound_objects():

@@ -11,11 +11,7 @@ from ..blender import meshes, values
 from ..host import bindings, lattices
 from ..native import sinew_native
 from . import layers
-
-
-class NotReadable(Exception):
-    """The other object's shape cannot be read now, so Blender's own modifiers deform the mesh in this evaluation. That
-    is not an error."""
+from .leaving import LeaveToBlender
 
 
 class Lattice:
@@ -54,7 +50,7 @@ class SurfaceDeform:
     def arrays(modifier: Any, source: Any) -> tuple[np.ndarray | None, ...]:
         counts = bindings.surface_counts(modifier)
         if counts is None or counts.mesh != len(source.positions):
-            raise NotReadable  # it has just been bound, or the mesh edited
+            raise LeaveToBlender("it has just been bound, or the mesh edited")
         return source.group(modifier), *bindings.read_surface(modifier)
 
     @staticmethod
@@ -68,7 +64,7 @@ class SurfaceDeform:
         counts = bindings.surface_counts(modifier)
         # Blender follows a target that has more vertices than before, but none that has fewer.
         if counts is None or len(positions) < max(counts.target, native.least_target_count):
-            raise NotReadable
+            raise LeaveToBlender(f"{target.name} has fewer vertices than when it was bound")
         return native.stage(positions, bindings.surface_matrix(modifier), modifier.strength)
 
 
@@ -79,7 +75,7 @@ class MeshDeform:
     def arrays(modifier: Any, source: Any) -> tuple[np.ndarray | None, ...]:
         counts = bindings.mesh_counts(modifier)
         if counts is None or counts.mesh != len(source.positions) or modifier.use_dynamic_bind:
-            raise NotReadable  # it has just been bound, or the mesh edited
+            raise LeaveToBlender("it has just been bound, or the mesh edited")
         return source.group(modifier), *bindings.read_mesh(modifier)
 
     @staticmethod
@@ -91,11 +87,11 @@ class MeshDeform:
         target = _readable(modifier.object)
         positions = meshes.read_positions(target.data)
         if len(positions) != native.cage_vertex_count:
-            raise NotReadable
+            raise LeaveToBlender(f"{target.name} has other vertices than when it was bound")
         bound_from_cage = bindings.mesh_matrix(modifier)
         bound_from_mesh = bound_from_cage.astype(np.float64) @ _relative_matrix(target, ob)
         if np.linalg.det(bound_from_mesh) == 0:
-            raise NotReadable
+            raise LeaveToBlender(f"{target.name} has a scale of 0 along an axis")
         return native.stage(positions, bound_from_cage, np.linalg.inv(bound_from_mesh)[:3, :3])
 
 
@@ -115,10 +111,10 @@ def _point_weights(lattice: Any) -> np.ndarray | None:
 
 
 def _readable(target: Any) -> Any:
-    """Returns the evaluated object itself. Raises NotReadable if Blender's modifier follows another shape than that of
-    its data: in Edit Mode, what is being edited."""
+    """Returns the evaluated object itself. Raises LeaveToBlender if Blender's modifier follows another shape than
+    that of its data: in Edit Mode, what is being edited."""
     if target is None or target.original.data.is_editmode:
-        raise NotReadable
+        raise LeaveToBlender("the object that the mesh follows is in Edit Mode")
     return target
 
 

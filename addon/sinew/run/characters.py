@@ -16,7 +16,7 @@ import bpy
 from ..blender import animation, armatures, meshes, values
 from ..feedback import notice
 from ..native import sinew_native
-from . import layers, mail, shortcuts
+from . import bone_editions, graph_copies, mail
 from .character import Character
 
 log = logging.getLogger("sinew")
@@ -48,7 +48,6 @@ class _File:
 _characters: dict[int, Character] = {}  # by the key of the mesh object
 _file = _File()
 _is_stale = True  # bound meshes were added or removed since the walk
-_editions: dict[int, int] = {}  # key of the mesh object -> the edition of its mesh, kept through undo
 _silencing: set[int] = set()  # keys of the mesh objects in whose evaluated shape keys Sinew writes
 _gathering_number = 0
 _gathering = threading.Lock()  # held while _characters gets entries or is replaced
@@ -91,20 +90,31 @@ def looked_at(ob: bpy.types.Object) -> Character | None:
 
 
 def _new(key: int, name: tuple[str, str | None]) -> Character:
-    return Character(key, name, _editions.get(key, 0))
+    return Character(key, name)
 
 
-def forget(is_undo: bool = False) -> None:
-    """Discards everything that is cached, as after a file was loaded. is_undo: keeps the editions of the meshes."""
+def forget() -> None:
+    """Discards everything that is cached, as after a file was loaded."""
     global _characters, _file, _is_stale
     with _gathering:
-        _editions.clear()
-        if is_undo:
-            _editions.update((key, entry.data.edition) for key, entry in _characters.items())
         _characters, _file, _is_stale = {}, _File(), True
         _silencing.clear()
-    layers.forget_editions()
-    shortcuts.forget()
+    bone_editions.forget()
+    graph_copies.forget()
+    mail.forget()
+
+
+def follow_undo() -> None:
+    """Notes that Blender has undone or redone a step. It has freed the objects that the step changes, and keeps the
+    evaluated copies of all else, with their marks: what was read of those still holds."""
+    global _file, _is_stale
+    if not values.KEYS_OUTLIVE_UNDO:
+        forget()
+        return
+    _file, _is_stale = _File(), True
+    for entry in tuple(_characters.values()):
+        entry.planning.follow_undo()
+        entry.status.error = ""
     mail.forget()
 
 
@@ -261,6 +271,14 @@ def _may_follow_clip(ob: bpy.types.Object) -> bool:
 
 def _has_copy(ob: bpy.types.Object) -> bool:
     return ob.sinew.installed_output == "MESH" and ob.library is None
+
+
+def sweep() -> None:
+    """Discards what was read in graphs that are gone. In the main thread, after an evaluation."""
+    if graph_copies.has_strays():
+        graphs = [layer.depsgraph for scene in bpy.data.scenes for layer in scene.view_layers]
+        shown = {ob.evaluated_get(graph).as_pointer() for graph in filter(None, graphs) for ob in known()}
+        graph_copies.sweep(shown)
 
 
 # --- what the main thread does for them -----------------------------------------------------------

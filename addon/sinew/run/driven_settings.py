@@ -10,10 +10,7 @@ from typing import Any
 
 from ..host import contract
 from ..plan import driven, driver_variables, drivers, plans, wiring
-
-
-class NoValue(Exception):
-    """A driver has no value in this evaluation, for example because a property that it reads was removed."""
+from .leaving import LeaveToBlender
 
 
 class WithSettings:
@@ -43,15 +40,16 @@ class _Setting:
         self._rna = modifier.bl_rna.properties[name]
 
     def value(self) -> Any:
-        """Returns the setting's value in this evaluation. Raises NoValue."""
+        """Returns the setting's value in this evaluation. Raises
+        LeaveToBlender if its driver has none, for example because a property that it reads was removed."""
         numbers = [ctypes.c_float.from_address(address).value for address in self._addresses]
         if not all(map(math.isfinite, numbers)):
-            raise NoValue
+            raise LeaveToBlender(f"a variable of the driver of {self.name} is not a number")
         try:
             number = driven.mapped(self._curve, drivers.value(self._kind, self._code, self._names, numbers))
             return self._as_property(number)
         except (ArithmeticError, ValueError, TypeError) as error:
-            raise NoValue from error
+            raise LeaveToBlender(f"the driver of {self.name} has no value") from error
 
     def _as_property(self, number: float) -> Any:
         """Returns a number as Blender stores it in the property."""
@@ -84,6 +82,6 @@ class DrivenSettings:
 
     def of(self, modifier: Any) -> Any:
         """Returns an evaluated modifier with the values that its driven settings have in this evaluation. Raises
-        NoValue."""
+        LeaveToBlender."""
         found = self._settings.get(modifier.name)
         return modifier if found is None else WithSettings(modifier, {each.name: each.value() for each in found})

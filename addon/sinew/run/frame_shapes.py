@@ -19,7 +19,7 @@ class Keeper:
     known: Any = None  # sinew_native.host.FrameShape that may be taken, or None
     is_keeping: bool = False  # otherwise a shape that has to be computed is not kept
     found: Any = None  # the FrameShape of the last evaluation, or None
-    identity: int = 0  # of what computed it, see graph_copies.GraphCopy.identity
+    identity: int = 0  # of what computed it, see chain.Chain.identity
 
     def ask(self, known: Any, is_keeping: bool) -> None:
         """Says what the next evaluation may take, and whether to keep its shape."""

@@ -4,8 +4,6 @@ A mesh usually has one layer. It has several if Multi Modifier mixes the results
 """
 
 import functools
-import itertools
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -15,9 +13,9 @@ import numpy as np
 from ..blender import armatures, values
 from ..deform.clips import transformed
 from ..deform.influences import Bones, Influences, Rules, group_weights, influences
-from ..host import marks, motions
+from ..host import motions
 from ..native import sinew_native
-from . import methods
+from . import living, methods
 
 # How Blender treats scaled bones with Preserve Volume.
 STRETCH = "frame_each" if values.VERSION >= (4, 0, 0) else "frame"
@@ -81,52 +79,6 @@ class Weights:
         return group_weights(self.offsets, self.groups, self.weights, self.names.index(name))
 
 
-# --- bones ----------------------------------------------------------------------------------------
-
-
-# key of an armature's data -> [(number, signature)] of the last editions of its bones
-_numbers: dict[int, list[tuple[int, Any]]] = {}
-_copies: dict[int, int] = {}  # address of an evaluated armature's data -> number of the edition that was read from it
-_editions_lock = threading.Lock()
-_new_number = itertools.count(1)
-MOST_EDITIONS = 4  # per armature; another graph may still use an older one
-MOST_COPIES = 1024
-
-
-def forget_editions() -> None:
-    """Discards all editions of bones."""
-    with _editions_lock:
-        _numbers.clear()
-        _copies.clear()
-
-
-def edition_of_bones(armature: Any) -> tuple[int, int]:
-    """Returns (key of the armature's data, a number that changes when the bones change) of an evaluated armature. Bones
-    are compared only when Blender has copied the armature again: after edits and while bones are posed by hand, but not
-    when only the frame changes."""
-    data = armature.data
-    key, address = values.key_of(data), data.as_pointer()
-    with _editions_lock:
-        if marks.test_and_mark(data, "ARMATURE") and address in _copies:
-            return key, _copies[address]
-        signature = armatures.bone_signature(armature)
-        known = _numbers.setdefault(key, [])
-        number = next((number for number, other in known if other == signature), 0)
-        if not number:
-            number = next(_new_number)
-            known.append((number, signature))
-            del known[:-MOST_EDITIONS]
-        if len(_copies) >= MOST_COPIES:
-            _copies.clear()
-        _copies[address] = number
-        return key, number
-
-
-def is_edition(address: int, number: int) -> bool:
-    """Whether that edition was the last one read from the evaluated armature data at that address."""
-    return _copies.get(address) == number
-
-
 def is_posed(armature: Any) -> bool:
     """Whether an evaluated armature shows a pose."""
     return bool(armature.pose.bones) and armature.data.pose_position != "REST" and armature.mode != "EDIT"
@@ -143,7 +95,7 @@ class Layer:
     weights: Weights
     rest: np.ndarray  # (V, 3)
     first_joint: np.ndarray  # (B,), -1 for bones that move no vertex
-    # (settings, method, number of the layer), *edition_of_bones: if this changes, the layer is made again
+    # (settings, method, number of the layer), *bone_editions.of: if this changes, the layer is made again
     made_of: tuple
     space: bytes | None  # mesh_from_armature when the layer was made
     wanted: str = ""  # methods.made_of for a precomputed method
@@ -152,7 +104,7 @@ class Layer:
 
     @property
     def edition(self) -> int:
-        """The edition of the bones, the number returned by edition_of_bones."""
+        """The edition of the bones, the number returned by bone_editions.of."""
         return self.made_of[-1]
 
     def holds(self, weights: Weights, rest: np.ndarray, made_of: tuple, mesh_from_armature: np.ndarray | None) -> bool:
@@ -191,7 +143,7 @@ def make_layer(
     kept: methods.Kept,
 ) -> Layer:
     """Makes a layer. rest (V, 3): rest positions in mesh space; armature: evaluated; mesh_from_armature (4, 4) or None;
-    made_of: ((Settings, methods.Method, number of the layer), *edition_of_bones); text: the text data-block with the
+    made_of: ((Settings, methods.Method, number of the layer), *bone_editions.of); text: the text data-block with the
     method's precomputed data, or None; kept: reads that data."""
     settings, method, number = made_of[0]
     bones = Bones(**armatures.read_bones(armature))
@@ -244,7 +196,7 @@ def make_layer(
     if own.bends is not None:
         how |= {"bends": sinew_native.Bends(**vars(own.bends)), "split_space": mesh_from_armature}
     return Layer(
-        sinew_native.Layer(skin, mask=mask, share=share, **how),
+        living.note(sinew_native.Layer(skin, mask=mask, share=share, **how)),
         skin,
         own,
         bones,

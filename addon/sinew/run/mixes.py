@@ -10,15 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..plan import wiring
-from . import layers, methods
-
-
-class NotYet(Exception):
-    """Blender's own modifiers deform the mesh in this evaluation, and that is not an error."""
-
-
-class NotYetWired(NotYet):
-    """The hook does not wait for everything it needs. The main thread fixes that and has Blender evaluate again."""
+from . import bone_editions, layers, methods
+from .leaving import LeaveToBlender
 
 
 def no_channels(_armature: Any) -> np.ndarray | None:
@@ -30,10 +23,10 @@ class Mix:
     """One mix of a mesh, in one dependency graph."""
 
     def __init__(self, copy: Any) -> None:
-        """copy: graph_copies.GraphCopy."""
+        """copy: graph_copy.GraphCopy."""
         self._copy = copy
         self.layers: list[layers.Layer] = []  # one per modifier that is on
-        self.native: Any = None  # made of these layers: sinew_native.Deformer or MixedLayers; None: it has to be made
+        self.native: Any = None  # of a later mix: the sinew_native.MixedLayers of these layers; None: it has to be made
         self.rebuilds = 0  # of layers since the last edit
         # Also of modifiers that were switched off, for when they are on again: by name and place among those on.
         self._known: dict[tuple[str, int], layers.Layer] = {}
@@ -55,11 +48,12 @@ class Mix:
         the current modifiers. ob: evaluated; modifiers: its modifiers that are on in this evaluation, with the values
         of their driven settings; binds: by name of the modifier; methods_of: by name, of those that do not use the
         method of their own settings; channels_of(armature): returns the motions of all bones (B, 4, 4) to use instead
-        of the armature's, or None. Raises NotYet or values.Flat."""
+        of the armature's, or None. Raises LeaveToBlender or values.Flat."""
         found, used = [], []
         for number, modifier in enumerate(modifiers):
             if number > 0 and modifier.object.mode == "EDIT":
-                raise NotYet  # Blender skips such a modifier; a layer at rest would mix in the rest shape
+                # Blender skips such a modifier; a layer at rest would mix in the rest shape.
+                raise LeaveToBlender(f"{modifier.object.name} is in Edit Mode")
             space = layers.space_between(ob, modifier.object)
             settings = layers.Settings.of(modifier, binds[modifier.name])
             how = settings, methods_of.get(modifier.name, methods.Method()), number
@@ -76,10 +70,10 @@ class Mix:
         """Returns a layer, and makes it if there is none or it is out of date. how: (settings, method, number)."""
         copy, armature = self._copy, modifier.object
         settings, _method, number = how
-        made_of = how, *layers.edition_of_bones(armature)
+        made_of = how, *bone_editions.of(armature)
 
         def holds(layer: layers.Layer) -> bool:
-            return layer.holds(copy.weights, copy.rest, made_of, space)
+            return layer.holds(copy.reading.weights, copy.reading.rest, made_of, space)
 
         old = self._known.get((modifier.name, number))
         if old is not None and holds(old):
@@ -87,22 +81,21 @@ class Mix:
         self.rebuilds += old is not None
         # First, because Blender may not have evaluated a bone yet that the hook does not wait for.
         self._check_wires(armature, settings, old is not None and old.made_of != made_of)
-        data = copy.character.data
-        layer = data.shared.equal_to(layers.Layer, holds) or data.shared.add(
-            layers.make_layer(
-                copy.weights, copy.rest, armature, space, made_of, ob.original.sinew.skinning.data, data.kept
-            )
+        reading, character = copy.reading, copy.character
+        text = ob.original.sinew.skinning.data
+        layer = character.shared.equal_to(layers.Layer, holds) or character.shared.add(
+            layers.make_layer(reading.weights, reading.rest, armature, space, made_of, text, character.kept)
         )
         self._known[modifier.name, number] = layer
         return layer
 
     def _check_wires(self, armature: Any, settings: layers.Settings, were_edited: bool) -> None:
         """Checks that the hook waits for all bones. They may be new, have become B-bones, or got their first weight.
-        Raises NotYetWired."""
+        Raises LeaveToBlender."""
         copy = self._copy
-        names = None if settings.use_envelopes else copy.weights.used_names
+        names = None if settings.use_envelopes else copy.reading.weights.used_names
         is_missed = not wiring.is_waiting_for(copy.plan.waits_for, armature, names)
         if were_edited or is_missed:
             copy.character.planning.ask_to_rewire()
         if is_missed:
-            raise NotYetWired
+            raise LeaveToBlender("the hook does not wait for all bones")  # until the main thread has rewired it

@@ -67,6 +67,12 @@ class Planning:
         self.looks += 1
         self.sharer_count = None
 
+    def follow_undo(self) -> None:
+        """Has the next question about the object, which an undo may have changed, look at it again. A graph copy asks
+        only if Blender has copied the object again."""
+        self.newcomers, self._modifiers, self._given_up = frozenset(), None, None
+        self._revivals = self._renewals = 0
+
     def ask_to_rewire(self) -> None:
         """Asks the main thread to apply the mends."""
         mail.post(mail.REWIRE, self._key)

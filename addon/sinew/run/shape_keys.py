@@ -14,6 +14,7 @@ import numpy as np
 from ..blender import meshes
 from ..host import key_blocks, marks
 from ..native import sinew_native
+from . import living
 
 
 @dataclass
@@ -41,7 +42,8 @@ def read(keys: Any, vertex_count: int, weights: Any) -> Keys:
     group_weights = None
     if any(each is not None for each in own):
         group_weights = [None if each is None else each.astype(np.float32) for each in own]
-    return Keys(sinew_native.ShapeKeys(positions, relative_to, group_weights), positions[0].copy())
+    native = living.note(sinew_native.ShapeKeys(positions, relative_to, group_weights))
+    return Keys(native, positions[0].copy())
 
 
 def give_back(keys: Any, known: Keys) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from ..blender import meshes, values
 from ..host import deform_verts, vector_arrays
 from ..native import sinew_native
-from . import cage_stages
+from . import cage_stages, living
 
 # Blender 4.1 weights corners by a polynomial instead of the arc cosine, and no longer ignores negative factors.
 BEFORE_4_1 = values.VERSION < (4, 1, 0)
@@ -226,7 +226,7 @@ class Stages:
         self._is_fresh = False
 
     def _make(self, kind: Any, modifier: Any, settings: tuple, arrays: tuple) -> _Made:
-        return _Made(settings, arrays, kind.make(modifier, self._topology, *arrays))
+        return _Made(settings, arrays, living.note(kind.make(modifier, self._topology, *arrays)))
 
 
 def _settings(kind: Any, modifier: Any) -> tuple:

@@ -4,24 +4,22 @@ from typing import Any
 
 from ..host import graph_modes, switches
 from ..plan import plans, ways
+from .leaving import LeaveToBlender
 
 OFF = (False, False)
 
 
-class NotTold(Exception):
-    """Some modifiers are on for the viewport or for renders only, and which it is cannot be told."""
-
-
 def shown(ob: Any, plan: plans.Plan) -> tuple[str, ...]:
     """Returns the names of those modifiers that the plan replaces which are switched on in this evaluation of an
-    evaluated object. Their switches may be driven or animated. Raises NotTold."""
+    evaluated object. Their switches may be driven or animated. Raises
+    LeaveToBlender if that cannot be told."""
     modes = {name: _switches(ob.modifiers[name]) for name in plan.replaced}
     if all(viewport == render for viewport, render in modes.values()):
         return tuple(name for name, (viewport, _render) in modes.items() if viewport)
     is_render = graph_modes.is_render(ob)
     if is_render is None:
         if plan.way.kind == ways.KEYS or len(set(modes.values())) > 1:
-            raise NotTold
+            raise LeaveToBlender("some modifiers are on for the viewport or for renders only")
         return tuple(modes)  # Sinew's modifier gets the switches that all have, so Blender decides
     return tuple(name for name, mode in modes.items() if mode[is_render])
 

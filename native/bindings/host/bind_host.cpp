@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
 
 #include "arrays.h"
 #include "host/memory.h"
@@ -149,6 +150,23 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
   return array_of(addresses);
 }
 
+/// Appends the regions of all structs of a list, each followed by those of its children, with the depth.
+void append_tree(Address first, std::ptrdiff_t children_at,
+                 const std::vector<std::pair<std::ptrdiff_t, std::size_t>>& regions, char depth, std::string& to) {
+  for (Address each = first; each != 0; each = read<Address>(each)) {
+    to.push_back(depth);
+    for (const auto& [offset, size] : regions) to.append(reinterpret_cast<const char*>(each + offset), size);
+    append_tree(read<Address>(each + children_at), children_at, regions, static_cast<char>(depth + 1), to);
+  }
+}
+
+py::bytes tree_bytes(Address first, std::ptrdiff_t children_at,
+                     const std::vector<std::pair<std::ptrdiff_t, std::size_t>>& regions) {
+  std::string found;
+  append_tree(first, children_at, regions, 0, found);
+  return found;
+}
+
 /// layout: as in KeyLayout; animated: numbers of keys.
 py::array_t<float> read_and_silence_keys(const std::vector<Address>& keys, const std::array<std::ptrdiff_t, 3>& layout,
                                          const std::vector<std::size_t>& animated) {
@@ -199,6 +217,12 @@ void bind_host(py::module_& parent) {
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Returns the addresses, int64, of at most count structs of one of Blender's lists, in which each "
              "begins with the address of the next.");
+  module.def("tree_bytes", &tree_bytes, py::arg("first"), py::arg("children_at"), py::arg("regions"),
+             "Returns the bytes of all structs of one of Blender's lists and of the lists of their children, each with "
+             "its depth, as bytes.\n\n"
+             "first: address of the first struct, or 0. Each begins with the address of the next.\n"
+             "children_at: byte offset of the address of a struct's first child.\n"
+             "regions: [(offset, size)] in bytes, what to read of each struct.");
   module.def("silence_keys", &read_and_silence_keys, py::arg("keys"), py::arg("layout"),
              py::arg("animated") = std::vector<std::size_t>(),
              "Mutes evaluated shape keys and remembers in unused bits of their flags which ones were muted. Those that "

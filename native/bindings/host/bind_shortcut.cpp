@@ -118,10 +118,15 @@ struct KeySource {
   }
 };
 
-/// The addresses of two matrices from object space to world space, as stored by Blender: the mesh's and an armature's.
-using Places = std::pair<Address, Address>;
+/// Where Blender stores a matrix from object space to world space: its address and -1, or the address at which the
+/// address of a struct is stored, and the matrix's offset in that struct.
+using Place = std::pair<Address, std::ptrdiff_t>;
+using Places = std::pair<Place, Place>;  ///< the mesh's and an armature's
 
-Matrix4<float> matrix_at(Address at) { return Matrix4<float>::Map(reinterpret_cast<const float*>(at)); }
+Matrix4<float> matrix_at(const Place& place) {
+  const auto& [at, offset] = place;
+  return Matrix4<float>::Map(reinterpret_cast<const float*>(offset < 0 ? at : read<Address>(at) + offset));
+}
 
 class Shortcut {
  public:
@@ -130,10 +135,12 @@ class Shortcut {
            const std::array<std::ptrdiff_t, 6>& layout, std::vector<Places> places,
            const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>& switches, const py::sequence& stages,
            const std::optional<GivenKeys>& keys, const std::optional<py::array>& rest_positions,
-           const std::vector<std::pair<Address, std::int32_t>>& kept, std::uint64_t identity)
+           const std::vector<std::pair<Address, std::int32_t>>& kept, std::uint64_t identity,
+           std::vector<Address> bones)
       : owner_(std::move(deformer)),
         deformer_(owner_.cast<const Deformer&>()),
         watched_(watched_of(watched)),
+        bones_(std::move(bones)),
         layout_{layout[0], layout[1], {layout[2], layout[3], layout[4], layout[5]}},
         places_(std::move(places)),
         stage_owners_(py::list(stages)),
@@ -157,6 +164,7 @@ class Shortcut {
       if (addresses.empty()) throw InputError("keys has no address; expected one per key");
       keys_ = {addresses, offsets, chosen_keys(animated, addresses.size()), std::vector<float>(addresses.size(), 0.0f)};
     }
+    for (const Address mark : bones_) marks_.push_back(read<std::uint8_t>(mark));
     if (rest_owner_) rest_ = numbers_span("rest_positions", *rest_owner_, 2, "(V, 3)");
     poses_.resize(sources_.size());
     pose_stages();
@@ -167,6 +175,11 @@ class Shortcut {
     return watched_.holds() && std::ranges::all_of(kept_, [](const Kept& each) {
              return (read<std::int32_t>(each.address) & each.bits) == each.before;
            });
+  }
+
+  /// Whether Blender has not copied the bones of any armature again. Only while the watched memory is unchanged.
+  bool has_bones() const {
+    return std::ranges::equal(bones_, marks_, {}, [](Address mark) { return read<std::uint8_t>(mark); });
   }
 
   /// Replaces a stage by one of the same kind. Throws InputError for another one, and if there is no such stage.
@@ -192,7 +205,7 @@ class Shortcut {
     std::optional<py::gil_scoped_release> release;
     if (!is_quick()) release.emplace();
     const Watch watch;
-    if (!holds()) return false;
+    if (!holds() || !has_bones()) return false;
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       if (!place(i)) return false;
       gather(sources_[i]);
@@ -300,6 +313,8 @@ class Shortcut {
   py::object owner_;
   const Deformer& deformer_;
   Watched watched_;
+  std::vector<Address> bones_;  ///< of the marks
+  std::vector<std::uint8_t> marks_;
   PoseLayout layout_;
   std::vector<Places> places_;
   py::list stage_owners_;  // a copy
@@ -328,11 +343,11 @@ void bind_shortcut(py::module_& host) {
                    const std::array<std::ptrdiff_t, 6>&, std::vector<Places>,
                    const std::vector<std::tuple<Address, std::int32_t, std::int32_t>>&, const py::sequence&,
                    const std::optional<GivenKeys>&, const std::optional<py::array>&,
-                   const std::vector<std::pair<Address, std::int32_t>>&, std::uint64_t>(),
+                   const std::vector<std::pair<Address, std::int32_t>>&, std::uint64_t, std::vector<Address>>(),
           py::arg("deformer"), py::arg("watched"), py::arg("poses"), py::arg("layout"), py::arg("places"),
           py::arg("switches"), py::arg("stages") = py::tuple(), py::arg("keys") = py::none(),
           py::arg("rest_positions") = py::none(), py::arg("kept") = std::vector<std::pair<Address, std::int32_t>>(),
-          py::arg("identity") = 0,
+          py::arg("identity") = 0, py::arg("bones") = std::vector<Address>(),
           "deformer: a Deformer.\n"
           "watched: memory that must stay as it is now for the shortcut to hold: for each struct (address, parent, "
           "voucher, [(offset, size) of each region, in bytes]). A struct is read only after region `voucher` of the "
@@ -343,8 +358,9 @@ void bind_shortcut(py::module_& host) {
           "address of the pose is stored, first_joints, joint_counts), the last two as in read_pose.\n"
           "layout: byte offsets in a pose of its list of bones and its array of their addresses, "
           "then what read_pose takes.\n"
-          "places: for each layer, the addresses of two matrices of 16 float32, column by column: from mesh space to "
-          "world space and from armature space to world space.\n"
+          "places: for each layer, where two matrices of 16 float32 are, column by column: from mesh space to world "
+          "space and from armature space to world space. Each is (address, -1), or the address at which the address of "
+          "a struct is stored, and the matrix's offset in it in bytes.\n"
           "switches: (address of an int32, bits to clear, bits to set).\n"
           "stages: as in Deformer.deform.\n"
           "keys: (addresses of the shape keys, byte offsets in a key: three as in silence_keys, then of the address of "
@@ -354,8 +370,11 @@ void bind_shortcut(py::module_& host) {
           "kept: (address of an int32, bits of it that must stay as they are now for the shortcut to hold). Read only "
           "while the watched memory is unchanged.\n"
           "identity: as in shape_of.\n"
+          "bones: addresses of bytes that keep their values while the armatures' bones are as they are now.\n"
           "Raises ValueError for sizes that do not fit, and for a watched struct that its parent does not lead to.")
       .def("holds", &Shortcut::holds, "Whether the watched memory and the kept bits are unchanged.")
+      .def("has_bones", &Shortcut::has_bones,
+           "Whether the bytes of `bones` are unchanged. Only while the shortcut holds.")
       .def("set_stage", &Shortcut::set_stage, py::arg("number"), py::arg("stage"),
            "Replaces a stage by one with other settings.\n\n"
            "number: which of the stages.\n"

@@ -1,0 +1,113 @@
+"""All that is known of one evaluated object: what was read, what was built from it, and what is watched.
+
+A viewport, a render and a second scene each evaluate copies of their own, which may be of different ages: while a user
+paints, a render still has the mesh as it was when the render began. So what was read of one is never used for another.
+Equal data is shared (`Shared`), whichever was read first.
+"""
+
+from typing import Any
+
+from ..host import marks
+from ..plan import ways
+from . import cage_stages, driven_settings, switching
+from .chain import Chain
+from .fast_path import FastPath
+from .leaving import LeaveToBlender
+from .reading import Reading
+
+# Modes in which each dab of a brush changes the mesh.
+PAINTING = {"WEIGHT_PAINT", "VERTEX_PAINT"}
+
+
+class GraphCopy:
+    """What is known of one evaluated object. Only one thread at a time uses it, because Blender evaluates an object in
+    one thread. It is discarded as a whole (graph_copies.py)."""
+
+    def __init__(self, character: Any) -> None:
+        """character: character.Character."""
+        self.character = character
+        self.used = 0  # when, see graph_copies.py
+        self.plan: Any = None  # plans.Plan of this copy of the object, or None
+        self._looks = -1  # character.planning.looks when the plan was made
+        # Names of the modifiers that Sinew replaces and that are switched on in this evaluation.
+        self.shown: tuple[str, ...] = ()
+        self.driven_settings: Any = None  # driven_settings.DrivenSettings, or None if the plan is new
+        self.reading = Reading(character)
+        self.chain = Chain(self)
+        self.fast_path = FastPath(self)
+        self.is_deforming = False  # Sinew deformed the mesh in the last evaluation; otherwise Blender did
+
+    # --- the plan ---------------------------------------------------------------------------------
+
+    @property
+    def has_current_plan(self) -> bool:
+        """Whether nobody has asked for another plan since this one was made."""
+        return self._looks == self.character.planning.looks
+
+    def follow_edits(self, ob: Any) -> None:
+        """Makes a new plan if the object may have been edited. ob: evaluated. Raises LeaveToBlender."""
+        if not marks.test_and_mark(ob, "OBJECT"):
+            # Blender has copied the object again: the modifiers are switched as in the original.
+            self.plan, self._looks = None, -1
+            self.reading.canvas.forget()
+        if self.has_current_plan:
+            return
+        if ob.modifiers.keys() != ob.original.modifiers.keys():
+            raise LeaveToBlender("this copy is older than the original, whose settings do not apply to it")
+        planning = self.character.planning
+        looks = planning.looks
+        self.plan, self._looks = self.character.look(ob), looks
+        self.driven_settings = None
+        self.reading.look_again()
+        self.chain.follow_plan()
+        switching.release(ob)
+        if self.plan.way.in_pass and any(map(cage_stages.was_unbound_late, ob.modifiers)):
+            planning.ask_to_rewire()  # which has Blender copy the object again, without the binding
+
+    def hook_of(self, ob: Any) -> Any:
+        """Returns the hook of the object, or None."""
+        return self.plan.hook_of(ob)
+
+    def goes_through_canvas(self) -> bool:
+        """Whether the mesh is read from a canvas, and the deformed shape goes there."""
+        return self.plan.way.kind == ways.CANVAS
+
+    def goes_through_keys(self) -> bool:
+        """Whether the deformed shape goes into the reference shape key."""
+        return self.plan.way.kind == ways.KEYS
+
+    # --- this evaluation --------------------------------------------------------------------------
+
+    def read_switches(self, ob: Any) -> None:
+        """Reads which modifiers are on in this evaluation. ob: evaluated. Raises LeaveToBlender."""
+        self.shown = switching.shown(ob, self.plan)
+        if self.driven_settings is None:
+            self.driven_settings = driven_settings.DrivenSettings(ob, self.plan)
+
+    def has_work(self) -> bool:
+        """Whether any modifier that Sinew replaces is on in this evaluation."""
+        if self.goes_through_keys() and self.plan.taken:
+            # With the Armature modifier off, exporters expect shape keys that they can read.
+            return any(name in self.shown for name in self.plan.taken)
+        return bool(self.shown) or not self.plan.replaced
+
+    def leaves_dabs(self, ob: Any) -> bool:
+        """Whether Blender deforms an evaluated object in an evaluation in which somebody has painted on it.
+
+        To read all weights again takes longer than Blender's Armature modifiers and shape keys, but not as long as its
+        smoothing."""
+        plan = self.plan
+        if ob.mode not in PAINTING or not self.reading.is_done() or plan is None or not plan.is_wired:
+            return False
+        return (
+            self.has_current_plan
+            and all(name in ob.modifiers for name in (*plan.replaced, *filter(None, [plan.own])))
+            and ob.sinew.installed_output != "MESH"  # which takes the shape that Sinew has written
+            and not self.reading.method.kind
+            and {name for mix in plan.run.mixes for name in mix}.issuperset(self.chain.stage_names(ob))
+        )
+
+    def look_at_mesh_again(self) -> None:
+        """Checks what was built against what has just been read."""
+        self.chain.look_again()
+        self.fast_path.begin_anew()
