@@ -214,9 +214,9 @@ def test_a_mesh_is_shared_and_single_again_while_others_are_there(fresh_scene, c
     assert entry.way.kind == "ATTRIBUTE"
     other.data = ob.data
     bpy.context.view_layer.update()
-    assert entry.way.kind == "CANVAS" and entry.planning.sharer_count == 2
+    assert entry.way.kind == "CANVAS" and entry.planning.surroundings.sharer_count == 2
     bpy.data.objects.remove(other)
     bpy.context.view_layer.update()
-    assert entry.way.kind == "ATTRIBUTE" and entry.planning.sharer_count == 1
+    assert entry.way.kind == "ATTRIBUTE" and entry.planning.surroundings.sharer_count == 1
     fresh_scene.frame_set(6)
     assert_same_shape(ob, twin)

@@ -48,13 +48,13 @@ def test_fewer_vertices_than_pay(fresh_scene, limit, parts):
 def calls(monkeypatch):
     """The list of names of objects for which Blender has called the full path."""
     in_pass, found = addon_module("run.in_pass"), []
-    deform = in_pass._deform
+    deform = in_pass._run
 
     def count(entry, copy, ob):
         found.append(ob.name)
         deform(entry, copy, ob)
 
-    monkeypatch.setattr(in_pass, "_deform", count)
+    monkeypatch.setattr(in_pass, "_run", count)
     return found
 
 

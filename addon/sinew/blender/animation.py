@@ -97,6 +97,12 @@ def remove_curve(ob: bpy.types.Object, curve: bpy.types.FCurve) -> None:
         ob.animation_data_clear()
 
 
+# The space of a variable that only waits for a bone or a transform. Blender writes the values of variables into the
+# original driver, and undo compares that with its earlier state. In this space a value is that of the channel itself, 0
+# for bones that follow others, so that a pose does not change the driver.
+WAITING = "TRANSFORM_SPACE"
+
+
 def drive(
     ob: bpy.types.Object, path: str, variables: Iterable[tuple[str, str, Any, str]], expression: str = ""
 ) -> bpy.types.Driver:
@@ -123,6 +129,7 @@ def drive(
         target = variable.targets[0]
         if kind == "BONE":
             target.id, target.bone_target = block, place
+            target.transform_space = WAITING
             continue
         target.id_type, target.id, target.data_path = kind, block, place
         if hasattr(target, "use_fallback_value"):  # 4.1 and later; in earlier versions it is 0 anyway

@@ -9,7 +9,7 @@ VERSION = bpy.app.version
 
 
 # Whether the key of a data-block stays the same when a step is undone: otherwise it is an address.
-KEYS_OUTLIVE_UNDO = hasattr(bpy.types.ID, "session_uid")
+KEYS_OUTLIVE_UNDO = "session_uid" in bpy.types.ID.bl_rna.properties
 
 
 def key_of(id_block: bpy.types.ID) -> int:

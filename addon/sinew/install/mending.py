@@ -56,6 +56,7 @@ def _adapt(ob):
         switching.release(ob)  # which a script may have made from an evaluated copy
     carrier = wiring.carrier_of(ob)
     entry = characters.of(ob)
+    entry.planning.surroundings = None
     entry.look_again()
     plan = entry.look(ob)
     canvas = _canvas(entry, ob) if plan.way.kind == ways.CANVAS else None

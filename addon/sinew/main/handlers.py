@@ -16,7 +16,7 @@ from ..feedback import notice
 from ..host import graph_modes, places, switches
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
-from ..run import characters, mail
+from ..run import characters, graph_copies, mail
 from ..weights import reports
 from . import callbacks, exporters, whole_frames, write_lock
 
@@ -37,6 +37,7 @@ _is_file_unknown = True
 def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     write_lock.look()
     take_over_open_file()
+    characters.see_surroundings()
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
 
@@ -52,7 +53,8 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     copied = characters.with_copy()
     if copied:
         deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
-    characters.sweep()
+    if graph_copies.has_strays():
+        characters.sweep()
     mail.deliver()
 
 
@@ -89,6 +91,7 @@ def _in_main_thread(function, *arguments):
 def before_depsgraph_update(*_: Any) -> None:
     if _is_main_thread():
         mending.mend_keys_of_applied()
+    characters.see_surroundings()
 
 
 @persistent
@@ -100,6 +103,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     receive_strangers(edits)
     if edits.of_collections:
         characters.count_again()
+        graph_copies.expect_strays()
     affected = characters.made_of(edits.keys)
     has_gathered, has_other_bones = _has_gathered(), _has_other_bones(edits.armatures)
     if has_gathered:
@@ -117,7 +121,8 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
         deformed_copies.tidy(copied, depsgraph, has_gathered)
     exporters.tidy(depsgraph)
     _learn_graphs(depsgraph)
-    characters.sweep()
+    if graph_copies.has_strays():
+        characters.sweep()
     mail.deliver()
 
 
@@ -236,9 +241,8 @@ def _note_edits(objects, affected, edits, may_lack):
             characters.see(ob, is_edited)
         entry = characters.of(ob)
         if entry.way.kind == ways.BLENDER and (is_edited or entry.way.is_of_bones and key in affected):
-            sharer_count = entry.planning.sharer_count  # updated elsewhere: counting searches the whole file
+            entry.planning.see_surroundings(ob)
             entry.look_again()
-            entry.planning.sharer_count = sharer_count
             entry.look(ob)
         elif entry.is_wired and (
             entry.planning.should_revive(ob)

@@ -1,22 +1,63 @@
 """Reads the canvas of an object, and what a front depends on. Only reads."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
-from ..blender import animation, nodes, values
+from ..blender import animation, modifier_types, nodes, values
 
 
-def canvas_of(ob: bpy.types.Object, front: Sequence[str], sharer_count: int) -> bpy.types.Object | None:
+class Surroundings(NamedTuple):
+    """What the plan of an object depends on in the rest of the file. To read it is to walk through the file, which only
+    the main thread may do, outside of evaluations."""
+
+    sharer_count: int  # number of objects with the object's mesh
+    simplification: str  # see below
+    front_trouble: str  # why other objects or the scenes keep it from having a front, a sentence, or ""
+
+
+class File(NamedTuple):
+    """What the surroundings of all objects have in common."""
+
+    simplification: str
+    is_animated: bool  # the simplification of a scene
+    children: dict[int, str]  # key of an object -> name of one that follows its vertices
+
+
+def read_file() -> File:
+    """Walks through the objects and the scenes of the file."""
+    children = {values.key_of(each.parent): each.name for each in bpy.data.objects if is_parented_to_vertices(each)}
+    is_animated = any("simplify" in path for scene in bpy.data.scenes for path in animation.animated_paths(scene))
+    return File(simplification(), is_animated, children)
+
+
+def surroundings_of(ob: bpy.types.Object, sharer_count: int, file: File | None = None) -> Surroundings:
+    """Returns the surroundings of an original object. sharer_count: number of objects with its mesh; file: as returned
+    by read_file."""
+    if sharer_count == 1 and not any(modifier.type in modifier_types.FRONTS for modifier in ob.modifiers):
+        return Surroundings(sharer_count, "", "")
+    file = file or read_file()
+    child, trouble = file.children.get(values.key_of(ob)), ""
+    if child is not None:
+        trouble = f"The parent of {child} is a vertex of the mesh, which only Blender finds behind the first modifiers"
+    elif file.is_animated:
+        trouble = (
+            "The simplification of a scene is animated, on which the modifiers before the Armature modifier depend"
+        )
+    return Surroundings(sharer_count, file.simplification, trouble)
+
+
+def canvas_of(ob: bpy.types.Object, front: Sequence[str], around: Surroundings) -> bpy.types.Object | None:
     """Returns the canvas of an original object if it has one with that front, and with the object's mesh, or a copy if
-    no other object has that mesh; otherwise None. front: names of modifiers; sharer_count: number of objects with the
-    mesh."""
+    no other object has that mesh; otherwise None. front: names of modifiers; around: of the object."""
     canvas = ob.sinew.canvas
     if not is_canvas_of(canvas, ob):
         return None
-    is_right_mesh = canvas.data == ob.data if sharer_count > 1 else canvas.data != ob.data and canvas.data.users == 1
-    is_current = not front or canvas.get(SIMPLIFIED) == simplification()
+    is_right_mesh = (
+        canvas.data == ob.data if around.sharer_count > 1 else canvas.data != ob.data and canvas.data.users == 1
+    )
+    is_current = not front or canvas.get(SIMPLIFIED) == around.simplification
     return canvas if is_right_mesh and is_current and has_front_of(canvas, ob, front) else None
 
 
@@ -68,23 +109,16 @@ def why_not_in_front(modifier: bpy.types.Modifier) -> str:
     return "it has a curve of its own" if getattr(modifier, "profile_type", "") == "CUSTOM" else ""
 
 
-def front_trouble(ob: bpy.types.Object) -> str:
+def front_trouble(ob: bpy.types.Object, around: Surroundings) -> str:
     """Returns why Sinew cannot begin with a front on this object, a sentence, or "". ob: original."""
     mesh = ob.data
     if values.VERSION < (4, 1, 0):
         return "In this version of Blender Sinew cannot begin with the result of other modifiers"
     if ob.particle_systems:
         return "Its particles need to know which vertex of the mesh each one behind the first modifiers was made from"
-    child = next((each for each in bpy.data.objects if is_parented_to_vertices(each) and each.parent == ob), None)
-    if child is not None:
-        return (
-            f"The parent of {child.name} is a vertex of the mesh, which only Blender finds behind the first modifiers"
-        )
-    if any("simplify" in path for scene in bpy.data.scenes for path in animation.animated_paths(scene)):
-        return "The simplification of a scene is animated, on which the modifiers before the Armature modifier depend"
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:
         return "Its custom normals cannot be compared in this version of Blender"
-    return ""
+    return around.front_trouble
 
 
 def is_canvas_of(canvas: bpy.types.Object | None, ob: bpy.types.Object) -> bool:

@@ -19,16 +19,18 @@ FOLLOWS_SHAPE = "its weights depend on the shape before it: turn its bone envelo
 LIKENESS = "object", "subtarget", "strength", "falloff_type", "falloff_radius", "vertex_group"
 
 
-def of(ob: bpy.types.Object, sharer_count: int = 1, moves_against_armature: bool = False) -> Situation:
+def of(
+    ob: bpy.types.Object, around: canvas_survey.Surroundings | None = None, moves_against_armature: bool = False
+) -> Situation:
     """Returns the situation of a bound mesh object.
 
-    ob: original or evaluated; an evaluated copy may be older than its original. sharer_count: number of objects with
-    its mesh; moves_against_armature: whether mesh and armature were seen to move relative to each other from frame to
-    frame.
+    ob: original or evaluated; an evaluated copy may be older than its original. around: its surroundings; None, in the
+    main thread: read them, as if no other object had its mesh; moves_against_armature: whether mesh and armature were
+    seen to move relative to each other from frame to frame.
     """
     carrier = wiring.carrier_of(ob)
     taken = wiring.taken_modifiers(ob)
-    return _read(ob, carrier, taken, sharer_count, moves_against_armature)
+    return _read(ob, carrier, taken, around or canvas_survey.surroundings_of(ob, 1), moves_against_armature)
 
 
 def if_bound(
@@ -39,14 +41,15 @@ def if_bound(
     ob: original; taken: the Armature modifiers that Sinew would replace; sharer_count: number of objects with its mesh;
     gets_armature: the mesh has none, but would get one as its first modifier.
     """
-    return _read(ob, None, taken, sharer_count, False, is_bound=False, gets_armature=gets_armature)
+    around = canvas_survey.surroundings_of(ob, sharer_count)
+    return _read(ob, None, taken, around, False, is_bound=False, gets_armature=gets_armature)
 
 
 def _read(
     ob: bpy.types.Object,
     carrier: Any,
     taken: Sequence[bpy.types.Modifier],
-    sharer_count: int,
+    around: canvas_survey.Surroundings,
     moves_against_armature: bool,
     **more: bool,
 ) -> Situation:
@@ -55,8 +58,8 @@ def _read(
     names = tuple(modifier.name for modifier in taken)
     modifiers = _modifiers(ob, names)
     front = [modifier.name for modifier in fronts.of(modifiers, names)]
-    canvas = canvas_survey.canvas_of(original, front, sharer_count)
-    may_take_all = bool(front) or sharer_count > 1 and mesh.shape_keys is None
+    canvas = canvas_survey.canvas_of(original, front, around)
+    may_take_all = bool(front) or around.sharer_count > 1 and mesh.shape_keys is None
     asks_for_shape = bool(taken) and (moves_against_armature or mesh.shape_keys is not None)
     return Situation(
         values.key_of(mesh),
@@ -65,10 +68,10 @@ def _read(
         names,
         _hook(ob, carrier),
         _keys(original, mesh.shape_keys),
-        sharer_count=sharer_count,
+        sharer_count=around.sharer_count,
         canvas=canvas and values.key_of(canvas),
         copied=canvas and canvas.data != mesh and values.key_of(canvas.data) or None,
-        front_trouble=canvas_survey.front_trouble(original) if may_take_all else "",
+        front_trouble=canvas_survey.front_trouble(original, around) if may_take_all else "",
         deforming_parent=_deforming_parent(original),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),

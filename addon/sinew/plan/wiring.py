@@ -25,6 +25,9 @@ HOOK = "sinew.deform_now"
 CARRIER = "use_apply_on_spline"  # of a modifier: affects only curves
 SHOWS = ("show_viewport", "show_render")  # of a modifier
 BINDS = ("use_vertex_groups", "use_bone_envelopes")  # of an Armature modifier
+# The property of a mesh by which a hook waits for it. Blender resolves the path in the original too, when it builds
+# relations. To find a vertex there would give the mesh a new array of positions, which counts as a change in undo.
+WAITS_FOR_MESH = "use_auto_texspace"
 # For each type of modifier that follows the shape of another object: a property of that object which Blender reads only
 # after it has evaluated the shape, and with dimensions the transform. (Blender has no such property for the shape of a
 # lattice alone. The dimensions of a large mesh take time; those of a cage do not.)
@@ -134,12 +137,12 @@ def hook_variables(
     wanted[:0] = [(f"{driver_variables.COPIED}{i}", "COPY", variable, "") for i, variable in enumerate(copied)]
     wanted += [(f"switch{i}", *variable) for i, variable in enumerate(switches)]
     if canvas is None:
-        wanted.append(("mesh", "MESH", mesh, "vertices[0].hide"))
+        wanted.append(("mesh", "MESH", mesh, WAITS_FOR_MESH))
     else:  # a path that begins with "data." makes Blender evaluate the object's geometry first
         wanted.append(("canvas", "OBJECT", canvas, "data.use_auto_texspace"))
         if canvas.data != mesh:
-            wanted.append(("mesh", "MESH", mesh, "use_auto_texspace"))
-            wanted.append(("copied", "MESH", canvas.data, "use_auto_texspace"))
+            wanted.append(("mesh", "MESH", mesh, WAITS_FOR_MESH))
+            wanted.append(("copied", "MESH", canvas.data, WAITS_FOR_MESH))
     if mesh.shape_keys is not None:
         wanted.append(("keys", "KEY", mesh.shape_keys, "use_relative"))
     wanted.append(("place", "OBJECT", ob, "location[0]"))  # the whole transform: Blender does not tell its parts apart
@@ -337,7 +340,8 @@ def _present(hook: bpy.types.FCurve) -> list[tuple[Any, ...]]:
         if driver_variables.is_copy(variable):
             found.append(("COPY", driver_variables.description(variable), ""))
         elif variable.type == "TRANSFORMS":
-            found.append(("BONE", target.id, target.bone_target))
+            is_ours = target.transform_space == animation.WAITING  # not so in files of earlier versions
+            found.append(("BONE" if is_ours else "", target.id, target.bone_target))
         else:
             found.append((target.id_type, target.id, target.data_path))
     return found

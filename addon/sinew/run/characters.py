@@ -16,6 +16,7 @@ import bpy
 from ..blender import animation, armatures, meshes, values
 from ..feedback import notice
 from ..native import sinew_native
+from ..plan import canvas_survey
 from . import bone_editions, graph_copies, mail
 from .character import Character
 
@@ -49,6 +50,7 @@ _characters: dict[int, Character] = {}  # by the key of the mesh object
 _file = _File()
 _is_stale = True  # bound meshes were added or removed since the walk
 _silencing: set[int] = set()  # keys of the mesh objects in whose evaluated shape keys Sinew writes
+_through_canvas: set[int] = set()  # keys of the mesh objects whose shape goes through a canvas
 _gathering_number = 0
 _gathering = threading.Lock()  # held while _characters gets entries or is replaced
 
@@ -99,6 +101,7 @@ def forget() -> None:
     with _gathering:
         _characters, _file, _is_stale = {}, _File(), True
         _silencing.clear()
+        _through_canvas.clear()
     bone_editions.forget()
     graph_copies.forget()
     mail.forget()
@@ -256,9 +259,11 @@ def _gather() -> None:
         file.sort_in(key, ob)
         file.users_of[key] = ob.data.users
         entries[key].name = _name(ob)
-        entries[key].planning.set_sharer_count(meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ())))
+        sharer_count = meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ()))
+        entries[key].planning.see_sharers(ob, sharer_count)
     _file = file
     _gathering_number += 1
+    graph_copies.expect_strays()
 
 
 def _name(ob: bpy.types.Object) -> tuple[str, str | None]:
@@ -273,12 +278,34 @@ def _has_copy(ob: bpy.types.Object) -> bool:
     return ob.sinew.installed_output == "MESH" and ob.library is None
 
 
+def note_canvas(entry: Character) -> None:
+    """Notes that the plan of a bound mesh may depend on its surroundings. From any thread."""
+    _through_canvas.add(entry.key)
+
+
+def see_surroundings() -> None:
+    """Hands what may have changed in the rest of the file over to the plans that depend on it. Before an evaluation;
+    does nothing except in the main thread."""
+    if not _through_canvas or threading.current_thread() is not threading.main_thread():
+        return
+    if not any(_has_edited_objects(scene) for scene in bpy.data.scenes):
+        return
+    file = canvas_survey.read_file()
+    for key in tuple(_through_canvas):
+        ob = _file.objects.get(key)
+        if ob is not None and _is_alive(ob):
+            _characters[key].planning.see_surroundings(ob, file)
+
+
+def _has_edited_objects(scene: bpy.types.Scene) -> bool:
+    graphs = (layer.depsgraph for layer in scene.view_layers)
+    return any(graph is not None and graph.id_type_updated("OBJECT") for graph in graphs)
+
+
 def sweep() -> None:
     """Discards what was read in graphs that are gone. In the main thread, after an evaluation."""
-    if graph_copies.has_strays():
-        graphs = [layer.depsgraph for scene in bpy.data.scenes for layer in scene.view_layers]
-        shown = {ob.evaluated_get(graph).as_pointer() for graph in filter(None, graphs) for ob in known()}
-        graph_copies.sweep(shown)
+    graphs = [layer.depsgraph for scene in bpy.data.scenes for layer in scene.view_layers]
+    graph_copies.sweep({ob.evaluated_get(graph).as_pointer() for graph in filter(None, graphs) for ob in known()})
 
 
 # --- what the main thread does for them -----------------------------------------------------------

@@ -39,7 +39,7 @@ def of(character: Any, ob: Any) -> GraphCopy:
         found = GraphCopy(character)
         found.used = next(_uses)
         with character.lock:
-            _evict(1 + len({copy.character.key for copy in tuple(_copies.values())}))
+            _evict(len({character.key, *(copy.character.key for copy in tuple(_copies.values()))}))
             _copies[address] = found
         _has_strays = True
     return found
@@ -61,6 +61,12 @@ def forget(character: Any = None) -> None:
 def has_strays() -> bool:
     """Whether a GraphCopy may be in no graph of the open file: in a render's, or in one that is gone."""
     return _has_strays
+
+
+def expect_strays() -> None:
+    """Notes that objects or graphs may have been deleted."""
+    global _has_strays
+    _has_strays = True
 
 
 def sweep(known: Collection[int]) -> None:

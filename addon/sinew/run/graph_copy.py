@@ -5,6 +5,7 @@ paints, a render still has the mesh as it was when the render began. So what was
 Equal data is shared (`Shared`), whichever was read first.
 """
 
+import weakref
 from typing import Any
 
 from ..host import marks
@@ -33,8 +34,9 @@ class GraphCopy:
         self.shown: tuple[str, ...] = ()
         self.driven_settings: Any = None  # driven_settings.DrivenSettings, or None if the plan is new
         self.reading = Reading(character)
-        self.chain = Chain(self)
-        self.fast_path = FastPath(self)
+        own = weakref.proxy(self)  # so that nothing waits for the garbage collector
+        self.chain = Chain(own)
+        self.fast_path = FastPath(own)
         self.is_deforming = False  # Sinew deformed the mesh in the last evaluation; otherwise Blender did
 
     # --- the plan ---------------------------------------------------------------------------------

@@ -85,8 +85,10 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     mesh = wiring.source_of(hook)
     if copy.plan.way.has_copy:
         reading.canvas.check(wiring.waits_for(hook, "mesh"), wiring.waits_for(hook, "copied"))
-    if copy.goes_through_canvas() and nodes.POSITION_ATTRIBUTE not in mesh.attributes:
-        raise LeaveToBlender("Blender has not evaluated its canvas")
+    if copy.goes_through_canvas():
+        characters.note_canvas(copy.character)
+        if nodes.POSITION_ATTRIBUTE not in mesh.attributes:
+            raise LeaveToBlender("Blender has not evaluated its canvas")
     addresses: Any
     key_values = addresses = None
     is_edited = not _test_and_mark(hook, mesh) or not reading.is_at(mesh)

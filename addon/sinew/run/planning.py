@@ -5,8 +5,9 @@ from dataclasses import replace
 import bpy
 
 from ..blender import meshes
-from ..plan import mends, plans, survey
+from ..plan import canvas_survey, mends, plans, survey
 from . import mail
+from .leaving import LeaveToBlender
 
 # Blender disables a driver that names something that is gone. It is made anew, but not for ever if that does not help.
 MOST_REVIVALS = 100
@@ -23,7 +24,8 @@ class Planning:
         self.mends: tuple[mends.Mend, ...] = ()  # what the file lacks for that plan
         self.looks = 0  # how many times a new plan was asked for, see look_again
         self.newcomers: frozenset[int] = frozenset()  # nodes.identity of modifiers added since mends were last applied
-        self.sharer_count: int | None = None  # objects that have the mesh; None: to be counted
+        # What the main thread has last read of the rest of the file; None: to be read
+        self.surroundings: canvas_survey.Surroundings | None = None
         self.moves_against_armature = False  # frame by frame
         self.is_copy_stale = False  # the canvas's copy of the mesh is not like the mesh
         self._renewals = 0  # of that copy, since it was last like the mesh
@@ -34,13 +36,17 @@ class Planning:
 
     def look(self, ob: bpy.types.Object) -> plans.Plan:
         """Makes a plan for the object, original or evaluated, and returns it. The main thread is asked for the mends
-        that the file needs; until the blocking ones are applied, Blender's own modifier deforms."""
+        that the file needs; until the blocking ones are applied, Blender's own modifier deforms. Raises LeaveToBlender
+        in an evaluation if only the main thread can tell."""
         original = ob.original
-        if self.sharer_count is None:
-            self.sharer_count = meshes.count_sharers(original)
-        situation = survey.of(ob, self.sharer_count, self.moves_against_armature)
+        if self.surroundings is None:
+            if ob.is_evaluated:
+                self.ask_to_rewire()
+                raise LeaveToBlender("nobody has counted yet how many objects have its mesh")
+            self.surroundings = canvas_survey.surroundings_of(ob, meshes.count_sharers(ob))
+        situation = survey.of(ob, self.surroundings, self.moves_against_armature)
         # An evaluated copy may be older.
-        file = survey.of(original, self.sharer_count) if ob.is_evaluated else situation
+        file = survey.of(original, self.surroundings) if ob.is_evaluated else situation
         modifiers = frozenset(modifier.identity for modifier in file.modifiers)
         if self._modifiers is not None:
             self.newcomers |= modifiers - self._modifiers
@@ -65,7 +71,6 @@ class Planning:
     def look_again(self) -> None:
         """Has the next evaluation make a new plan. The caller has Blender evaluate."""
         self.looks += 1
-        self.sharer_count = None
 
     def follow_undo(self) -> None:
         """Has the next question about the object, which an undo may have changed, look at it again. A graph copy asks
@@ -101,11 +106,16 @@ class Planning:
         self._revivals += 1
         return True
 
-    def set_sharer_count(self, count: int) -> None:
-        """Sets how many objects have the mesh. If that has changed, it may need another plan."""
-        if count == self.sharer_count:
+    def see_surroundings(self, original: bpy.types.Object, file: canvas_survey.File | None = None) -> None:
+        """Reads the surroundings again, except how many objects have the mesh. file: see surroundings_of."""
+        if self.surroundings is not None:
+            self.surroundings = canvas_survey.surroundings_of(original, self.surroundings.sharer_count, file)
+
+    def see_sharers(self, original: bpy.types.Object, count: int) -> None:
+        """Notes how many objects have the mesh. If that has changed, it may need another plan."""
+        if self.surroundings is not None and count == self.surroundings.sharer_count:
             return
-        self.sharer_count = count
+        self.surroundings = canvas_survey.surroundings_of(original, count)
         if self.has_looked:
             self.looks += 1
             self.ask_to_rewire()
