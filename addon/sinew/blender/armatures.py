@@ -49,6 +49,20 @@ def is_curved(bone: Any) -> bool:
     return getattr(bone, "bbone_mapping_mode", "STRAIGHT") == "CURVED"
 
 
+def following_shape(data: Any) -> set[str]:
+    """Returns the names of the deforming bones of an armature's data whose weights depend on where the shape is: those
+    with envelopes that multiply, and B-bones along whose curve vertices are assigned."""
+    count = len(data.bones)
+    deforms, multiplies, segments = np.empty(count, bool), np.empty(count, bool), np.empty(count, np.int32)
+    for name, numbers in (("use_deform", deforms), ("use_envelope_multiply", multiplies), ("bbone_segments", segments)):
+        data.bones.foreach_get(name, numbers)
+    may_follow = deforms & (multiplies | (segments > 1))
+    if not may_follow.any():
+        return set()
+    found = [bone for bone, may in zip(data.bones, may_follow.tolist()) if may]
+    return {bone.name for bone in found if bone.use_envelope_multiply or is_curved(bone)}
+
+
 def read_bones(armature: Any) -> dict[str, Any]:
     """Returns the fields of influences.Bones, with one entry per pose bone, in the order of the pose bones."""
     bones = [bone.bone for bone in armature.pose.bones]

@@ -1,6 +1,7 @@
 """Reads the situation of an object, from which a plan is made. Only reads."""
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -31,6 +32,18 @@ def of(
     carrier = wiring.carrier_of(ob)
     taken = wiring.taken_modifiers(ob)
     return _read(ob, carrier, taken, around or canvas_survey.surroundings_of(ob, 1), moves_against_armature)
+
+
+def of_evaluated(
+    ob: bpy.types.Object, around: canvas_survey.Surroundings, moves_against_armature: bool
+) -> tuple[Situation, Situation]:
+    """Returns the situation of an evaluated copy of a bound mesh object and that of its original, which may be newer.
+    They differ in what has the hook and what it waits for."""
+    file = of(ob.original, around, moves_against_armature)
+    carrier = wiring.carrier_of(ob)
+    if tuple(modifier.name for modifier in wiring.taken_modifiers(ob)) != file.taken:
+        return of(ob, around, moves_against_armature), file
+    return replace(file, hook=_hook(ob, carrier)), file
 
 
 def if_bound(
@@ -292,16 +305,10 @@ def weights_follow_shape(ob: bpy.types.Object, taken: Iterable[str]) -> bool:
     That is so for envelopes, and for B-bones whose segments are assigned along their curve. ob: original; taken: names
     of Armature modifiers.
     """
-    groups = {group.name for group in ob.vertex_groups}
     modifiers = [ob.modifiers[name] for name in taken]
     return any(
         modifier.use_bone_envelopes
-        or any(
-            bone.use_deform
-            and bone.name in groups
-            and (bone.use_envelope_multiply or bone.bbone_segments > 1 and armatures.is_curved(bone))
-            for bone in modifier.object.data.bones
-        )
+        or any(name in ob.vertex_groups for name in armatures.following_shape(modifier.object.data))
         for modifier in modifiers
         if modifier.object is not None
     )

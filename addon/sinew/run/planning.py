@@ -38,15 +38,15 @@ class Planning:
         """Makes a plan for the object, original or evaluated, and returns it. The main thread is asked for the mends
         that the file needs; until the blocking ones are applied, Blender's own modifier deforms. Raises LeaveToBlender
         in an evaluation if only the main thread can tell."""
-        original = ob.original
         if self.surroundings is None:
             if ob.is_evaluated:
                 self.ask_to_rewire()
                 raise LeaveToBlender("nobody has counted yet how many objects have its mesh")
             self.surroundings = canvas_survey.surroundings_of(ob, meshes.count_sharers(ob))
-        situation = survey.of(ob, self.surroundings, self.moves_against_armature)
-        # An evaluated copy may be older.
-        file = survey.of(original, self.surroundings) if ob.is_evaluated else situation
+        if ob.is_evaluated:
+            situation, file = survey.of_evaluated(ob, self.surroundings, self.moves_against_armature)
+        else:
+            situation = file = survey.of(ob, self.surroundings, self.moves_against_armature)
         modifiers = frozenset(modifier.identity for modifier in file.modifiers)
         if self._modifiers is not None:
             self.newcomers |= modifiers - self._modifiers
