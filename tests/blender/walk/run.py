@@ -87,6 +87,7 @@ def walk(seed, number, steps, without, listener):
         print(f"walk:   {what or ''}", flush=True)
         look(listener)
         if chosen not in (scene_steps.undo, scene_steps.redo):
+            scene_steps.note_step(step)
             bpy.ops.ed.undo_push(message=chosen.__name__)
             look(listener)
     unbind_all()
@@ -121,6 +122,8 @@ def main():
     listener, start = Listener(), time.time()
     for number, part in groupby(steps, lambda step: step // LENGTH):
         walk(options.seed, number, part, options.without, listener)
+    undone = scene_steps.undone
+    print(f"walk: {undone['did something']} of {undone['asked for']} undos and redos did something", flush=True)
     print(f"walk: {len(steps)} steps, seed {options.seed}, {time.time() - start:.0f} s, nothing found", flush=True)
 
 

@@ -316,16 +316,43 @@ def remove_scene(random):
 # --- files ----------------------------------------------------------------------------------------
 
 
+STEP = "Step"  # a text of the file that says which step was the last
+undone = {"asked for": 0, "did something": 0}
+
+
+def note_step(step):
+    """To be undone with the step."""
+    text = bpy.data.texts.get(STEP) or bpy.data.texts.new(STEP)
+    text.use_fake_user = True
+    text.clear()
+    text.write(str(step))
+
+
+def noted_step():
+    text = bpy.data.texts.get(STEP)
+    return text and text.as_string()
+
+
 @kind(8)
 def undo(random):
+    before = noted_step()
     for _ in range(random.choice((1, 1, 1, 2, 4))):
         if bpy.ops.ed.undo.poll():
             try_to(bpy.ops.ed.undo)
+    return count_undone(before)
 
 
 @kind(4)
 def redo(random):
+    before = noted_step()
     try_to(bpy.ops.ed.redo)
+    return count_undone(before)
+
+
+def count_undone(before):
+    undone["asked for"] += 1
+    undone["did something"] += noted_step() != before
+    return f"step {before} -> {noted_step()}"
 
 
 def try_to(operator):
