@@ -64,7 +64,12 @@ def undo(rig):
 def insert_keys(rig):
     bone = bone_named(rig, KEYED)
     frames = [FRAME + 0.25 * step for step in range(STEPS)]
-    times = [milliseconds(lambda frame=frame: bone.keyframe_insert("location", frame=frame)) for frame in frames]
+
+    def insert(frame):
+        bone.keyframe_insert("location", frame=frame)
+        bone.id_data.update_tag(refresh={"TIME"})  # as Blender's operator does
+
+    times = [milliseconds(lambda frame=frame: insert(frame)) for frame in frames]
     for frame in frames:
         bone.keyframe_delete("location", frame=frame)
     bpy.context.view_layer.update()
