@@ -1,49 +1,147 @@
-"""Records armatures while they play, and drops from the records what an edit changes."""
+"""Records armatures while they play, and drops from the records what an edit changes: all, or of keyframes of the
+armature's own action those frames on which they matter."""
 
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
-from ..blender import armatures, values
-from . import followers, rigs, settings, stored_keys
+from ..blender import animation, armatures
+from ..host import keyframes
+from . import followers, rigs, stored_keys, watch
 from .followers import Followers
 
+MOST_TO_SKIP = 63  # frames, of an armature that somebody edits on each
 
-def record_frame(rig: rigs.Rig, scene: Any, graph: Any) -> None:
-    """Records an armature that a frame change has just evaluated."""
-    frame, evaluated = rigs.whole_frame(scene), rigs.evaluated_copy(rig, graph)
+
+class Keys(NamedTuple):
+    """What is stored in an armature's own action."""
+
+    curves: Any  # sinew_native.host.StoredCurves
+    others: dict[int, Any]  # of the curves with modifiers or samples, by number: what cannot be compared in part
+    flat: frozenset[int]  # numbers of the curves that are constant before their first and after their last keyframe
+    settings: Any  # of all else
+
+
+def keys_of(action: Any) -> Keys:
+    """Returns the keyframes of an action. Raises contract.Broken."""
+    curves = animation.action_curves(action)
+    stored = keyframes.read(curves)
+    others = {i: watch.plain(each) for i, each in enumerate(curves) if not stored.is_local(i)}
+    flat = frozenset(i for i, each in enumerate(curves) if each.extrapolation == "CONSTANT")
+    layers = [watch.plain(each) for each in getattr(action, "layers", ())]
+    groups = getattr(action, "groups", ())
+    return Keys(stored, others, flat, (layers, [(group.name, group.mute) for group in groups]))
+
+
+def changed(old: Keys, new: Keys) -> list[tuple[float, float]]:
+    """Returns the ranges of times, without their ends, on which two states of the same action may differ."""
+    numbers = old.curves.differing(new.curves)
+    if numbers is None or (old.others, old.settings) != (new.others, new.settings):
+        return [stored_keys.ALL]
+
+    def curve(keys: Keys, i: int) -> stored_keys.Curve:
+        stored = keys.curves
+        is_local = stored.is_local(i)
+        return stored_keys.Curve(stored.frames(i), stored.keys(i), is_local, i in keys.flat, (stored.settings(i),))
+
+    return stored_keys.changed({i: curve(old, i) for i in numbers}, {i: curve(new, i) for i in numbers})
+
+
+def look(own: Iterable[rigs.Rig], graph: Any) -> list[rigs.Rig]:
+    """Drops the records of the armatures of a graph on which anything but time has had an effect. Returns those. Looks
+    at all before anything is marked again. Edited keyframes are only noted."""
+    edited = []
+    for rig in own:
+        if rig.watch is not None:
+            rig.has_edited_keys |= rig.watch.are_keys_edited(graph)
+            if not rig.watch.holds(graph):
+                edited.append(rig)
+    for rig in edited:
+        drop_all(rig)
+    return edited
+
+
+def compare_keys(rig: rigs.Rig, graph: Any) -> None:
+    """Drops those frames of a record on which edited keyframes matter."""
+    if rig.watch is None or not rig.has_edited_keys:
+        return
+    rig.has_edited_keys = False
+    try:
+        found = keys_of(rig.watch.action)
+    except ReferenceError:
+        return drop_all(rig)
+    ranges = changed(rig.keys, found)
+    rig.keys = found
+    rig.watch.mark_keys(graph)
+    drop(rig, [stored_keys.ALL] if ranges and rig.tempo[0] != rig.tempo[1] else ranges)
+
+
+def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
+    """Records live armatures that a change of the frame has just evaluated."""
+    own = [rig for rig in own if _can_record(rig, scene, graph)]
+    for rig in own:
+        compare_keys(rig, graph)
+        moment = rigs.now(rig, scene)
+        if rig.tempo != tempo_of(scene) or moment is not None and not rigs.shows(rig, graph, moment):
+            drop_all(rig)  # or something has changed that was not noticed
+    begin([rig for rig in own if rig.watch is None], scene, graph)
+    frame: Any = rigs.whole_frame(scene)
+    for rig in own:
+        if frame not in rig.record:
+            rig.record.put(frame, rigs.moment_of(rig, graph))
+        if len(rig.record) > 2:
+            rig.restless = 0
+        rig.shapes.note(frame, graph)
+        rig.last = rig.record.at(frame)
+
+
+def _can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
     rig.last = None
-    if frame is None or evaluated is None or rig.ob.mode == "EDIT" or not rigs.has_animation(rig.ob):
+    if rig.to_skip:
+        rig.to_skip -= 1
+        return False
+    is_there = rigs.evaluated_copy(rig, graph) is not None and rigs.whole_frame(scene) is not None
+    return is_there and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
+
+
+def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:
+    """Finds the meshes of armatures that have no record, and asks for their shapes in the next evaluation."""
+    if own:
+        for ob, found in followers.find([rig.ob for rig in own], watch.users_of_all(), graph).items():
+            rig: Any = rigs.get(ob)
+            follow_shapes(rig, found.hooked if isinstance(found, Followers) else [])
+            rig.shapes.ask_in(graph)
+
+
+def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
+    """Watches what these armatures, which have no record, depend on, and finds what follows them."""
+    if not own:
         return
-    check_settings(rig)
-    if frame in rig.record and not rigs.shows(rig, graph, rig.record.at(frame)):
-        drop(rig, [stored_keys.ALL])  # something has changed that was not noticed
-    if frame not in rig.record:
-        rig.record.put(frame, rigs.moment_of(rig, graph))
-    rig.shapes.note(frame, graph)
-    rig.last, rig.last_layer = rig.record.at(frame), graph.view_layer.as_pointer()
+    users = watch.users_of_all()
+    found = followers.find([rig.ob for rig in own], users, graph)
+    for rig in own:
+        each = found[rig.ob]
+        meet(rig, each if isinstance(each, Followers) else Followers(), users, graph)
+        rig.tempo = tempo_of(scene)
 
 
-def meet(rig: rigs.Rig, graph: Any) -> None:
-    """Finds the meshes of an armature that has not been recorded yet, and asks for their shapes in a graph."""
-    found = followers.find([rig.ob])[rig.ob]
-    if isinstance(found, Followers):
-        follow_shapes(rig, found.hooked)
-        rig.shapes.ask_in(graph)
+def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
+    """Takes note of what follows an armature now. If it has no record, watches what it depends on from now on."""
+    if rig.watch is not None and found.keyed != rig.followers.keyed:
+        drop_all(rig)
+    rig.followers = found
+    follow_shapes(rig, found.hooked)
+    if rig.watch is None:
+        follow = [keys for keys, _numbers in found.keyed]
+        shapes = {bone.custom_shape for bone in rig.ob.pose.bones} - set(followers.outside_of(rig.ob))
+        action = watch.own_action(rig.ob)
+        rig.watch = watch.Watch(watch.used([rig.ob, *follow], users, shapes), action, follow, graph)
+        rig.keys = keys_of(action) if action is not None else None
+        rig.has_edited_keys = False
 
 
-def check_settings(rig: rigs.Rig) -> None:
-    """Drops the record if anything has changed on which the pose depends."""
-    if rig.curves is None:
-        compare_keys(rig)
-    if not rig.is_suspect:
-        return
-    own = followers.find([rig.ob])[rig.ob]
-    keyed = own.keyed if isinstance(own, Followers) else []
-    follow_shapes(rig, own.hooked if isinstance(own, Followers) else [])
-    found = settings.digest(rig.ob, followers.outside_of(rig.ob)), tuple((values.key_of(k), n) for k, n in keyed)
-    if found != rig.digest:
-        drop(rig, [stored_keys.ALL])
-        rig.followers.keyed = keyed
-    rig.digest, rig.is_suspect = found, False
+def tempo_of(scene: Any) -> tuple[int, int]:
+    """Returns how a scene maps its frames to times."""
+    return scene.render.frame_map_old, scene.render.frame_map_new
 
 
 def follow_shapes(rig: rigs.Rig, hooked: list[Any]) -> None:
@@ -56,12 +154,12 @@ def follow_shapes(rig: rigs.Rig, hooked: list[Any]) -> None:
     rig.shapes.follow(ob for ob in hooked if is_first(ob))
 
 
-def compare_keys(rig: rigs.Rig) -> None:
-    """Drops those frames of a record on which the keyframes have changed."""
-    found = settings.curves_of(rig.ob)
-    changed = [stored_keys.ALL] if rig.curves is None else stored_keys.changed(rig.curves, found)
-    rig.curves = found
-    drop(rig, changed)
+def drop_all(rig: rigs.Rig) -> None:
+    """Drops the whole record of an armature. If it was short, the next frames are not recorded: somebody edits it
+    again on each."""
+    if rig.watch is not None and 0 < len(rig.record) <= 2:
+        rig.to_skip = rig.restless = min(2 * rig.restless + 1, MOST_TO_SKIP)
+    drop(rig, [stored_keys.ALL])
 
 
 def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
@@ -73,4 +171,10 @@ def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
         if each.record.drop_within(ranges):
             each.last = None
         each.shapes.drop_within(ranges)
-        reached += [other for other in rigs.known() if other not in reached and each.ob in followers.needs(other.ob)]
+        reached += [
+            other
+            for other in rigs.known()
+            if other not in reached and other.watch is not None and each.key in other.watch.keys
+        ]
+        if stored_keys.ALL in ranges:
+            each.watch = None

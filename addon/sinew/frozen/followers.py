@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, nodes
+from ..blender import animation, nodes, values
 from ..clips import clip_store
 from ..plan import wiring
 from ..run import characters
@@ -16,6 +16,8 @@ MOST_NAMES = 3  # that a reason lists
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
 # Constraints that depend on the frame, or on what cannot be watched.
 _TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
+# What may use an armature without being changed by its pose, unless it has drivers.
+_LISTS = (bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace)
 
 
 @dataclass
@@ -27,7 +29,8 @@ class Followers:
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
     # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
     keyed: list[tuple[Any, tuple[int, ...]]] = field(default_factory=list)
-    holders: list[Any] = field(default_factory=list)  # other armature objects whose bones follow this one's
+    keys: frozenset[int] = frozenset()  # of all these objects
+    copied: list[Any] = field(default_factory=list)  # the data-blocks that Blender copies again when they are tagged
 
     @property
     def objects(self) -> list[Any]:
@@ -38,52 +41,82 @@ class NotFreezable(ValueError):
     """An armature cannot be frozen. The message is a sentence that says why and, if possible, what to do."""
 
 
-def find(rigs: Iterable[Any]) -> dict[Any, "Followers | NotFreezable"]:
-    """Returns the followers of each original armature object, or the reason why they cannot all follow a frozen one.
-    Walks through all of the file once."""
-    rigs = list(rigs)
-    users = bpy.data.user_map(subset=[*rigs, *(rig.data for rig in rigs)])
+def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[Any, "Followers | NotFreezable"]:
+    """Returns the followers of each original armature object in a graph, or the reason why they cannot all follow a
+    frozen one. users: as watch.users_of_all returns them."""
     found: dict[Any, Followers | NotFreezable] = {}
     for rig in rigs:
         try:
-            found[rig] = _of(rig, (users.get(rig) or set()) | (users.get(rig.data) or set()))
+            found[rig] = _of(rig, users, graph)
         except NotFreezable as reason:
             found[rig] = reason
     return found
 
 
-def _of(rig: Any, users: Iterable[Any]) -> Followers:
-    found = Followers()
-    for user in sorted(users, key=lambda each: each.name_full):
-        if user == rig or user == rig.data:
+def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
+    found, groups = Followers(), set()
+    for user in sorted(users.get(rig, set()) | users.get(rig.data, set()), key=lambda each: each.name_full):
+        if user in (rig, rig.data):
             continue
         if isinstance(user, bpy.types.Object):
-            _sort_in(rig, user, found)
-        elif isinstance(user, bpy.types.Key) and _driven_values(user, rig):
-            found.keyed.append((user, _driven_values(user, rig)))
-        elif _drivers_on(user, rig):
-            raise NotFreezable(
-                f"{user.name} is driven by its bones, and a driver does not notice a frozen one: it would stand still"
-            )
+            _sort_in(rig, user, found, graph)
+            continue
+        driven = _driven_values(user, rig) if isinstance(user, bpy.types.Key) else ()
+        if driven:
+            found.keyed.append((user, driven))
+            continue
+        for block in (user, getattr(user, "node_tree", None)):
+            for curve in _drivers_on(block, rig) if block is not None else ():
+                raise NotFreezable(
+                    f"{user.name} is driven by {_reading(curve, rig)}, and a driver does not notice a frozen armature: "
+                    "it would stand still"
+                )
+        if isinstance(user, bpy.types.NodeTree):
+            groups.add(user)
+        elif isinstance(user, bpy.types.Camera) and not getattr(user.dof, "focus_subtarget", ""):
+            continue  # it looks at the armature's place, which stays
+        elif not isinstance(user, (*_LISTS, bpy.types.Library)) and _is_evaluated(user, graph):
+            raise NotFreezable(f"{user.name} uses it in a way that Sinew does not know")
+    found.shaped += [ob for ob in _made_by(groups, users, graph) if ob not in found.objects and ob != rig]
     meshes = {keys.user for keys, _numbers in found.keyed} - {ob.data for ob in (*found.hooked, *found.shaped)}
     if meshes:
-        found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and ob.users_scene]
+        found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and _is_evaluated(ob, graph)]
     for ob in found.objects:
         simulated = next((each for each in ob.modifiers if each.type in _SIMULATED), None)
         if simulated is not None or ob.rigid_body is not None or ob.soft_body is not None:
             raise NotFreezable(f"{ob.name} is simulated, and a simulation needs each frame of its armature")
+    data = [ob.data for ob in (*found.hooked, *found.shaped) if ob.data is not None]
+    data += [each.shape_keys for each in data if getattr(each, "shape_keys", None) is not None]
+    found.keys, found.copied = frozenset(map(values.key_of, found.objects)), [*found.objects, *data]
     return found
 
 
-def _sort_in(rig: Any, ob: Any, found: Followers) -> None:
-    if nodes.is_canvas(ob) or not ob.users_scene:
+def _made_by(groups: set[Any], users: dict[Any, set[Any]], graph: Any) -> list[Any]:
+    """Returns the objects whose shapes node groups make, directly or inside others: their nodes may read bones."""
+    found, queue = dict.fromkeys(groups), list(groups)
+    for group in queue:
+        for user in users.get(group, ()):
+            if user not in found:
+                found[user] = None
+                queue += [user] if isinstance(user, bpy.types.NodeTree) else []
+    return [each for each in found if isinstance(each, bpy.types.Object) and _is_evaluated(each, graph)]
+
+
+def _is_evaluated(block: Any, graph: Any) -> bool:
+    return block.evaluated_get(graph).is_evaluated
+
+
+def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
+    if nodes.is_canvas(ob) or not _is_evaluated(ob, graph):
         return
-    if _drivers_on(ob, rig):
-        raise NotFreezable(f"a driver of {ob.name} reads its bones, and a driver does not notice a frozen one")
+    for curve in _drivers_on(ob, rig):
+        raise NotFreezable(
+            f"a driver of {ob.name} reads {_reading(curve, rig)}, and a driver does not notice a frozen armature"
+        )
     if ob.type == "ARMATURE":
-        if ob.data == rig.data and not _targets(ob, rig):
+        if ob.data == rig.data and rig not in outside_of(ob):
             return  # shares its bones, not its pose
-        if _targets(ob, rig):
+        if rig in outside_of(ob):
             if not (ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)):
                 raise NotFreezable(
                     f"the armature {ob.name} follows its bones and has no keyframes: it would not notice a frozen one"
@@ -92,8 +125,7 @@ def _sort_in(rig: Any, ob: Any, found: Followers) -> None:
                 raise NotFreezable(
                     f"drivers of the armature {ob.name} read it, and a driver does not notice a frozen one"
                 )
-            found.holders.append(ob)
-        if ob.parent == rig and ob.parent_type != "OBJECT" or any(each.target == rig for each in _simple(ob)):
+        if ob.parent == rig and ob.parent_type != "OBJECT" or any(rig in targets_of(each) for each in ob.constraints):
             raise NotFreezable(f"the armature {ob.name} hangs on its bones; freezing it with this one is not supported")
         return
     if ob.parent == rig and ob.parent_type == "ARMATURE":
@@ -105,7 +137,7 @@ def _sort_in(rig: Any, ob: Any, found: Followers) -> None:
     if any(rig in _pointers(modifier) or modifier.type == "NODES" for modifier in ob.modifiers):
         (found.hooked if hook_of(ob) is not None else found.shaped).append(ob)
         is_known = True
-    if ob.parent == rig and ob.parent_type == "BONE" or _constrained(ob, rig):
+    if ob.parent == rig and ob.parent_type == "BONE" or any(rig in targets_of(each) for each in ob.constraints):
         found.placed.append(ob)
         is_known = True
     if not is_known:
@@ -121,26 +153,12 @@ def _pointers(struct: Any) -> list[Any]:
     return [getattr(struct, each.identifier) for each in struct.bl_rna.properties if each.type == "POINTER"]
 
 
-def _simple(ob: Any) -> list[Any]:
-    """Returns the constraints of an object that have a single target."""
-    return [each for each in ob.constraints if hasattr(each, "target")]
-
-
-def _constrained(ob: Any, rig: Any) -> bool:
-    return any(rig in targets_of(constraint) for constraint in ob.constraints)
-
-
 def targets_of(constraint: Any) -> list[Any]:
     """Returns the objects that a constraint follows."""
     several = getattr(constraint, "targets", None)
     found = [each.target for each in several] if several is not None else [getattr(constraint, "target", None)]
     found += [getattr(constraint, "pole_target", None)]
     return [each for each in found if each is not None]
-
-
-def _targets(armature: Any, rig: Any) -> bool:
-    """Whether bones or drivers of an armature object follow another one."""
-    return rig in outside_of(armature)
 
 
 def _drivers_on(block: Any, rig: Any) -> list[Any]:
@@ -157,7 +175,28 @@ def _drivers_on(block: Any, rig: Any) -> list[Any]:
             if variable.type == "SINGLE_PROP"
         )
         and any(target in (rig, rig.data) for target in _read_by(curve))
+        and _exists(block, curve.data_path)
     ]
+
+
+def _exists(block: Any, path: str) -> bool:
+    try:
+        block.path_resolve(path)
+    except ValueError:
+        return False
+    return True
+
+
+def _reading(curve: Any, rig: Any) -> str:
+    """Returns what of an armature a driver reads, in a few words."""
+    for variable in curve.driver.variables:
+        for target in variable.targets:
+            if target.id not in (rig, rig.data):
+                continue
+            if variable.type in {"SINGLE_PROP", "CONTEXT_PROP"}:
+                dot = "" if target.data_path.startswith("[") else "."
+                return f"{target.id.name}{dot}{target.data_path}"
+    return "its bones"
 
 
 def _driven_values(keys: Any, rig: Any) -> tuple[int, ...]:
@@ -195,8 +234,14 @@ def outside_of(rig: Any) -> list[Any]:
 def check(rig: Any) -> list[Any]:
     """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
     whatever follows it. Returns the other armature objects on which the pose depends."""
-    data = rig.animation_data
+    data, outside = rig.animation_data, outside_of(rig)
+    moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each, rig)]
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
+        if moving:
+            raise NotFreezable(
+                f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
+                "each frame because of these. Bake its action first (Pose > Animation)"
+            )
         raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
     if data.use_tweak_mode:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
@@ -205,11 +250,11 @@ def check(rig: Any) -> list[Any]:
     own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
     if own:
         raise NotFreezable(
-            f"{rig.name} itself is animated ({_names(own)}), not only its bones: animate its root bone instead"
+            f"{rig.name} itself is animated ({_listed(own)}), not only its bones: animate its root bone instead"
         )
     if rig.constraints:
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    if rig.parent is not None and not _is_still(rig.parent):
+    if rig.parent is not None and not _is_still(rig.parent, rig):
         raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
     if rig.rigid_body is not None:
         raise NotFreezable(f"{rig.name} is simulated")
@@ -227,11 +272,8 @@ def check(rig: Any) -> list[Any]:
         timed = next((each for each in bone.constraints if each.type in _TIMED), None)
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
-    outside = outside_of(rig)
-    moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each)]
     if moving:
-        names = _names([each.name for each in moving])
-        raise NotFreezable(f"bones of {rig.name} follow {names}, outside of it, which may move")
+        raise NotFreezable(f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move")
     return [each for each in outside if each.type == "ARMATURE"]
 
 
@@ -263,25 +305,36 @@ def _may_be_read(rig: Any, block: Any) -> bool:
     return block in (rig, rig.data) or isinstance(block, bpy.types.Object)
 
 
-def _is_still(ob: Any) -> bool:
-    """Whether an object stays where it is, and its shape as it is, unless somebody edits it."""
-    data = ob.animation_data
+def _is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
+    """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
+    an armature: then it is evaluated after them, and what follows it again."""
+    if ob == rig or ob in seen:
+        return True
+    data, seen = ob.animation_data, (*seen, ob)
+    is_own = ob.type == "MESH" and ob.sinew.is_bound
+    drivers = [] if data is None else [each for each in data.drivers if not (is_own and hook_of(ob) == each)]
     return (
-        not (data is not None and (data.action is not None or data.drivers or data.nla_tracks))
-        and not ob.constraints
-        and not ob.modifiers
+        not (data is not None and (data.action is not None or drivers or data.nla_tracks))
+        and not any(each.type in _TIMED for each in ob.constraints)
+        and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
         and ob.rigid_body is None
         and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
         and getattr(ob.data, "shape_keys", None) is None
-        and (ob.parent is None or ob.parent_type == "OBJECT" and _is_still(ob.parent))
+        and all(_is_still(each, rig, seen) for each in _followed_by(ob))
     )
 
 
-def _names(names: list[str]) -> str:
+def _followed_by(ob: Any) -> list[Any]:
+    """Returns the objects that one follows by its parent, constraints and Armature modifiers."""
+    found = [ob.parent, *(target for each in ob.constraints for target in targets_of(each))]
+    found += [each.object for each in ob.modifiers if each.type == "ARMATURE"]
+    return [each for each in found if each is not None]
+
+
+def _names(objects: list[Any]) -> str:
+    return _listed([each.name for each in objects])
+
+
+def _listed(names: list[str]) -> str:
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return ", ".join(names[:MOST_NAMES]) + more
-
-
-def needs(rig: Any) -> list[Any]:
-    """Returns the other armature objects on which the pose of one depends."""
-    return [each for each in outside_of(rig) if each.type == "ARMATURE"]

@@ -1,12 +1,33 @@
-"""Freezes and thaws armatures, each time by one building of Blender's relations."""
+"""Freezes and thaws armatures, each time by one building of Blender's relations. This module alone sets their states:
+
+    LIVE     Blender evaluates it, and nobody wants it frozen.
+    WANTED   Blender evaluates it. It is to be frozen; `reason` says why it is not.
+    FROZEN   Blender does not evaluate it: its relations were built without its keyframes. It plays its record.
+    SUSPECT  Relations may still be those of FROZEN, but something is in doubt, so its record is not played. They are
+             tagged: Blender builds them anew in its next evaluation, with the keyframes.
+
+                       freeze: it cannot be
+            LIVE --------------------------> WANTED <-----------------------------+
+             ^ |                               |                                  |
+             | |  freeze (_build)              |  freeze, freeze_again (_build)   |  settle: Blender has evaluated
+             | v                               v                                  |  its keyframes
+            SUSPECT ------ it is built ----> FROZEN ----- melt: any doubt ----> SUSPECT
+             ^                                 |
+             +------------- thaw --------------+
+
+`_build` makes all that it changes SUSPECT first. So if it ends by an exception, they are live after the next
+evaluation, and nothing of them is wrong."""
 
 from collections.abc import Iterable
 from typing import Any
 
-from ..blender import values
-from ..host import contract, marks, relations
-from . import changes, followers, rigs, settings
+import bpy
+
+from ..blender import animation, values
+from ..host import contract, poses, relations
+from . import changes, followers, rigs, watch
 from .followers import Followers
+from .rigs import State
 
 MOST_ATTEMPTS = 3
 _is_building = False  # Blender is evaluating because this module has asked it to
@@ -17,58 +38,63 @@ def is_building() -> bool:
     return _is_building
 
 
-def _why_live(rig: rigs.Rig, found: Followers, scene: Any, layer: Any) -> str:
-    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing. found: what follows
-    it."""
-    if found.keyed != rig.followers.keyed:
-        rig.is_suspect = True
-    rig.followers = found
-    changes.follow_shapes(rig, found.hooked)
-    frame = rigs.whole_frame(scene)
-    if frame is None:
-        return f"{rig.name} is live between two frames: only whole frames are recorded"
-    if rig.is_frozen:
-        return ""
-    changes.compare_keys(rig)
-    changes.check_settings(rig)
-    if frame not in rig.record:
-        return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
-    if rigs.evaluated_copy(rig, layer.depsgraph) is None:
-        return f"{rig.name} is not in this view layer"
-    if not rigs.shows(rig, layer.depsgraph, rig.record.at(frame)):
-        return f"{rig.name} has changes that are not keyed: they would be lost on another frame, so it stays live"
-    return ""
-
-
 def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes armatures, and keeps those frozen that already are. `reason` of those that cannot be frozen says why.
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
+    if contract.freezing_trouble():
+        for rig in wanted:
+            want(rig)
+            rig.reason = contract.freezing_trouble()
+        return
     layer.update()
-    chosen = _freezable({rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}, scene, layer)
+    settle(layer.depsgraph)
+    own = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
+    for rig in own.values():
+        want(rig)
     for _ in range(MOST_ATTEMPTS):
+        chosen = _freezable(own, scene, layer)
         _build(list(chosen.values()), scene, layer)
         if all(rig.is_frozen for rig in chosen.values()):
             return
         layer.update()  # a handler has edited something meanwhile
+        settle(layer.depsgraph)
     for rig in chosen.values():
         if not rig.is_frozen:
-            rig.reason = f"{rig.name} is edited by a handler after each evaluation, so it stays live"
+            rig.reason = rig.reason or f"{rig.name} is edited by a handler after each evaluation, so it stays live"
+
+
+def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Drops from the records of armatures what was edited, so that it can be played again in a view layer."""
+    settle(layer.depsgraph)
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    for rig in own:
+        rig.restless = rig.to_skip = 0
+        _why_live(rig, scene, layer)
+
+
+def want(rig: rigs.Rig) -> None:
+    """Freezes an armature as soon as it can be."""
+    if rig.state is State.LIVE:
+        rig.state = State.WANTED
 
 
 def _freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
     """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
-    found = followers.find([rig.ob for rig in chosen.values()])
+    users = watch.users_of_all()
+    found = followers.find([rig.ob for rig in chosen.values()], users, layer.depsgraph)
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     needed: dict[int, list[Any]] = {}  # the other armatures on which each depends
     for rig in chosen.values():
-        rig.is_wanted, rig.reason = True, contract.freezing_trouble()
         own = found[rig.ob]
         try:
+            needs = followers.check(rig.ob)
+            if isinstance(own, followers.NotFreezable):
+                rig.reason = f"{rig.name} cannot be frozen: {own}"
+                continue
+            rig.reason = _why_live(rig, scene, layer)
             if not rig.reason:
-                needs = followers.check(rig.ob)
-                if isinstance(own, followers.NotFreezable):
-                    rig.reason = f"{rig.name} cannot be frozen: {own}"
-                else:
-                    rig.reason = _why_live(rig, own, scene, layer)
+                changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
+                rig.reason = _why_live(rig, scene, layer)
         except followers.NotFreezable as reason:
             rig.reason = str(reason)
         if not rig.reason:
@@ -85,28 +111,99 @@ def _freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int,
     return {key: chosen[key] for key in needed}
 
 
+def _why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
+    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing."""
+    graph, frame = layer.depsgraph, rigs.whole_frame(scene)
+    if frame is None:
+        return f"{rig.name} is live between two frames: only whole frames are recorded"
+    if rig.is_frozen and rig.graph() == graph:
+        return ""
+    if rigs.evaluated_copy(rig, graph) is None:
+        return f"{rig.name} is not in this view layer"
+    if rig.graph() != graph:
+        _move(rig, scene, layer)
+    elif rig.watch is not None and rig.tempo != changes.tempo_of(scene):
+        changes.drop_all(rig)
+    changes.compare_keys(rig, graph)
+    if frame in rig.record and not rigs.shows(rig, graph, rig.record.at(frame)):
+        changes.drop_all(rig)
+    if frame in rig.record:
+        return ""
+    bone = unkeyed_bone(rig, scene)
+    if bone:
+        return (
+            f"{rig.name} has changes that are not keyed (bone {bone}): they would be lost on another frame, so it "
+            "stays live"
+        )
+    if rig.restless:
+        return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
+    return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
+
+
+def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
+    """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
+    something was edited: the pose does not depend on the view layer, as far as this frame shows."""
+    before = rig.graph()
+    if before is not None and rig.watch is not None and rig.scene == scene:
+        rig.has_edited_keys |= rig.watch.are_keys_edited(before)
+        changes.compare_keys(rig, before)
+    is_kept = rig.watch is not None and rig.scene == scene and before is not None
+    if not is_kept or rig.watch.is_tagged(before, True) or not rig.watch.holds(before):
+        rig.clear()
+    rig.watch = None
+    rig.live_in(scene, layer)
+
+
+def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
+    """Returns the name of a bone that is not where the keyframes put it, "" if there is none or NLA strips mix."""
+    data = rig.ob.animation_data
+    if data is None or len(data.nla_tracks) or rig.is_frozen:
+        return ""
+    driven = {(curve.data_path, curve.array_index) for curve in data.drivers}
+    for curve in watch.curves_of_slot(rig.ob):
+        name, separator, _channel = curve.data_path.removeprefix('pose.bones["').partition('"].')
+        if curve.mute or not separator or (curve.data_path, curve.array_index) in driven:
+            continue
+        try:
+            value = rig.ob.path_resolve(curve.data_path)
+        except ValueError:
+            continue
+        value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
+        keyed = curve.evaluate(scene.frame_current_final)
+        if isinstance(value, float) and abs(value - keyed) > 1e-5 * max(1.0, abs(keyed)):
+            return bpy.utils.unescape_identifier(name)
+    return ""
+
+
 def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Thaws armatures, on this frame, and keeps the others frozen. Call it in the main thread, outside an
     evaluation."""
-    keys = {rig.key for rig in chosen}
-    for rig in rigs.known():
-        if rig.key in keys:
-            rig.is_wanted, rig.reason = False, ""
-    _build([rig for rig in rigs.frozen() if rig.key not in keys], scene, layer)
+    chosen = list(chosen)
+    _build([rig for rig in rigs.frozen() if rig not in chosen], scene, layer)
+    for rig in chosen:
+        rig.state, rig.reason = State.LIVE, ""
 
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes exactly these armatures. All others are evaluated on this frame."""
     global _is_building
-    chosen = [rig for rig in chosen if rig.record.at(scene.frame_current_final) is not None]
-    keys = {rig.key for rig in chosen}
-    before = rigs.frozen()
+    graph, before = layer.depsgraph, rigs.frozen()
+    at_home = rigs.at_home(graph)
+    lost = changes.look(at_home, graph)
+    chosen = [rig for rig in chosen if rig not in lost and rigs.now(rig, scene) is not None]
     if not chosen and not before:
         return
-    for rig in before:
-        if rig.key not in keys:
-            _melt(rig)
+    for rig in {rig.key: rig for rig in (*before, *chosen)}.values():
+        if rig.is_frozen and rig not in chosen:
+            _evaluate_keys(rig)
+        rig.state = State.SUSPECT
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
+
+    def mark() -> None:
+        for rig in at_home:
+            if rig.watch is not None:
+                rig.watch.mark(graph)
+
     relations.tag()
     _is_building = True
     try:
@@ -115,70 +212,58 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
                 rebuilding.without_animation(rig.ob)
             for ob in hooked.values():
                 rebuilding.on_each_frame(followers.hook_of(ob))
-            rebuilding.build(layer)
+            rebuilding.build(layer, mark)
     finally:
         _is_building = False
-        for rig in rigs.known():
-            rig.is_frozen = False
-    graph = layer.depsgraph
     for ob in hooked.values():
         hook = followers.hook_of(ob.evaluated_get(graph))
         if hook is not None:
             relations.sum_again(hook)
-    is_other = False
-    for rig in chosen:
-        is_other |= _settle(rig, scene, layer)
-    if is_other:
+    followed = [ob for rig in chosen for ob in _settle_frozen(rig, scene, layer)]
+    settle(graph)
+    if followed:
+        watch.expect(graph, followed)
         layer.update()
 
 
-def _settle(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
-    """Marks an armature that was just frozen, and writes its pose. Returns whether what follows it has to be evaluated
-    again, because its bones had another pose when that was evaluated."""
-    graph = layer.depsgraph
-    evaluated = rigs.evaluated_copy(rig, graph)
-    if evaluated is None:
-        return False
-    marks.test_and_mark(evaluated, rigs.MARK)
-    rig.is_selected = any(is_selected_in(ob, layer) for ob in (rig.ob, *rig.followers.objects))
-    rig.scene, rig.layer, rig.last = scene, layer.name, None
-    rig.shown, rig.pose = rigs.whole_frame(scene), rig.record.at(scene.frame_current_final)
-    rig.has_other_keys = settings.has_other_keys(rig.ob)
-    rig.is_frozen = rigs.is_intact(rig, graph)
-    if not rig.is_frozen or rigs.shows(rig, graph, rig.pose):
-        return False
-    rigs.show(rig, graph, rig.pose)
+def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> list[Any]:
+    """Writes the pose of an armature that was just frozen. Returns the objects that have to be evaluated again, because
+    its bones had another pose when they were evaluated."""
+    graph, pose = layer.depsgraph, rigs.now(rig, scene)
+    if pose is None or not rigs.is_without_keys(rig, graph):  # a handler has changed the frame, or relations
+        watch.expect_thaw(graph, rig)
+        relations.tag()
+        return []
+    rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
+    rig.shown, rig.pose, rig.last, rig.state = rigs.whole_frame(scene), pose, None, State.FROZEN
+    if rigs.shows(rig, graph, pose):
+        return []
+    rigs.show(rig, graph, pose)
     for ob in rig.followers.objects:
         ob.update_tag()
-    return True
+    return rig.followers.copied
+
+
+def settle(graph: Any) -> None:
+    """Notes which armatures Blender evaluates again."""
+    for rig in rigs.known():
+        if rig.state is State.SUSPECT and (rig.graph() in (graph, None) and not rigs.is_without_keys(rig, graph)):
+            rig.state = State.WANTED
 
 
 def select(graph: Any) -> None:
     """Thaws what has been selected since the last look, before anybody can edit it. Call it in a handler."""
-    layer, reasons = graph.view_layer, {}
+    selected, reasons = _selected(graph.view_layer), {}
     for rig in rigs.known():
-        objects = [rig.ob, *(ob for ob in rig.followers.objects if rigs.is_alive(ob))]
-        was, rig.is_selected = rig.is_selected, any(is_selected_in(ob, layer) for ob in objects)
+        was, rig.is_selected = rig.is_selected, rig.key in selected or not selected.isdisjoint(rig.followers.keys)
         if rig.is_frozen and rig.is_selected and not was:
             reasons[rig.key] = f"{rig.name} is selected"
     if reasons:
         melt(graph, reasons)
 
 
-def is_selected_in(ob: Any, layer: Any) -> bool:
-    try:
-        return ob.select_get(view_layer=layer)
-    except RuntimeError:  # it is not in the view layer
-        return False
-
-
-def melt_all() -> None:
-    """Thaws everything, as after an error or an undo step, from a handler. Records are kept and checked again."""
-    for rig in rigs.known():
-        if rig.is_frozen:
-            _melt(rig)
-            relations.tag()
-        rig.is_suspect, rig.last, rig.reason = True, None, ""
+def _selected(layer: Any) -> set[int]:
+    return {values.key_of(ob) for ob in layer.objects.selected}
 
 
 def melt(graph: Any, reasons: dict[int, str]) -> None:
@@ -186,37 +271,59 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     follows, or once more in the one that has called the handler. reasons: {key of an armature: why}; the others may be
     frozen again at once."""
     for rig in rigs.frozen():
-        if rig.graph() == graph:
+        if rig.graph() in (graph, None):
             rig.reason = reasons.get(rig.key, "")
-            _melt(rig)
-    relations.tag()
+            rig.state = State.SUSPECT
+            _evaluate_keys(rig)
+            watch.expect_thaw(graph, rig)
+    tagged = relations.tag()
+    watch.expect(graph, [tagged, *bpy.data.collections, *bpy.data.scenes])
 
 
-def _melt(rig: rigs.Rig) -> None:
-    """Thaws one armature. If the originals have the channels of this frame, they are left as they are: somebody may
-    just have edited them. Otherwise its keyframes are evaluated."""
-    rig.is_frozen = False
+def melt_all() -> None:
+    """Thaws everything, as after an error or an undo step, from a handler. Records are kept and checked again."""
+    for rig in rigs.known():
+        rig.last, rig.reason = None, ""
+    for graph in {rig.layer: rig.graph() for rig in rigs.frozen()}.values():
+        if graph is not None:
+            melt(graph, {})
+    for rig in rigs.frozen():  # the view layer is gone
+        rig.state = State.SUSPECT
+        relations.tag()
+
+
+def _evaluate_keys(rig: rigs.Rig) -> None:
+    """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
+    frame, they are left as they are: somebody may just have edited them."""
     is_here = rigs.is_alive(rig.scene) and rig.shown is not None and rig.shown == rigs.whole_frame(rig.scene)
-    has_channels = is_here and rig.record.at(rig.shown or 0) is rig.pose
-    if not has_channels or rig.has_other_keys:
+    if not is_here or rig.record.at(rig.shown or 0) is not rig.pose or _has_other_keys(rig.ob):
         rig.ob.update_tag(refresh={"TIME"})
+
+
+def _has_other_keys(ob: Any) -> bool:
+    """Whether keyframes set anything that is not recorded, such as custom properties."""
+    ends = tuple(f'"].{name}' for name in poses.RECORDED)
+    return any(
+        not (curve.data_path.startswith("pose.") and curve.data_path.endswith(ends))
+        or "constraints[" in curve.data_path
+        for curve in animation.keyed_curves(ob)
+    )
 
 
 def freeze_again(scene: Any, layer: Any) -> None:
     """Freezes what is wanted frozen, is not selected, and is recorded on this frame. If the scene asks for it, every
     character is wanted frozen and recorded while it plays."""
-    frame = rigs.whole_frame(scene)
+    settle(layer.depsgraph)
     if scene.sinew_freezes_others:
         for ob in layer.objects:
             if ob.type == "ARMATURE" and rigs.has_animation(ob):
-                rigs.learn(ob).is_wanted = True
+                want(rigs.learn(ob))
     waiting = [
         rig
         for rig in rigs.known()
-        if rig.is_wanted
-        and not rig.is_frozen
+        if rig.state is State.WANTED
         and not rig.is_selected
-        and frame in rig.record
+        and rigs.now(rig, scene) is not None
         and rig.ob.mode == "OBJECT"
     ]
     if waiting:
@@ -224,10 +331,15 @@ def freeze_again(scene: Any, layer: Any) -> None:
 
 
 def find_again() -> None:
-    """Finds all armatures again after an undo step, and thaws them. Records are kept and checked again."""
+    """Finds all armatures again after an undo step, and thaws them. Of the records those are kept whose marks Blender
+    has kept."""
     rigs.find_again()
     for rig in rigs.known():
-        rig.followers = Followers()
-        if rig.curves is not None:
-            changes.compare_keys(rig)
+        graph = rig.graph()
+        if rig.watch is None or graph is None or rig.watch.is_tagged(graph, True) or not rig.watch.holds(graph):
+            changes.drop_all(rig)
+            rig.followers = Followers()
+        else:
+            rig.has_edited_keys = True
+            changes.compare_keys(rig, graph)
     melt_all()

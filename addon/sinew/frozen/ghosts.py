@@ -144,7 +144,7 @@ def _keep_all(scene: Any, graph: Any) -> None:
     """Keeps the shapes of all characters that show ghosts, on the scene's frame."""
     frame = rigs.whole_frame(scene)
     for rig in shown():
-        moment = rig.record.at(scene.frame_current_final)
+        moment = rigs.now(rig, scene)
         if frame is None or moment is None or not rigs.is_shown(rig, graph, moment):
             continue
         try:

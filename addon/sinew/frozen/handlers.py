@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from ..host import relations
 from ..main import callbacks
 from . import freezing, ghosts, playing, rigs
 
@@ -24,8 +25,13 @@ def _guarded(function: Any, *arguments: Any) -> None:
 
 
 @persistent
-def before_evaluation(scene: bpy.types.Scene, *_: Any) -> None:
-    _guarded(playing.before_evaluation, scene)
+def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
+    _guarded(playing.before_evaluation, scene, True)
+
+
+@persistent
+def before_update(scene: bpy.types.Scene, *_: Any) -> None:
+    _guarded(playing.before_evaluation, scene, False)
 
 
 @persistent
@@ -75,8 +81,8 @@ def freeze_again() -> float:
 
 
 HANDLERS = (
-    ("frame_change_pre", before_evaluation),
-    ("depsgraph_update_pre", before_evaluation),
+    ("frame_change_pre", before_frame),
+    ("depsgraph_update_pre", before_update),
     ("frame_change_post", after_frame),
     ("depsgraph_update_post", after_update),
     ("load_post", after_load),
@@ -95,3 +101,4 @@ def unregister() -> None:
     callbacks.remove(HANDLERS)
     freezing.melt_all()
     rigs.forget()
+    relations.release()

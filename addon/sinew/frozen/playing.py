@@ -3,73 +3,76 @@
 import threading
 from typing import Any
 
-from ..host import evaluations
-from . import changes, freezing, rigs, stored_keys
+import bpy
 
-
-def _is_main_thread() -> bool:
-    return threading.current_thread() is threading.main_thread()
+from ..host import contract
+from . import changes, freezing, rigs, watch
 
 
 def is_busy() -> bool:
-    """Whether handlers should do nothing: this module has Blender evaluate, or the call is not from the main thread."""
-    return freezing.is_building() or not _is_main_thread()
+    """Whether handlers should do nothing: this package has Blender evaluate, or the call is not from the main
+    thread."""
+    return freezing.is_building() or threading.current_thread() is not threading.main_thread()
 
 
-def before_evaluation(scene: Any) -> None:
+def _has_work() -> bool:
+    return rigs.has_any() and not is_busy() and not contract.freezing_trouble()
+
+
+def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     """Writes the recorded poses of the scene's frame, or thaws what cannot be shown from its record."""
-    if is_busy() or not rigs.has_any():
+    if not _has_work():
         return
-    graphs = {layer.as_pointer(): layer.depsgraph for layer in scene.view_layers if layer.depsgraph is not None}
-    are_keys_edited = any(graph.id_type_updated("ACTION") for graph in graphs.values())
+    frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
+    new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():
-        if any(rigs.is_tagged(rig, graph) for graph in graphs.values()):
-            rig.is_suspect = True
-        if are_keys_edited and rig.curves is not None:
-            changes.compare_keys(rig)
-        if rig.last is not None and not rig.is_frozen and not rig.is_suspect:
-            _check_unchanged(rig, graphs.get(rig.last_layer))
         rig.last = None
-        own = next((graph for graph in graphs.values() if rigs.evaluated_copy(rig, graph) is not None), None)
-        if rig.curves is None and own is not None:
-            changes.meet(rig, own)
+        if rig.is_frozen:
+            frozen.setdefault(rig.layer, []).append(rig)
+        elif rig.watch is None and is_new_frame and not rig.to_skip:
+            if rig.graph() is None:
+                layers = [each for each in scene.view_layers if rigs.evaluated_copy(rig, each.depsgraph) is not None]
+                if layers:
+                    rig.live_in(scene, bpy.context.view_layer if bpy.context.view_layer in layers else layers[0])
+            if rigs.evaluated_copy(rig, rig.graph()) is not None:
+                new.setdefault(rig.layer, []).append(rig)
+    for own in new.values():
+        changes.ask_for_shapes(own, own[0].graph())
+    for rig in rigs.known():
         rig.shapes.ask(rigs.whole_frame(scene))
-    for graph in graphs.values():
-        _play(scene, graph)
+    for own in frozen.values():
+        graph = own[0].graph()
+        if graph is None:
+            freezing.melt_all()
+        else:
+            _play(own, graph, is_new_frame)
 
 
-def _was_evaluated(rig: rigs.Rig, graph: Any) -> bool:
-    """Whether the evaluation whose handlers run has evaluated anything of an armature or of the keys that follow it."""
-    return rigs.is_tagged(rig, graph) or any(
-        evaluations.is_tagged(keys.evaluated_get(graph)) for keys, _numbers in rigs.keyed(rig, graph)
-    )
-
-
-def _check_unchanged(rig: rigs.Rig, graph: Any) -> None:
-    """Drops the record if the last frame that it shows is not what its evaluation has ended with: a handler of another
-    add-on has moved bones after it was recorded."""
-    evaluated = rigs.evaluated_copy(rig, graph)
-    if evaluated is not None and not rigs.shows(rig, graph, rig.last):
-        changes.drop(rig, [stored_keys.ALL])
-        rig.reason = f"{rig.name} is moved by another add-on after each frame, which cannot be recorded"
-
-
-def _play(scene: Any, graph: Any) -> None:
-    own = [rig for rig in rigs.frozen() if rig.graph() == graph]
-    if not own:
-        return
-    frame, reasons = rigs.whole_frame(scene), {}
+def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
+    reasons = {}
+    changes.look(own, graph)
     for rig in own:
-        if not rigs.is_intact(rig, graph) or rigs.is_tagged(rig, graph):
+        frame = rigs.whole_frame(rig.scene)
+        changes.compare_keys(rig, graph)
+        if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
+            changes.drop_all(rig)
             reasons[rig.key] = f"{rig.name} was edited"
+        elif rig.tempo != changes.tempo_of(rig.scene):
+            reasons[rig.key] = f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
         elif frame is None or frame not in rig.record:
-            reasons[rig.key] = f"frame {scene.frame_current_final:g} of {rig.name} is not recorded: it is live there"
+            at = rig.scene.frame_current + rig.scene.frame_subframe
+            reasons[rig.key] = f"frame {at:g} of {rig.name} is not recorded: it is live there"
+    frame = rigs.whole_frame(own[0].scene)
     if frame is not None and not reasons:
         for rig in _play_frame(own, graph, frame):
-            reasons[rig.key] = f"something besides its keyframes moves the bones of {rig.name}"
-            changes.drop(rig, [stored_keys.ALL])
+            reasons[rig.key] = _moved_by_others(rig)
     if reasons:
         freezing.melt(graph, reasons)
+
+
+def _moved_by_others(rig: rigs.Rig) -> str:
+    changes.drop_all(rig)
+    return f"something besides its keyframes moves the bones of {rig.name}"
 
 
 def _play_frame(own: list[rigs.Rig], graph: Any, frame: int) -> list[rigs.Rig]:
@@ -79,43 +82,58 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: int) -> list[rigs.Rig]:
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:
             rig.shown, rig.pose = frame, moment
-            _tag_followers(rig)
+            _tag_followers(rig, graph)
         else:
             lacking.append(rig)
     return lacking
 
 
-def _tag_followers(rig: rigs.Rig) -> None:
-    for ob in rig.followers.placed:
-        if rigs.is_alive(ob):
-            ob.update_tag(refresh={"OBJECT"})
-    for ob in rig.followers.shaped:
-        if rigs.is_alive(ob):
-            ob.update_tag(refresh={"DATA"})
+def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
+    for refresh, objects in (("OBJECT", rig.followers.placed), ("DATA", rig.followers.shaped)):
+        for ob in objects:
+            if rigs.is_alive(ob):
+                ob.update_tag(refresh={refresh})
+    if rig.followers.copied:
+        watch.expect(graph, filter(rigs.is_alive, rig.followers.copied))
 
 
 def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     """Checks what an evaluation has made of frozen armatures, and records those that are live."""
-    if is_busy() or not rigs.has_any() or graph != graph.view_layer.depsgraph:
+    if not _has_work() or graph != graph.view_layer.depsgraph:
         return
-    own = [rig for rig in rigs.frozen() if rig.graph() == graph]
-    frame = rigs.whole_frame(scene)
-    reasons = {}
+    for rig in rigs.known():
+        if rig.graph() is None and rigs.evaluated_copy(rig, graph) is not None:
+            rig.clear()
+            rig.live_in(scene, graph.view_layer)
+    freezing.settle(graph)
+    own, frame, reasons = rigs.at_home(graph), rigs.whole_frame(scene), {}
     for rig in own:
-        if not rigs.is_intact(rig, graph):
+        if rig.is_frozen and not rigs.is_without_keys(rig, graph):  # Blender has built relations, and copied it
             reasons[rig.key] = ""
-        elif rig.shown != frame or _was_evaluated(rig, graph) and not rigs.shows(rig, graph, rig.pose):
-            reasons[rig.key] = f"something besides its keyframes moves the bones of {rig.name}"
-            changes.drop(rig, [stored_keys.ALL])
+            watch.expect_thaw(graph, rig)
+    changes.look(own, graph)
+    watch.expect_no_more(graph)
+    for rig in own:
+        if not rig.is_frozen or rig.key in reasons:
+            continue
+        if rig.watch is None:
+            reasons[rig.key] = f"{rig.name} was edited"
+        elif rig.shown != frame or rigs.was_evaluated(rig, graph) and not rigs.shows(rig, graph, rig.pose):
+            reasons[rig.key] = _moved_by_others(rig)
+        else:
+            rig.watch.note(graph)
     if reasons:
         freezing.melt(graph, reasons)
     freezing.select(graph)
     if reasons:
         return
-    for rig in rigs.known():
-        if rig.is_frozen and rig.graph() == graph and frame is not None:
+    if is_new_frame:
+        changes.record([rig for rig in own if not rig.is_frozen], scene, graph)
+    for rig in own:
+        if rig.is_frozen and frame is not None:
             rig.shapes.note(frame, graph)
-        elif is_new_frame and not rig.is_frozen:
-            changes.record_frame(rig, scene, graph)
         elif not rig.is_frozen:
-            rig.shapes.drop_edited()
+            if rig.skins is not None:
+                changes.compare_keys(rig, graph)
+            if not is_new_frame:
+                rig.shapes.drop_edited()

@@ -26,12 +26,15 @@ def missing(rig: rigs.Rig, scene: bpy.types.Scene) -> list[int]:
 
 
 def armatures_of(objects: Iterable[Any]) -> list[Any]:
-    """Returns the armature objects that move these objects, or are among them, without duplicates."""
+    """Returns the armature objects that move these objects, are instanced by them or are among them, without
+    duplicates."""
     found: dict[Any, None] = {}
     for ob in objects:
         if ob.type == "ARMATURE":
             found[ob] = None
         armatures = [modifier.object for modifier in ob.modifiers if modifier.type == "ARMATURE"]
+        if ob.instance_collection is not None:
+            armatures += ob.instance_collection.all_objects
         if ob.parent_type == "BONE":
             armatures.append(ob.parent)
         found.update(dict.fromkeys(each for each in armatures if each is not None and each.type == "ARMATURE"))
@@ -47,11 +50,19 @@ def steps(
     scene: bpy.types.Scene, layer: bpy.types.ViewLayer, armatures: Iterable[Any]
 ) -> Generator[tuple[float, str], None, None]:
     """Plays what is not recorded yet of these armature objects, as a generator that yields (share done, what comes
-    next) and may be closed early. The scene returns to its frame."""
-    own = [rigs.learn(each) for each in armatures]
-    frames = sorted({frame for rig in own for frame in missing(rig, scene)})
+    next) and may be closed early. The scene returns to its frame. Those with changes that playing would lose are left
+    out."""
+    layer.update()  # what was edited just now is dropped from the records
+    now, own = rigs.whole_frame(scene), [rigs.learn(each) for each in armatures]
+    freezing.prepare(own, scene, layer)
+    own = [rig for rig in own if not freezing.unkeyed_bone(rig, scene)]
     wanted = [rig for rig in own if rig.is_wanted]
-    freezing.thaw([rig for rig in own if missing(rig, scene)], scene, layer)
+    lacking = {rig.key: missing(rig, scene) for rig in own}
+    for rig in own:
+        if now is not None and now not in rig.record:
+            lacking[rig.key].append(now)
+    frames = sorted({frame for each in lacking.values() for frame in each})
+    freezing.thaw([rig for rig in own if lacking[rig.key]], scene, layer)
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
         for number, each in enumerate(frames):
@@ -61,4 +72,4 @@ def steps(
         if frames:
             scene.frame_set(frame, subframe=subframe)
         for rig in wanted:
-            rig.is_wanted = True
+            freezing.want(rig)

@@ -1,9 +1,6 @@
-"""The armatures that are recorded or frozen, and what is recorded of them.
+"""The armatures that are recorded or frozen, and what is recorded of them."""
 
-Whether an armature is frozen is read from its evaluated copy (`is_intact`), so nothing can be wrong about it for
-longer than one evaluation: whatever builds relations, or copies the armature again, is noticed right after it and
-before anything is drawn."""
-
+import enum
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -13,14 +10,22 @@ import bpy
 import numpy as np
 
 from ..blender import values
-from ..host import evaluations, key_blocks, marks, poses
-from . import records, stored_keys
+from ..host import evaluations, key_blocks, poses
+from . import records
 from .followers import Followers
 from .shapes import Shapes, is_alive
 
 DEFAULT_LIMIT = 2048  # megabytes for all records
-MARK = "OBJECT"  # kind of the mark on a frozen armature's evaluated copy
 store: records.Store = records.Store(DEFAULT_LIMIT * records.MEGABYTE)
+
+
+class State(enum.Enum):
+    """See freezing.py, which alone changes it."""
+
+    LIVE = enum.auto()
+    WANTED = enum.auto()
+    FROZEN = enum.auto()
+    SUSPECT = enum.auto()
 
 
 @dataclass
@@ -31,35 +36,55 @@ class Rig:
     key: int
     name: str
     record: records.Record
-    is_wanted: bool = False  # frozen whenever possible, see `freeze`
-    is_frozen: bool = False
+    state: State = State.LIVE
     reason: str = ""  # why it is live although it is wanted frozen, a sentence
     followers: Followers = field(default_factory=Followers)
-    scene: Any = None  # in which it is frozen
-    layer: str = ""  # name of the view layer in which it is frozen
+    # The view layer in which it is recorded and frozen, with the names that they had at last: undo replaces both.
+    scene: Any = None
+    scene_name: str = ""
+    layer: int = 0  # its address
+    layer_name: str = ""
     shown: int | None = None  # the frame whose pose was written last
     pose: Any = None  # that Moment
-    has_other_keys: bool = False  # for more than the channels of bones, which a record does not hold
     is_selected: bool = False  # it was, or something of it, at the last look
-    curves: dict[Any, stored_keys.Curve] | None = None  # the keyframes that the record was made with
-    digest: Any = None  # of the settings that the record was made with
-    is_suspect: bool = True  # the settings may have changed since
+    watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
+    keys: Any = None  # the keyframes that the record was made with, a changes.Keys
+    has_edited_keys: bool = False  # they may not be those any more
+    tempo: tuple[int, int] = (0, 0)  # how the scene has mapped its frames to times
+    restless: int = 0  # frames that are not recorded after one on which somebody has edited it again
+    to_skip: int = 0  # those of them that are left
     last: Any = None  # the Moment that the last frame change has shown, while it plays live
-    last_layer: int = 0  # address of the view layer that has shown it
     shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
+
+    @property
+    def is_frozen(self) -> bool:
+        return self.state is State.FROZEN
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether it is frozen whenever possible."""
+        return self.state is not State.LIVE
 
     def clear(self) -> None:
         """Drops all that is recorded."""
         self.record.clear()
         self.shapes.clear()
+        self.watch = None
         if self.skins is not None:
             self.skins.clear()
 
+    def live_in(self, scene: Any, layer: Any) -> None:
+        """Records and freezes it in a view layer from now on."""
+        self.scene, self.layer = scene, layer.as_pointer()
+        self.scene_name, self.layer_name = scene.name, layer.name
+
     def graph(self) -> Any:
-        """Returns the dependency graph in which it is frozen, or None."""
-        layer = self.scene.view_layers.get(self.layer) if is_alive(self.scene) else None
-        return layer.depsgraph if layer is not None else None
+        """Returns the dependency graph in which it is recorded and frozen, or None."""
+        if not is_alive(self.scene):
+            return None
+        found = next((each for each in self.scene.view_layers if each.as_pointer() == self.layer), None)
+        return found.depsgraph if found is not None else None
 
 
 _rigs: dict[int, Rig] = {}
@@ -85,6 +110,16 @@ def known() -> list[Rig]:
     for key in [key for key, rig in _rigs.items() if not is_alive(rig.ob)]:
         _rigs.pop(key).clear()
     return list(_rigs.values())
+
+
+def at_home(graph: Any) -> list[Rig]:
+    """Returns the armatures that are recorded and frozen in a graph."""
+    return [rig for rig in known() if rig.graph() == graph]
+
+
+def frozen() -> list[Rig]:
+    """Returns the armatures that are frozen."""
+    return [rig for rig in known() if rig.is_frozen]
 
 
 def get(ob: Any) -> Rig | None:
@@ -116,12 +151,10 @@ def evaluated_copy(rig: Rig, graph: Any) -> Any:
     return found if found.is_evaluated else None
 
 
-def is_intact(rig: Rig, graph: Any) -> bool:
-    """Whether an armature is still frozen in its graph, as it was left."""
+def is_without_keys(rig: Rig, graph: Any) -> bool:
+    """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built."""
     evaluated = evaluated_copy(rig, graph)
-    if evaluated is None or not marks.is_marked(evaluated, MARK):
-        return False
-    data = evaluated.animation_data
+    data = evaluated.animation_data if evaluated is not None else None
     return data is not None and data.action is None and not len(data.nla_tracks)
 
 
@@ -144,7 +177,11 @@ def moment_of(rig: Rig, graph: Any) -> Moment:
 
 def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
     """Returns the shape keys that follow an armature and are in the graph."""
-    return [(keys, numbers) for keys, numbers in rig.followers.keyed if keys.evaluated_get(graph).is_evaluated]
+    return [
+        (keys, numbers)
+        for keys, numbers in rig.followers.keyed
+        if is_alive(keys) and keys.evaluated_get(graph).is_evaluated and max(numbers) < len(keys.key_blocks)
+    ]
 
 
 def shows(rig: Rig, graph: Any, moment: Any) -> bool:
@@ -160,7 +197,7 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
 
 def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
     """Whether a graph shows a recorded moment of an armature, frozen or live."""
-    is_played = rig.last is moment and rig.last_layer == graph.view_layer.as_pointer()
+    is_played = rig.last is moment and rig.graph() == graph
     return is_played or evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
 
 
@@ -221,8 +258,13 @@ def shapes(character: Any, frame: int) -> list[tuple[Any, np.ndarray, np.ndarray
 
 def whole_frame(scene: Any) -> int | None:
     """Returns the scene's frame, or None on a sub-frame."""
-    frame = scene.frame_current_final
-    return int(frame) if frame == int(frame) else None
+    return scene.frame_current if scene.frame_subframe == 0 else None
+
+
+def now(rig: Rig, scene: Any) -> Moment | None:
+    """Returns what is recorded of the scene's frame, or None."""
+    frame = whole_frame(scene)
+    return rig.record.at(frame) if frame is not None else None
 
 
 def has_animation(ob: Any) -> bool:
@@ -231,15 +273,11 @@ def has_animation(ob: Any) -> bool:
     return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
 
 
-def is_tagged(rig: Rig, graph: Any) -> bool:
-    """Whether an armature has been edited and not been evaluated since."""
-    evaluated = evaluated_copy(rig, graph)
-    return evaluated is not None and (evaluations.is_tagged(evaluated) or evaluations.is_tagged(evaluated.data))
-
-
-def frozen() -> list[Rig]:
-    """Returns the armatures that are frozen."""
-    return [rig for rig in known() if rig.is_frozen]
+def was_evaluated(rig: Rig, graph: Any) -> bool:
+    """Whether the evaluation whose handlers run has evaluated anything of an armature or of the keys that follow it."""
+    copy = evaluated_copy(rig, graph)
+    blocks = [] if copy is None else [copy, copy.data]
+    return any(map(evaluations.is_tagged, [*blocks, *(keys.evaluated_get(graph) for keys, _ in keyed(rig, graph))]))
 
 
 def find_again() -> None:
@@ -247,12 +285,15 @@ def find_again() -> None:
     dropped."""
     for key, rig in list(_rigs.items()):
         rig.shapes.clear()
+        if not is_alive(rig.scene):
+            rig.scene = bpy.data.scenes.get(rig.scene_name)
+        layer = rig.scene.view_layers.get(rig.layer_name) if rig.scene is not None else None
+        rig.layer = layer.as_pointer() if layer is not None else 0
         if is_alive(rig.ob) and values.key_of(rig.ob) == key:
             continue
-        del _rigs[key]
+        rig.clear()
         rig.ob = bpy.data.objects.get(rig.name)
-        if rig.ob is None or rig.ob.type != "ARMATURE":
-            rig.clear()
-        else:
+        del _rigs[key]
+        if rig.ob is not None and rig.ob.type == "ARMATURE":
             rig.key = values.key_of(rig.ob)
             _rigs[rig.key] = rig

@@ -138,6 +138,7 @@ CHANNELS = {
 }
 # What only freezing needs (frozen/). If it does not hold, characters cannot be frozen, and all else works.
 FREEZING: dict[str, dict[str, Member]] = {
+    "ID": {"us": Member("int", 4)},
     "AnimData": {"*action": _pointer("bAction"), "nla_tracks": Member("ListBase", 16)},
     "ChannelDriver": {
         "expression": Member("char", 256),
@@ -154,6 +155,15 @@ FREEZING: dict[str, dict[str, Member]] = {
         "deform_dual_quat": Member("DualQuat", 100),
         "*bbone_pose_mats": _pointer("Mat4"),
         "*bbone_dual_quats": _pointer("DualQuat"),
+    },
+    "FCurve": {
+        "*bezt": _pointer("BezTriple"),
+        "*fpt": _pointer("FPoint"),
+        "totvert": Member("int", 4),
+        "extend": Member("short", 2),
+        "array_index": Member("int", 4),
+        "*rna_path": _pointer("char"),
+        "modifiers": Member("ListBase", 16),
     },
     "BezTriple": {
         "vec": Member("float", 36),

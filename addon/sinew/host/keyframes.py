@@ -1,45 +1,53 @@
-"""Reads the stored keyframes of an F-curve in one step."""
+"""Reads the stored keyframes of all F-curves of an action in one step."""
 
-import ctypes
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ..native import sinew_native
 from . import contract, proof
 
 _MEMBERS = ("vec", "ipo", "easing", "back", "amplitude", "period")  # all that values between keyframes depend on
+_SETTINGS = ("extend", "array_index")
+_IGNORED = 0b1111  # bits of a curve's flag: visible, selected, active, protected
 
 
 @functools.cache
-def _columns() -> tuple[int, np.ndarray]:
-    """Returns the size of a keyframe in bytes, and the numbers of the bytes of these members."""
-    places = [(contract.offset("BezTriple", name), contract.size("BezTriple", name)) for name in _MEMBERS]
-    return contract.struct_size("BezTriple"), np.concatenate([np.arange(at, at + size) for at, size in places])
+def _layout() -> Any:
+    """Returns the layout of F-curves, a sinew_native.host.CurveLayout."""
+
+    def places(kind: str, members: Sequence[str]) -> list[tuple[int, int]]:
+        return [(contract.offset(kind, name), contract.size(kind, name)) for name in members]
+
+    vectors = contract.offset("BezTriple", "vec")  # of (handle, keyframe, handle), each (frame, value, 0)
+    return sinew_native.host.CurveLayout(
+        *(contract.offset("FCurve", name) for name in ("*bezt", "totvert", "*rna_path", "modifiers", "*fpt", "flag")),
+        _IGNORED,
+        places("FCurve", _SETTINGS),
+        contract.struct_size("BezTriple"),
+        vectors + 12,
+        places("BezTriple", _MEMBERS),
+    )
 
 
 def forget() -> None:
     """Discards the layout. For tests."""
-    _columns.cache_clear()
+    _layout.cache_clear()
 
 
-def read(curve: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (frames, keys) of an F-curve of an original: (K,) float32, and (K, N) uint8 with all that its values
-    depend on, without selection and the like. Raises contract.Broken."""
-    count = len(curve.keyframe_points)
-    size, columns = _columns()
-    if count == 0:
-        return np.empty(0, np.float32), np.empty((0, len(columns)), np.uint8)
-    address = curve.keyframe_points[0].as_pointer()
-    if curve.keyframe_points[count - 1].as_pointer() != address + size * (count - 1):
-        raise contract.distrust_freezing("keyframes are not where they were")
-    stored = np.frombuffer(ctypes.string_at(address, size * count), np.uint8).reshape(count, size)
-    keys = stored[:, columns]
-    frames = np.ascontiguousarray(keys[:, 12:16]).view(np.float32)[:, 0]  # of (handle, keyframe, handle), three each
+def read(curves: Sequence[Any]) -> Any:
+    """Returns a copy of what is stored in F-curves of originals, a sinew_native.host.StoredCurves: all that their
+    values depend on, without selection and the like. Raises contract.Broken."""
+    found = sinew_native.host.StoredCurves([curve.as_pointer() for curve in curves], _layout())
     if proof.is_due("keyframes"):
-        wanted = np.empty(2 * count, np.float32)
-        curve.keyframe_points.foreach_get("co", wanted)
-        if not np.array_equal(wanted[::2], frames):
-            raise contract.distrust_freezing("keyframes are not where they were")
-        proof.give("keyframes")
-    return frames, keys
+        number, curve = next(((i, each) for i, each in enumerate(curves) if len(each.keyframe_points)), (0, None))
+        if curve is not None:
+            wanted = np.empty(2 * len(curve.keyframe_points), np.float32)
+            curve.keyframe_points.foreach_get("co", wanted)
+            path = curve.data_path.encode() + b"\0"
+            if not (np.array_equal(wanted[::2], found.frames(number)) and found.settings(number).startswith(path)):
+                raise contract.distrust_freezing("keyframes are not where they were")
+            proof.give("keyframes")
+    return found

@@ -13,6 +13,12 @@ from . import contract, proof
 _BONE = "bPoseChannel"
 # In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
 _MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *contract.CHANNELS)
+# What Blender's API calls those that keyframes and drivers can set.
+RECORDED = (
+    *("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale", "bbone_rollin"),
+    *("bbone_rollout", "bbone_curveinx", "bbone_curveinz", "bbone_curveoutx", "bbone_curveoutz", "bbone_easein"),
+    *("bbone_easeout", "bbone_scalein", "bbone_scaleout"),
+)
 # For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
 # of a dual quaternion undefined if there is no scale.
 _SEGMENTS = (

@@ -7,11 +7,12 @@ relations again undoes the effect.
 """
 
 import ctypes
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import bpy
 
-from . import contract, proof
+from . import contract, layout, proof
 
 ON_EACH_FRAME = "deform + 0 * frame"  # simple expression of a hook's variable; "frame" makes it depend on the frame
 _SCRIPTED, _SUM = 1, 2  # types of drivers
@@ -29,7 +30,7 @@ class Rebuilding:
     with Rebuilding() as rebuilding:
         rebuilding.without_animation(rig)
         rebuilding.on_each_frame(hook)
-        rebuilding.build(view_layer)
+        rebuilding.build(view_layer, then)
 
     Handlers of other add-ons that Blender calls before it builds would see objects without their actions, and might
     remove them. So they are left out of this one update. Those that it calls afterwards see everything restored."""
@@ -73,32 +74,32 @@ class Rebuilding:
             raise contract.distrust_freezing("drivers have other types")
         parsed, _size = contract.region(driver, "ChannelDriver", "*expr_simple")
         text, length = contract.region(driver, "ChannelDriver", "expression")
-        if contract.address_at(parsed) and _parsed_by_this.get(parsed) != contract.address_at(parsed):
-            self._change(parsed, bytes(8), stays=True)
         self._change(text, ON_EACH_FRAME.encode().ljust(length, b"\0"))
         self._change(kind, _SCRIPTED.to_bytes(size, "little"))
-        _seen_parsed.append(parsed)
+        if contract.address_at(parsed):  # another expression, which is the driver's to free; if none, Blender parses
+            self._change(parsed, _parsed(driver, parsed).to_bytes(8, "little"))
         if proof.is_due("drivers on each frame"):
             if (driver.type, driver.expression) != ("SCRIPTED", ON_EACH_FRAME):
                 raise contract.distrust_freezing("drivers are not where they were")
             proof.give("drivers on each frame")
 
-    def build(self, view_layer: bpy.types.ViewLayer) -> None:
+    def build(self, view_layer: bpy.types.ViewLayer, then: Callable[[], None]) -> None:
         """Has Blender build the relations of a view layer's graph, and evaluate. All else that was tagged must have
-        been evaluated before."""
+        been evaluated before. then: what to do after the evaluation, before any other handler can edit."""
+
+        def after_evaluation(*_: Any) -> None:
+            self.restore()
+            then()
+
         handlers = bpy.app.handlers
         self._early_handlers = list(handlers.depsgraph_update_pre)
         handlers.depsgraph_update_pre.clear()
-        handlers.depsgraph_update_post.insert(0, self._after_evaluation)
+        handlers.depsgraph_update_post.insert(0, after_evaluation)
         try:
             view_layer.update()
         finally:
-            handlers.depsgraph_update_post.remove(self._after_evaluation)  # not before: Blender goes through the list
+            handlers.depsgraph_update_post.remove(after_evaluation)  # not before: Blender goes through the list
             self.restore()
-
-    def _after_evaluation(self, *_: Any) -> None:
-        """Restores everything before Blender calls any other handler."""
-        self.restore()
 
     def restore(self) -> None:
         """Restores all that was changed, in reverse order, and the handlers."""
@@ -108,20 +109,40 @@ class Rebuilding:
             address, before, meanwhile = self._places.pop()
             if ctypes.string_at(address, len(meanwhile)) == meanwhile:
                 ctypes.memmove(address, before, len(before))
-        while _seen_parsed:
-            place = _seen_parsed.pop()
-            _parsed_by_this[place] = contract.address_at(place)
 
-    def _change(self, address: int, to: bytes, stays: bool = False) -> None:
-        before = ctypes.string_at(address, len(to))
-        if not stays:
-            self._places.append(_Place(address, before, to))
+    def _change(self, address: int, to: bytes) -> None:
+        self._places.append(_Place(address, ctypes.string_at(address, len(to)), to))
         ctypes.memmove(address, to, len(to))
 
 
-# Where Blender keeps the parsed expression of a driver -> that of ON_EACH_FRAME. It stays there, as nothing reads it.
-_parsed_by_this: dict[int, int] = {}
-_seen_parsed: list[int] = []
+_parsed_address = 0  # of the parsed ON_EACH_FRAME, which all hooks share and nothing frees
+
+
+def _parsed(driver: Any, place: int) -> int:
+    """Returns the address of the parsed ON_EACH_FRAME, which is the expression of this driver now. place: where the
+    driver keeps the address of its own."""
+    global _parsed_address
+    if not _parsed_address:
+        own = contract.address_at(place)
+        ctypes.c_uint64.from_address(place).value = 0
+        is_simple = driver.is_simple_expression  # Blender parses it here
+        _parsed_address = contract.address_at(place)
+        ctypes.c_uint64.from_address(place).value = own
+        if not is_simple or not _parsed_address:
+            raise contract.distrust_freezing("expressions are not parsed where they were")
+    return _parsed_address
+
+
+def release() -> None:
+    """Has Blender free what `_parsed` has made, by giving it to a driver that is removed."""
+    global _parsed_address
+    if _parsed_address:
+        with layout.temporary_data() as data:
+            driver = data.objects.new("Driver", None).driver_add("location", 0).driver
+            place = contract.region(driver, "ChannelDriver", "*expr_simple")[0]
+            if contract.address_at(place) == 0:
+                ctypes.c_uint64.from_address(place).value = _parsed_address
+                _parsed_address = 0
 
 
 def sum_again(hook: Any) -> None:
@@ -131,7 +152,9 @@ def sum_again(hook: Any) -> None:
         kind.value = _SUM
 
 
-def tag() -> None:
-    """Has Blender build all relations again before its next evaluation."""
+def tag() -> Any:
+    """Has Blender build all relations again before its next evaluation. Returns the object that Blender copies again
+    because of this, with the collections that it is in."""
     ob = bpy.data.objects[0]
     ob.hide_viewport = ob.hide_viewport  # Blender tags them even if nothing changes
+    return ob

@@ -183,6 +183,7 @@ void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_
 }  // namespace
 
 void bind_pose_record(py::module_& host);
+void bind_stored_curves(py::module_& host);
 void bind_frame_shape(py::module_& host);
 void bind_shortcut(py::module_& host);
 
@@ -235,6 +236,7 @@ void bind_host(py::module_& parent) {
   module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),
              "Undoes silence_keys for the keys that it has muted.");
   bind_pose_record(module);
+  bind_stored_curves(module);
   bind_frame_shape(module);
   bind_shortcut(module);
 }

@@ -1,0 +1,190 @@
+"""What the pose of an armature depends on, and whether any of it was edited.
+
+A pose is a function of time and of evaluated copies: of the armature, of what its constraints and drivers read, of what
+those use in turn, and so on, as Blender itself lists who uses whom. Time changes a copy in place. Before anything else
+does, Blender copies the data-block again, and the copy has no mark (host/copies.py). So there is no list of settings
+that matter: a record holds as long as all marks are there."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import bpy
+
+from ..blender import animation, values
+from ..host import copies, evaluations, keyframes
+
+_LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "points", "value"}
+_expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
+
+
+def users_of_all() -> dict[Any, set[Any]]:
+    """Returns {data-block: those that use it}, of the whole file."""
+    return bpy.data.user_map()
+
+
+def used(roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = ()) -> list[Any]:
+    """Returns the data-blocks that these use, directly or not, and themselves. without: what the first of them may use
+    without being changed by it."""
+    uses: dict[Any, list[Any]] = {}
+    for block, its_users in users.items():
+        for user in its_users:
+            uses.setdefault(user, []).append(block)
+    found = dict.fromkeys(roots)
+    first, skipped = next(iter(found)), set(without)
+    queue = list(found)
+    for block in queue:
+        own = [each for each in uses.get(block, ()) if block != first or each not in skipped]
+        tree = None if isinstance(block, bpy.types.NodeTree) else getattr(block, "node_tree", None)
+        for each in [*own, tree] if tree is not None else own:
+            if each not in found:
+                found[each] = None
+                queue.append(each)
+    return list(found)
+
+
+class Watch:
+    """The marks on what the pose of one armature depends on, in one dependency graph."""
+
+    def __init__(self, blocks: Iterable[Any], action: Any, follow: Iterable[Any], graph: Any) -> None:
+        """Marks the copies of these original data-blocks. action: the armature's own, whose edits are told apart from
+        others, or None. follow: data-blocks of shape keys, which Blender copies after an edit of the mesh too: then all
+        but the points is compared."""
+        self.action = action
+        self._follow = {each: _state_of(each) for each in follow}
+        self.blocks = [each for each in blocks if each != action and each.evaluated_get(graph).is_evaluated]
+        self.keys = [values.key_of(each) for each in self.blocks]
+        self._busy: set[int] = set()  # keys of the blocks that the last evaluation has changed
+        self.mark(graph)
+
+    def mark(self, graph: Any) -> None:
+        """Marks all, as they are now."""
+        for block in self.blocks:
+            _mark(block, graph)
+        self.mark_keys(graph)
+
+    def mark_keys(self, graph: Any) -> None:
+        """Marks the action."""
+        if self.action is not None:
+            _mark(self.action, graph)
+
+    def holds(self, graph: Any) -> bool:
+        """Whether nothing but time, and this package, has changed any of them."""
+        expected = _expected.get(graph.view_layer.as_pointer(), ())
+        try:
+            for key, block in zip(self.keys, self.blocks):
+                copy = block.evaluated_get(graph)
+                if not copy.is_evaluated:  # a frozen armature's actions have no copy
+                    if not isinstance(block, bpy.types.Action) or evaluations.is_tagged(block):
+                        return False
+                elif key in expected:
+                    copies.mark(copy)
+                elif not copies.is_marked(copy):
+                    if block not in self._follow or not _is_same(block, self._follow[block]):
+                        return False
+                    copies.mark(copy)
+        except ReferenceError:  # it no longer exists
+            return False
+        return True
+
+    def are_keys_edited(self, graph: Any) -> bool:
+        """Whether the action may have been edited. Of a frozen armature it is not in the graph."""
+        try:
+            if self.action is None:
+                return False
+            copy = self.action.evaluated_get(graph)
+            return not copies.is_marked(copy) if copy.is_evaluated else evaluations.is_tagged(self.action)
+        except ReferenceError:
+            return True
+
+    def is_tagged(self, graph: Any, is_new_frame: bool) -> bool:
+        """Whether somebody has edited any of them since the last evaluation. Before a change of the frame that is
+        exact. Otherwise a handler may have asked for the evaluation, and what the one that has called it has changed is
+        left to `holds`."""
+        expected = _expected.get(graph.view_layer.as_pointer(), set())
+        left = expected if is_new_frame else expected | self._busy
+        try:
+            return any(
+                evaluations.is_tagged(block.evaluated_get(graph))
+                for key, block in zip(self.keys, self.blocks)
+                if key not in left and block not in self._follow
+            )
+        except ReferenceError:
+            return True
+
+    def note(self, graph: Any) -> None:
+        """Notes what the evaluation whose handlers run has changed."""
+        self._busy = {
+            key for key, block in zip(self.keys, self.blocks) if evaluations.is_tagged(block.evaluated_get(graph))
+        }
+
+
+def _state_of(keys: Any) -> tuple[Any, list[Any]]:
+    """Returns all of shape keys but their points and values: the curves of their drivers, and the rest."""
+    drivers = animation.drivers_of(keys)
+    found = [plain(each) for curve in drivers for each in (curve, curve.driver)]
+    return keyframes.read(drivers), [plain(keys), *found]
+
+
+def _is_same(keys: Any, state: tuple[Any, list[Any]]) -> bool:
+    curves, others = _state_of(keys)
+    return others == state[1] and curves.differing(state[0]) == []
+
+
+def plain(struct: Any, depth: int = 2) -> list[Any]:
+    """Returns all settings of a struct and of what it owns, except for keyframes, points and values."""
+    found: list[Any] = []
+    for member in struct.bl_rna.properties:
+        name = member.identifier
+        if name in _LEFT_OUT:
+            continue
+        value = getattr(struct, name)
+        if member.type == "COLLECTION":
+            found.append((name, [plain(each, depth - 1) for each in value] if depth else len(value)))
+        elif member.type == "POINTER":
+            found.append((name, values.key_of(value) if isinstance(value, bpy.types.ID) else None))
+        else:
+            found.append((name, tuple(value) if getattr(member, "is_array", False) else value))
+    return found
+
+
+def _mark(block: Any, graph: Any) -> None:
+    copy = block.evaluated_get(graph)
+    if copy.is_evaluated:
+        copies.mark(copy)
+
+
+def expect(graph: Any, blocks: Iterable[Any]) -> None:
+    """Says that this package has Blender copy these original data-blocks in the next evaluation of a graph."""
+    _expected.setdefault(graph.view_layer.as_pointer(), set()).update(map(values.key_of, blocks))
+
+
+def expect_thaw(graph: Any, rig: Any) -> None:
+    """Says that Blender copies an armature and its actions again, because relations are built with them."""
+    actions = [each for each in rig.watch.blocks if isinstance(each, bpy.types.Action)] if rig.watch is not None else []
+    expect(graph, [rig.ob, rig.ob.data, *actions])
+
+
+def expect_no_more(graph: Any) -> None:
+    """Called after that evaluation."""
+    _expected.pop(graph.view_layer.as_pointer(), None)
+
+
+def own_action(rig: Any) -> Any:
+    """Returns the action of an armature object if its keyframes matter only at their own times, or None: NLA strips and
+    constraints use actions at others."""
+    data = rig.animation_data
+    if data is None or data.action is None or len(data.nla_tracks):
+        return None
+    others = [each for bone in rig.pose.bones for each in bone.constraints if each.type == "ACTION"]
+    return None if any(each.action == data.action for each in others) else data.action
+
+
+def curves_of_slot(rig: Any) -> list[Any]:
+    """Returns the F-curves by which an armature's own action moves it."""
+    data = rig.animation_data
+    if data is None or data.action is None:
+        return []
+    if not hasattr(data.action, "layers"):  # before 4.4
+        return animation.action_curves(data.action)
+    bags = [bag for layer in data.action.layers for strip in layer.strips for bag in strip.channelbags]
+    return [curve for bag in bags if bag.slot == data.action_slot for curve in bag.fcurves]
