@@ -4,7 +4,7 @@ armature's own action those frames on which they matter."""
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from ..blender import animation, armatures
+from ..blender import animation, armatures, values
 from ..host import keyframes
 from . import followers, rigs, stored_keys, watch
 from .followers import Followers
@@ -126,7 +126,7 @@ def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
 
 def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
     """Takes note of what follows an armature now. If it has no record, watches what it depends on from now on."""
-    if rig.watch is not None and found.keyed != rig.followers.keyed:
+    if rig.watch is not None and rig.watch.follow != [(values.key_of(keys), numbers) for keys, numbers in found.keyed]:
         drop_all(rig)
     rig.followers = found
     follow_shapes(rig, found.hooked)
@@ -134,7 +134,7 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
         follow = [keys for keys, _numbers in found.keyed]
         shapes = {bone.custom_shape for bone in rig.ob.pose.bones} - set(followers.outside_of(rig.ob))
         action = watch.own_action(rig.ob)
-        rig.watch = watch.Watch(watch.used([rig.ob, *follow], users, shapes), action, follow, graph)
+        rig.watch = watch.Watch(watch.used([rig.ob, *follow], users, shapes), action, found.keyed, graph)
         rig.keys = keys_of(action) if action is not None else None
         rig.has_edited_keys = False
 

@@ -186,7 +186,6 @@ def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes exactly these armatures. All others are evaluated on this frame."""
-    global _is_building
     graph, before = layer.depsgraph, rigs.frozen()
     at_home = rigs.at_home(graph)
     lost = changes.look(at_home, graph)
@@ -197,6 +196,23 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
         if rig.is_frozen and rig not in chosen:
             _evaluate_keys(rig)
         rig.state = State.SUSPECT
+    try:
+        _rebuild(chosen, at_home, layer)
+        followed = [ob for rig in chosen for ob in _settle_frozen(rig, scene, layer)]
+    except BaseException:
+        relations.tag()
+        raise
+    settle(graph)
+    if followed:
+        watch.expect(graph, followed)
+        layer.update()
+
+
+def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> None:
+    """Has Blender build relations without the keyframes of these armatures, and evaluate. at_home: all that are
+    recorded in that view layer."""
+    global _is_building
+    graph = layer.depsgraph
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
 
     def mark() -> None:
@@ -219,11 +235,6 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
         hook = followers.hook_of(ob.evaluated_get(graph))
         if hook is not None:
             relations.sum_again(hook)
-    followed = [ob for rig in chosen for ob in _settle_frozen(rig, scene, layer)]
-    settle(graph)
-    if followed:
-        watch.expect(graph, followed)
-        layer.update()
 
 
 def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> list[Any]:
@@ -294,9 +305,10 @@ def melt_all() -> None:
 
 def _evaluate_keys(rig: rigs.Rig) -> None:
     """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
-    frame, they are left as they are: somebody may just have edited them."""
-    is_here = rigs.is_alive(rig.scene) and rig.shown is not None and rig.shown == rigs.whole_frame(rig.scene)
-    if not is_here or rig.record.at(rig.shown or 0) is not rig.pose or _has_other_keys(rig.ob):
+    frame, they are left as they are: somebody may just have edited them. If its keyframes were edited so that they
+    have to be evaluated, Blender knows."""
+    is_here = rigs.is_alive(rig.scene) and rig.shown == rigs.whole_frame(rig.scene)
+    if not is_here or _has_other_keys(rig.ob):
         rig.ob.update_tag(refresh={"TIME"})
 
 
@@ -331,15 +343,17 @@ def freeze_again(scene: Any, layer: Any) -> None:
 
 
 def find_again() -> None:
-    """Finds all armatures again after an undo step, and thaws them. Of the records those are kept whose marks Blender
-    has kept."""
+    """Finds all armatures again after an undo step, and thaws them. Blender has replaced what the step has changed: a
+    record is kept if all that its pose depends on is still there."""
     rigs.find_again()
     for rig in rigs.known():
         graph = rig.graph()
-        if rig.watch is None or graph is None or rig.watch.is_tagged(graph, True) or not rig.watch.holds(graph):
-            changes.drop_all(rig)
-            rig.followers = Followers()
-        else:
-            rig.has_edited_keys = True
-            changes.compare_keys(rig, graph)
+        if rig.watch is not None and graph is not None and all(map(rigs.is_alive, rig.watch.blocks)):
+            watch.expect(graph, rig.watch.blocks)  # Blender copies all armatures again, with or without changes
+            rig.watch.action, rig.has_edited_keys = watch.own_action(rig.ob), rig.watch.action is not None
+            if rig.has_edited_keys == (rig.watch.action is not None):
+                changes.compare_keys(rig, graph)
+                continue
+        changes.drop_all(rig)
+        rig.followers = Followers()
     melt_all()

@@ -289,11 +289,10 @@ def find_again() -> None:
             rig.scene = bpy.data.scenes.get(rig.scene_name)
         layer = rig.scene.view_layers.get(rig.layer_name) if rig.scene is not None else None
         rig.layer = layer.as_pointer() if layer is not None else 0
-        if is_alive(rig.ob) and values.key_of(rig.ob) == key:
-            continue
-        rig.clear()
-        rig.ob = bpy.data.objects.get(rig.name)
-        del _rigs[key]
-        if rig.ob is not None and rig.ob.type == "ARMATURE":
-            rig.key = values.key_of(rig.ob)
-            _rigs[rig.key] = rig
+        if not is_alive(rig.ob):
+            rig.clear()
+            del _rigs[key]
+            rig.ob = bpy.data.objects.get(rig.name)
+            if rig.ob is not None and rig.ob.type == "ARMATURE":
+                rig.key = values.key_of(rig.ob)
+                _rigs[rig.key] = rig

@@ -5,7 +5,7 @@ those use in turn, and so on, as Blender itself lists who uses whom. Time change
 does, Blender copies the data-block again, and the copy has no mark (host/copies.py). So there is no list of settings
 that matter: a record holds as long as all marks are there."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import bpy
@@ -45,12 +45,13 @@ def used(roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any
 class Watch:
     """The marks on what the pose of one armature depends on, in one dependency graph."""
 
-    def __init__(self, blocks: Iterable[Any], action: Any, follow: Iterable[Any], graph: Any) -> None:
+    def __init__(self, blocks: Iterable[Any], action: Any, follow: Sequence[Any], graph: Any) -> None:
         """Marks the copies of these original data-blocks. action: the armature's own, whose edits are told apart from
-        others, or None. follow: data-blocks of shape keys, which Blender copies after an edit of the mesh too: then all
-        but the points is compared."""
+        others, or None. follow: (data-block of shape keys, numbers) as in Followers.keyed. Blender copies these after
+        an edit of the mesh too: then all but the points is compared."""
         self.action = action
-        self._follow = {each: _state_of(each) for each in follow}
+        self.follow = [(values.key_of(keys), numbers) for keys, numbers in follow]
+        self._states = {values.key_of(keys): _state_of(keys) for keys, _numbers in follow}
         self.blocks = [each for each in blocks if each != action and each.evaluated_get(graph).is_evaluated]
         self.keys = [values.key_of(each) for each in self.blocks]
         self._busy: set[int] = set()  # keys of the blocks that the last evaluation has changed
@@ -79,7 +80,7 @@ class Watch:
                 elif key in expected:
                     copies.mark(copy)
                 elif not copies.is_marked(copy):
-                    if block not in self._follow or not _is_same(block, self._follow[block]):
+                    if key not in self._states or not _is_same(block, self._states[key]):
                         return False
                     copies.mark(copy)
         except ReferenceError:  # it no longer exists
@@ -106,7 +107,7 @@ class Watch:
             return any(
                 evaluations.is_tagged(block.evaluated_get(graph))
                 for key, block in zip(self.keys, self.blocks)
-                if key not in left and block not in self._follow
+                if key not in left and key not in self._states
             )
         except ReferenceError:
             return True

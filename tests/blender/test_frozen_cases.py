@@ -1,0 +1,467 @@
+"""Frozen characters in less usual scenes, and between freezing and thawing: edits, undo, other handlers and errors. A
+live twin shows what is right."""
+
+import bpy
+import pytest
+
+from helpers import addon_module, depsgraph, evaluated, select
+from test_frozen import FRAMES, Cast, freezing, layer, recorded
+from test_frozen_who import both, drive_keys
+
+
+@pytest.fixture
+def cast(fresh_scene):
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    return Cast(fresh_scene)
+
+
+def fcurves(armature):
+    return addon_module("blender.animation").action_curves(armature.animation_data.action)
+
+
+def state(name):
+    return recorded().State[name]
+
+
+# --- unusual scenes -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("what", ["layer", "scene", "armature", "bone"])
+def test_renaming(cast, what):
+    cast.freeze()
+    cast.scene.frame_set(5)
+    if what == "layer":
+        layer().name = "Other"
+    elif what == "scene":
+        cast.scene.name = "Other"
+    elif what == "armature":
+        cast.frozen[0].name = "Other"
+    else:
+        for armature, *_ in both(cast):
+            armature.pose.bones["bone2"].name = "Other"
+    layer().update()
+    cast.assert_same()
+    assert cast.rig.is_frozen == (what in {"layer", "scene"})
+    cast.play()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
+
+
+def test_objects_that_are_only_instanced(cast):
+    """Nothing of the character is in the scene itself."""
+    hidden = bpy.data.collections.new("Hidden")
+    for ob in (*cast.frozen, *cast.live):
+        hidden.objects.link(ob)
+        cast.scene.collection.objects.unlink(ob)
+    empty = bpy.data.objects.new("Instances", None)
+    cast.scene.collection.objects.link(empty)
+    empty.instance_type, empty.instance_collection = "COLLECTION", hidden
+    layer().update()
+    cast.freeze()
+    shapes = cast.play([*FRAMES, 3])
+    assert cast.rig.is_frozen and shapes.std(axis=0).max() > 0.01
+    select(empty)
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+
+
+def by_nodes(armature, kind, path):
+    """A mesh object that a node with an armature as its input makes."""
+    tree = bpy.data.node_groups.new("Reader", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    node = tree.nodes.new(kind)
+    node.inputs[0].default_value = armature
+    if path:
+        node.inputs[1].default_value = path
+    if hasattr(node, "transform_space"):
+        node.transform_space = "RELATIVE"
+    mesh = tree.nodes.new("GeometryNodeMeshCube")
+    place = tree.nodes.new("GeometryNodeTransform")
+    matrix = next(each for each in node.outputs if each.type == "MATRIX")
+    next(each for each in place.inputs if each.name == "Mode").default_value = "Matrix"
+    tree.links.new(mesh.outputs[0], place.inputs[0])
+    tree.links.new(matrix, next(each for each in place.inputs if each.type == "MATRIX"))
+    tree.links.new(place.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    ob = bpy.data.objects.new("Reader", bpy.data.meshes.new("Reader"))
+    bpy.context.scene.collection.objects.link(ob)
+    ob.modifiers.new("Reader", "NODES").node_group = tree
+    return ob
+
+
+@pytest.mark.skipif(not hasattr(bpy.types, "GeometryNodeBoneInfo"), reason="this Blender has no such node")
+def test_nodes_that_read_bones(cast):
+    readers = [by_nodes(armature, "GeometryNodeBoneInfo", "bone3") for armature, *_ in both(cast)]
+    layer().update()
+    cast.freeze()
+    seen = set()
+    for frame in (1, 4, 8, 2):
+        cast.scene.frame_set(frame)
+        ours, theirs = (evaluated(each) for each in readers)
+        assert (ours == theirs).all()
+        seen.add(float(ours[0, 0]))
+    assert len(seen) == 4
+    assert cast.rig.is_frozen
+
+
+def test_a_driver_in_the_nodes_of_a_material(cast):
+    material = bpy.data.materials.new("Skin")
+    material.use_nodes = True
+    node = material.node_tree.nodes.new("ShaderNodeValue")
+    variable = node.outputs[0].driver_add("default_value").driver.variables.new()
+    variable.type = "TRANSFORMS"
+    variable.targets[0].id, variable.targets[0].bone_target = cast.frozen[0], "bone1"
+    cast.frozen[1].data.materials.append(material)
+    layer().update()
+    cast.record()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_frozen
+    assert "Skin is driven by its bones" in cast.rig.reason
+
+
+def test_a_sentence_names_the_property_that_a_driver_reads(cast):
+    cast.frozen[0]["cloth"] = 0.5
+    light = bpy.data.lights.new("Lamp", "POINT")
+    target = light.driver_add("energy").driver.variables.new().targets[0]
+    target.id, target.data_path = cast.frozen[0], '["cloth"]'
+    cast.record()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert 'Lamp is driven by Rig["cloth"], and a driver does not notice a frozen armature' in cast.rig.reason
+
+
+@pytest.mark.parametrize("tempo", [(100, 50), (100, 200)])
+def test_a_scene_that_plays_at_another_speed(cast, tempo):
+    cast.scene.render.frame_map_old, cast.scene.render.frame_map_new = tempo
+    cast.freeze()
+    shapes = cast.play()
+    assert cast.rig.is_frozen and shapes.std(axis=0).max() > 0.01
+    cast.scene.render.frame_map_new = 100
+    cast.play()
+    assert not cast.rig.is_frozen
+    cast.freeze()
+
+
+def test_an_armature_that_follows_animated_objects_is_told_so(cast):
+    for armature, *_ in both(cast):
+        armature.animation_data_clear()
+    empty = bpy.data.objects.new("Marker", None)
+    cast.scene.collection.objects.link(empty)
+    for frame in (1, 10):
+        empty.location.x = frame
+        empty.keyframe_insert("location", frame=frame)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].constraints.new("COPY_LOCATION").target = empty
+    cast.play([1, 5])
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert "Rig has no keyframes of its own, but follows Marker" in cast.rig.reason
+
+
+def test_bones_that_follow_what_hangs_on_the_same_armature(cast):
+    aims = []
+    for armature, *_ in both(cast):
+        aim, holder = (bpy.data.objects.new(name, None) for name in ("Aim", "Holder"))
+        for each in (aim, holder):
+            cast.scene.collection.objects.link(each)
+        holder.parent, holder.parent_type, holder.parent_bone = armature, "BONE", "bone4"
+        aim.parent, aim.location.x = holder, 1.0
+        armature.pose.bones["side"].constraints.new("DAMPED_TRACK").target = aim
+        aims.append(aim)
+    layer().update()
+    cast.freeze()
+    for _ in range(2):
+        for frame in FRAMES:
+            cast.scene.frame_set(frame)
+            cast.assert_same()
+            assert cast.rig.is_frozen
+            ours, theirs = (aim.evaluated_get(depsgraph()).matrix_world for aim in aims)
+            assert ours == theirs
+    for aim in aims:
+        aim.location.x = 3.0
+    layer().update()
+    cast.assert_same()
+    cast.play()
+    for aim in aims:
+        aim.location.y = 1.0
+    cast.play()
+
+
+# --- between freezing and thawing -----------------------------------------------------------------
+
+
+def test_a_bone_that_a_script_sets_and_keys_on_another_frame(cast):
+    cast.freeze()
+    cast.scene.frame_set(3)
+    for armature, *_ in both(cast):
+        bone = armature.pose.bones["bone1"]
+        bone.location.z += 0.7
+        bone.keyframe_insert("location", frame=8)
+    layer().update()
+    cast.assert_same()
+    cast.play([8, 7, 3])
+    cast.play()
+
+
+def test_a_driven_key_that_is_removed(cast):
+    for armature, ob, *_ in both(cast):
+        drive_keys(armature, ob)
+    layer().update()
+    cast.freeze()
+    cast.scene.frame_set(5)
+    for _, ob, *_ in both(cast):
+        ob.shape_key_remove(ob.data.shape_keys.key_blocks["Wide"])
+    layer().update()
+    cast.assert_same()
+    cast.play()
+    for _, ob, *_ in both(cast):
+        ob.shape_key_clear()
+    cast.play()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+
+
+def test_weights_can_be_edited_while_bones_drive_keys(cast):
+    for armature, ob, *_ in both(cast):
+        drive_keys(armature, ob)
+    layer().update()
+    cast.freeze()
+    for _, ob, *_ in both(cast):
+        ob.vertex_groups["bone1"].add(range(200), 0.7, "REPLACE")
+        ob.data.update()
+    layer().update()
+    cast.assert_same()
+    assert cast.rig.is_frozen
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def test_a_handler_that_sets_a_frame_that_is_not_recorded_while_it_freezes(cast):
+    def jump(scene, *_):
+        if scene.frame_current != 40:
+            scene.frame_set(40)
+
+    cast.record()
+    bpy.app.handlers.depsgraph_update_post.append(jump)
+    try:
+        freezing().freeze([cast.rig], cast.scene, layer())
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(jump)
+    layer().update()
+    cast.assert_same()
+    assert not cast.rig.is_frozen and cast.rig.reason
+    cast.play()
+
+
+def test_freeze_right_after_an_edit_plays_what_is_missing(cast):
+    cast.record()
+    cast.scene.frame_set(4)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].constraints.new("LIMIT_SCALE").use_max_x = True
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    assert cast.rig.is_frozen and cast.rig.record.runs() == [(1, 10)] and cast.scene.frame_current == 4
+    select()
+    cast.play()
+
+
+def test_freeze_plays_the_current_frame_outside_the_range(cast):
+    cast.scene.frame_set(30)
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    assert cast.rig.is_frozen and cast.scene.frame_current == 30
+
+
+def test_freeze_does_not_lose_a_pose_that_is_not_keyed(cast):
+    cast.record()
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].location.x += 2
+    select(cast.frozen[0])
+    with pytest.raises(RuntimeError, match=r"changes that are not keyed \(bone bone1\)"):
+        bpy.ops.object.sinew_freeze()
+    cast.assert_same()
+    assert bpy.ops.object.sinew_record() == {"CANCELLED"}
+    cast.assert_same()
+
+
+def test_after_undo_nobody_is_told_of_changes_that_are_not_keyed(cast):
+    cast.record()
+    bpy.ops.ed.undo_push(message="before")
+    cast.freeze()
+    cast.scene.frame_set(6)
+    bpy.ops.ed.undo_push(message="a frame")
+    cast.frozen[3].location.x = 1
+    bpy.ops.ed.undo_push(message="moved")
+    cast.undo()
+    cast.assert_same()
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    assert cast.rig.is_frozen, cast.rig.reason
+    select()
+    cast.play()
+
+
+def test_the_record_outlives_undo_of_something_else(cast):
+    light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    cast.scene.collection.objects.link(light)
+    cast.record()
+    for _ in range(2):  # Blender reads what was edited since the step before again
+        bpy.ops.ed.undo_push(message="before")
+    light.location.x = 3
+    bpy.ops.ed.undo_push(message="moved")
+    cast.undo()
+    cast.play([5])
+    assert cast.rig.record.runs() == [(1, 10)]
+    cast.play()
+
+
+def test_undo_of_an_edit_of_the_armature_drops_its_record(cast):
+    bpy.ops.ed.undo_push(message="before")
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone3"].constraints.new("LIMIT_LOCATION").use_max_x = True
+        armature.pose.bones["bone3"].constraints[0].owner_space = "LOCAL"
+    layer().update()
+    bpy.ops.ed.undo_push(message="constrained")
+    cast.freeze()
+    cast.undo()
+    cast.play()
+    cast.freeze()
+    cast.play()
+
+
+# --- an edit of one costs the others nothing ------------------------------------------------------
+
+
+@pytest.fixture
+def reads(monkeypatch):
+    """Counts how many actions are read."""
+    module, found = addon_module("host.keyframes"), []
+    read = module.read
+    monkeypatch.setattr(module, "read", lambda curves: found.append(len(curves)) or read(curves))
+    return found
+
+
+def test_another_action_is_no_reason_to_compare(cast, reads):
+    cast.freeze()
+    cast.play([4])
+    reads.clear()
+    curve = fcurves(cast.live[0])[0]
+    for _ in range(3):
+        curve.keyframe_points[1].co.y += 0.1
+        curve.update()
+        layer().update()
+    assert cast.rig.is_frozen and reads == []
+    curve = fcurves(cast.frozen[0])[0]
+    curve.keyframe_points[1].co.y += 0.3
+    curve.update()
+    layer().update()
+    assert len(reads) == 1
+
+
+def test_a_handler_that_has_blender_evaluate_after_each_frame(cast, reads):
+    def update(scene, *_):
+        scene.view_layers[0].update()
+
+    recorded().learn(cast.live[0])  # stays live
+    cast.freeze()
+    reads.clear()
+    for place in (0, len(bpy.app.handlers.frame_change_post) + 1):
+        bpy.app.handlers.frame_change_post.insert(place, update)
+        try:
+            cast.play()
+        finally:
+            bpy.app.handlers.frame_change_post.remove(update)
+        assert cast.rig.is_frozen and cast.rig.record.runs() == [(1, 10)]
+        assert recorded().get(cast.live[0]).record.runs() == [(1, 10)]
+    assert reads == []
+
+
+def test_posing_another_thaws_nobody(cast):
+    cast.freeze()
+    for frame in FRAMES:
+        cast.live[0].pose.bones["bone1"].location.x = frame
+        cast.scene.frame_set(frame)
+        assert cast.rig.is_frozen
+
+
+def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
+    """What it depends on would be found again on each frame."""
+    count = 0
+
+    def edit(scene, *_):
+        for armature, *_ in both(cast):
+            armature.pose.bones["side"].rotation_mode = "XYZ" if scene.frame_current % 2 else "QUATERNION"
+
+    watch = addon_module("frozen.watch")
+    users_of_all = watch.users_of_all
+
+    def counted():
+        nonlocal count
+        count += 1
+        return users_of_all()
+
+    cast.rig  # noqa: B018
+    bpy.app.handlers.frame_change_pre.append(edit)
+    watch.users_of_all = counted
+    try:
+        for _ in range(4):
+            cast.play()
+        assert count < 20
+        freezing().freeze([cast.rig], cast.scene, layer())
+        assert "by a handler of another add-on" in cast.rig.reason
+        cast.play()
+    finally:
+        watch.users_of_all = users_of_all
+        bpy.app.handlers.frame_change_pre.remove(edit)
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    select()
+    cast.play()
+
+
+# --- states ---------------------------------------------------------------------------------------
+
+
+def test_the_states(cast):
+    rig = cast.rig
+    assert rig.state is state("LIVE")
+    freezing().freeze([rig], cast.scene, layer())
+    assert rig.state is state("WANTED") and "is not recorded" in rig.reason
+    cast.play()
+    freezing().freeze_again(cast.scene, layer())
+    assert rig.state is state("FROZEN")
+    select(cast.frozen[0])
+    layer().update()
+    assert rig.state is state("SUSPECT")
+    cast.assert_same()
+    layer().update()
+    cast.scene.frame_set(3)
+    assert rig.state is state("WANTED")
+    select()
+    layer().update()
+    freezing().freeze_again(cast.scene, layer())
+    assert rig.state is state("FROZEN")
+    cast.thaw()
+    assert rig.state is state("LIVE")
+    cast.play()
+
+
+@pytest.mark.parametrize("place", ["without_animation", "on_each_frame", "build", "sum_again", "show"])
+def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
+    relations = addon_module("host.relations")
+    cast.record()
+    cast.scene.frame_set(6)
+
+    def fail(*_):
+        raise ZeroDivisionError
+
+    owner = relations if place == "sum_again" else recorded() if place == "show" else relations.Rebuilding
+    if place == "show":  # so that a pose has to be written
+        monkeypatch.setattr(recorded(), "shows", lambda *_: False)
+        monkeypatch.setattr(freezing(), "_why_live", lambda *_: "")
+    monkeypatch.setattr(owner, place, fail)
+    with pytest.raises(ZeroDivisionError):
+        freezing().freeze([cast.rig], cast.scene, layer())
+    monkeypatch.undo()
+    assert cast.rig.state in recorded().State
+    cast.play()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
