@@ -27,7 +27,7 @@ SHOWS = ("show_viewport", "show_render")  # of a modifier
 BINDS = ("use_vertex_groups", "use_bone_envelopes")  # of an Armature modifier
 # The property of a mesh by which a hook waits for it. Blender resolves the path in the original too, when it builds
 # relations. To find a vertex there would give the mesh a new array of positions, which counts as a change in undo.
-WAITS_FOR_MESH = "use_auto_texspace"
+WAITS_FOR_MESH = "use_mirror_topology"  # off in general, so that it adds nothing to the value of the hook
 # For each type of modifier that follows the shape of another object: a property of that object which Blender reads only
 # after it has evaluated the shape, and with dimensions the transform. (Blender has no such property for the shape of a
 # lattice alone. The dimensions of a large mesh take time; those of a cage do not.)
