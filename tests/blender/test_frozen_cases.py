@@ -389,17 +389,17 @@ def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
         for armature, *_ in both(cast):
             armature.pose.bones["side"].rotation_mode = "XYZ" if scene.frame_current % 2 else "QUATERNION"
 
-    watch = addon_module("frozen.watch")
-    users_of_all = watch.users_of_all
+    dependencies = addon_module("blender.dependencies")
+    used = dependencies.used
 
-    def counted():
+    def counted(*arguments):
         nonlocal count
         count += 1
-        return users_of_all()
+        return used(*arguments)
 
     cast.rig  # noqa: B018
     bpy.app.handlers.frame_change_pre.append(edit)
-    watch.users_of_all = counted
+    dependencies.used = counted
     try:
         for _ in range(4):
             cast.play()
@@ -408,7 +408,7 @@ def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
         assert "by a handler of another add-on" in cast.rig.reason
         cast.play()
     finally:
-        watch.users_of_all = users_of_all
+        dependencies.used = used
         bpy.app.handlers.frame_change_pre.remove(edit)
     select(cast.frozen[0])
     assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
@@ -465,3 +465,20 @@ def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
     freezing().freeze([cast.rig], cast.scene, layer())
     assert cast.rig.is_frozen, cast.rig.reason
     cast.play()
+
+
+def test_while_the_scene_plays_those_freeze_again_that_were_thawed_with_another(cast):
+    rigs = [recorded().learn(each[0]) for each in both(cast)]
+    cast.play()
+    freezing().freeze(rigs, cast.scene, layer())
+    select(cast.live[0])
+    layer().update()
+    cast.scene.frame_set(4)
+    assert [rig.state for rig in rigs] == [state("WANTED")] * 2
+    freezing().freeze_again(cast.scene, layer(), is_playing=True)
+    assert [rig.is_frozen for rig in rigs] == [True, False]
+    cast.play()
+    cast.scene.frame_set(20)
+    cast.scene.frame_set(2)
+    freezing().freeze_again(cast.scene, layer(), is_playing=True)
+    assert not rigs[0].is_frozen and "frame 20" in rigs[0].reason

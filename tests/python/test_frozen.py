@@ -1,5 +1,6 @@
 """The records of frozen characters: within their memory, and only the frames that an edit changes are dropped."""
 
+import ast
 import ctypes
 import importlib
 import math
@@ -280,3 +281,81 @@ def test_a_shape_that_follows_another_object_is_not_known():
     points = np.zeros((1, 3), np.float32)
     stage = lattice.stage(points, (1, 1, 1), (0, 0, 0), (1, 1, 1), ("linear",) * 3, np.eye(4))
     assert shape(stages=[stage]) is None
+
+
+# --- F-curves -------------------------------------------------------------------------------------
+
+
+class Key(ctypes.Structure):
+    _fields_ = (("frame", ctypes.c_float), ("value", ctypes.c_float), ("selection", ctypes.c_int32))
+
+
+class FCurve(ctypes.Structure):
+    _fields_ = (
+        ("keys", ctypes.c_uint64),
+        ("path", ctypes.c_char_p),
+        ("modifiers", ctypes.c_uint64),
+        ("samples", ctypes.c_uint64),
+        ("count", ctypes.c_int32),
+        ("index", ctypes.c_int32),
+        ("flag", ctypes.c_uint16),
+    )
+
+
+PLACES = {name: getattr(FCurve, name).offset for name, _ in FCurve._fields_}
+CURVES = host.CurveLayout(
+    *(PLACES[name] for name in ("keys", "count", "path", "modifiers", "samples", "flag")),
+    0b11,
+    [(PLACES["index"], 4)],
+    ctypes.sizeof(Key),
+    Key.frame.offset,
+    [(0, 8)],
+)
+
+
+def fcurve(frames=(1, 5), path=b"location", **settings):
+    keys = (Key * len(frames))(*(Key(frame, 2 * frame, 1) for frame in frames))
+    found = FCurve(ctypes.addressof(keys), path, count=len(frames), **settings)
+    found.alive = keys
+    return found
+
+
+def stored(*curves):
+    return host.StoredCurves([ctypes.addressof(each) for each in curves], CURVES)
+
+
+def test_what_is_stored_in_curves():
+    found = stored(fcurve(), fcurve((), b"scale", index=2), fcurve(modifiers=8), fcurve(samples=8))
+    assert len(found) == 4
+    assert found.frames(0).tolist() == [1, 5]
+    assert found.keys(0).view(np.float32).tolist() == [[1, 2], [5, 10]]
+    assert found.keys(1).shape == (0, 8)
+    assert [found.is_local(i) for i in range(4)] == [True, True, False, False]
+    assert found.settings(1) == b"scale\0" + (2).to_bytes(4, "little") + b"\0\0"
+    with pytest.raises(ValueError, match="there are 4 curves, no number 4"):
+        found.frames(4)
+
+
+def test_which_curves_differ():
+    before = stored(fcurve(), fcurve())
+    assert before.differing(stored(fcurve(), fcurve(flag=0b11))) == []
+    assert before.differing(stored(fcurve())) is None
+    for other in (
+        fcurve((1, 6)),
+        fcurve((1,)),
+        fcurve(flag=0b100),
+        fcurve(index=1),
+        fcurve(path=b"scale"),
+        fcurve(samples=8),
+    ):
+        assert before.differing(stored(fcurve(), other)) == [1]
+
+
+def test_the_states_are_set_in_one_module():
+    """frozen/freezing.py draws them."""
+    found = set()
+    for path in (Path(__file__).resolve().parents[2] / "addon" / "sinew").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute) and node.attr == "state" and isinstance(node.ctx, ast.Store):
+                found.add(path.name)
+    assert found == {"freezing.py"}

@@ -52,6 +52,38 @@ def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
     ]
 
 
+def slot_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
+    """Returns the F-curves by which a data-block's own action moves it."""
+    data = block.animation_data
+    if data is None or data.action is None:
+        return []
+    if not hasattr(data.action, "layers"):  # before 4.4
+        return list(data.action.fcurves)
+    bags = [bag for layer in data.action.layers for strip in layer.strips for bag in strip.channelbags]
+    return [curve for bag in bags if bag.slot == data.action_slot for curve in bag.fcurves]
+
+
+def unkeyed_path(block: bpy.types.ID, time: float) -> str:
+    """Returns the path of a property that is not as the keyframes of a data-block's own action set it, "" if there is
+    none or NLA strips mix."""
+    data = block.animation_data
+    if data is None or len(data.nla_tracks):
+        return ""
+    driven = {(curve.data_path, curve.array_index) for curve in data.drivers}
+    for curve in slot_curves(block):
+        if curve.mute or (curve.data_path, curve.array_index) in driven:
+            continue
+        try:
+            value = block.path_resolve(curve.data_path)
+        except ValueError:
+            continue
+        value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
+        keyed = curve.evaluate(time)
+        if isinstance(value, float) and abs(value - keyed) > 1e-5 * max(1.0, abs(keyed)):
+            return curve.data_path
+    return ""
+
+
 def find_curve(block: bpy.types.ID, path: str) -> bpy.types.FCurve | None:
     """Returns the F-curve that animates a property of a data-block, or None. NLA strips are not searched."""
     data = block.animation_data

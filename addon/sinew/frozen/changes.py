@@ -4,7 +4,9 @@ armature's own action those frames on which they matter."""
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from ..blender import animation, armatures, values
+import bpy
+
+from ..blender import animation, armatures, dependencies, values
 from ..host import keyframes
 from . import followers, rigs, stored_keys, watch
 from .followers import Followers
@@ -25,9 +27,9 @@ def keys_of(action: Any) -> Keys:
     """Returns the keyframes of an action. Raises contract.Broken."""
     curves = animation.action_curves(action)
     stored = keyframes.read(curves)
-    others = {i: watch.plain(each) for i, each in enumerate(curves) if not stored.is_local(i)}
+    others = {i: dependencies.plain(each) for i, each in enumerate(curves) if not stored.is_local(i)}
     flat = frozenset(i for i, each in enumerate(curves) if each.extrapolation == "CONSTANT")
-    layers = [watch.plain(each) for each in getattr(action, "layers", ())]
+    layers = [dependencies.plain(each) for each in getattr(action, "layers", ())]
     groups = getattr(action, "groups", ())
     return Keys(stored, others, flat, (layers, [(group.name, group.mute) for group in groups]))
 
@@ -91,11 +93,9 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
         if len(rig.record) > 2:
             rig.restless = 0
         rig.shapes.note(frame, graph)
-        rig.last = rig.record.at(frame)
 
 
 def _can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
-    rig.last = None
     if rig.to_skip:
         rig.to_skip -= 1
         return False
@@ -106,7 +106,7 @@ def _can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
 def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:
     """Finds the meshes of armatures that have no record, and asks for their shapes in the next evaluation."""
     if own:
-        for ob, found in followers.find([rig.ob for rig in own], watch.users_of_all(), graph).items():
+        for ob, found in followers.find([rig.ob for rig in own], bpy.data.user_map(), graph).items():
             rig: Any = rigs.get(ob)
             follow_shapes(rig, found.hooked if isinstance(found, Followers) else [])
             rig.shapes.ask_in(graph)
@@ -116,7 +116,7 @@ def begin(own: Sequence[rigs.Rig], scene: Any, graph: Any) -> None:
     """Watches what these armatures, which have no record, depend on, and finds what follows them."""
     if not own:
         return
-    users = watch.users_of_all()
+    users = bpy.data.user_map()
     found = followers.find([rig.ob for rig in own], users, graph)
     for rig in own:
         each = found[rig.ob]
@@ -132,9 +132,9 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
     follow_shapes(rig, found.hooked)
     if rig.watch is None:
         follow = [keys for keys, _numbers in found.keyed]
-        shapes = {bone.custom_shape for bone in rig.ob.pose.bones} - set(followers.outside_of(rig.ob))
+        shapes = {bone.custom_shape for bone in rig.ob.pose.bones} - set(dependencies.outside_of(rig.ob))
         action = watch.own_action(rig.ob)
-        rig.watch = watch.Watch(watch.used([rig.ob, *follow], users, shapes), action, found.keyed, graph)
+        rig.watch = watch.Watch(dependencies.used([rig.ob, *follow], users, shapes), action, found.keyed, graph)
         rig.keys = keys_of(action) if action is not None else None
         rig.has_edited_keys = False
 
@@ -158,7 +158,7 @@ def drop_all(rig: rigs.Rig) -> None:
     """Drops the whole record of an armature. If it was short, the next frames are not recorded: somebody edits it
     again on each."""
     if rig.watch is not None and 0 < len(rig.record) <= 2:
-        rig.to_skip = rig.restless = min(2 * rig.restless + 1, MOST_TO_SKIP)
+        rig.to_skip, rig.restless = rig.restless, min(2 * rig.restless + 1, MOST_TO_SKIP)
     drop(rig, [stored_keys.ALL])
 
 
@@ -168,8 +168,7 @@ def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
         return
     reached = [rig]
     for each in reached:
-        if each.record.drop_within(ranges):
-            each.last = None
+        each.record.drop_within(ranges)
         each.shapes.drop_within(ranges)
         reached += [
             other

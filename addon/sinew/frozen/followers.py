@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, nodes, values
+from ..blender import animation, dependencies, nodes, values
 from ..clips import clip_store
 from ..plan import wiring
 from ..run import characters
@@ -43,7 +43,7 @@ class NotFreezable(ValueError):
 
 def find(rigs: Iterable[Any], users: dict[Any, set[Any]], graph: Any) -> dict[Any, "Followers | NotFreezable"]:
     """Returns the followers of each original armature object in a graph, or the reason why they cannot all follow a
-    frozen one. users: as watch.users_of_all returns them."""
+    frozen one. users: as bpy.data.user_map returns them."""
     found: dict[Any, Followers | NotFreezable] = {}
     for rig in rigs:
         try:
@@ -114,18 +114,24 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
             f"a driver of {ob.name} reads {_reading(curve, rig)}, and a driver does not notice a frozen armature"
         )
     if ob.type == "ARMATURE":
-        if ob.data == rig.data and rig not in outside_of(ob):
+        if ob.data == rig.data and rig not in dependencies.outside_of(ob):
             return  # shares its bones, not its pose
-        if rig in outside_of(ob):
+        if rig in dependencies.outside_of(ob):
             if not (ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)):
                 raise NotFreezable(
                     f"the armature {ob.name} follows its bones and has no keyframes: it would not notice a frozen one"
                 )
-            if any(target == rig for curve in _drivers_of_both(ob) for target in _read_by(curve)):
+            if any(
+                target == rig for curve in dependencies.drivers_of_both(ob) for target in dependencies.read_by(curve)
+            ):
                 raise NotFreezable(
                     f"drivers of the armature {ob.name} read it, and a driver does not notice a frozen one"
                 )
-        if ob.parent == rig and ob.parent_type != "OBJECT" or any(rig in targets_of(each) for each in ob.constraints):
+        if (
+            ob.parent == rig
+            and ob.parent_type != "OBJECT"
+            or any(rig in dependencies.targets_of(each) for each in ob.constraints)
+        ):
             raise NotFreezable(f"the armature {ob.name} hangs on its bones; freezing it with this one is not supported")
         return
     if ob.parent == rig and ob.parent_type == "ARMATURE":
@@ -133,11 +139,15 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
             f"{ob.name} is deformed by its parent: use an Armature modifier (Object > Convert, or parent it with "
             "Armature Deform), which Sinew can follow"
         )
-    is_known = ob.parent == rig or rig in _pointers(ob.sinew)
-    if any(rig in _pointers(modifier) or modifier.type == "NODES" for modifier in ob.modifiers):
+    is_known = ob.parent == rig or rig in dependencies.pointers(ob.sinew)
+    if any(rig in dependencies.pointers(modifier) or modifier.type == "NODES" for modifier in ob.modifiers):
         (found.hooked if hook_of(ob) is not None else found.shaped).append(ob)
         is_known = True
-    if ob.parent == rig and ob.parent_type == "BONE" or any(rig in targets_of(each) for each in ob.constraints):
+    if (
+        ob.parent == rig
+        and ob.parent_type == "BONE"
+        or any(rig in dependencies.targets_of(each) for each in ob.constraints)
+    ):
         found.placed.append(ob)
         is_known = True
     if not is_known:
@@ -147,18 +157,6 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
 def hook_of(ob: Any) -> Any:
     """Returns the hook of a bound mesh, original or evaluated, or None."""
     return wiring.find_hook(ob) if ob.type == "MESH" and ob.sinew.is_bound else None
-
-
-def _pointers(struct: Any) -> list[Any]:
-    return [getattr(struct, each.identifier) for each in struct.bl_rna.properties if each.type == "POINTER"]
-
-
-def targets_of(constraint: Any) -> list[Any]:
-    """Returns the objects that a constraint follows."""
-    several = getattr(constraint, "targets", None)
-    found = [each.target for each in several] if several is not None else [getattr(constraint, "target", None)]
-    found += [getattr(constraint, "pole_target", None)]
-    return [each for each in found if each is not None]
 
 
 def _drivers_on(block: Any, rig: Any) -> list[Any]:
@@ -174,7 +172,7 @@ def _drivers_on(block: Any, rig: Any) -> list[Any]:
             for variable in curve.driver.variables
             if variable.type == "SINGLE_PROP"
         )
-        and any(target in (rig, rig.data) for target in _read_by(curve))
+        and any(target in (rig, rig.data) for target in dependencies.read_by(curve))
         and _exists(block, curve.data_path)
     ]
 
@@ -207,34 +205,13 @@ def _driven_values(keys: Any, rig: Any) -> tuple[int, ...]:
     return () if None in driven else tuple(sorted({number for number in driven if number is not None}))
 
 
-def _read_by(curve: Any) -> list[Any]:
-    """Returns the data-blocks that a driver reads."""
-    return [target.id for variable in curve.driver.variables for target in variable.targets if target.id is not None]
-
-
-def _drivers_of_both(armature: Any) -> list[Any]:
-    return [*animation.drivers_of(armature), *animation.drivers_of(armature.data)]
-
-
-def outside_of(rig: Any) -> list[Any]:
-    """Returns the other objects on which the pose of an armature depends, by constraints and drivers, or its place."""
-    found: dict[Any, None] = {}
-    for bone in rig.pose.bones if rig.pose is not None else ():
-        for constraint in bone.constraints:
-            found.update(dict.fromkeys(targets_of(constraint)))
-    for curve in _drivers_of_both(rig):
-        found.update(dict.fromkeys(each for each in _read_by(curve) if isinstance(each, bpy.types.Object)))
-    found.pop(rig, None)
-    return list(found)
-
-
 # --- the armature itself --------------------------------------------------------------------------
 
 
 def check(rig: Any) -> list[Any]:
     """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
     whatever follows it. Returns the other armature objects on which the pose depends."""
-    data, outside = rig.animation_data, outside_of(rig)
+    data, outside = rig.animation_data, dependencies.outside_of(rig)
     moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each, rig)]
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
         if moving:
@@ -266,7 +243,7 @@ def check(rig: Any) -> list[Any]:
         raise NotFreezable(
             f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
         )
-    for curve in _drivers_of_both(rig):
+    for curve in dependencies.drivers_of_both(rig):
         _check_driver(rig, curve)
     for bone in rig.pose.bones:
         timed = next((each for each in bone.constraints if each.type in _TIMED), None)
@@ -320,15 +297,8 @@ def _is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
         and ob.rigid_body is None
         and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
         and getattr(ob.data, "shape_keys", None) is None
-        and all(_is_still(each, rig, seen) for each in _followed_by(ob))
+        and all(_is_still(each, rig, seen) for each in dependencies.followed_by(ob))
     )
-
-
-def _followed_by(ob: Any) -> list[Any]:
-    """Returns the objects that one follows by its parent, constraints and Armature modifiers."""
-    found = [ob.parent, *(target for each in ob.constraints for target in targets_of(each))]
-    found += [each.object for each in ob.modifiers if each.type == "ARMATURE"]
-    return [each for each in found if each is not None]
 
 
 def _names(objects: list[Any]) -> str:

@@ -80,7 +80,7 @@ def want(rig: rigs.Rig) -> None:
 
 def _freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
     """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
-    users = watch.users_of_all()
+    users = bpy.data.user_map()
     found = followers.find([rig.ob for rig in chosen.values()], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     needed: dict[int, list[Any]] = {}  # the other armatures on which each depends
@@ -135,7 +135,7 @@ def _why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
             f"{rig.name} has changes that are not keyed (bone {bone}): they would be lost on another frame, so it "
             "stays live"
         )
-    if rig.restless:
+    if rig.restless > 1:
         return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
     return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
 
@@ -144,35 +144,20 @@ def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
     """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
     something was edited: the pose does not depend on the view layer, as far as this frame shows."""
     before = rig.graph()
-    if before is not None and rig.watch is not None and rig.scene == scene:
-        rig.has_edited_keys |= rig.watch.are_keys_edited(before)
+    is_kept = rig.watch is not None and before is not None and rig.scene == scene
+    if is_kept and not changes.look([rig], before) and not rig.watch.is_tagged(before, True):
         changes.compare_keys(rig, before)
-    is_kept = rig.watch is not None and rig.scene == scene and before is not None
-    if not is_kept or rig.watch.is_tagged(before, True) or not rig.watch.holds(before):
+    else:
         rig.clear()
     rig.watch = None
     rig.live_in(scene, layer)
 
 
 def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
-    """Returns the name of a bone that is not where the keyframes put it, "" if there is none or NLA strips mix."""
-    data = rig.ob.animation_data
-    if data is None or len(data.nla_tracks) or rig.is_frozen:
-        return ""
-    driven = {(curve.data_path, curve.array_index) for curve in data.drivers}
-    for curve in watch.curves_of_slot(rig.ob):
-        name, separator, _channel = curve.data_path.removeprefix('pose.bones["').partition('"].')
-        if curve.mute or not separator or (curve.data_path, curve.array_index) in driven:
-            continue
-        try:
-            value = rig.ob.path_resolve(curve.data_path)
-        except ValueError:
-            continue
-        value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
-        keyed = curve.evaluate(scene.frame_current_final)
-        if isinstance(value, float) and abs(value - keyed) > 1e-5 * max(1.0, abs(keyed)):
-            return bpy.utils.unescape_identifier(name)
-    return ""
+    """Returns the name of a bone that is not where the keyframes put it, or ""."""
+    path = "" if rig.is_frozen else animation.unkeyed_path(rig.ob, scene.frame_current_final)
+    name, separator, _channel = path.removeprefix('pose.bones["').partition('"].')
+    return bpy.utils.unescape_identifier(name) if separator else ""
 
 
 def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
@@ -246,7 +231,7 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> list[Any]:
         relations.tag()
         return []
     rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
-    rig.shown, rig.pose, rig.last, rig.state = rigs.whole_frame(scene), pose, None, State.FROZEN
+    rig.shown, rig.pose, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
     if rigs.shows(rig, graph, pose):
         return []
     rigs.show(rig, graph, pose)
@@ -294,7 +279,7 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
 def melt_all() -> None:
     """Thaws everything, as after an error or an undo step, from a handler. Records are kept and checked again."""
     for rig in rigs.known():
-        rig.last, rig.reason = None, ""
+        rig.reason = ""
     for graph in {rig.layer: rig.graph() for rig in rigs.frozen()}.values():
         if graph is not None:
             melt(graph, {})
@@ -322,11 +307,12 @@ def _has_other_keys(ob: Any) -> bool:
     )
 
 
-def freeze_again(scene: Any, layer: Any) -> None:
+def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
     """Freezes what is wanted frozen, is not selected, and is recorded on this frame. If the scene asks for it, every
-    character is wanted frozen and recorded while it plays."""
+    character is wanted frozen and recorded while it plays. is_playing: freezes only what was thawed because another one
+    was."""
     settle(layer.depsgraph)
-    if scene.sinew_freezes_others:
+    if scene.sinew_freezes_others and not is_playing:
         for ob in layer.objects:
             if ob.type == "ARMATURE" and rigs.has_animation(ob):
                 want(rigs.learn(ob))
@@ -335,6 +321,7 @@ def freeze_again(scene: Any, layer: Any) -> None:
         for rig in rigs.known()
         if rig.state is State.WANTED
         and not rig.is_selected
+        and not (is_playing and (rig.reason or rig.shown is None))
         and rigs.now(rig, scene) is not None
         and rig.ob.mode == "OBJECT"
     ]

@@ -65,15 +65,15 @@ def after_undo(*_: Any) -> None:
 
 
 def freeze_again() -> float:
-    """Freezes again what is wanted frozen and is not selected, as a timer, unless the scene plays. Returns the seconds
-    until the next call."""
+    """Freezes again what is wanted frozen and is not selected, as a timer. While the scene plays only what was thawed
+    together with another one, which takes one building of relations. Returns the seconds until the next call."""
     global _tried
     context = bpy.context
-    is_idle = context.window is not None and not context.screen.is_animation_playing
-    if is_idle and _tried != _update_number and not any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
+    has_changed = context.window is not None and _tried != _update_number
+    if has_changed and not any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
         _tried = _update_number
         try:
-            freezing.freeze_again(context.scene, context.view_layer)
+            freezing.freeze_again(context.scene, context.view_layer, context.screen.is_animation_playing)
         except Exception:
             log.exception("nothing could be frozen again")
         _tried = _update_number

@@ -26,7 +26,6 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
     new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():
-        rig.last = None
         if rig.is_frozen:
             frozen.setdefault(rig.layer, []).append(rig)
         elif rig.watch is None and is_new_frame and not rig.to_skip:

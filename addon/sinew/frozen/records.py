@@ -35,13 +35,12 @@ class Record:
         if self._poses.pop(frame, None) is not None:
             self._store.forget(self, frame)
 
-    def drop_within(self, ranges: Iterable[tuple[float, float]]) -> int:
-        """Drops the poses of the frames strictly between the ends of each range. Returns how many."""
+    def drop_within(self, ranges: Iterable[tuple[float, float]]) -> None:
+        """Drops the poses of the frames strictly between the ends of each range."""
         ranges = list(ranges)
         dropped = [frame for frame in self._poses if any(low < frame < high for low, high in ranges)]
         for frame in dropped:
             self.drop_frame(frame)
-        return len(dropped)
 
     def clear(self) -> None:
         self.drop_within([(-math.inf, math.inf)])

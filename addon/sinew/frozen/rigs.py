@@ -39,11 +39,8 @@ class Rig:
     state: State = State.LIVE
     reason: str = ""  # why it is live although it is wanted frozen, a sentence
     followers: Followers = field(default_factory=Followers)
-    # The view layer in which it is recorded and frozen, with the names that they had at last: undo replaces both.
-    scene: Any = None
-    scene_name: str = ""
-    layer: int = 0  # its address
-    layer_name: str = ""
+    scene: Any = None  # in which it is recorded and frozen
+    layer: int = 0  # address of the view layer
     shown: int | None = None  # the frame whose pose was written last
     pose: Any = None  # that Moment
     is_selected: bool = False  # it was, or something of it, at the last look
@@ -51,9 +48,8 @@ class Rig:
     keys: Any = None  # the keyframes that the record was made with, a changes.Keys
     has_edited_keys: bool = False  # they may not be those any more
     tempo: tuple[int, int] = (0, 0)  # how the scene has mapped its frames to times
-    restless: int = 0  # frames that are not recorded after one on which somebody has edited it again
-    to_skip: int = 0  # those of them that are left
-    last: Any = None  # the Moment that the last frame change has shown, while it plays live
+    restless: int = 0  # frames that will not be recorded if somebody edits it on this one again
+    to_skip: int = 0  # frames that are not recorded now
     shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
 
@@ -77,7 +73,6 @@ class Rig:
     def live_in(self, scene: Any, layer: Any) -> None:
         """Records and freezes it in a view layer from now on."""
         self.scene, self.layer = scene, layer.as_pointer()
-        self.scene_name, self.layer_name = scene.name, layer.name
 
     def graph(self) -> Any:
         """Returns the dependency graph in which it is recorded and frozen, or None."""
@@ -197,8 +192,7 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
 
 def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
     """Whether a graph shows a recorded moment of an armature, frozen or live."""
-    is_played = rig.last is moment and rig.graph() == graph
-    return is_played or evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
+    return evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
 
 
 def show(rig: Rig, graph: Any, moment: Any) -> None:
@@ -285,10 +279,6 @@ def find_again() -> None:
     dropped."""
     for key, rig in list(_rigs.items()):
         rig.shapes.clear()
-        if not is_alive(rig.scene):
-            rig.scene = bpy.data.scenes.get(rig.scene_name)
-        layer = rig.scene.view_layers.get(rig.layer_name) if rig.scene is not None else None
-        rig.layer = layer.as_pointer() if layer is not None else 0
         if not is_alive(rig.ob):
             rig.clear()
             del _rigs[key]

@@ -10,36 +10,10 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, values
+from ..blender import animation, dependencies, values
 from ..host import copies, evaluations, keyframes
 
-_LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "points", "value"}
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
-
-
-def users_of_all() -> dict[Any, set[Any]]:
-    """Returns {data-block: those that use it}, of the whole file."""
-    return bpy.data.user_map()
-
-
-def used(roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = ()) -> list[Any]:
-    """Returns the data-blocks that these use, directly or not, and themselves. without: what the first of them may use
-    without being changed by it."""
-    uses: dict[Any, list[Any]] = {}
-    for block, its_users in users.items():
-        for user in its_users:
-            uses.setdefault(user, []).append(block)
-    found = dict.fromkeys(roots)
-    first, skipped = next(iter(found)), set(without)
-    queue = list(found)
-    for block in queue:
-        own = [each for each in uses.get(block, ()) if block != first or each not in skipped]
-        tree = None if isinstance(block, bpy.types.NodeTree) else getattr(block, "node_tree", None)
-        for each in [*own, tree] if tree is not None else own:
-            if each not in found:
-                found[each] = None
-                queue.append(each)
-    return list(found)
 
 
 class Watch:
@@ -122,30 +96,13 @@ class Watch:
 def _state_of(keys: Any) -> tuple[Any, list[Any]]:
     """Returns all of shape keys but their points and values: the curves of their drivers, and the rest."""
     drivers = animation.drivers_of(keys)
-    found = [plain(each) for curve in drivers for each in (curve, curve.driver)]
-    return keyframes.read(drivers), [plain(keys), *found]
+    found = [dependencies.plain(each) for curve in drivers for each in (curve, curve.driver)]
+    return keyframes.read(drivers), [dependencies.plain(keys), *found]
 
 
 def _is_same(keys: Any, state: tuple[Any, list[Any]]) -> bool:
     curves, others = _state_of(keys)
     return others == state[1] and curves.differing(state[0]) == []
-
-
-def plain(struct: Any, depth: int = 2) -> list[Any]:
-    """Returns all settings of a struct and of what it owns, except for keyframes, points and values."""
-    found: list[Any] = []
-    for member in struct.bl_rna.properties:
-        name = member.identifier
-        if name in _LEFT_OUT:
-            continue
-        value = getattr(struct, name)
-        if member.type == "COLLECTION":
-            found.append((name, [plain(each, depth - 1) for each in value] if depth else len(value)))
-        elif member.type == "POINTER":
-            found.append((name, values.key_of(value) if isinstance(value, bpy.types.ID) else None))
-        else:
-            found.append((name, tuple(value) if getattr(member, "is_array", False) else value))
-    return found
 
 
 def _mark(block: Any, graph: Any) -> None:
@@ -178,14 +135,3 @@ def own_action(rig: Any) -> Any:
         return None
     others = [each for bone in rig.pose.bones for each in bone.constraints if each.type == "ACTION"]
     return None if any(each.action == data.action for each in others) else data.action
-
-
-def curves_of_slot(rig: Any) -> list[Any]:
-    """Returns the F-curves by which an armature's own action moves it."""
-    data = rig.animation_data
-    if data is None or data.action is None:
-        return []
-    if not hasattr(data.action, "layers"):  # before 4.4
-        return animation.action_curves(data.action)
-    bags = [bag for layer in data.action.layers for strip in layer.strips for bag in strip.channelbags]
-    return [curve for bag in bags if bag.slot == data.action_slot for curve in bag.fcurves]

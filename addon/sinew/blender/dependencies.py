@@ -1,0 +1,91 @@
+"""Finds what data-blocks use and follow."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import bpy
+
+from . import animation, values
+
+_LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "points", "value"}
+
+
+def used(roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = ()) -> list[Any]:
+    """Returns the data-blocks that these use, directly or not, and themselves.
+
+    users: {data-block: those that use it}, as bpy.data.user_map returns it; without: what the first of them may use
+    without being changed by it."""
+    uses: dict[Any, list[Any]] = {}
+    for block, its_users in users.items():
+        for user in its_users:
+            uses.setdefault(user, []).append(block)
+    found = dict.fromkeys(roots)
+    first, skipped = next(iter(found)), set(without)
+    queue = list(found)
+    for block in queue:
+        own = [each for each in uses.get(block, ()) if block != first or each not in skipped]
+        tree = None if isinstance(block, bpy.types.NodeTree) else getattr(block, "node_tree", None)
+        for each in [*own, tree] if tree is not None else own:
+            if each not in found:
+                found[each] = None
+                queue.append(each)
+    return list(found)
+
+
+def plain(struct: Any, depth: int = 2) -> list[Any]:
+    """Returns all settings of a struct and of what it owns, except for keyframes, points and values."""
+    found: list[Any] = []
+    for member in struct.bl_rna.properties:
+        name = member.identifier
+        if name in _LEFT_OUT:
+            continue
+        value = getattr(struct, name)
+        if member.type == "COLLECTION":
+            found.append((name, [plain(each, depth - 1) for each in value] if depth else len(value)))
+        elif member.type == "POINTER":
+            found.append((name, values.key_of(value) if isinstance(value, bpy.types.ID) else None))
+        else:
+            found.append((name, tuple(value) if getattr(member, "is_array", False) else value))
+    return found
+
+
+def pointers(struct: Any) -> list[Any]:
+    """Returns what the pointers of a struct point to."""
+    return [getattr(struct, each.identifier) for each in struct.bl_rna.properties if each.type == "POINTER"]
+
+
+def targets_of(constraint: Any) -> list[Any]:
+    """Returns the objects that a constraint follows."""
+    several = getattr(constraint, "targets", None)
+    found = [each.target for each in several] if several is not None else [getattr(constraint, "target", None)]
+    found += [getattr(constraint, "pole_target", None)]
+    return [each for each in found if each is not None]
+
+
+def read_by(curve: Any) -> list[Any]:
+    """Returns the data-blocks that a driver reads."""
+    return [target.id for variable in curve.driver.variables for target in variable.targets if target.id is not None]
+
+
+def drivers_of_both(armature: Any) -> list[Any]:
+    """Returns the drivers of an armature object and of its data."""
+    return [*animation.drivers_of(armature), *animation.drivers_of(armature.data)]
+
+
+def outside_of(armature: Any) -> list[Any]:
+    """Returns the other objects that the bones of an armature object follow by constraints and drivers."""
+    found: dict[Any, None] = {}
+    for bone in armature.pose.bones if armature.pose is not None else ():
+        for constraint in bone.constraints:
+            found.update(dict.fromkeys(targets_of(constraint)))
+    for curve in drivers_of_both(armature):
+        found.update(dict.fromkeys(each for each in read_by(curve) if isinstance(each, bpy.types.Object)))
+    found.pop(armature, None)
+    return list(found)
+
+
+def followed_by(ob: Any) -> list[Any]:
+    """Returns the objects that one follows by its parent, constraints and Armature modifiers."""
+    found = [ob.parent, *(target for each in ob.constraints for target in targets_of(each))]
+    found += [each.object for each in ob.modifiers if each.type == "ARMATURE"]
+    return [each for each in found if each is not None]
