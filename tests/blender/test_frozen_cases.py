@@ -277,7 +277,9 @@ def test_freeze_does_not_lose_a_pose_that_is_not_keyed(cast):
     with pytest.raises(RuntimeError, match=r"changes that are not keyed \(bone bone1\)"):
         bpy.ops.object.sinew_freeze()
     cast.assert_same()
+    cast.rig.reason = ""
     assert bpy.ops.object.sinew_record() == {"CANCELLED"}
+    assert "not keyed" in cast.rig.reason
     cast.assert_same()
 
 
@@ -455,7 +457,8 @@ def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
     owner = relations if place == "sum_again" else recorded() if place == "show" else relations.Rebuilding
     if place == "show":  # so that a pose has to be written
         monkeypatch.setattr(recorded(), "shows", lambda *_: False)
-        monkeypatch.setattr(freezing(), "_why_live", lambda *_: "")
+        for name in ("why_live", "_drop_what_is_wrong"):
+            monkeypatch.setattr(addon_module("frozen.reasons"), name, lambda *_: "")
     monkeypatch.setattr(owner, place, fail)
     with pytest.raises(ZeroDivisionError):
         freezing().freeze([cast.rig], cast.scene, layer())

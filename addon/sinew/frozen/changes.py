@@ -79,7 +79,10 @@ def compare_keys(rig: rigs.Rig, graph: Any) -> None:
 
 def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
     """Records live armatures that a change of the frame has just evaluated."""
-    own = [rig for rig in own if _can_record(rig, scene, graph)]
+    able = [rig for rig in own if can_record(rig, scene, graph)]
+    for rig in own:
+        rig.to_skip = max(rig.to_skip - 1, 0)
+    own = able
     for rig in own:
         compare_keys(rig, graph)
         moment = rigs.now(rig, scene)
@@ -95,12 +98,10 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
         rig.shapes.note(frame, graph)
 
 
-def _can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
-    if rig.to_skip:
-        rig.to_skip -= 1
-        return False
+def can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
+    """Whether the scene's frame of an armature can be recorded."""
     is_there = rigs.evaluated_copy(rig, graph) is not None and rigs.whole_frame(scene) is not None
-    return is_there and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
+    return is_there and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
 
 
 def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:

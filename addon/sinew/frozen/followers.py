@@ -1,6 +1,5 @@
-"""Finds all that follows an armature, and the reasons why an armature cannot be frozen."""
+"""Finds all that follows an armature, or why it could not follow a frozen one."""
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,14 +7,9 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, nodes, values
-from ..clips import clip_store
 from ..plan import wiring
-from ..run import characters
 
-MOST_NAMES = 3  # that a reason lists
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
-# Constraints that depend on the frame, or on what cannot be watched.
-_TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace)
 
@@ -203,108 +197,3 @@ def _driven_values(keys: Any, rig: Any) -> tuple[int, ...]:
     paths = {f'key_blocks["{bpy.utils.escape_identifier(key.name)}"].value': i for i, key in enumerate(keys.key_blocks)}
     driven = [paths.get(curve.data_path) for curve in _drivers_on(keys, rig)]
     return () if None in driven else tuple(sorted({number for number in driven if number is not None}))
-
-
-# --- the armature itself --------------------------------------------------------------------------
-
-
-def check(rig: Any) -> list[Any]:
-    """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
-    whatever follows it. Returns the other armature objects on which the pose depends."""
-    data, outside = rig.animation_data, dependencies.outside_of(rig)
-    moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each, rig)]
-    if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
-        if moving:
-            raise NotFreezable(
-                f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
-                "each frame because of these. Bake its action first (Pose > Animation)"
-            )
-        raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
-    if data.use_tweak_mode:
-        raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
-    if rig.mode != "OBJECT" or rig.data.is_editmode:
-        raise NotFreezable(f"{rig.name} is being edited: go back to Object Mode first")
-    own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
-    if own:
-        raise NotFreezable(
-            f"{rig.name} itself is animated ({_listed(own)}), not only its bones: animate its root bone instead"
-        )
-    if rig.constraints:
-        raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    if rig.parent is not None and not _is_still(rig.parent, rig):
-        raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
-    if rig.rigid_body is not None:
-        raise NotFreezable(f"{rig.name} is simulated")
-    if animation.keyed_curves(rig.data):
-        raise NotFreezable(f"the armature data {rig.data.name} have keyframes of their own")
-    if rig.pose.ik_solver == "ITASC":
-        raise NotFreezable(f"{rig.name} uses the iTaSC solver, whose result depends on the frames before")
-    if clip_store.has_poses(rig.data) and _plays_clip(rig):
-        raise NotFreezable(
-            f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
-        )
-    for curve in dependencies.drivers_of_both(rig):
-        _check_driver(rig, curve)
-    for bone in rig.pose.bones:
-        timed = next((each for each in bone.constraints if each.type in _TIMED), None)
-        if timed is not None:
-            raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
-    if moving:
-        raise NotFreezable(f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move")
-    return [each for each in outside if each.type == "ARMATURE"]
-
-
-def _plays_clip(rig: Any) -> bool:
-    return any(ob.sinew.armature == rig and ob.sinew.source == "CLIP" for ob in characters.by_clip())
-
-
-def _check_driver(rig: Any, curve: Any) -> None:
-    driver = curve.driver
-    if driver.type == "SCRIPTED":
-        has_word = re.search(r"\b(frame|depsgraph)\b", driver.expression)
-        is_simple = getattr(driver, "is_simple_expression", True)
-        if has_word or not is_simple and "(" in driver.expression:
-            raise NotFreezable(
-                f"the driver of {curve.data_path} of {rig.name} may change on each frame by itself: {driver.expression}"
-            )
-    for variable in driver.variables:
-        for target in variable.targets:
-            if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
-                raise NotFreezable(
-                    f"the driver of {curve.data_path} of {rig.name} reads {getattr(target.id, 'name', 'the scene')}, "
-                    "outside of it, which may change on each frame"
-                )
-
-
-def _may_be_read(rig: Any, block: Any) -> bool:
-    """Whether a driver of an armature may read a data-block: the armature itself, or an object, which `check` and the
-    groups of armatures look at."""
-    return block in (rig, rig.data) or isinstance(block, bpy.types.Object)
-
-
-def _is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
-    """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
-    an armature: then it is evaluated after them, and what follows it again."""
-    if ob == rig or ob in seen:
-        return True
-    data, seen = ob.animation_data, (*seen, ob)
-    is_own = ob.type == "MESH" and ob.sinew.is_bound
-    drivers = [] if data is None else [each for each in data.drivers if not (is_own and hook_of(ob) == each)]
-    return (
-        not (data is not None and (data.action is not None or drivers or data.nla_tracks))
-        and not any(each.type in _TIMED for each in ob.constraints)
-        and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
-        and ob.rigid_body is None
-        and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
-        and getattr(ob.data, "shape_keys", None) is None
-        and all(_is_still(each, rig, seen) for each in dependencies.followed_by(ob))
-    )
-
-
-def _names(objects: list[Any]) -> str:
-    return _listed([each.name for each in objects])
-
-
-def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more

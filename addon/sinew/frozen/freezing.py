@@ -25,7 +25,7 @@ import bpy
 
 from ..blender import animation, values
 from ..host import contract, poses, relations
-from . import changes, followers, rigs, watch
+from . import changes, followers, reasons, rigs, watch
 from .followers import Followers
 from .rigs import State
 
@@ -52,7 +52,7 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     for rig in own.values():
         want(rig)
     for _ in range(MOST_ATTEMPTS):
-        chosen = _freezable(own, scene, layer)
+        chosen = reasons.freezable(own, scene, layer)
         _build(list(chosen.values()), scene, layer)
         if all(rig.is_frozen for rig in chosen.values()):
             return
@@ -63,101 +63,10 @@ def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
             rig.reason = rig.reason or f"{rig.name} is edited by a handler after each evaluation, so it stays live"
 
 
-def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Drops from the records of armatures what was edited, so that it can be played again in a view layer."""
-    settle(layer.depsgraph)
-    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
-    for rig in own:
-        rig.restless = rig.to_skip = 0
-        _why_live(rig, scene, layer)
-
-
 def want(rig: rigs.Rig) -> None:
     """Freezes an armature as soon as it can be."""
     if rig.state is State.LIVE:
         rig.state = State.WANTED
-
-
-def _freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
-    """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
-    users = bpy.data.user_map()
-    found = followers.find([rig.ob for rig in chosen.values()], users, layer.depsgraph)
-    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
-    needed: dict[int, list[Any]] = {}  # the other armatures on which each depends
-    for rig in chosen.values():
-        own = found[rig.ob]
-        try:
-            needs = followers.check(rig.ob)
-            if isinstance(own, followers.NotFreezable):
-                rig.reason = f"{rig.name} cannot be frozen: {own}"
-                continue
-            rig.reason = _why_live(rig, scene, layer)
-            if not rig.reason:
-                changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
-                rig.reason = _why_live(rig, scene, layer)
-        except followers.NotFreezable as reason:
-            rig.reason = str(reason)
-        if not rig.reason:
-            needed[rig.key] = needs
-    lacking = True
-    while lacking:  # one follows another, which cannot be frozen
-        lacking = False
-        for key, needs in list(needed.items()):
-            live = next((each for each in needs if values.key_of(each) not in needed), None)
-            if live is not None:
-                rig, lacking = chosen[key], True
-                rig.reason = f"{rig.name} follows bones of {live.name}, which is live"
-                del needed[key]
-    return {key: chosen[key] for key in needed}
-
-
-def _why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
-    """Returns why an armature cannot be frozen now, as a sentence; "" if it can. Evaluates nothing."""
-    graph, frame = layer.depsgraph, rigs.whole_frame(scene)
-    if frame is None:
-        return f"{rig.name} is live between two frames: only whole frames are recorded"
-    if rig.is_frozen and rig.graph() == graph:
-        return ""
-    if rigs.evaluated_copy(rig, graph) is None:
-        return f"{rig.name} is not in this view layer"
-    if rig.graph() != graph:
-        _move(rig, scene, layer)
-    elif rig.watch is not None and rig.tempo != changes.tempo_of(scene):
-        changes.drop_all(rig)
-    changes.compare_keys(rig, graph)
-    if frame in rig.record and not rigs.shows(rig, graph, rig.record.at(frame)):
-        changes.drop_all(rig)
-    if frame in rig.record:
-        return ""
-    bone = unkeyed_bone(rig, scene)
-    if bone:
-        return (
-            f"{rig.name} has changes that are not keyed (bone {bone}): they would be lost on another frame, so it "
-            "stays live"
-        )
-    if rig.restless > 1:
-        return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
-    return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
-
-
-def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
-    """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
-    something was edited: the pose does not depend on the view layer, as far as this frame shows."""
-    before = rig.graph()
-    is_kept = rig.watch is not None and before is not None and rig.scene == scene
-    if is_kept and not changes.look([rig], before) and not rig.watch.is_tagged(before, True):
-        changes.compare_keys(rig, before)
-    else:
-        rig.clear()
-    rig.watch = None
-    rig.live_in(scene, layer)
-
-
-def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
-    """Returns the name of a bone that is not where the keyframes put it, or ""."""
-    path = "" if rig.is_frozen else animation.unkeyed_path(rig.ob, scene.frame_current_final)
-    name, separator, _channel = path.removeprefix('pose.bones["').partition('"].')
-    return bpy.utils.unescape_identifier(name) if separator else ""
 
 
 def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:

@@ -28,12 +28,12 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     for rig in rigs.known():
         if rig.is_frozen:
             frozen.setdefault(rig.layer, []).append(rig)
-        elif rig.watch is None and is_new_frame and not rig.to_skip:
+        elif rig.watch is None and is_new_frame:
             if rig.graph() is None:
                 layers = [each for each in scene.view_layers if rigs.evaluated_copy(rig, each.depsgraph) is not None]
                 if layers:
                     rig.live_in(scene, bpy.context.view_layer if bpy.context.view_layer in layers else layers[0])
-            if rigs.evaluated_copy(rig, rig.graph()) is not None:
+            if changes.can_record(rig, scene, rig.graph()):
                 new.setdefault(rig.layer, []).append(rig)
     for own in new.values():
         changes.ask_for_shapes(own, own[0].graph())

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import freezing, rigs
+from . import freezing, reasons, rigs
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -54,8 +54,11 @@ def steps(
     out."""
     layer.update()  # what was edited just now is dropped from the records
     now, own = rigs.whole_frame(scene), [rigs.learn(each) for each in armatures]
-    freezing.prepare(own, scene, layer)
-    own = [rig for rig in own if not freezing.unkeyed_bone(rig, scene)]
+    freezing.settle(layer.depsgraph)
+    reasons.prepare(own, scene, layer)
+    for rig in own:
+        rig.reason = reasons.why_live(rig, scene, layer) if reasons.unkeyed_bone(rig, scene) else ""
+    own = [rig for rig in own if not rig.reason]
     wanted = [rig for rig in own if rig.is_wanted]
     lacking = {rig.key: missing(rig, scene) for rig in own}
     for rig in own:

@@ -2,9 +2,9 @@
 
 `contract` lists every struct and member that is read or written, and checks them against the running Blender's own
 description (`layout`). `marks`, `copies`, `connections`, `deform_verts`, `motions`, `places`, `key_blocks`,
-`vector_arrays`, `lattices`, `bindings` and `switches` read and write. `graph_modes` tells renders from viewports. `watch`
-lists the memory that must be unchanged for the fast path. The first time that something is read or written, it is
-compared with the value in Blender's API, if that shows it (`proof`).
+`vector_arrays`, `lattices`, `bindings` and `switches` read and write. `graph_modes` tells renders from viewports.
+`watch` lists the memory that must be unchanged for the fast path. The first time that something is read or written, it
+is compared with the value in Blender's API, if that shows it (`proof`).
 
 If the description or a comparison differs, `contract.trouble` returns the reason in one sentence, and Blender's own
 modifiers deform.

@@ -1,0 +1,219 @@
+"""Says why armatures cannot be frozen, in sentences, and drops what does not hold of their records before."""
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import bpy
+
+from ..blender import animation, dependencies, values
+from ..clips import clip_store
+from ..run import characters
+from . import changes, followers, rigs
+from .followers import NotFreezable
+
+MOST_NAMES = 3  # that a reason lists
+# Constraints that depend on the frame, or on what cannot be watched.
+_TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
+
+
+def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
+    """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
+    users = bpy.data.user_map()
+    found = followers.find([rig.ob for rig in chosen.values()], users, layer.depsgraph)
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    needed: dict[int, list[Any]] = {}  # the other armatures on which each depends
+    for rig in chosen.values():
+        own = found[rig.ob]
+        try:
+            needs = check(rig.ob)
+            if isinstance(own, NotFreezable):
+                rig.reason = f"{rig.name} cannot be frozen: {own}"
+                continue
+            _drop_what_is_wrong(rig, scene, layer)
+            rig.reason = why_live(rig, scene, layer)
+            if not rig.reason:
+                changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
+                rig.reason = why_live(rig, scene, layer)
+        except NotFreezable as reason:
+            rig.reason = str(reason)
+        if not rig.reason:
+            needed[rig.key] = needs
+    lacking = True
+    while lacking:  # one follows another, which cannot be frozen
+        lacking = False
+        for key, needs in list(needed.items()):
+            live = next((each for each in needs if values.key_of(each) not in needed), None)
+            if live is not None:
+                rig, lacking = chosen[key], True
+                rig.reason = f"{rig.name} follows bones of {live.name}, which is live"
+                del needed[key]
+    return {key: chosen[key] for key in needed}
+
+
+def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
+    """Returns why an armature whose record is right cannot be frozen now, as a sentence; "" if it can."""
+    frame = rigs.whole_frame(scene)
+    if frame is None:
+        return f"{rig.name} is live between two frames: only whole frames are recorded"
+    if rigs.evaluated_copy(rig, layer.depsgraph) is None:
+        return f"{rig.name} is not in this view layer"
+    if frame in rig.record:
+        return ""
+    bone = unkeyed_bone(rig, scene)
+    if bone:
+        return (
+            f"{rig.name} has changes that are not keyed (bone {bone}): they would be lost on another frame, so it "
+            "stays live"
+        )
+    if rig.restless > 1:
+        return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
+    return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
+
+
+def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
+    """Drops what of the record of an armature does not hold in a view layer, in which it is frozen from now on."""
+    graph = layer.depsgraph
+    if rigs.evaluated_copy(rig, graph) is None or rig.is_frozen and rig.graph() == graph:
+        return
+    if rig.graph() != graph:
+        _move(rig, scene, layer)
+    elif rig.watch is not None and rig.tempo != changes.tempo_of(scene):
+        changes.drop_all(rig)
+    changes.compare_keys(rig, graph)
+    moment = rigs.now(rig, scene)
+    if moment is not None and not rigs.shows(rig, graph, moment):
+        changes.drop_all(rig)
+
+
+def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
+    """Records and freezes an armature in another view layer from now on. Of the same scene it keeps its record, unless
+    something was edited: the pose does not depend on the view layer, as far as this frame shows."""
+    before = rig.graph()
+    is_kept = rig.watch is not None and before is not None and rig.scene == scene
+    if is_kept and not changes.look([rig], before) and not rig.watch.is_tagged(before, True):
+        changes.compare_keys(rig, before)
+    else:
+        rig.clear()
+    rig.watch = None
+    rig.live_in(scene, layer)
+
+
+def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
+    """Returns the name of a bone that is not where the keyframes put it, or ""."""
+    path = "" if rig.is_frozen else animation.unkeyed_path(rig.ob, scene.frame_current_final)
+    name, separator, _channel = path.removeprefix('pose.bones["').partition('"].')
+    return bpy.utils.unescape_identifier(name) if separator else ""
+
+
+def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Drops from the records of armatures what was edited, so that it can be played again in a view layer."""
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    for rig in own:
+        rig.restless = rig.to_skip = 0
+        _drop_what_is_wrong(rig, scene, layer)
+
+
+# --- the armature itself --------------------------------------------------------------------------
+
+
+def check(rig: Any) -> list[Any]:
+    """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
+    whatever follows it. Returns the other armature objects on which the pose depends."""
+    data, outside = rig.animation_data, dependencies.outside_of(rig)
+    moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each, rig)]
+    if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
+        if moving:
+            raise NotFreezable(
+                f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
+                "each frame because of these. Bake its action first (Pose > Animation)"
+            )
+        raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
+    if data.use_tweak_mode:
+        raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
+    if rig.mode != "OBJECT" or rig.data.is_editmode:
+        raise NotFreezable(f"{rig.name} is being edited: go back to Object Mode first")
+    own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
+    if own:
+        raise NotFreezable(
+            f"{rig.name} itself is animated ({_listed(own)}), not only its bones: animate its root bone instead"
+        )
+    if rig.constraints:
+        raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
+    if rig.parent is not None and not _is_still(rig.parent, rig):
+        raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
+    if rig.rigid_body is not None:
+        raise NotFreezable(f"{rig.name} is simulated")
+    if animation.keyed_curves(rig.data):
+        raise NotFreezable(f"the armature data {rig.data.name} have keyframes of their own")
+    if rig.pose.ik_solver == "ITASC":
+        raise NotFreezable(f"{rig.name} uses the iTaSC solver, whose result depends on the frames before")
+    if clip_store.has_poses(rig.data) and _plays_clip(rig):
+        raise NotFreezable(
+            f"{rig.name} plays the poses of an imported rig, which costs little: there is nothing to gain"
+        )
+    for curve in dependencies.drivers_of_both(rig):
+        _check_driver(rig, curve)
+    for bone in rig.pose.bones:
+        timed = next((each for each in bone.constraints if each.type in _TIMED), None)
+        if timed is not None:
+            raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
+    if moving:
+        raise NotFreezable(f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move")
+    return [each for each in outside if each.type == "ARMATURE"]
+
+
+def _plays_clip(rig: Any) -> bool:
+    return any(ob.sinew.armature == rig and ob.sinew.source == "CLIP" for ob in characters.by_clip())
+
+
+def _check_driver(rig: Any, curve: Any) -> None:
+    driver = curve.driver
+    if driver.type == "SCRIPTED":
+        has_word = re.search(r"\b(frame|depsgraph)\b", driver.expression)
+        is_simple = getattr(driver, "is_simple_expression", True)
+        if has_word or not is_simple and "(" in driver.expression:
+            raise NotFreezable(
+                f"the driver of {curve.data_path} of {rig.name} may change on each frame by itself: {driver.expression}"
+            )
+    for variable in driver.variables:
+        for target in variable.targets:
+            if variable.type == "CONTEXT_PROP" or target.id is not None and not _may_be_read(rig, target.id):
+                raise NotFreezable(
+                    f"the driver of {curve.data_path} of {rig.name} reads {getattr(target.id, 'name', 'the scene')}, "
+                    "outside of it, which may change on each frame"
+                )
+
+
+def _may_be_read(rig: Any, block: Any) -> bool:
+    """Whether a driver of an armature may read a data-block: the armature itself, or an object, which `check` and the
+    groups of armatures look at."""
+    return block in (rig, rig.data) or isinstance(block, bpy.types.Object)
+
+
+def _is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
+    """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
+    an armature: then it is evaluated after them, and what follows it again."""
+    if ob == rig or ob in seen:
+        return True
+    data, seen = ob.animation_data, (*seen, ob)
+    is_own = ob.type == "MESH" and ob.sinew.is_bound
+    drivers = [] if data is None else [each for each in data.drivers if not (is_own and followers.hook_of(ob) == each)]
+    return (
+        not (data is not None and (data.action is not None or drivers or data.nla_tracks))
+        and not any(each.type in _TIMED for each in ob.constraints)
+        and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
+        and ob.rigid_body is None
+        and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
+        and getattr(ob.data, "shape_keys", None) is None
+        and all(_is_still(each, rig, seen) for each in dependencies.followed_by(ob))
+    )
+
+
+def _names(objects: list[Any]) -> str:
+    return _listed([each.name for each in objects])
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
