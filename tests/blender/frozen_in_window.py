@@ -179,7 +179,10 @@ def until_frozen(armature, what):
     try:
         yield from until(lambda: is_frozen(armature), 15)
     except TimeoutError:
-        rigs = [(rig.name, rig.is_frozen, rig.reason) for rig in recorded().known()]
+        rigs = [
+            (rig.name, rig.state.name, rig.reason, rig.record.runs(), scene().frame_current)
+            for rig in recorded().known()
+        ]
         raise AssertionError(f"{what}: {rigs}") from None
 
 

@@ -12,7 +12,8 @@ from . import freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
-_update_number = _tried = 0  # of evaluations; the number at the last attempt
+_update_number = 0  # of evaluations
+_tried = (0, False)  # that number at the last attempt, and whether the scene played
 
 
 def _guarded(function: Any, *arguments: Any) -> None:
@@ -69,14 +70,15 @@ def freeze_again() -> float:
     together with another one, which takes one building of relations. Returns the seconds until the next call."""
     global _tried
     context = bpy.context
-    has_changed = context.window is not None and _tried != _update_number
-    if has_changed and not any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
-        _tried = _update_number
+    if context.window is None or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
+        return SECONDS_BETWEEN_LOOKS
+    is_playing = context.screen.is_animation_playing
+    if _tried != (_update_number, is_playing):
         try:
-            freezing.freeze_again(context.scene, context.view_layer, context.screen.is_animation_playing)
+            freezing.freeze_again(context.scene, context.view_layer, is_playing)
         except Exception:
             log.exception("nothing could be frozen again")
-        _tried = _update_number
+        _tried = _update_number, is_playing
     return SECONDS_BETWEEN_LOOKS
 
 
