@@ -46,8 +46,9 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
         parenting.parent(ob, armature)
     if options.save:
         save()
-    document = {"path": bpy.data.filepath, "saved": options.save, **report.document()}
-    return document, report.sentence(), int(report.unweighted > 0)
+    warnings = [warning for warning in (parenting.deformed_twice(ob, armature) for ob in objects) if warning]
+    document = {"path": bpy.data.filepath, "saved": options.save, **report.document(), "warnings": warnings}
+    return document, "\n".join([report.sentence(), *warnings]), int(report.unweighted > 0)
 
 
 def save() -> None:

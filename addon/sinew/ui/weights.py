@@ -1,6 +1,7 @@
 """Operators that make weights from bones, check weights, and select what the report names."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -99,8 +100,10 @@ class WeightSettings:
 class MakesWeights(WeightSettings, InBackground):
     """What the operators that make weights have in common."""
 
-    def tell(self: Any, report: reports.Report) -> set[str]:
+    def tell(self: Any, report: reports.Report, warnings: Sequence[str] = ()) -> set[str]:
         self.report({"WARNING"} if report.unweighted else {"INFO"}, report.sentence())
+        for warning in warnings:
+            self.report({"WARNING"}, warning)
         notice.redraw()
         return {"FINISHED"}
 
@@ -133,7 +136,8 @@ class ParentWithWeights(MakesWeights, bpy.types.Operator):
         report = made.write()
         for ob in made.objects:
             parenting.parent(ob, made.armature)
-        return self.tell(report)
+        warnings = [parenting.deformed_twice(ob, made.armature) for ob in made.objects]
+        return self.tell(report, list(filter(None, warnings)))
 
 
 class AssignFromBones(MakesWeights, bpy.types.Operator):

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..blender import armatures
 from ..plan import bindable
 
 
@@ -13,6 +14,17 @@ def why_not(ob: bpy.types.Object, armature: bpy.types.Object) -> str:
             return f"is above {armature.name} in the chain of parents, which would make a loop: clear that parent first"
         above = above.parent
     return ""
+
+
+def deformed_twice(ob: bpy.types.Object, armature: bpy.types.Object) -> str:
+    """Returns a warning, a sentence, if other armatures deform the object too; otherwise ""."""
+    others = {each.name: None for each in armatures.of_modifiers(ob) if each != armature}
+    if not others:
+        return ""
+    names = " and ".join(others)
+    return (
+        f"{ob.name} is deformed by {names}, too: remove that Armature modifier if only {armature.name} should move it"
+    )
 
 
 def parent(ob: bpy.types.Object, armature: bpy.types.Object) -> None:
