@@ -28,7 +28,9 @@ def two_graphs(request, fresh_scene):
     for each in (ob, twin, armature):
         other.collection.objects.link(each)
     layer = other.view_layers[0]
-    layer.update()
+    for _ in range(2):  # Blender calls no handlers after the first evaluation of a graph
+        ob.update_tag()
+        layer.update()
     for frame in (2, 3, 4):
         fresh_scene.frame_set(frame)
     assert_same_shape(ob, twin)
@@ -130,8 +132,7 @@ def test_a_script_that_reads_the_hooks_property_changes_nothing(two_graphs):
     for each in (bpy.context.evaluated_depsgraph_get(), graph):
         evaluated_ob = ob.evaluated_get(each)
         modifier = evaluated_ob.modifiers["Armature"]
-        assert recalc_of(evaluated_ob).value == 0 and switches.is_aside(modifier)
-        switches.put_aside(modifier, False)
+        assert recalc_of(evaluated_ob).value == 0
         marks.clear_mark(evaluated_ob, "OBJECT")
         assert evaluated_ob.sinew.deform_now == 0
         assert not switches.is_aside(modifier) and not marks.is_marked(evaluated_ob, "OBJECT")

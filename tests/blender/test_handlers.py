@@ -19,6 +19,11 @@ LISTS = sorted(
         "save_pre",
         "undo_post",
         "redo_post",
+        # before all others
+        "frame_change_pre",
+        "frame_change_post",
+        "depsgraph_update_pre",
+        "depsgraph_update_post",
         # of frozen characters
         "frame_change_pre",
         "frame_change_post",

@@ -316,7 +316,7 @@ class KeyWithPoints(ctypes.Structure):
     _fields_ = [*Key._fields_, ("points", ctypes.c_void_p), ("count", ctypes.c_int32)]
 
 
-def keyed(stages=(), mode=0b11, animated=()):
+def keyed(stages=(), mode=0b11, relative=(0, 0, 0)):
     """A shortcut for two shape keys, without an armature; all that it reads and writes."""
     base = np.random.default_rng(4).normal(size=(5, 3)).astype(np.float32)
     native = sinew_native.ShapeKeys([base, base + 1, base - 2], np.array([0, 0, 0]))
@@ -334,7 +334,7 @@ def keyed(stages=(), mode=0b11, animated=()):
         [],
         [(ctypes.addressof(owner) + Owner.mode.offset, 0b01, 0)],
         stages,
-        ([ctypes.addressof(key) for key in structs], layout, animated),
+        ([ctypes.addressof(key) for key in structs], layout, relative, base),
     )
     return SimpleNamespace(shortcut=shortcut, deformer=deformer, keys=structs, points=points, owner=owner)
 
@@ -363,28 +363,30 @@ def test_a_shortcut_through_shape_keys():
         made.deformer.deform([], wanted, np.array([0, *values], np.float32))
         assert made.shortcut.deform()
         assert np.array_equal(made.points, wanted)
-        assert [key.flags & 1 for key in made.keys] == [0, 1, 1] and made.owner.mode == 0b10
+        assert [key.relative for key in made.keys] == [0, -1, -1] and made.owner.mode == 0b10
+        assert [key.flags for key in made.keys] == [0, 0, 0]
 
 
-def test_a_shortcut_leaves_out_a_key_that_the_user_has_muted():
-    made = keyed()
-    made.keys[1].flags = 1
-    wanted = np.empty((5, 3), np.float32)
-    made.deformer.deform([], wanted, np.array([0, 0, 0.5], np.float32))
+def test_a_shortcut_restores_keys_and_switches():
+    made = keyed(relative=(0, 0, 1))
+    before = made.points.copy()
     for _ in range(2):
-        assert made.shortcut.deform() and np.array_equal(made.points, wanted)
+        assert made.shortcut.deform() and not np.array_equal(made.points, before)
+        assert made.shortcut.restore() and np.array_equal(made.points, before)
+        assert [key.relative for key in made.keys] == [0, 0, 1] and made.owner.mode == 0b10
+    made.keys[0].count = 4
+    assert not made.shortcut.restore()
+    with pytest.raises(ValueError, match="keys needs one number per key"):
+        keyed(relative=(0, 0))
 
 
-def test_a_shortcut_leaves_out_a_key_while_keyframes_mute_it():
-    made = keyed(animated=[1])
+def test_a_shortcut_leaves_out_a_key_while_it_is_muted():
+    made = keyed()
     wanted = np.empty((5, 3), np.float32)
     for muted in (1, 1, 0, 1):
         made.keys[1].flags = muted
         made.deformer.deform([], wanted, np.array([0, 0 if muted else 0.25, 0.5], np.float32))
-        assert made.shortcut.deform() and np.array_equal(made.points, wanted)
-        assert [key.relative for key in made.keys] == [0, 1, 0] and made.keys[1].flags == muted
-    with pytest.raises(ValueError, match="animated has a number that is not one of a key"):
-        keyed(animated=[3])
+        assert made.shortcut.deform() and np.array_equal(made.points, wanted) and made.keys[1].flags == muted
 
 
 def test_a_shortcut_through_keys_of_another_mesh():
@@ -484,28 +486,17 @@ def test_a_shortcut_that_does_not_fit(posed, poses, sentence):
         host.Shortcut(posed.deformer, [], poses, (0,) * 6, [((0, -1), (0, -1))], [])
 
 
-def test_keys_are_silenced_and_given_back():
-    keys = chained([Key(None, 1.0, 0), Key(None, 0.5, 2), Key(None, 0.25, 1), Key(None, 0.75, 0)])
+def test_keys_are_silenced_and_restored():
+    keys = chained([Key(None, 1.0, 0), Key(None, 0.5, 2), Key(None, 0.25, 1), Key(None, 0.75, 0, 2)])
     addresses = host.list_addresses(ctypes.addressof(keys[0]), 4)
     assert addresses.tolist() == [ctypes.addressof(key) for key in keys]
-    for _ in range(2):  # the second time its own muting is not taken for the user's
+    for _ in range(2):
         assert host.silence_keys(addresses, KEY).tolist() == [0, 0.5, 0, 0.75]
-        assert [key.flags & 1 for key in keys] == [0, 1, 1, 1]
-    host.give_keys_back(addresses, KEY[0])
-    assert [key.flags for key in keys] == [0, 2, 1, 0] and [key.relative for key in keys] == [0, 0, 0, 0]
-
-
-def test_keys_that_keyframes_may_mute_become_relative_to_themselves():
-    keys = chained([Key(None, 1.0, 0), Key(None, 0.5, 2), Key(None, 0.25, 1), Key(None, 0.75, 0)])
-    addresses = host.list_addresses(ctypes.addressof(keys[0]), 4)
-    assert host.silence_keys(addresses, KEY).tolist() == [0, 0.5, 0, 0.75]  # before they were animated
-    for muted, value in ((1, 0), (0, 0.25), (1, 0)):
-        if keys[2].flags & 1 << 14 == 0:
-            keys[2].flags = muted
-        assert host.silence_keys(addresses, KEY, [2]).tolist() == [0, 0.5, value, 0.75]
-        assert [key.relative for key in keys] == [0, 0, 2, 0] and keys[2].flags == muted
-    with pytest.raises(ValueError, match="animated has a number that is not one of a key"):
-        host.silence_keys(addresses, KEY, [4])
+        assert [key.relative for key in keys] == [0, -1, -1, -1]
+    host.restore_keys(addresses, KEY, [0, 0, 0, 2])
+    assert [key.flags for key in keys] == [0, 2, 1, 0] and [key.relative for key in keys] == [0, 0, 0, 2]
+    with pytest.raises(ValueError, match="numbers needs one number per key"):
+        host.restore_keys(addresses, KEY, [0, 0])
 
 
 def test_a_list_ends_where_it_ends():

@@ -275,9 +275,22 @@ def test_switches_are_followed():
     assert "before Armature, and it is animated" in plans.make(front).way.reason
 
 
-def test_muting_that_is_animated_is_followed():
-    plan = plans.make(bound(keys=keys(animated_mutes=(1,))))
-    assert (plan.way.kind, plan.animated_mutes) == ("KEYS", (1,))
+def test_animation_of_what_is_read_once():
+    plan = plans.make(bound(armature("Face", trouble="No", animation_trouble="No"), animation_trouble="Not this"))
+    assert (plan.way.kind, plan.way.reason) == ("BLENDER", "Not this")
+    assert plan.animation_troubles == {"Not this", "No"}
+
+
+def test_multi_modifier_that_is_animated_ends_the_run_before_what_it_may_mix_with():
+    mixing = armature("Mixing", may_be_mixed=True)
+    reason = "Multi Modifier of Mixing behind {} is animated: remove that"
+    assert plans.make(bound(mixing)).way.reason == reason.format("Armature")
+    run = runs.of(bound(armature("Other"), mixing))
+    assert (run.stages, run.end, run.reason) == ((), "Other", reason.format("Other"))
+    assert plans.make(bound(modifier("SMOOTH"), mixing)).way.in_pass
+    for kind in ("LATTICE", "MESH_DEFORM"):
+        run = runs.of(bound(modifier(kind), mixing))
+        assert (run.end, run.reason) == (kind, reason.format(kind))
 
 
 def test_where_renders_cannot_be_told_the_first_modifier_sets_the_switches():

@@ -6,6 +6,8 @@ from typing import Any
 
 import bpy
 
+from ..host import actions
+
 
 def animated_properties(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> list[str]:
     """Returns the sorted names of the modifier's properties that drivers or keyframes of the object animate."""
@@ -25,22 +27,26 @@ def drivers_of(block: bpy.types.ID) -> list[bpy.types.FCurve]:
 
 
 def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
-    """Returns the F-curves of a data-block's action and of its NLA strips."""
-    data = block.animation_data
-    if data is None:
-        return []
-    actions = {data.action, *(strip.action for track in data.nla_tracks for strip in track.strips)} - {None}
-    return [curve for action in actions for curve in action_curves(action)]
+    """Returns the F-curves by which a data-block's action and its NLA strips animate it."""
+    found: dict[int, bpy.types.FCurve] = {}
+    for played in actions.of(block):
+        found.update((curve.as_pointer(), curve) for curve in _curves_in(played.action, played.slot))
+    return list(found.values())
 
 
-def animated_mutes(keys: bpy.types.Key) -> tuple[int, ...]:
-    """Returns the numbers of the shape keys whose mute setting drivers or keyframes set. keys: the shape keys'
-    data-block."""
-    found = {path for path in animated_paths(keys) if path.endswith(".mute")}
-    if not found:
-        return ()
-    names = (bpy.utils.escape_identifier(block.name) for block in keys.key_blocks)
-    return tuple(number for number, name in enumerate(names) if f'key_blocks["{name}"].mute' in found)
+def _curves_in(action: bpy.types.Action, slot: Any) -> list[bpy.types.FCurve]:
+    """Returns the F-curves of an action's slot. slot: the slot, its number, or None for none."""
+    if not hasattr(action, "layers"):  # before 4.4
+        return list(action.fcurves)
+    number = getattr(slot, "handle", slot)
+    return [
+        curve
+        for layer in action.layers
+        for strip in layer.strips
+        for bag in strip.channelbags
+        if bag.slot_handle == number
+        for curve in bag.fcurves
+    ]
 
 
 def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:

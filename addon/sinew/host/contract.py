@@ -40,7 +40,10 @@ CONTRACT: dict[str, dict[str, Member]] = {
         "vertex_group_names": Member("ListBase", 16),
     },
     "Key": {},
-    "bArmature": {"flag": Member("int", 4), "bonebase": Member("ListBase", 16)},
+    "bArmature": {"flag": Member("int", 4), "bonebase": Member("ListBase", 16), "*adt": _pointer("AnimData")},
+    "bAction": {},
+    "AnimData": {"*action": _pointer("bAction"), "*tmpact": _pointer("bAction")},
+    "NlaStrip": {"*act": _pointer("bAction")},
     "Bone": {"*next": _pointer("Bone", 0), "childbase": Member("ListBase", 16)},
     # A struct in a list begins with the address of the next one.
     "ListBase": {"*first": _pointer("void", 0), "*last": _pointer("void", 8)},
@@ -139,7 +142,7 @@ CHANNELS = {
 # What only freezing needs (frozen/). If it does not hold, characters cannot be frozen, and all else works.
 FREEZING: dict[str, dict[str, Member]] = {
     "ID": {"us": Member("int", 4)},
-    "AnimData": {"*action": _pointer("bAction"), "nla_tracks": Member("ListBase", 16)},
+    "AnimData": {"nla_tracks": Member("ListBase", 16)},
     "ChannelDriver": {
         "expression": Member("char", 256),
         "*expr_simple": _pointer("ExprPyLike_Parsed"),
@@ -178,7 +181,7 @@ FREEZING_SIZES = {"Mat4": 64, "DualQuat": 100}
 # The sizes in bytes of structs that are read from arrays.
 SIZES = {"MDeformVert": 16, "MDeformWeight": 8, "SDefVert": 16, "SDefBind": 32, "MDefInfluence": 8}
 # Structs with a byte that Blender does not use, for a mark.
-MARKED = ("Object", "Mesh", "Key", "bArmature")
+MARKED = ("Object", "Mesh", "Key", "bArmature", "bAction")
 # The members that may lead to an object's matrix to world space; the first that exists is used. Before 4.1 it is the
 # matrix itself, since then the address of a struct that Blender does not describe.
 PLACES = {"obmat": Member("float", 64), "object_to_world": Member("float", 64), "*runtime": _pointer()}

@@ -1,10 +1,12 @@
-"""Tells whether Blender is evaluating an object."""
+"""Tells whether Blender is evaluating an object, and whether it calls handlers afterwards."""
 
 import ctypes
 from typing import Any
 
 from . import contract
 
+_announced = 0  # evaluations for which Blender has called the handlers before it, but not those after it
+_is_playing = False
 _has_been_set = False  # the flags of any object
 
 
@@ -27,3 +29,34 @@ def is_running(ob: Any) -> bool:
 def is_tagged(block: Any) -> bool:
     """Whether anything of an evaluated data-block is tagged to be evaluated."""
     return bool(ctypes.c_uint32.from_address(contract.region(block, "ID", "recalc")[0]).value)
+
+
+def announce() -> None:
+    """Notes that Blender has called the handlers before an evaluation."""
+    global _announced
+    _announced += 1
+
+
+def conclude() -> None:
+    """Notes that Blender has called the handlers after an evaluation."""
+    global _announced
+    _announced = max(_announced - 1, 0)
+
+
+def note_playing(is_playing: bool) -> None:
+    """Notes whether a window plays the scene."""
+    global _is_playing
+    _is_playing = is_playing
+
+
+def forget() -> None:
+    """Discards what was announced, as after a file was loaded."""
+    global _announced
+    _announced = 0
+
+
+def ends_in_handlers() -> bool:
+    """Whether Blender calls handlers after the evaluation, or another one follows soon, because a window plays the
+    scene. It calls none after a second evaluation, which it makes if handlers have tagged something after the first,
+    and after the first one of a file."""
+    return _announced > 0 or _is_playing

@@ -1,4 +1,4 @@
-"""Reads the shape keys of evaluated meshes, their values and coordinates, and mutes them."""
+"""Reads the shape keys of evaluated meshes, their values and coordinates, and silences them for an evaluation."""
 
 import ctypes
 import functools
@@ -53,22 +53,26 @@ def _values(keys: Any, numbers: Sequence[int]) -> list[ctypes.c_float]:
     return [ctypes.c_float.from_address(addresses[number] + offset) for number in numbers]
 
 
-def silence_keys(addresses: np.ndarray, animated: Sequence[int]) -> np.ndarray:
-    """Mutes the keys of an evaluated copy, so that Blender adds nothing to the reference key. Those that drivers or
-    keyframes may mute become relative to themselves instead. animated: their numbers. Returns the keys' values, (K,)
-    float32, 0 for those that the user, a driver or keyframes have muted."""
-    return sinew_native.host.silence_keys(addresses, key_layout()[:3], animated)
+def relative_numbers(addresses: np.ndarray) -> list[int]:
+    """Returns for each key the number of the key that it is relative to, as Blender stores it."""
+    offset = key_layout()[2]
+    return [ctypes.c_int16.from_address(address + offset).value for address in addresses.tolist()]
 
 
-def give_keys_back(addresses: np.ndarray, originals: np.ndarray) -> None:
-    """Undoes silence_keys. originals: addresses of the keys of the original."""
-    flag, _value, relative, *_ = key_layout()
-    sinew_native.host.give_keys_back(addresses, flag)
-    if len(originals) != len(addresses):
-        return  # the original was edited, and its evaluated copy will be made anew
-    for evaluated, original in zip(addresses.tolist(), originals.tolist()):
-        number = ctypes.c_int16.from_address(original + relative)
-        ctypes.c_int16.from_address(evaluated + relative).value = number.value
+def silence_keys(addresses: np.ndarray) -> np.ndarray:
+    """Makes the keys of an evaluated copy relative to a key that does not exist, so that Blender adds nothing to the
+    reference key. What mutes them, the user, a driver or keyframes, is left as it is. Returns the keys' values, (K,)
+    float32, 0 for muted keys."""
+    return sinew_native.host.silence_keys(addresses, key_layout()[:3])
+
+
+def restore_keys(addresses: np.ndarray, numbers: Sequence[int], base: np.ndarray) -> None:
+    """Undoes silence_keys, and restores the points of the reference key. numbers: as relative_numbers returned them;
+    base (V, 3): the points. Does nothing with another number of keys or points."""
+    points = key_positions(addresses[0], len(base)) if len(addresses) == len(numbers) > 0 else None
+    if points is not None:
+        sinew_native.host.restore_keys(addresses, key_layout()[:3], numbers)
+        points[:] = base
 
 
 _MUTED = 1  # a bit of a key's flags

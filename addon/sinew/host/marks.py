@@ -7,11 +7,12 @@ from typing import Any
 from . import contract
 
 _SEEN = 0x53  # the value of a mark
-_STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature"}
+_STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature", "ACTION": "bAction"}
 
 
 def mark_region(block: Any, kind: str) -> tuple[int, int]:
-    """Returns the address of a data-block's mark and its size in bytes. kind: "OBJECT", "MESH", "KEY" or "ARMATURE"."""
+    """Returns the address of a data-block's mark and its size in bytes. kind: one of
+    _STRUCT_OF."""
     return block.as_pointer() + contract.unused_byte(_STRUCT_OF[kind]), 1
 
 

@@ -17,21 +17,7 @@ from . import contract, layout, proof
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
 SWITCHES = _VIEWPORT | _RENDER
 _ASIDE = 1 << 31  # a bit of a modifier's mode: Blender does not evaluate it, whatever its switches are
-_GROUPS, _ENVELOPES = 1, 2  # bits of an Armature modifier's deformflag
 _MUTED = 1 << 4  # a bit of an F-curve's flag
-
-
-def bind_armature_modifier(modifier: Any, groups: bool, envelopes: bool) -> None:
-    """Sets whether an evaluated Armature modifier uses vertex groups and bone envelopes."""
-    flags = ctypes.c_int16.from_address(contract.region(modifier, "ArmatureModifierData", "deformflag")[0])
-    bits = _GROUPS * bool(groups) | _ENVELOPES * bool(envelopes)
-    _write(
-        "groups and envelopes",
-        flags,
-        flags.value & ~(_GROUPS | _ENVELOPES) | bits,
-        (bool(groups), bool(envelopes)),
-        lambda: (modifier.use_vertex_groups, modifier.use_bone_envelopes),
-    )
 
 
 def mute_driver(curve: Any) -> None:

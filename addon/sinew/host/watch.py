@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from . import contract, key_blocks, marks
+from . import actions, contract, key_blocks, marks
 
 _ARMATURE_MODIFIER = "*object", "deformflag", "multi", "defgrp_name"
 # For each type of modifier: its struct, and the members that its stage depends on.
@@ -33,7 +33,7 @@ class Tree:
         mark = marks.mark_region(ob, "OBJECT")
         origin = contract.region(ob, "ID", "*orig_id")
         mode = contract.region(ob, "Object", "mode")
-        self._add(ob, [mark, origin, mode], -1, 0)
+        self._add_actions(ob, self._add(ob, [mark, origin, mode], -1, 0), 0)
 
     def _add(self, struct: Any, regions: list[tuple[int, int]], parent: int, voucher: int) -> int:
         """Adds a struct. regions: [(address, size)]; parent: number of a struct; voucher: which of its regions shows
@@ -41,6 +41,15 @@ class Tree:
         start = struct.as_pointer()
         self.structs.append((start, parent, voucher, [(address - start, size) for address, size in regions]))
         return len(self.structs) - 1
+
+    def _add_actions(self, block: Any, owner: int, voucher: int) -> None:
+        """Adds the actions that animate a data-block: with other F-curves, they may change what was read of it. owner:
+        number of its struct; voucher: which of its regions shows that it has the same animation data."""
+        for played in actions.of(block):
+            link = self._add(
+                played.holder, [contract.region(played.holder, played.kind, played.member)], owner, voucher
+            )
+            self._add(played.action, [marks.mark_region(played.action, "ACTION")], link, 0)
 
     def _add_owned(self, struct: Any, regions: list[tuple[int, int]]) -> int:
         """Adds a struct that Blender copies and frees together with the object."""
@@ -51,10 +60,12 @@ class Tree:
         link = self._add_owned(target, [contract.region(target, "DriverTarget", "*id")])
         mark = marks.mark_region(mesh, "MESH")
         if not has_keys:
-            self._add(mesh, [mark], link, 0)
+            self._add_actions(mesh, self._add(mesh, [mark], link, 0), 0)
             return
         data = self._add(mesh, [mark, contract.region(mesh, "Mesh", "*key")], link, 0)
-        self._add(mesh.shape_keys, [marks.mark_region(mesh.shape_keys, "KEY")], data, 1)
+        self._add_actions(mesh, data, 0)
+        keys = mesh.shape_keys
+        self._add_actions(keys, self._add(keys, [marks.mark_region(keys, "KEY")], data, 1), 0)
 
     def add_canvas(self, target: Any, mesh: Any) -> None:
         """Adds a canvas and its result. target: the driver target of the hook's variable "canvas"."""
@@ -78,11 +89,16 @@ class Tree:
         mode = contract.region(armature, "Object", "mode")
         link = contract.region(armature, "Object", "*data")
         posed = self._add(armature, [link, mode], owner, 0)
-        self._add(data, [contract.region(data, "bArmature", "flag")], posed, 0)
+        flag = contract.region(data, "bArmature", "flag")
+        if actions.of(data):
+            animation = contract.region(data, "bArmature", "*adt")
+            self._add_actions(data, self._add(data, [flag, animation], posed, 0), 1)
+        else:
+            self._add(data, [flag], posed, 0)
         self.bones.append(marks.mark_region(data, "ARMATURE")[0])
 
 
-def key_source(block: Any, animated: Sequence[int]) -> tuple[list[int], tuple[int, ...], Sequence[int]]:
-    """Returns the `keys` of `sinew_native.host.Shortcut` for an evaluated key data-block: addresses, layout, and the
-    numbers of the keys that drivers or keyframes may mute, which are given."""
-    return key_blocks.key_addresses(block).tolist(), key_blocks.key_layout(), animated
+def key_source(block: Any, relative: Sequence[int], base: Any) -> tuple[list[int], tuple[int, ...], Sequence[int], Any]:
+    """Returns the `keys` of `sinew_native.host.Shortcut` for an evaluated key data-block: addresses, layout, and what
+    to restore after a frame. relative: as key_blocks.relative_numbers returned them; base: points of the first key."""
+    return key_blocks.key_addresses(block).tolist(), key_blocks.key_layout(), relative, base

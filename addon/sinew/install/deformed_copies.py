@@ -10,9 +10,9 @@ from collections.abc import Collection, Iterable
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import key_blocks, vector_arrays
+from ..host import vector_arrays
 from ..plan import ways, wiring
-from ..run import character, characters
+from ..run import afterwards, character, characters
 from . import deformed_copy
 
 log = logging.getLogger("sinew")
@@ -122,7 +122,7 @@ def _shape_of(seen, ob, evaluated):
     if count == 0:
         return meshes.read_positions(ob.data)
     if plan.way.kind == ways.KEYS:
-        return key_blocks.key_positions(key_blocks.key_addresses(mesh.shape_keys)[0], count)
+        return afterwards.shape_in_keys(evaluated)
     return vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
 
 

@@ -3,9 +3,9 @@
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import contract, marks, switches
+from ..host import contract, switches
 from ..plan import mends, survey, ways, wiring
-from ..run import characters, shape_keys, switching
+from ..run import characters, switching
 from . import canvases
 
 _adapting: set[int] = set()  # keys of objects; before 3.5, moving a modifier evaluates, which delivers mail
@@ -26,28 +26,6 @@ def adapt(ob: bpy.types.Object) -> None:
         _adapt(ob)
     finally:
         _adapting.discard(key)
-
-
-def mend_keys_of_applied() -> None:
-    """Gives shape keys back what they lost when a modifier that moves nothing was applied: shape_keys.mend_original.
-    Call it before Blender evaluates that edit: only the evaluated copies tell what was lost."""
-    for ob in characters.silencing():
-        entry = characters.of(ob)
-        if entry.planning.has_lost_modifier(ob) and ob.library is None and ob.data.shape_keys is not None:
-            _mend_keys(entry, ob)
-
-
-def _mend_keys(entry, ob):
-    evaluated = ob.evaluated_get(bpy.context.view_layer.depsgraph)
-    hook = wiring.find_hook(evaluated) if evaluated.is_evaluated else None
-    if hook is None:
-        return
-    copy, mesh = entry.copy_of(evaluated), wiring.source_of(hook)
-    keys = mesh and mesh.shape_keys
-    if keys is None or copy.reading.keys is None or keys.original != ob.data.shape_keys:
-        return
-    if copy.reading.has_read_keys(keys) and marks.is_marked(keys, "KEY"):
-        shape_keys.mend_original(ob.data, keys, copy.reading.keys)
 
 
 def _adapt(ob):

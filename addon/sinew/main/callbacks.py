@@ -8,13 +8,16 @@ import bpy
 
 # (name of the list in bpy.app.handlers, handler) of all that should be there
 _handlers: list[tuple[str, Callable[..., Any]]] = []
+_first: list[Callable[..., Any]] = []  # handlers that are put before all others in their lists
 _timers: list[Callable[[], float | None]] = []
 _with_file: list[Callable[[], Any]] = []  # called whenever a different file is opened
 
 
-def add(handlers: Iterable[tuple[str, Callable[..., Any]]]) -> None:
-    """Adds handlers. handlers: (name of the list in bpy.app.handlers, handler) each."""
+def add(handlers: Iterable[tuple[str, Callable[..., Any]]], is_first: bool = False) -> None:
+    """Adds handlers. handlers: (name of the list in bpy.app.handlers, handler) each; is_first: before all others."""
+    handlers = list(handlers)
     _handlers.extend(handlers)
+    _first.extend(handler for _name, handler in handlers if is_first)
     put_back()
 
 
@@ -22,6 +25,8 @@ def remove(handlers: Iterable[tuple[str, Callable[..., Any]]]) -> None:
     """Removes handlers, given as to `add`, wherever a list still has them."""
     for name, handler in handlers:
         _handlers.remove((name, handler))
+        if handler in _first:
+            _first.remove(handler)
         listed = getattr(bpy.app.handlers, name)
         while handler in listed:
             listed.remove(handler)
@@ -58,7 +63,8 @@ def put_back() -> bool:
     """Puts missing handlers and timers back. Returns whether a handler was missing."""
     missing = [(name, handler) for name, handler in _handlers if handler not in getattr(bpy.app.handlers, name)]
     for name, handler in missing:
-        getattr(bpy.app.handlers, name).append(handler)
+        listed = getattr(bpy.app.handlers, name)
+        listed.insert(0 if handler in _first else len(listed), handler)
     for timer in _timers:
         if not bpy.app.timers.is_registered(timer):
             bpy.app.timers.register(timer, persistent=True)

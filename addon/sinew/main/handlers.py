@@ -9,16 +9,16 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..blender import animation, meshes, nodes, values
+from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
-from ..host import graph_modes, places, switches
+from ..host import evaluations, graph_modes, places, switches
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
-from ..run import characters, graph_copies, mail
+from ..run import afterwards, characters, graph_copies, mail
 from ..weights import reports
-from . import callbacks, exporters, whole_frames, write_lock
+from . import callbacks, whole_frames, write_lock
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between checks of the mail, in a window
@@ -38,6 +38,8 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     write_lock.look()
     take_over_open_file()
     characters.see_surroundings()
+    if _is_main_thread():
+        evaluations.note_playing(any(each.screen.is_animation_playing for each in bpy.context.window_manager.windows))
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
 
@@ -46,7 +48,6 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if characters.may_follow_clips():
         _in_main_thread(_pose_anew, scene, depsgraph)
-    exporters.tidy(depsgraph)
     if not _is_main_thread():
         return
     _learn_graphs(depsgraph)
@@ -89,9 +90,18 @@ def _in_main_thread(function, *arguments):
 
 @persistent
 def before_depsgraph_update(*_: Any) -> None:
-    if _is_main_thread():
-        mending.mend_keys_of_applied()
     characters.see_surroundings()
+
+
+@persistent
+def before_evaluation(*_: Any) -> None:
+    evaluations.announce()
+
+
+@persistent
+def after_evaluation(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    evaluations.conclude()
+    afterwards.restore(depsgraph)
 
 
 @persistent
@@ -112,6 +122,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     may_lack = has_gathered or has_other_bones
     objects = characters.known() if may_lack or edits.of_collections else affected.values()
     _note_edits(objects, affected, edits, may_lack)
+    _note_animation(characters.known() if edits.of_actions else affected.values())
     for armature in edits.armatures:
         posing.forget_if_edited(armature)
     copied = characters.with_copy()
@@ -119,7 +130,6 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
         deformed_copies.follow(copied, depsgraph, edits.keys)
     if has_gathered or edits.of_collections:
         deformed_copies.tidy(copied, depsgraph, has_gathered)
-    exporters.tidy(depsgraph)
     _learn_graphs(depsgraph)
     if graph_copies.has_strays():
         characters.sweep()
@@ -151,7 +161,6 @@ def before_undo_redo(*_: Any) -> None:
 @persistent
 def on_undo_redo(*_: Any) -> None:
     characters.gather_again()
-    mending.mend_keys_of_applied()
     characters.follow_undo()
     forget_what_was_seen()
     for ob in characters.bound_objects():
@@ -167,6 +176,8 @@ def forget() -> None:
 
 def forget_what_was_seen() -> None:
     _bone_names.clear()
+    afterwards.forget()
+    evaluations.forget()
     deformed_copies.forget()
     posing.forget()
     reports.forget()
@@ -177,6 +188,7 @@ class Edits:
     """What was edited, or moved by animation, since the last evaluation."""
 
     of_collections: bool  # objects may have been added, removed, shown or hidden
+    of_actions: bool
     keys: set = field(default_factory=set)  # of all updated data-blocks
     # Keys of the data-blocks that may have been edited themselves. An object that only follows others has another shape
     # or place, but Blender need not shade it anew.
@@ -187,7 +199,7 @@ class Edits:
 
     @classmethod
     def of(cls, depsgraph: bpy.types.Depsgraph) -> "Edits":
-        edits = cls(depsgraph.id_type_updated("COLLECTION"))
+        edits = cls(depsgraph.id_type_updated("COLLECTION"), depsgraph.id_type_updated("ACTION"))
         for update in depsgraph.updates:
             block = update.id
             edits.keys.add(values.key_of(block))
@@ -240,6 +252,8 @@ def _note_edits(objects, affected, edits, may_lack):
         if is_updated:
             characters.see(ob, is_edited)
         entry = characters.of(ob)
+        if key in affected and entry.status.failures:
+            entry.status.to_skip = 0  # what was edited may have been the reason
         if entry.way.kind == ways.BLENDER and (is_edited or entry.way.is_of_bones and key in affected):
             entry.planning.see_surroundings(ob)
             entry.look_again()
@@ -252,11 +266,15 @@ def _note_edits(objects, affected, edits, may_lack):
             and survey.may_go_on(ob, entry.plan)
         ):
             mail.post(bind.rewire, key)
-        keys = ob.data.shape_keys
-        if keys is not None and values.key_of(keys) in edits.keys and entry.way.kind == ways.KEYS:
-            if animation.animated_mutes(keys) != entry.plan.animated_mutes:  # Blender does not copy the object for that
-                entry.look_again()
-                ob.update_tag()
+
+
+def _note_animation(objects):
+    """Has Sinew look again at those objects of which something was left to Blender because of animation that is
+    gone."""
+    for ob in objects:
+        troubles = characters.of(ob).plan.animation_troubles
+        if troubles and survey.animation_troubles(ob) != troubles:
+            mail.post(bind.rewire, values.key_of(ob))
 
 
 def receive_strangers(edits: Edits) -> None:
@@ -330,6 +348,12 @@ def take_over_open_file() -> None:
         mail.post(bind.follow_when_evaluated, values.key_of(ob))  # a file's first evaluation calls no handler
 
 
+FIRST_HANDLERS = (
+    ("frame_change_pre", before_evaluation),
+    ("depsgraph_update_pre", before_evaluation),
+    ("frame_change_post", after_evaluation),
+    ("depsgraph_update_post", after_evaluation),
+)
 FRAME_HANDLERS = (("frame_change_pre", before_frame), ("frame_change_post", after_frame))
 HANDLERS = (
     *FRAME_HANDLERS,
@@ -356,13 +380,14 @@ def register() -> None:
     global _is_file_unknown
     _is_file_unknown = True
     mail.answer(mail.REWIRE, bind.rewire)
+    callbacks.add(FIRST_HANDLERS, is_first=True)
     callbacks.add(HANDLERS)
     callbacks.start(look_into_the_mail)
 
 
 def unregister() -> None:
     callbacks.stop(look_into_the_mail)
-    callbacks.remove(HANDLERS)
+    callbacks.remove((*FIRST_HANDLERS, *HANDLERS))
     for ob in characters.bound_objects():
         ob.update_tag()  # from now on Blender's own modifiers deform
     precomputing.forget()

@@ -116,6 +116,8 @@ def front_trouble(ob: bpy.types.Object, around: Surroundings) -> str:
         return "In this version of Blender Sinew cannot begin with the result of other modifiers"
     if ob.particle_systems:
         return "Its particles need to know which vertex of the mesh each one behind the first modifiers was made from"
+    if animation.animated_paths(mesh):
+        return f"The mesh {mesh.name} is animated, and Sinew would begin with a copy of it, which is not"
     if mesh.has_custom_normals and "custom_normal" not in mesh.attributes:
         return "Its custom normals cannot be compared in this version of Blender"
     return around.front_trouble

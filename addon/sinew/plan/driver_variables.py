@@ -26,6 +26,19 @@ def _fallback_of(target: Any) -> float | None:
     return target.fallback_value
 
 
+def is_data(variable: Any) -> bool:
+    """Whether a variable of a driver hands one of Blender's structs over to Python, not a number or a text."""
+    if variable.type not in {"SINGLE_PROP", "CONTEXT_PROP"}:
+        return False
+    target = variable.targets[0]
+    if variable.type == "CONTEXT_PROP" or target.id is None:
+        return False
+    try:
+        return isinstance(target.id.path_resolve(target.data_path), bpy.types.bpy_struct)
+    except ValueError:
+        return False  # the property does not exist
+
+
 def is_copy(variable: Any) -> bool:
     """Whether a variable of a hook is a copy of another driver's variable."""
     return variable.name.startswith(COPIED)

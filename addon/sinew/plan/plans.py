@@ -24,7 +24,7 @@ class Plan:
     own: str | None = None  # name of Sinew's modifier
     waits_for: frozenset[tuple[int, str]] = frozenset()  # bones, see wiring.Waits.awaited
     driven: tuple[tuple[str, tuple[Driven, ...]], ...] = ()  # (name of a modifier that Sinew replaces, its `driven`)
-    animated_mutes: tuple[int, ...] = ()  # as in situation.Keys
+    animation_troubles: frozenset[str] = frozenset()  # as in Situation
     is_wired: bool = False  # the file has what the path needs
 
     @property
@@ -53,7 +53,7 @@ def make(situation: Situation) -> Plan:
         own.name if own is not None else None,
         hook.awaited if hook is not None else frozenset(),
         tuple((modifier.name, modifier.driven) for modifier in replaced_in(situation, run) if modifier.driven),
-        situation.keys.animated_mutes if situation.keys is not None else (),
+        situation.animation_troubles,
     )
 
 

@@ -49,6 +49,7 @@ def of(situation: Situation) -> Run:
             _why_not(modifier, like, asked)
             or _why_not_mixed(mix[1:], like, asked)
             or _why_not_mixed_in(modifier, modifiers[i + 1 :])
+            or why_not_known(mix[-1], modifiers)
             or _why_not_picked(modifier, modifiers[:i])
         )
         if modifier.type == "ARMATURE" and not taken:
@@ -92,6 +93,19 @@ def _why_not_mixed_in(modifier: Modifier, behind: Sequence[Modifier]) -> str:
     for each in mixing:
         if not each.does_nothing:
             return f"{each.name} behind it mixes with it: turn off Multi Modifier there if it need not"
+    return ""
+
+
+def why_not_known(modifier: Modifier, modifiers: Sequence[Modifier]) -> str:
+    """Returns why it is not known what Blender uses the result of a modifier for, or "": on some frames, one behind it
+    may start from its input. modifiers: all of the object."""
+    if modifier.type != "ARMATURE" and modifier.type not in modifier_types.MIXED_IN:
+        return ""
+    behind = modifiers[modifiers.index(modifier) + 1 :]
+    mixing = itertools.takewhile(lambda each: each.type == "ARMATURE" and (each.is_mixed or each.may_be_mixed), behind)
+    for each in mixing:
+        if each.may_be_mixed and not each.does_nothing:
+            return f"Multi Modifier of {each.name} behind {modifier.name} is animated: remove that"
     return ""
 
 

@@ -32,8 +32,10 @@ class Modifier:
     awaits: tuple[int, str] | None = None  # what it needs, as returned by survey.awaited_by
     binds: tuple[bool, bool] = (False, False)  # of an Armature modifier: use_vertex_groups, use_bone_envelopes
     is_mixed: bool = False  # an Armature modifier, with the one before it (Multi Modifier)
+    may_be_mixed: bool = False  # the same, on some frames: drivers or keyframes set Multi Modifier
     picks_by_index: bool = False  # a Hook whose vertices are chosen by index
     trouble: str = ""  # why Sinew cannot evaluate it with its settings, a clause
+    animation_trouble: str = ""  # of an Armature modifier: the same of its bones, a part of `trouble`
     keeps_shape: bool = False  # it changes neither the vertices nor their positions
     reads_shape: bool = True  # what it does depends on the positions
     feeds: str = ""  # name of a vertex group that it changes and by which Sinew would deform the mesh
@@ -74,7 +76,6 @@ class Keys:
     identity: int  # as returned by values.key_of
     count: int  # the reference key included
     is_relative: bool = True
-    animated_mutes: tuple[int, ...] = ()  # numbers of those that drivers or keyframes may mute
     is_one_shown: bool = False  # only the active one
 
 
@@ -120,6 +121,7 @@ class Situation:
     is_canvas_slow: bool = False  # in this version of Blender, slower than the Armature modifier
     may_be_single_user: bool = True  # it can be given its own copy of its mesh
     trouble: str = ""  # why this version of Blender cannot be read, a sentence
+    animation_trouble: str = ""  # what animation may change unseen of the object, its mesh and its keys, a sentence
     tells_renders: bool = True  # an evaluation can tell whether it is for a render
 
     def modifier(self, name: str) -> Modifier:
@@ -138,3 +140,9 @@ class Situation:
     def carrier(self) -> Modifier | None:
         """The modifier with the hook."""
         return self.modifier(self.hook.carrier) if self.hook is not None else None
+
+    @property
+    def animation_troubles(self) -> frozenset[str]:
+        """All sentences of that kind."""
+        found = self.animation_trouble, *(modifier.animation_trouble for modifier in self.modifiers)
+        return frozenset(filter(None, found))

@@ -8,7 +8,7 @@ import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
 from ..host import contract, graph_modes, vector_arrays
-from . import cages, canvas_survey, driven, fronts, mends, plans, runs, wiring
+from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
 # Parent types that only transform the mesh; the others deform it.
@@ -88,23 +88,38 @@ def _read(
         deforming_parent=_deforming_parent(original),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),
-        wants_more=_wants_more(original.sinew),
+        wants_more=wants_more(original.sinew),
         has_attribute=meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE) is not None,
         is_linked=original.library is not None,
         is_mesh_linked=mesh.library is not None,
         is_canvas_slow=values.VERSION < (4, 0, 0),
         may_be_single_user=may_be_single_user(original),
         trouble=contract.trouble(),
+        animation_trouble=_animation_trouble(original),
         tells_renders=graph_modes.is_known(),
         **more,
     )
 
 
+def _animation_trouble(ob: bpy.types.Object) -> str:
+    """Returns what animation may change without an edit of what Sinew reads once of an original object, its mesh and
+    its shape keys, and what to do, a sentence; "" for nothing."""
+    blocks = (ob, "OBJECT"), (ob.data, "MESH"), (ob.data.shape_keys, "KEY")
+    return next(filter(None, (animated.why(*each) for each in blocks)), "")
+
+
+def animation_troubles(ob: bpy.types.Object) -> frozenset[str]:
+    """Returns `animation_troubles` of the situation of an original object."""
+    data = (armature.data for armature in armatures.of_modifiers(ob))
+    found = _animation_trouble(ob), *(animated.why(each, "ARMATURE") for each in data)
+    return frozenset(filter(None, found))
+
+
 def _modifiers(ob: bpy.types.Object, taken: Collection[str]) -> tuple[Modifier, ...]:
     """Returns the modifiers of an object. taken: names of the Armature modifiers with which Sinew begins."""
     original = ob.original
-    animated = animation.animated_paths(original)
-    return tuple(_modifier(original, each, _below(each, animated), each.name in taken) for each in original.modifiers)
+    paths = animation.animated_paths(original)
+    return tuple(_modifier(original, each, _below(each, paths), each.name in taken) for each in original.modifiers)
 
 
 def _below(modifier: bpy.types.Modifier, paths: Iterable[str]) -> list[str]:
@@ -113,23 +128,26 @@ def _below(modifier: bpy.types.Modifier, paths: Iterable[str]) -> list[str]:
     return [path.removeprefix(start) for path in paths if path.startswith(start)]
 
 
-def _modifier(ob: bpy.types.Object, modifier: Any, animated: list[str], is_taken: bool) -> Modifier:
-    """Reads one modifier. ob: original; animated: its properties that drivers or keyframes set; is_taken: an Armature
+def _modifier(ob: bpy.types.Object, modifier: Any, paths: list[str], is_taken: bool) -> Modifier:
+    """Reads one modifier. ob: original; paths: its properties that drivers or keyframes set; is_taken: an Armature
     modifier with which Sinew begins."""
     is_own = nodes.is_sinew(modifier)
     kind = modifier.type
-    curves = wiring.drivers_of_settings(ob, modifier) if animated else []
+    curves = wiring.drivers_of_settings(ob, modifier) if paths else []
     switches = [curve for curve in curves if wiring.sets_switch(curve)]
     more: dict[str, Any] = {}
     if kind == "ARMATURE":
         target = modifier.object
+        trouble = animated.why(target.data, "ARMATURE") if target is not None else ""
         follows = FOLLOWS_SHAPE if not is_taken and weights_follow_shape(ob, [modifier.name]) else ""
         more = {
             "lacks_target": target is None,
             "awaits": target and (values.key_of(target), ""),
             "binds": (modifier.use_vertex_groups, modifier.use_bone_envelopes),
             "is_mixed": modifier.use_multi_modifier,
-            "trouble": follows or _why_not_steady(modifier, animated),
+            "may_be_mixed": "use_multi_modifier" in paths,
+            "animation_trouble": trouble,
+            "trouble": follows or _why_not_steady(modifier, paths) or trouble,
         }
     elif kind == "HOOK":
         more = {
@@ -157,12 +175,12 @@ def _modifier(ob: bpy.types.Object, modifier: Any, animated: list[str], is_taken
         is_own,
         is_own and nodes.has_old_group(modifier),
         (modifier.show_viewport, modifier.show_render),
-        not set(wiring.SHOWS).isdisjoint(animated),
+        not set(wiring.SHOWS).isdisjoint(paths),
         frozenset((values.key_of(ob), curve.data_path) for curve in switches),
         tuple(driven.read(modifier, curve) for curve in curves if curve not in switches),
         is_fixed=not nodes.is_removable(ob, modifier),
         comes_first=kind in COMES_FIRST,
-        is_animated=bool(animated) and animated != [wiring.CARRIER],
+        is_animated=bool(paths) and paths != [wiring.CARRIER],
         front_trouble=canvas_survey.why_not_in_front(modifier) if kind in modifier_types.FRONTS else "",
         reads_canvas=is_own and nodes.reads_canvas(modifier),
         reads_front=is_own and nodes.reads_front(modifier),
@@ -285,13 +303,7 @@ def _keys(ob: bpy.types.Object, keys: bpy.types.Key | None) -> Keys | None:
     """Reads the shape keys of an original object."""
     if keys is None:
         return None
-    return Keys(
-        values.key_of(keys),
-        len(keys.key_blocks),
-        keys.use_relative,
-        animation.animated_mutes(keys),
-        ob.show_only_shape_key,
-    )
+    return Keys(values.key_of(keys), len(keys.key_blocks), keys.use_relative, ob.show_only_shape_key)
 
 
 def _deforming_parent(ob: bpy.types.Object) -> str:
@@ -314,7 +326,7 @@ def weights_follow_shape(ob: bpy.types.Object, taken: Iterable[str]) -> bool:
     )
 
 
-def _wants_more(settings: Any) -> bool:
+def wants_more(settings: Any) -> bool:
     """Whether an object uses something that Blender's modifiers and shape keys cannot do, or do slowly. settings: those
     of the add-on."""
     return (

@@ -73,6 +73,8 @@ def whatever_its_size(situation: Situation) -> Way:
     """Returns the path that a mesh would take with any number of vertices."""
     if situation.trouble:
         return Way(BLENDER, situation.trouble)
+    if situation.animation_trouble:
+        return Way(BLENDER, situation.animation_trouble)
     reason = _why_not_first(situation) or _why_not_idle(situation) or _why_not_switched(situation)
     if reason:
         return Way(BLENDER, reason)
@@ -145,6 +147,9 @@ def _why_not_idle(situation: Situation) -> str:
 def _why_not_switched(situation: Situation) -> str:
     """Returns why Sinew cannot follow the settings and switches of the Armature modifiers that it replaces, or ""."""
     taken = [situation.modifier(name) for name in situation.taken]
+    reason = runs.why_not_known(taken[-1], situation.modifiers) if taken else ""
+    if reason:
+        return reason
     for modifier in taken:
         reason = runs.why_not_driven(modifier, f"{{}} of {modifier.name}") or modifier.trouble
         if reason:

@@ -96,6 +96,6 @@ def why_not_muted(ob: bpy.types.Object, keys: bpy.types.Key) -> str:
         return "absolute keys cannot be muted"
     if ob.show_only_shape_key:
         return "only the active key is shown"
-    if animation.animated_mutes(keys):
+    if any(path.endswith(".mute") for path in animation.animated_paths(keys)):
         return "their muting is animated"
     return ""

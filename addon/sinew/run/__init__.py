@@ -9,6 +9,7 @@
       reading          what was read of its mesh and its shape keys
       chain            what was built from that, and computes the shape
     planning         when a plan is made, and when the main thread is asked for mends
+    afterwards       restores switches and shape keys after an evaluation, for whoever reads evaluated copies
     switching        which modifiers Blender evaluates in this pass: its own, or Sinew's
     leaving          LeaveToBlender, the exception by which any of these leaves the mesh to Blender
     standing_aside   leaves all meshes to Blender for a while

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..blender import armatures, values
 from ..host import bones, marks
+from ..plan import animated
 
 MOST_KNOWN = 8  # per armature; another graph may still use an older one
 MOST_COPIES = 1024
@@ -36,6 +37,7 @@ def of(armature: Any) -> tuple[int, int]:
     with _lock:
         if marks.test_and_mark(data, "ARMATURE") and address in _copies:
             return key, _copies[address]
+        animated.forget(data)
         if len(_copies) >= MOST_COPIES:
             _copies.clear()
         _copies[address] = _number_of(armature, _known.setdefault(key, []))
@@ -48,11 +50,12 @@ def is_last(address: int, number: int) -> bool:
 
 
 def _number_of(armature: Any, known: list[tuple[int, bytes, Any]]) -> int:
-    found = bones.read_bytes(armature.data)
+    trouble = animated.why(armature.data, "ARMATURE").encode()  # then a plan leaves them to Blender
+    found = bones.read_bytes(armature.data) + trouble
     number = next((number for number, other, _signature in known if other == found), 0)
     if not number:
         # Other bones, or other bytes that do not matter, such as which bones are selected.
-        signature = armatures.bone_signature(armature)
+        signature = [*armatures.bone_signature(armature), trouble]
         number = next((number for number, _other, other in known if other == signature), 0) or next(_new_number)
         known.append((number, found, signature))
         del known[:-MOST_KNOWN]

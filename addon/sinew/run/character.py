@@ -72,7 +72,7 @@ class Character:
     def look_again(self) -> None:
         """Has the next evaluation make a new plan. The caller has Blender evaluate."""
         self.planning.look_again()
-        self.status.error = ""
+        self.status.note_success()
 
     def may_work(self, plan: plans.Plan, ob: bpy.types.Object) -> bool:
         """Whether Sinew deforms an evaluated object that has such a plan, if any modifier that it replaces is on."""

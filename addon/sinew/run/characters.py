@@ -42,14 +42,13 @@ class _File:
                 kept[key] = ob
             else:
                 kept.pop(key, None)
-        for part in (ob, ob.data, *own, *(armature.data for armature in own)):
+        for part in filter(None, (ob, ob.data, ob.data.shape_keys, *own, *(armature.data for armature in own))):
             self.parts.setdefault(values.key_of(part), set()).add(key)
 
 
 _characters: dict[int, Character] = {}  # by the key of the mesh object
 _file = _File()
 _is_stale = True  # bound meshes were added or removed since the walk
-_silencing: set[int] = set()  # keys of the mesh objects in whose evaluated shape keys Sinew writes
 _through_canvas: set[int] = set()  # keys of the mesh objects whose shape goes through a canvas
 _gathering_number = 0
 _gathering = threading.Lock()  # held while _characters gets entries or is replaced
@@ -100,7 +99,6 @@ def forget() -> None:
     global _characters, _file, _is_stale
     with _gathering:
         _characters, _file, _is_stale = {}, _File(), True
-        _silencing.clear()
         _through_canvas.clear()
     bone_editions.forget()
     graph_copies.forget()
@@ -117,7 +115,7 @@ def follow_undo() -> None:
     _file, _is_stale = _File(), True
     for entry in tuple(_characters.values()):
         entry.planning.follow_undo()
-        entry.status.error = ""
+        entry.status.note_success()
     mail.forget()
 
 
@@ -171,19 +169,6 @@ def find(key: int) -> bpy.types.Object | None:
     if _is_stale or not _is_alive(_file.objects.get(key)):
         _gather()
     return _file.objects.get(key)
-
-
-def note_silencing(entry: Character) -> None:
-    """Notes that Sinew writes shapes into the evaluated shape keys of a bound mesh. From any thread."""
-    _silencing.add(entry.key)
-
-
-def silencing() -> list[bpy.types.Object]:
-    """Returns the bound objects in whose evaluated shape keys Sinew writes."""
-    if _silencing and _is_stale:
-        _gather()
-    found = [_file.objects.get(key) for key in tuple(_silencing)]
-    return [ob for ob in found if ob is not None and _is_alive(ob)]
 
 
 def gather_again() -> None:
@@ -317,6 +302,7 @@ def keep_error(entry: Character, error: Exception) -> None:
     if sentence != entry.status.error:
         entry.status.error = sentence
         mail.post(_say, entry.name[0], error)
+    entry.status.note_failure()
     entry.forget_shape()
 
 

@@ -57,7 +57,10 @@ class _Setting:
         if rna.type == "BOOLEAN":
             return number > 1 - 2**-23
         if rna.type == "ENUM":
-            return next(item.identifier for item in rna.enum_items if item.value == int(number))
+            chosen = [item.identifier for item in rna.enum_items if item.value == int(number)]
+            if not chosen:
+                raise LeaveToBlender(f"a driver sets {self.name} to a choice that it does not have")
+            return chosen[0]
         if rna.type == "INT":
             number = int(number)
         return min(max(number, rna.hard_min), rna.hard_max)

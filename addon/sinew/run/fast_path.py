@@ -81,7 +81,7 @@ class Shortcut:
         self._bones = [(each, each.data.as_pointer(), layer.edition) for each, layer in zip(armatures, own)]
         hook = copy.hook_of(ob)
         self._mesh = wiring.source_of(hook)
-        has_keys = copy.goes_through_keys()
+        has_keys, keys = copy.goes_through_keys(), copy.reading.keys
         watched = watch.Tree(ob)
         if copy.goes_through_canvas():
             watched.add_canvas(wiring.target_of(hook, "canvas"), self._mesh)
@@ -115,7 +115,7 @@ class Shortcut:
             [(places.place_at(ob), places.place_at(armature)) for armature in armatures],
             modes,
             chain.stages_at(ob),
-            watch.key_source(self._mesh.shape_keys, plan.animated_mutes) if has_keys else None,
+            watch.key_source(self._mesh.shape_keys, keys.relative, keys.base) if has_keys else None,
             chain.rest_of_stages(),
             kept,
             self._identity,
@@ -140,6 +140,10 @@ class Shortcut:
             if not bone_editions.is_last(address, edition):
                 return False
         return True
+
+    def restore(self) -> bool:
+        """Restores what the last frame has set, after the evaluation. Returns False if it did nothing."""
+        return self._native.restore()
 
     def run(self, ob: Any) -> bool:
         """Deforms the mesh. ob: the evaluated object. Returns False if it did nothing and the full path has to run.

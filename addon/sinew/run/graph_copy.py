@@ -8,8 +8,10 @@ Equal data is shared (`Shared`), whichever was read first.
 import weakref
 from typing import Any
 
+import numpy as np
+
 from ..host import marks
-from ..plan import ways
+from ..plan import animated, ways
 from . import cage_stages, driven_settings, switching
 from .chain import Chain
 from .fast_path import FastPath
@@ -37,6 +39,8 @@ class GraphCopy:
         own = weakref.proxy(self)  # so that nothing waits for the garbage collector
         self.chain = Chain(own)
         self.fast_path = FastPath(own)
+        self.written: np.ndarray | None = None  # (V, 3), the last shape in the keys, kept for the output Mesh
+        self._animation: tuple[Any, ...] = ()  # as returned by animated.of_copies
         self.is_deforming = False  # Sinew deformed the mesh in the last evaluation; otherwise Blender did
 
     # --- the plan ---------------------------------------------------------------------------------
@@ -48,10 +52,14 @@ class GraphCopy:
 
     def follow_edits(self, ob: Any) -> None:
         """Makes a new plan if the object may have been edited. ob: evaluated. Raises LeaveToBlender."""
+        is_animated_anew = self._is_animated_anew(ob)  # first: it needs the marks
         if not marks.test_and_mark(ob, "OBJECT"):
+            animated.forget(ob)
             # Blender has copied the object again: the modifiers are switched as in the original.
             self.plan, self._looks = None, -1
             self.reading.canvas.forget()
+        elif is_animated_anew:
+            self.character.planning.look_again()
         if self.has_current_plan:
             return
         if ob.modifiers.keys() != ob.original.modifiers.keys():
@@ -59,12 +67,20 @@ class GraphCopy:
         planning = self.character.planning
         looks = planning.looks
         self.plan, self._looks = self.character.look(ob), looks
+        self._is_animated_anew(ob)
         self.driven_settings = None
         self.reading.look_again()
         self.chain.follow_plan()
         switching.release(ob)
         if self.plan.way.in_pass and any(map(cage_stages.was_unbound_late, ob.modifiers)):
             planning.ask_to_rewire()  # which has Blender copy the object again, without the binding
+
+    def _is_animated_anew(self, ob: Any) -> bool:
+        """Whether animation may change other parts than at the last call of what was read. ob: evaluated."""
+        if self.plan is None:
+            return False
+        before, self._animation = self._animation, animated.of_copies(ob, self.hook_of(ob))
+        return before != self._animation
 
     def hook_of(self, ob: Any) -> Any:
         """Returns the hook of the object, or None."""

@@ -13,8 +13,8 @@ import numpy as np
 from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
-from ..plan import ways, wiring
-from . import characters, frame_shapes, graph_copies, shape_keys, stages, switching
+from ..plan import survey, ways, wiring
+from . import afterwards, characters, frame_shapes, graph_copies, shape_keys, stages, switching
 from .character import Character
 from .graph_copy import GraphCopy
 from .leaving import LeaveToBlender
@@ -36,16 +36,22 @@ def deform_now(ob: Any) -> None:
     try:
         if not evaluations.is_running(ob):
             return
+        if not evaluations.ends_in_handlers() and _may_be_left(ob):
+            return
         known = graph_copies.at(ob.as_pointer())
-        if not (known is not None and known.fast_path.run(ob)) and ob.is_evaluated and ob.sinew.is_bound:
+        if known is not None and known.fast_path.run(ob):
+            afterwards.note(ob)
+        elif ob.is_evaluated and ob.sinew.is_bound:
             entry = characters.of(ob)
-            _run(entry, entry.copy_of(ob), ob)
+            if not _skips(entry, ob):
+                _run(entry, entry.copy_of(ob), ob)
     except (LeaveToBlender, values.Flat):  # flat: versions of Blender differ in what they do
         entry = characters.of(ob)
         _leave(entry, entry.copy_of(ob), ob)
     except Exception as error:
         entry = characters.of(ob)
         copy = entry.copy_of(ob)
+        afterwards.note(ob)  # which the fast path has not done
         characters.keep_error(entry, error)
         _leave(entry, copy, ob)
 
@@ -60,8 +66,27 @@ def _run(entry: Character, copy: GraphCopy, ob: Any) -> None:
         _rest(copy, ob)
         return
     _compute(copy, ob, frame, start)
+    afterwards.note(ob)
     copy.is_deforming = True
     switching.switch(ob, copy.plan, True)
+
+
+def _may_be_left(ob: Any) -> bool:
+    """Whether Blender's own modifiers, which are on, may deform an evaluated object if nobody restores its shape keys
+    after the evaluation."""
+    return (
+        ob.original.data.shape_keys is not None
+        and not survey.wants_more(ob.original.sinew)
+        and not afterwards.is_waiting(ob)
+    )
+
+
+def _skips(entry: Character, ob: Any) -> bool:
+    """Whether Blender's own modifiers, which are on since a failure, deform an object without another try. Nothing of
+    the object and its mesh was edited since."""
+    hook = wiring.find_hook(ob) if entry.status.failures else None
+    mesh = hook and wiring.source_of(hook)
+    return bool(mesh) and marks.is_marked(ob, "OBJECT") and marks.is_marked(mesh, "MESH") and entry.status.skips()
 
 
 def _is_at_work(copy: GraphCopy, ob: Any) -> bool:
@@ -97,10 +122,10 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
         reading.read_mesh(mesh, is_edited)
         copy.look_at_mesh_again()
     if copy.goes_through_keys():
-        characters.note_silencing(copy.character)
         addresses = key_blocks.key_addresses(mesh.shape_keys)
         reading.read_keys(ob, mesh)
-        key_values = key_blocks.silence_keys(addresses, copy.plan.animated_mutes)
+        afterwards.note(ob)  # from here on, the keys are not what they were
+        key_values = key_blocks.silence_keys(addresses)
     elif is_fresh:
         reading.read_rest(mesh)
     reading.read_method(ob, mesh)
@@ -133,7 +158,7 @@ def _compute(copy: GraphCopy, ob: Any, frame: Frame, start: float) -> None:
     # This releases the GIL, so other Python threads keep running.
     copy.chain.deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
     status = copy.character.status
-    status.error = ""
+    status.note_success()
     frame_shapes.note(ob, copy.chain.identity(ob), poses, key_values, in_order, out)
     if copy.fast_path.learn(ob):
         status.timings.add(milliseconds)
@@ -179,10 +204,14 @@ def _rest(copy: GraphCopy, ob: Any) -> None:
 
 
 def _give_keys_back(copy: GraphCopy, ob: Any) -> None:
-    """Restores the evaluated shape keys that Sinew has overwritten, because Blender blends them now."""
+    """Restores the evaluated shape keys if Sinew has overwritten them, because Blender blends them now. If they were
+    restored after the last evaluation, drivers and keyframes may have written into them since."""
     hook = copy.hook_of(ob)
     keys = hook and wiring.waits_for(hook, "keys")
     original = ob.original.data
     if not keys or not marks.is_marked(keys, "KEY") or keys.original != original.shape_keys:
         return  # unchanged, or of a mesh that the object no longer has
+    if not afterwards.is_waiting(ob):
+        marks.clear_mark(keys, "KEY")
+        return
     shape_keys.give_back(keys, copy.reading.keys_of(keys, original))

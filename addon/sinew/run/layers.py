@@ -16,6 +16,7 @@ from ..deform.influences import Bones, Influences, Rules, group_weights, influen
 from ..host import motions
 from ..native import sinew_native
 from . import living, methods
+from .leaving import LeaveToBlender
 
 # How Blender treats scaled bones with Preserve Volume.
 STRETCH = "frame_each" if values.VERSION >= (4, 0, 0) else "frame"
@@ -99,6 +100,7 @@ class Layer:
     made_of: tuple
     space: bytes | None  # mesh_from_armature when the layer was made
     wanted: str = ""  # methods.made_of for a precomputed method
+    splits_motions: bool = False  # into a rotation and a stretch, as Blender does with Preserve Volume
     lacks: str = ""  # why the precomputed data cannot be used: ABSENT, STALE, UNFIT of methods.py, or ""
     _blank: Any = field(repr=False, default=None)  # (J + 1, 4, 4), a pose in which nothing moves
 
@@ -117,10 +119,14 @@ class Layer:
         )
 
     def read_pose(self, armature: Any) -> np.ndarray:
-        """Returns the motions of an evaluated armature's joints, (J + 1, 4, 4) float32. The last is the identity."""
+        """Returns the motions of an evaluated armature's joints, (J + 1, 4, 4) float32. The last is the identity.
+        Raises LeaveToBlender."""
         numbers = self._blank.copy()
         if is_posed(armature):
-            motions.read(armature, self.first_joint, self.bones.joint_counts, numbers)
+            bones = self.first_joint, self.bones.joint_counts
+            motions.read(armature, *bones, numbers)
+            if self.splits_motions and sinew_native.host.is_any_flat(numbers, *bones):
+                raise LeaveToBlender("a B-bone is flat, and how Preserve Volume turns it depends on Blender's rounding")
         return numbers.transpose(0, 2, 1)
 
     def with_channels(self, channels: np.ndarray) -> np.ndarray:
@@ -206,6 +212,7 @@ def make_layer(
         made_of,
         _bytes(mesh_from_armature),
         wanted,
+        settings.preserve_volume and not method.kind,
         lacks,
         blank,
     )

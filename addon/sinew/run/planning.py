@@ -64,10 +64,6 @@ class Planning:
     def has_looked(self) -> bool:
         return self._modifiers is not None
 
-    def has_lost_modifier(self, original: bpy.types.Object) -> bool:
-        """Whether there are fewer modifiers than at the last look."""
-        return self._modifiers is not None and len(original.modifiers) < len(self._modifiers)
-
     def look_again(self) -> None:
         """Has the next evaluation make a new plan. The caller has Blender evaluate."""
         self.looks += 1

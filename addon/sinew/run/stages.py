@@ -14,6 +14,7 @@ from ..blender import meshes, values
 from ..host import deform_verts, vector_arrays
 from ..native import sinew_native
 from . import cage_stages, living
+from .leaving import LeaveToBlender
 
 # Blender 4.1 weights corners by a polynomial instead of the arc cosine, and no longer ignores negative factors.
 BEFORE_4_1 = values.VERSION < (4, 1, 0)
@@ -49,6 +50,8 @@ class CorrectiveSmooth:
             rest = None
         elif modifier.rest_source == "BIND":
             rest = vector_arrays.bound_positions(modifier)
+            if rest is None or len(rest) != len(source.positions):
+                raise LeaveToBlender("keyframes or a driver have set another rest source, for which it is not bound")
         return source.group(modifier), rest
 
     @staticmethod

@@ -52,11 +52,30 @@ class Timings:
         return Times(pose, skin, tuple(stages))
 
 
+MOST_SKIPPED = 32  # evaluations, after many failures in a row
+
+
 @dataclass
 class Status:
     """Of one bound mesh."""
 
     error: str = ""  # a sentence; "" after a frame without an error
+    failures: int = 0  # evaluations in a row that have failed
+    to_skip: int = 0  # evaluations that leave the mesh to Blender before the next try
     timings: Timings = field(default_factory=Timings)
     is_copy_known: bool = False  # the deformed copy has been compared with the mesh
     copy_stays: bool = False  # the last evaluation had no shape for the deformed copy
+
+    def note_failure(self) -> None:
+        """Notes that an evaluation has failed. The more have failed in a row, the more are skipped."""
+        self.failures += 1
+        self.to_skip = min(2**self.failures, MOST_SKIPPED)
+
+    def note_success(self) -> None:
+        """Notes that an evaluation has not failed, or that something was edited."""
+        self.error, self.failures, self.to_skip = "", 0, 0
+
+    def skips(self) -> bool:
+        """Whether to skip this evaluation. Counts."""
+        self.to_skip = max(self.to_skip - 1, 0)
+        return self.to_skip > 0

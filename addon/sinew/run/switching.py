@@ -38,20 +38,12 @@ def switches_of_own(ob: Any, plan: plans.Plan) -> tuple[bool, bool]:
 
 
 def switch(ob: Any, plan: plans.Plan, deforms: bool) -> None:
-    """Switches the modifiers of an evaluated object.
-
-    deforms: Sinew deforms, otherwise Blender's own modifiers do. If the evaluated keys have the shape, the Armature
-    modifiers are also unbound, so that code that applies both them and the keys (Save as Shape Key) does not deform
-    twice.
-    """
-    modifiers, through_keys = ob.modifiers, plan.way.kind == ways.KEYS
+    """Switches the modifiers of an evaluated object. deforms: Sinew deforms, otherwise Blender's own modifiers do."""
+    modifiers = ob.modifiers
     if plan.own is not None:
         switches.switch_modifier(modifiers[plan.own], *(switches_of_own(ob, plan) if deforms else OFF))
     for name in (*plan.way.front, *plan.replaced):
         switches.put_aside(modifiers[name], deforms)
-    if through_keys:
-        for name, binds in (*zip(plan.taken, plan.binds), *plan.later):
-            switches.bind_armature_modifier(modifiers[name], *(OFF if deforms else binds))
 
 
 def release(ob: Any) -> None:

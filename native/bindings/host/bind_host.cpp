@@ -167,17 +167,32 @@ py::bytes tree_bytes(Address first, std::ptrdiff_t children_at,
   return found;
 }
 
-/// layout: as in KeyLayout; animated: numbers of keys.
-py::array_t<float> read_and_silence_keys(const std::vector<Address>& keys, const std::array<std::ptrdiff_t, 3>& layout,
-                                         const std::vector<std::size_t>& animated) {
+bool is_any_flat(const py::array_t<float, py::array::c_style>& motions,
+                 const py::array_t<std::int32_t, py::array::c_style>& first_joints,
+                 const py::array_t<std::int32_t, py::array::c_style>& joint_counts) {
+  const auto firsts = first_joints.unchecked<1>(), counts = joint_counts.unchecked<1>();
+  for (py::ssize_t b = 0; b < firsts.shape(0); ++b) {
+    if (firsts(b) < 0 || counts(b) < 2) continue;
+    for (std::int32_t j = firsts(b); j < firsts(b) + counts(b); ++j) {
+      if (is_nearly_flat(motions.data(j, 0, 0))) return true;
+    }
+  }
+  return false;
+}
+
+/// layout: as in KeyLayout.
+py::array_t<float> read_and_silence_keys(const std::vector<Address>& keys,
+                                         const std::array<std::ptrdiff_t, 3>& layout) {
   std::vector<float> values(keys.size(), 0.0f);
-  silence_keys(keys, {layout[0], layout[1], layout[2]}, chosen_keys(animated, keys.size()), values);
+  silence_keys(keys, {layout[0], layout[1], layout[2]}, values);
   return array_of(values);
 }
 
-void give_keys_back(const py::array_t<std::int64_t>& keys, std::ptrdiff_t flags_at) {
-  const auto addresses = keys.unchecked<1>();
-  for (py::ssize_t k = 1; k < addresses.shape(0); ++k) give_key_back(static_cast<Address>(addresses(k)), flags_at);
+/// layout: as in KeyLayout.
+void restore_silent_keys(const std::vector<Address>& keys, const std::array<std::ptrdiff_t, 3>& layout,
+                         const std::vector<std::int16_t>& numbers) {
+  if (keys.size() != numbers.size()) throw InputError("numbers needs one number per key");
+  restore_keys(keys, {layout[0], layout[1], layout[2]}, numbers);
 }
 
 }  // namespace
@@ -215,6 +230,11 @@ void bind_host(py::module_& parent) {
              "segments, the address of the segments' motions.\n"
              "out: (J, 4, 4) float32, column by column as in Blender, C-contiguous.\n"
              "Raises ValueError if the pose has different bones or segments.");
+  module.def(
+      "is_any_flat", &is_any_flat, py::arg("motions"), py::arg("first_joints"), py::arg("joint_counts"),
+      "Whether a segment of any B-bone is flattened along an axis, but for rounding. What rotation Blender takes "
+      "from its motion then depends on how Blender has rounded.\n\n"
+      "motions: (J, 4, 4) float32, first_joints, joint_counts: (B,) int32, as read_pose takes and fills them.");
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Returns the addresses, int64, of at most count structs of one of Blender's lists, in which each "
              "begins with the address of the next.");
@@ -225,16 +245,15 @@ void bind_host(py::module_& parent) {
              "children_at: byte offset of the address of a struct's first child.\n"
              "regions: [(offset, size)] in bytes, what to read of each struct.");
   module.def("silence_keys", &read_and_silence_keys, py::arg("keys"), py::arg("layout"),
-             py::arg("animated") = std::vector<std::size_t>(),
-             "Mutes evaluated shape keys and remembers in unused bits of their flags which ones were muted. Those that "
-             "drivers or keyframes may mute on each frame become relative to themselves instead.\n\n"
+             "Keeps Blender from adding evaluated shape keys to the reference key: makes them relative to a key that "
+             "does not exist.\n\n"
              "keys: (K,) int64, addresses, first the reference key, which is not changed; layout: byte offsets in a "
-             "key of its flags, its value and the number of the key to which it is relative; animated: numbers of the "
-             "keys that may be muted by drivers or keyframes.\n"
-             "Returns (K,) float32: their values, 0 for the reference and for what was muted.\n"
-             "Raises ValueError for a number that is not one of a key.");
-  module.def("give_keys_back", &give_keys_back, py::arg("keys"), py::arg("flags_at"),
-             "Undoes silence_keys for the keys that it has muted.");
+             "key of its flags, its value and the number of the key to which it is relative.\n"
+             "Returns (K,) float32: their values, 0 for the reference and for muted keys.");
+  module.def("restore_keys", &restore_silent_keys, py::arg("keys"), py::arg("layout"), py::arg("numbers"),
+             "Undoes silence_keys.\n\n"
+             "numbers: for each key, that of the key to which it is relative.\n"
+             "Raises ValueError if there is not one for each key.");
   bind_pose_record(module);
   bind_stored_curves(module);
   bind_frame_shape(module);

@@ -26,8 +26,9 @@ namespace {
 using StructToWatch =
     std::tuple<Address, std::ptrdiff_t, std::size_t, std::vector<std::pair<std::ptrdiff_t, std::size_t>>>;
 
-/// The addresses of shape keys, the offsets of KeySource, and the numbers of the keys whose muting is animated.
-using GivenKeys = std::tuple<std::vector<Address>, std::array<std::ptrdiff_t, 5>, std::vector<std::size_t>>;
+/// The addresses of shape keys, the offsets of KeySource, for each key the number of the key that it is relative to, and
+/// the reference key's own points.
+using GivenKeys = std::tuple<std::vector<Address>, std::array<std::ptrdiff_t, 5>, std::vector<std::int16_t>, py::array>;
 
 Watched watched_of(const std::vector<StructToWatch>& given) {
   std::vector<WatchedStruct> structs;
@@ -81,6 +82,19 @@ struct PoseSource {
   std::ptrdiff_t bone_count;
   std::vector<Bone> bones;
   std::vector<float> matrices;  ///< identity for bones that do not deform
+  bool is_split = false;        ///< whether the layer splits its motions as Blender does
+
+  /// Whether how a motion is split depends on how Blender has rounded.
+  bool depends_on_rounding() const {
+    if (!is_split) return false;
+    return std::ranges::any_of(bones, [this](const Bone& bone) {
+      if (bone.joint_count < 2) return false;
+      for (std::int32_t j = 0; j < bone.joint_count; ++j) {
+        if (is_nearly_flat(matrices.data() + 16 * (bone.first_joint + j))) return true;
+      }
+      return false;
+    });
+  }
 };
 
 /// Offsets of the members of a pose, in bytes.
@@ -105,11 +119,21 @@ struct KeySource {
   std::vector<Address> keys;
   /// as in KeyLayout, then the offsets of the address of a key's points and of their number
   std::array<std::ptrdiff_t, 5> layout;
-  std::vector<bool> animated;  ///< which of them drivers or keyframes may mute
+  std::vector<std::int16_t> relative;  ///< for each key, the number of the key that it is relative to
   std::vector<float> values;
+  std::optional<py::array> base_owner;
+  std::span<const float> base;  ///< the first key's own coordinates
+
+  KeyLayout of_key() const { return {layout[0], layout[1], layout[2]}; }
 
   /// Reads the keys' values, and has Blender add none of the keys.
-  void read_values() { silence_keys(keys, {layout[0], layout[1], layout[2]}, animated, values); }
+  void read_values() { silence_keys(keys, of_key(), values); }
+
+  /// Makes the keys what they were. points: of the first key.
+  void restore(float* points) const {
+    restore_keys(keys, of_key(), relative);
+    std::ranges::copy(base, points);
+  }
 
   /// Returns the coordinates of the first key, or null if its number of points is not count.
   float* points(std::ptrdiff_t count) const {
@@ -156,13 +180,19 @@ class Shortcut {
     }
     for (const auto& [at, first_joints, joint_counts] : poses) {
       sources_.emplace_back(at, first_joints, joint_counts, layers[sources_.size()]->skin().joint_count());
+      sources_.back().is_split = layers[sources_.size() - 1]->method() == SkinningMethod::dual_quaternion;
     }
     for (const auto& [address, clear, set] : switches) switches_.push_back({address, clear, set});
     for (const auto& [address, bits] : kept) kept_.push_back({address, bits, read<std::int32_t>(address) & bits});
     if (keys) {
-      const auto& [addresses, offsets, animated] = *keys;
+      const auto& [addresses, offsets, relative, base] = *keys;
       if (addresses.empty()) throw InputError("keys has no address; expected one per key");
-      keys_ = {addresses, offsets, chosen_keys(animated, addresses.size()), std::vector<float>(addresses.size(), 0.0f)};
+      if (relative.size() != addresses.size()) throw InputError("keys needs one number per key");
+      keys_ = {addresses, offsets, relative, std::vector<float>(addresses.size(), 0.0f), base, {}};
+      keys_.base = numbers_span("keys", *keys_.base_owner, 2, "(V, 3)");
+      if (std::ssize(keys_.base) != 3 * deformer_.vertex_count()) {
+        throw InputError("the reference key's points are not those of the deformer's vertices");
+      }
     }
     for (const Address mark : bones_) marks_.push_back(read<std::uint8_t>(mark));
     if (rest_owner_) rest_ = numbers_span("rest_positions", *rest_owner_, 2, "(V, 3)");
@@ -209,6 +239,7 @@ class Shortcut {
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       if (!place(i)) return false;
       gather(sources_[i]);
+      if (sources_[i].depends_on_rounding()) return false;
       const std::ptrdiff_t joints = std::ssize(sources_[i].matrices) / 16;
       poses_[i].matrices = {sources_[i].matrices.data(), 1, joints, 16 * joints, 16, 1, 4};
     }
@@ -234,6 +265,20 @@ class Shortcut {
     }
     for (const Switch& each : switches_) {
       write(each.address, (read<std::int32_t>(each.address) & ~each.clear) | each.set);
+    }
+    return true;
+  }
+
+  /// Restores switches and keys after an evaluation. Returns false if the full code must do it.
+  bool restore() const {
+    if (!holds()) return false;
+    if (!keys_.keys.empty()) {
+      float* const points = keys_.points(deformer_.vertex_count());
+      if (!points) return false;
+      keys_.restore(points);
+    }
+    for (const Switch& each : switches_) {
+      write(each.address, read<std::int32_t>(each.address) & ~(each.clear | each.set));
     }
     return true;
   }
@@ -364,8 +409,8 @@ void bind_shortcut(py::module_& host) {
           "switches: (address of an int32, bits to clear, bits to set).\n"
           "stages: as in Deformer.deform.\n"
           "keys: (addresses of the shape keys, byte offsets in a key: three as in silence_keys, then of the address of "
-          "its points and of their number, numbers of the keys that drivers or keyframes may mute), or None. The shape "
-          "is written into the first key's points.\n"
+          "its points and of their number, for each key the number of the key to which it is relative, (V, 3) float32 "
+          "the first key's own points), or None. The shape is written into the first key's points.\n"
           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
           "kept: (address of an int32, bits of it that must stay as they are now for the shortcut to hold). Read only "
           "while the watched memory is unchanged.\n"
@@ -387,9 +432,12 @@ void bind_shortcut(py::module_& host) {
            "nothing is computed.\n"
            "keep: whether to copy the shape, if it had to be computed.\n"
            "Returns False, and does nothing, if it does not hold, if the first key has another number of points, "
-           "or if an object's scale is 0 along an axis.\n"
+           "if an object's scale is 0 along an axis, or if is_any_flat for a layer of dual quaternions.\n"
            "Raises ValueError, without changing the switches, if a pose has different bones or "
            "segments.")
+      .def("restore", &Shortcut::restore,
+           "After the evaluation, clears the bits of the switches, and restores the keys.\n\n"
+           "Returns False, and does nothing, if it does not hold, or if the first key has another number of points.")
       .def_property_readonly("shape", &Shortcut::shape,
                              "The FrameShape that the last frame has copied or kept; None if there is none.")
       .def_property_readonly(

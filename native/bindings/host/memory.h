@@ -1,6 +1,7 @@
 /// Reads and writes Blender's own memory by address, which need not be aligned.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -46,59 +47,39 @@ inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_
   return true;
 }
 
-// Bits of a shape key's flags. The first is Blender's. Blender does not use the others, and they are lost when it
-// copies the key again.
-constexpr std::uint16_t kMuted = 1, kSeen = 1 << 14, kMutedByUser = 1 << 15;
+/// Whether the motion of a B-bone's segment, 16 numbers column by column, flattens space along an axis, but for rounding.
+/// Which rotation Blender takes from it then depends on how Blender has rounded.
+inline bool is_nearly_flat(const float* motion) {
+  constexpr float kShare = 1e-5f;
+  const float *x = motion, *y = motion + 4, *z = motion + 8;
+  const auto length = [](const float* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); };
+  const float volume =
+      x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
+  return !(std::abs(volume) > kShare * length(x) * length(y) * length(z));
+}
+
+constexpr std::uint16_t kMuted = 1;  ///< a bit of a shape key's flags
+constexpr std::int16_t kNoKey = -1;  ///< Blender skips keys that are relative to a key that does not exist
 
 /// Offsets of the members of a shape key, in bytes. relative: the number of the key that it is relative to.
 struct KeyLayout {
   std::ptrdiff_t flags, value, relative;
 };
 
-/// Mutes a key of an evaluated copy. Returns its value, or 0 if the user has muted it.
-inline float silence_key(Address key, const KeyLayout& layout) {
-  auto flags = read<std::uint16_t>(key + layout.flags);
-  const bool muted = flags & (flags & kSeen ? kMutedByUser : kMuted);
-  flags = static_cast<std::uint16_t>(flags & ~kMutedByUser) | kMuted | kSeen;
-  if (muted) flags |= kMutedByUser;
-  write(key + layout.flags, flags);
-  return muted ? 0.0f : read<float>(key + layout.value);
-}
-
-/// Undoes silence_key.
-inline void give_key_back(Address key, std::ptrdiff_t flags_at) {
-  auto flags = read<std::uint16_t>(key + flags_at);
-  if (!(flags & kSeen)) return;
-  const std::uint16_t muted = flags & kMutedByUser ? kMuted : 0;
-  flags &= static_cast<std::uint16_t>(~(kSeen | kMutedByUser | kMuted));
-  write(key + flags_at, static_cast<std::uint16_t>(flags | muted));
-}
-
-/// Makes a key of an evaluated copy relative to itself, so that Blender adds nothing: for a key whose mute flag drivers
-/// or keyframes may set on each frame. Returns its value, or 0 if it is muted.
-inline float detach_key(Address key, const KeyLayout& layout, std::int16_t number) {
-  give_key_back(key, layout.flags);  // if it was silenced before it was animated
-  write(key + layout.relative, number);
-  return read<std::uint16_t>(key + layout.flags) & kMuted ? 0.0f : read<float>(key + layout.value);
-}
-
-/// Keeps Blender from adding keys of an evaluated copy to the first one. animated: for each key, whether drivers or
-/// keyframes may mute it. Writes their values, 0 for muted keys, except for the first.
-inline void silence_keys(std::span<const Address> keys, const KeyLayout& layout, const std::vector<bool>& animated,
-                         std::span<float> values) {
+/// Keeps Blender from adding keys of an evaluated copy to the first one. Writes their values, 0 for muted keys, except
+/// for the first.
+inline void silence_keys(std::span<const Address> keys, const KeyLayout& layout, std::span<float> values) {
   for (std::size_t k = 1; k < keys.size(); ++k) {
-    values[k] = animated[k] ? detach_key(keys[k], layout, static_cast<std::int16_t>(k)) : silence_key(keys[k], layout);
+    write(keys[k] + layout.relative, kNoKey);
+    const bool is_muted = read<std::uint16_t>(keys[k] + layout.flags) & kMuted;
+    values[k] = is_muted ? 0.0f : read<float>(keys[k] + layout.value);
   }
 }
 
-/// Returns for each of count keys whether it is one of those with these numbers.
-inline std::vector<bool> chosen_keys(const std::vector<std::size_t>& numbers, std::size_t count) {
-  std::vector<bool> chosen(count, false);
-  for (const std::size_t number : numbers) {
-    if (number >= count) throw InputError("animated has a number that is not one of a key");
-    chosen[number] = true;
-  }
-  return chosen;
+/// Undoes silence_keys. numbers: for each key, that of the key that it is relative to.
+inline void restore_keys(std::span<const Address> keys, const KeyLayout& layout,
+                         std::span<const std::int16_t> numbers) {
+  for (std::size_t k = 1; k < keys.size(); ++k) write(keys[k] + layout.relative, numbers[k]);
 }
 
 }  // namespace sinew::bindings

@@ -1,0 +1,438 @@
+"""Animation writes into evaluated data in place, which no lost mark tells. Every number that keyframes or a driver can
+set, of each kind of data-block that Sinew reads and of what is in it, is set on a bound mesh and on its twin."""
+
+import contextlib
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import (
+    accelerate,
+    add_shape_keys,
+    by_keys,
+    face_of,
+    hook,
+    in_a_cage,
+    make_armature,
+    make_cage,
+    make_mesh,
+    make_mesh_cage,
+    pose,
+    smoothed,
+    with_bendy_bones,
+)
+from helpers import addon_module, assert_same_shape, diagonal, evaluated, is_deforming, select, twin_of, way
+
+FRAMES = (1, 2, 3, 4)
+DEPTH = 2  # of structs in structs; of a collection, the first and the last element
+# Other ways to the same bones; and what says how a data-block is kept in the file.
+BESIDE = {"rna_type", "original", "children", "animation_data"} | set(bpy.types.ID.bl_rna.properties.keys())
+# It would take the bound mesh away from its twin by other means, or is there for Sinew.
+NOT_HERE = re.compile(
+    r"(.*use_apply_on_spline|matrix_|location|rotation|scale|delta_|dimensions|sinew|pose\.|parent|attributes\[\"\.sinew)"
+)
+
+
+def numbers_of(struct, path="", depth=DEPTH):
+    """Yields (path, value) of all numbers in a struct of Blender that can be animated, with those of its elements."""
+    for rna in struct.bl_rna.properties:
+        name = rna.identifier
+        if name in BESIDE:
+            continue
+        if rna.type == "COLLECTION":
+            found = getattr(struct, name)
+            if depth and len(found):
+                for index in {0, len(found) - 1}:
+                    element = found[index]
+                    yield from numbers_of(element, f"{path}{name}{index_of(element, index)}.", depth - 1)
+        elif rna.type == "POINTER":
+            inner = getattr(struct, name)
+            if depth and inner is not None and not isinstance(inner, bpy.types.ID) and "parent" not in name:
+                yield from numbers_of(inner, f"{path}{name}.", depth - 1)
+        elif rna.is_animatable and not rna.is_readonly and rna.type in {"BOOLEAN", "INT", "FLOAT", "ENUM"}:
+            if not getattr(rna, "is_enum_flag", False):
+                yield path + name, rna
+
+
+def index_of(element, index):
+    name = getattr(element, "name", "")
+    return f'["{bpy.utils.escape_identifier(name)}"]' if isinstance(name, str) and name else f"[{index}]"
+
+
+def other_values(block, path, rna):
+    """Two values that differ from each other, and from the property's own if there are so many; None for none."""
+    if rna.type == "BOOLEAN":
+        return 0.0, 1.0
+    if rna.type == "ENUM":
+        numbers = [item.value for item in rna.enum_items]
+        return (float(numbers[0]), float(numbers[-1])) if len(numbers) > 1 else None
+    value = block.path_resolve(path)
+    if getattr(rna, "is_array", False):
+        value = np.array(value).reshape(-1)[0]
+    low, high = max(rna.soft_min, value - 0.7), min(rna.soft_max, value + 0.9)
+    if rna.type == "INT":
+        low, high = max(rna.hard_min, value - 1), min(rna.hard_max, value + 2)
+    return (float(low), float(high)) if low < high else None
+
+
+def key(block, path, rna, values):
+    """Keyframes. Returns what removes them."""
+    had = block.animation_data is not None and block.animation_data.action is not None
+    for frame in (1, 3):
+        if not insert(block, path, frame):
+            return None
+    curve = addon_module("blender.animation").find_curve(block, path)
+    if curve is None:  # another way to something that has a path of its own
+        unkey(block, path, had)
+        return None
+    for point, value in zip(curve.keyframe_points, values):
+        point.co.y = value
+        point.interpolation = "LINEAR" if rna.type == "FLOAT" else "CONSTANT"
+    curve.update()
+    return lambda: unkey(block, path, had)
+
+
+def insert(block, path, frame):
+    try:
+        return block.keyframe_insert(path, frame=frame)
+    except (TypeError, ValueError):  # a path into another data-block
+        return False
+
+
+def unkey(block, path, had):
+    for frame in (1, 3):
+        block.keyframe_delete(path, frame=frame)
+    if not had:
+        block.animation_data.action = None
+
+
+def drive(block, path, rna, values):
+    """A driver of the frame. Returns what removes it."""
+    try:
+        found = block.driver_add(path)
+    except (TypeError, ValueError):
+        return None
+    for curve in found if isinstance(found, list) else [found]:
+        curve.driver.type = "SCRIPTED"
+        curve.driver.expression = f"{values[0]} + {values[1] - values[0]} * (frame > 2)"
+    return lambda: block.driver_remove(path)
+
+
+@contextlib.contextmanager
+def animated(pair, path, rna, values, animate):
+    """Animates a property of two data-blocks for a while; then it has the value of before. Yields whether it could."""
+    before = [
+        np.array(block.path_resolve(path)).tolist() if rna.type != "ENUM" else block.path_resolve(path)
+        for block in pair
+    ]
+    undo = [animate(block, path, rna, values) for block in pair]
+    try:
+        yield None not in undo
+    finally:
+        for each in filter(None, undo):
+            each()
+        for block, value in zip(pair, before):
+            holder, _, name = path.rpartition(".")
+            with contextlib.suppress(AttributeError):  # it depends on another setting whether it is read-only
+                setattr(block.path_resolve(holder) if holder else block, name, value)
+
+
+def error_of_plays(scene, check):
+    """Returns why the check failed each time that the frames were played, or "". Blender evaluates some drivers before
+    or after what they change, as it happens: of keys' points, and of the pose position."""
+    error = ""
+    for _ in range(4):
+        try:
+            for frame in FRAMES:
+                scene.frame_set(frame)
+                check()
+            return ""
+        except AssertionError as failed:
+            error = f"on frame {frame}: {failed}"[:120]
+    return error
+
+
+class Scene:
+    """A bound mesh and its twin, with data of their own."""
+
+    def __init__(self, kind, preserve_volume):
+        self.armatures = [make_armature(), make_armature()]
+        self.objects = []
+        for armature in self.armatures:
+            for frame in (1, 3, 5):
+                pose(armature, frame, scaled=True)
+        self.ob = self.make(kind, self.armatures[0], preserve_volume)
+        self.twin = twin_of(self.ob)
+        self.twin.modifiers["Armature"].object = self.armatures[1]
+        for each in (self.ob, self.twin):
+            with_bendy_bones(each)
+        if self.ob.data.shape_keys:
+            self.twin.data.shape_keys.animation_data_clear()
+        self.cages = [None, None]
+        if kind in {"lattice", "cage"}:
+            self.add_cages(kind)
+        accelerate(self.ob)
+        bpy.context.scene.frame_set(1)
+        self.check()
+        assert is_deforming(self.ob)
+
+    def make(self, kind, armature, preserve_volume):
+        ob = make_mesh(armature, preserve_volume)
+        if kind == "keys":
+            add_shape_keys(ob)
+            ob.data.shape_keys.animation_data_clear()
+            for block in ob.data.shape_keys.key_blocks[1:]:
+                block.value = 0.6
+        if kind == "mesh":
+            for name, kind_of in (("Col", "FLOAT_COLOR"), ("Num", "FLOAT")):
+                ob.data.attributes.new(name, kind_of, "POINT")
+            ob.data.uv_layers.new(name="UV")
+        return ob
+
+    def add_cages(self, kind):
+        for number, ob in enumerate((self.ob, self.twin)):
+            cage = make_cage() if kind == "lattice" else make_mesh_cage()
+            by_keys(cage)
+            cage.data.shape_keys.animation_data_clear()
+            cage.data.shape_keys.key_blocks["Bent"].value = 0.4
+            if kind == "lattice":
+                in_a_cage(ob, cage)
+            else:
+                modifier = smoothed(ob, "Cage", "MESH_DEFORM", object=cage, precision=4)
+                select(ob)
+                assert bpy.ops.object.meshdeform_bind(modifier=modifier.name) == {"FINISHED"}
+            self.cages[number] = cage
+
+    def check(self):
+        ours, theirs = evaluated(self.ob), evaluated(self.twin)
+        assert len(ours) == len(theirs)
+        error = float(np.nanmax(np.abs(ours - theirs))) / max(diagonal(theirs), 1e-9)
+        assert error < 1e-5, f"{error:.3g} of the diagonal"
+
+    def blocks(self, of):
+        return {
+            "mesh": lambda: (self.ob.data, self.twin.data),
+            "keys": lambda: (self.ob.data.shape_keys, self.twin.data.shape_keys),
+            "armature": lambda: tuple(each.data for each in self.armatures),
+            "rig": lambda: tuple(self.armatures),
+            "object": lambda: (self.ob, self.twin),
+            "lattice": lambda: tuple(each.data for each in self.cages),
+            "keys of the cage": lambda: tuple(each.data.shape_keys for each in self.cages),
+            "cage": lambda: tuple(each.data for each in self.cages),
+        }[of]()
+
+
+KINDS = (
+    ("mesh", "mesh"),
+    ("keys", "keys"),
+    ("keys", "mesh"),
+    ("keys", "armature"),
+    ("mesh", "armature"),
+    ("keys", "object"),
+    ("lattice", "lattice"),
+    ("lattice", "keys of the cage"),
+    ("cage", "cage"),
+    ("cage", "keys of the cage"),
+)
+
+
+@pytest.mark.parametrize("animate", (key, drive), ids=("keyframes", "drivers"))
+@pytest.mark.parametrize("kind, of", KINDS)
+def test_what_animation_sets_is_followed_or_left_to_blender(fresh_scene, kind, of, animate):
+    scene = Scene(kind, preserve_volume=of == "armature" and kind == "mesh")
+    pair = scene.blocks(of)
+    followed, left, wrong = [], [], []
+    for path, rna in list(numbers_of(pair[0])):
+        if NOT_HERE.match(path):
+            continue
+        values = other_values(pair[0], path, rna)
+        if values is None:
+            continue
+        with animated(pair, path, rna, values, animate) as is_animated:
+            if not is_animated:
+                continue
+            error = error_of_plays(fresh_scene, scene.check)
+            if error:
+                wrong.append((path, error))
+            else:
+                (followed if is_deforming(scene.ob) else left).append(path)
+        bpy.context.view_layer.update()
+    print(f"\n{kind} {of} {animate.__name__}: {len(followed)} followed, {len(left)} left to Blender")
+    print("  followed:", followed)
+    print("  left:", left)
+    assert not wrong, wrong
+    assert followed or left
+
+
+# --- modifiers ----------------------------------------------------------------------------------------
+
+
+def make_run(keys):
+    """(bound mesh, twin) with a modifier of each type that Sinew replaces, and two that are mixed."""
+    armature = make_armature()
+    for frame in (1, 3, 5):
+        pose(armature, frame, scaled=True)
+    ob = make_mesh(armature, True)
+    with_bendy_bones(ob)
+    if keys:
+        add_shape_keys(ob)
+    face_of(ob, "Face", use_multi_modifier=True, vertex_group="bone1")
+    in_a_cage(ob, make_cage())
+    smoothed(ob, iterations=2)
+    smoothed(ob, "Smooth", "SMOOTH", iterations=2)
+    hook(ob, vertex_group="bone3")
+    face_of(ob, "Tongue", (0.2, 0.1, 0.5))
+    twin = twin_of(ob)
+    if keys:
+        twin.data.shape_keys.animation_data.action = ob.data.shape_keys.animation_data.action
+    accelerate(ob)
+    return ob, twin
+
+
+@pytest.mark.parametrize("animate", (key, drive), ids=("keyframes", "drivers"))
+@pytest.mark.parametrize("keys", (False, True), ids=("attribute", "keys"))
+def test_every_setting_of_a_modifier_is_followed_or_left_to_blender(fresh_scene, keys, animate):
+    ob, twin = make_run(keys)
+    fresh_scene.frame_set(2)
+    assert is_deforming(ob)
+    followed, left, wrong = [], [], []
+    for modifier in twin.modifiers:
+        for name, rna in numbers_of(modifier, depth=0):
+            path = f'modifiers["{modifier.name}"].{name}'
+            values = other_values(twin, path, rna)
+            if values is None or name == "use_apply_on_spline":  # which the hook drives
+                continue
+            with animated((ob, twin), path, rna, values, animate) as is_animated:
+                if not is_animated:
+                    continue
+                error = error_of_plays(fresh_scene, lambda: assert_same_shape(ob, twin))
+                if error:
+                    wrong.append((path, error))
+                else:
+                    (followed if is_deforming(ob) else left).append(path)
+            bpy.context.view_layer.update()
+            fresh_scene.frame_set(2)
+            assert_same_shape(ob, twin)
+    print(f"\n{animate.__name__}: {len(followed)} followed; left to Blender: {left}")
+    assert not wrong, wrong
+    assert len(followed) > 40
+
+
+@pytest.mark.parametrize("animate", (key, drive), ids=("keyframes", "drivers"))
+@pytest.mark.parametrize("before", ("Armature", "LATTICE"))
+def test_a_modifier_is_left_to_blender_if_one_behind_it_mixes_on_some_frames(fresh_scene, before, animate):
+    """What Blender uses its result for depends on that."""
+    armature = make_armature()
+    for frame in (1, 3, 5):
+        pose(armature, frame, scaled=True)
+    ob = make_mesh(armature, False)
+    if before == "LATTICE":
+        in_a_cage(ob, make_cage(), "LATTICE")
+    face_of(ob, "Face")
+    twin = twin_of(ob)
+    accelerate(ob)
+    path = 'modifiers["Face"].use_multi_modifier'
+    for each in (ob, twin):
+        assert animate(each, path, each.modifiers["Face"].bl_rna.properties["use_multi_modifier"], (0.0, 1.0))
+    for frame in (*FRAMES, 5, 2):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    entry = addon_module("run.characters").character(ob)
+    reason = entry.way.reason if before == "Armature" else entry.run.reason
+    assert reason in {
+        f"Multi Modifier of Face{behind} is animated: remove that" for behind in ("", f" behind {before}")
+    }
+
+
+# --- while it plays -----------------------------------------------------------------------------------
+
+
+def part(ob, of):
+    return {"mesh": ob.data, "keys": ob.data.shape_keys, "armature": ob.modifiers["Armature"].object.data}[of]
+
+
+PATHS = {"mesh": "vertices[7].co", "keys": 'key_blocks["Wide"].data[7].co', "armature": 'bones["bone2"].use_deform'}
+
+
+def key_values(block, path):
+    for frame, share in ((1, 0), (4, 1)):
+        place, _, name = path.rpartition(".")
+        holder = block.path_resolve(place)
+        value = getattr(holder, name)
+        setattr(holder, name, share == 1 if isinstance(value, bool) else np.array(value) + share)
+        assert holder.keyframe_insert(name, frame=frame)
+
+
+def add_keyframes(block, path):
+    key_values(block, path)
+
+
+def add_to_other_keyframes(block, path):
+    """The action is there already, and another F-curve in it is harmless."""
+    key_values(block, path)
+
+
+def add_strip(block, path):
+    key_values(block, path)
+    data = block.animation_data
+    action, slot = data.action, getattr(data, "action_slot", None)
+    strip = data.nla_tracks.new().strips.new("Strip", 1, action)
+    if slot is not None:
+        strip.action_slot = slot
+    data.action = None
+
+
+def add_driver(block, path):
+    found = block.driver_add(path)
+    for curve in found if isinstance(found, list) else [found]:
+        curve.driver.type, curve.driver.expression = "SCRIPTED", "frame > 2"
+
+
+ADDED = (add_keyframes, add_to_other_keyframes, add_strip, add_driver)
+
+
+@pytest.mark.parametrize("add", ADDED)
+@pytest.mark.parametrize("of", PATHS)
+@pytest.mark.parametrize("updates", (True, False), ids=("updated", "not updated"))
+def test_animation_that_is_added_while_it_plays(fresh_scene, add, of, updates):
+    pair = []
+    for _ in range(2):
+        armature = make_armature()
+        for frame in (1, 3, 5):
+            pose(armature, frame, scaled=True)
+        ob = make_mesh(armature, False)
+        if of == "keys":
+            add_shape_keys(ob)
+        block = part(ob, of)
+        if add is add_to_other_keyframes:
+            block["own"] = 1.0
+            block.keyframe_insert('["own"]', frame=1)
+        pair.append(ob)
+    accelerate(pair[0])
+    for frame in range(1, 6):
+        fresh_scene.frame_set(frame)
+    assert is_deforming(pair[0])
+    for ob in pair:
+        add(part(ob, of), PATHS[of])
+    if updates:
+        bpy.context.view_layer.update()
+        assert_same_shape(*pair)
+    for frame in (1, 2, 3, 4):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(*pair)
+    assert not is_deforming(pair[0]) and way(pair[0]) == "BLENDER"
+    how = "driven" if add is add_driver else "keyed"
+    advice = "remove its driver" if add is add_driver else "remove its keyframes"
+    reason = addon_module("run.characters").character(pair[0]).way.reason
+    block = part(pair[0], of)
+    title = {"mesh": "the mesh", "keys": "the shape keys", "armature": "the armature"}[of]
+    assert reason == f"{PATHS[of]} of {title} {block.name} is {how}, and Sinew reads that only after edits: {advice}"
+    for ob in pair:
+        part(ob, of).animation_data_clear()
+    bpy.context.view_layer.update()
+    for frame in (3, 4):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(*pair)
+    assert is_deforming(pair[0])
