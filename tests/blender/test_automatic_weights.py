@@ -1034,3 +1034,13 @@ def test_import_with_made_weights(sinew, tmp_path):
     assert (code, err) == (0, "")
     ob = bpy.context.active_object
     assert np.array_equal(dense(ob, group_names(ob)), made)
+
+
+def test_a_mesh_that_another_armature_deforms_is_warned_of():
+    ob, armature = make_figure()
+    assert parent(ob, armature) == {"FINISHED"}
+    twice = module("parenting").deformed_twice
+    assert twice(ob, armature) == ""
+    other = make_armature()
+    assert parent(ob, other) == {"FINISHED"}
+    assert twice(ob, other).startswith(f"{ob.name} is deformed by {armature.name}, too: remove that Armature modifier")

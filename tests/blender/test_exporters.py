@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, make_tube, pose, smoothed
 from exporting import enable_exporters, operator, skip_without
-from helpers import addon_module, assert_same_on_all_frames, diagonal, evaluated, maps_files, twin_of, way
+from helpers import addon_module, assert_same_on_all_frames, diagonal, evaluated, is_deforming, maps_files, twin_of, way
 
 FRAMES = range(1, 5)
 USD = ("wm.usd_export", "wm.usd_import", "usdc")
@@ -28,6 +28,7 @@ EXPORTERS = {
     "Alembic": (*ALEMBIC, {"as_background_job": False, "start": FRAMES[0], "end": FRAMES[-1]}),
     "glTF": (*GLTF, {}),
     "glTF with modifiers": (*GLTF, {"export_apply": True}),
+    "glTF with modifiers, without skins": (*GLTF, {"export_apply": True, "export_skins": False}),
     "FBX": (*FBX, {}),
     "FBX without modifiers": (*FBX, {"use_mesh_modifiers": False}),
     "FBX without armatures": (*FBX, {"object_types": {"MESH"}}),
@@ -115,6 +116,35 @@ def test_a_bound_character_is_exported_as_an_unbound_one(tmp_path, name, with_ke
     assert set(bound) == set(unbound) and len(unbound) > len(FRAMES)
     errors = {key: float(np.abs(bound[key] - value).max(initial=0.0)) for key, value in unbound.items()}
     assert max(errors.values()) < 1e-5, errors
+
+
+@pytest.mark.parametrize("is_keyed", (False, True), ids=("at rest", "keyed"))
+@pytest.mark.parametrize("name", [name for name in EXPORTERS if "armatures" not in name and "skins" not in name])
+def test_a_bound_prop_is_exported_as_an_unbound_one(tmp_path, name, is_keyed):
+    """It has shape keys, and no armature."""
+    ob = make_tube()
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Wide")
+    for point in key.data:
+        point.co.x *= 2
+    key.value = 0.5
+    for frame, value in ((1, 0.2), (4, 0.9)) if is_keyed else ():
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = FRAMES[0], FRAMES[-1]
+    unbound, bound = [tmp_path / folder / f"prop.{EXPORTERS[name][2]}" for folder in ("unbound", "bound")]
+    export(name, unbound)
+    accelerate(ob)
+    assert way(ob) == "KEYS"
+    export(name, bound)
+    assert is_deforming(ob)
+    unbound, bound = imported(name, unbound), imported(name, bound)
+    assert set(bound) == set(unbound)
+    errors = {key: float(np.abs(bound[key] - value).max(initial=0.0)) for key, value in unbound.items()}
+    assert max(errors.values()) < 1e-5, errors
+    if "glTF" in name:
+        assert any("Wide" in what for what in unbound)
 
 
 @pytest.mark.usefixtures("usd")

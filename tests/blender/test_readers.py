@@ -183,3 +183,48 @@ def test_a_driver_that_is_given_the_key_itself_leaves_the_mesh_to_blender(fresh_
         'The driver of key_blocks["Wide"].value of the shape keys Key runs Python with the data itself (self), through '
         "which it may change what Sinew has read: write it without"
     )
+
+
+@pytest.mark.says_errors
+def test_a_lasting_error_is_not_run_into_on_each_frame(fresh_scene, monkeypatch):
+    ob, twin = make_pair("keys")
+    in_pass = addon_module("run.in_pass")
+    prepare, tries = in_pass._prepare, []
+
+    def fail(*arguments):
+        tries.append(prepare(*arguments))
+        raise ValueError("it cannot be done")
+
+    monkeypatch.setattr(in_pass, "_prepare", fail)
+    ob.update_tag()
+    for frame in range(1, 41):
+        fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+    assert addon_module("run.characters").character(ob).status.error == "it cannot be done"
+    assert 3 < len(tries) < 9
+    before = len(tries)
+    ob.update_tag()
+    bpy.context.view_layer.update()
+    assert len(tries) == before + 1  # an edit may have helped
+    monkeypatch.undo()
+    ob.update_tag()
+    fresh_scene.frame_set(3)
+    assert is_deforming(ob) and addon_module("run.characters").character(ob).status.error == ""
+
+
+def test_a_driven_choice_that_does_not_exist_is_blenders(fresh_scene):
+    ob, twin = make_pair("keys")
+    for each in (ob, twin):
+        driver = each.driver_add('modifiers["Corrective"].smooth_type').driver
+        driver.type = "SUM"
+        variable = driver.variables.new()
+        variable.type = "TRANSFORMS"
+        variable.targets[0].id = bpy.data.objects["Rig"]
+        variable.targets[0].transform_type = "LOC_X"
+    for place in (0, 1, 7, 1):
+        bpy.data.objects["Rig"].location.x = place
+        for frame in (2, 3):
+            fresh_scene.frame_set(frame)
+        assert_same_shape(ob, twin)
+        assert is_deforming(ob) == (place != 7)
+        assert addon_module("run.characters").character(ob).status.error == ""
