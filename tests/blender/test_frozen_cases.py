@@ -184,6 +184,16 @@ def test_bones_that_follow_what_hangs_on_the_same_armature(cast):
     cast.play()
 
 
+def test_an_armature_that_knows_its_scene(cast):
+    """As add-ons have it. Selecting edits the scene."""
+    cast.frozen[0]["scene"] = cast.scene
+    cast.freeze()
+    select(cast.live[0])
+    layer().update()
+    cast.play()
+    assert cast.rig.is_frozen
+
+
 # --- between freezing and thawing -----------------------------------------------------------------
 
 

@@ -11,14 +11,16 @@ _LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "poin
 
 
 def used(roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = ()) -> list[Any]:
-    """Returns the data-blocks that these use, directly or not, and themselves.
+    """Returns the data-blocks that these use, directly or not, and themselves, except for scenes, which use all that is
+    in them.
 
     users: {data-block: those that use it}, as bpy.data.user_map returns it; without: what the first of them may use
     without being changed by it."""
     uses: dict[Any, list[Any]] = {}
     for block, its_users in users.items():
         for user in its_users:
-            uses.setdefault(user, []).append(block)
+            if not isinstance(block, bpy.types.Scene):
+                uses.setdefault(user, []).append(block)
     found = dict.fromkeys(roots)
     first, skipped = next(iter(found)), set(without)
     queue = list(found)
