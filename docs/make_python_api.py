@@ -24,7 +24,7 @@ GROUPS = {
     "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
     "DirectDeltaMush skin_direct_delta_mush Progress",
     "After skinning": "Topology CorrectiveSmooth Smooth Hook MixedLayers Lattice SurfaceDeform MeshDeform Stage",
-    "Working on weights": "smooth_weights reduce_weights mirror_weights transfer_weights",
+    "Working on weights": "WeightTable smooth_weights reduce_weights mirror_weights transfer_weights",
     "Baking to bones": "decompose Decomposition",
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }

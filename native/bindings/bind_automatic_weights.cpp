@@ -6,6 +6,7 @@
 #include <string>
 
 #include "arrays.h"
+#include "given_weights.h"
 #include "interruptible.h"
 #include "sinew/automatic_weights.h"
 
@@ -34,7 +35,7 @@ std::shared_ptr<AutomaticWeights> compute_weights(
     const py::array& positions, const py::array& face_offsets, const py::array& face_vertices, const py::array& heads,
     const py::array& tails, const std::optional<py::array>& joints, const std::string& method, int resolution,
     double stiffness, int max_influences, double least_weight, const std::optional<py::array>& fixed_vertices,
-    const std::optional<py::array>& fixed_weights, const std::optional<py::array>& rigid_parts, double rigid_size,
+    const py::object& fixed_weights, const std::optional<py::array>& rigid_parts, double rigid_size,
     const std::string& rigid_follow, std::shared_ptr<Progress> progress) {
   // Copied, since the computation runs without the GIL.
   const std::vector<double> points = points_of<double>("positions", positions);
@@ -45,17 +46,11 @@ std::shared_ptr<AutomaticWeights> compute_weights(
   if (joints && of_bones.empty() && !from.empty()) throw InputError("joints is empty; expected one for each bone");
   const std::vector<std::int32_t> fixed = integers_or_none("fixed_vertices", fixed_vertices);
   const std::vector<std::int32_t> rigid = integers_or_none("rigid_parts", rigid_parts);
-  if (fixed_vertices.has_value() != fixed_weights.has_value()) {
+  if (fixed_vertices.has_value() == fixed_weights.is_none()) {
     throw InputError("fixed_vertices and fixed_weights belong together; expected both or neither");
   }
-  std::vector<double> given;
-  if (fixed_weights) {
-    const auto rows = static_cast<py::ssize_t>(fixed.size());
-    if (fixed_weights->ndim() != 2 || fixed_weights->shape(0) != rows) {
-      wrong_shape("fixed_weights", *fixed_weights, "(" + std::to_string(rows) + ", joints)");
-    }
-    given = copied<double>("fixed_weights", *fixed_weights);
-  }
+  const WeightTable given =
+      fixed_weights.is_none() ? WeightTable() : given_table("fixed_weights", fixed_weights, "(F, J)");
   const WeightSettings settings{
       weight_method_named(method),     resolution, stiffness, max_influences, least_weight, rigid, rigid_size,
       rigid_follow_named(rigid_follow)};
@@ -168,7 +163,8 @@ void bind_automatic_weights(py::module_& module) {
       "stiffness: 0.001 to 1,000,000, how closely weights follow the nearest bone. Blender's bone heat is about 4.\n"
       "max_influences: the largest number for a vertex; 0: any.\n"
       "least_weight: 0 to 0.5, smaller weights are left out. Then each vertex's weights are divided by their sum.\n"
-      "fixed_vertices, fixed_weights: (F,) integers and (F, J), 0 or more with a sum above 0 in each row: weights that "
+      "fixed_vertices, fixed_weights: (F,) integers and a WeightTable or (F, J), 0 or more with a sum above 0 in each "
+      "row: weights that "
       "are given; the others are solved for around them.\n"
       "rigid_parts: (V,) integers: all vertices with the same number, 0 or more, get the same weights; -1: no part.\n"
       "rigid_size: 0 to 1: connected parts whose bounding box has a diagonal shorter than this share of the mesh's are "

@@ -1,4 +1,4 @@
-/// Weights as Python has them: a table, or a Skin.
+/// Weights as Python has them: an array, a WeightTable or a Skin.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -8,6 +8,7 @@
 
 #include "arrays.h"
 #include "sinew/skin.h"
+#include "sinew/weight_table.h"
 
 namespace sinew::bindings {
 
@@ -18,6 +19,15 @@ struct SparseWeights {
   std::vector<float> weights;
   std::int32_t joint_count = 0;
 };
+
+/// Returns a WeightTable as it is, or what of an array (V, B) is above 0. wanted  the shape, for messages.
+inline WeightTable given_table(const char* name, const py::object& given, const char* wanted = "(V, B)") {
+  if (py::isinstance<WeightTable>(given)) return given.cast<const WeightTable&>();
+  const py::array array = given_array(name, given);
+  if (array.ndim() != 2) wrong_shape(name, array, wanted);
+  const Numbers<float> numbers(name, array);
+  return WeightTable::from_dense(name, numbers, array.shape(0), array.shape(1));
+}
 
 /// Returns the influences of a Skin, or those of a table (V, J) that are not 0.
 inline SparseWeights sparse_weights(const char* name, const py::object& given) {

@@ -769,7 +769,7 @@ def automatic_weights(
     max_influences: int = 0,
     least_weight: float = 0.01,
     fixed_vertices: _Integers | None = None,
-    fixed_weights: _Reals | None = None,
+    fixed_weights: WeightTable | _Reals | None = None,
     rigid_parts: _Integers | None = None,
     rigid_size: float = 0.0,
     rigid_follow: _RigidFollow = "attachment",
@@ -849,8 +849,36 @@ def decompose(
     Returns None if progress was cancelled.
     """
 
+class WeightTable:
+    """The weights above 0 of V vertices in B bones: N in all, where a table has V x B. What the weight tools are given
+    as a WeightTable, they return as one. Immutable."""
+
+    def __init__(self, offsets: _Integers, bones: _Integers, weights: _Reals, bone_count: int) -> None:
+        """offsets (V + 1,): vertex v has the entries offsets[v] up to offsets[v + 1]; bones (N,), in any order at a
+        vertex; weights (N,), 0 or more."""
+    @staticmethod
+    def from_dense(weights: _Reals) -> WeightTable:
+        """weights (V, B), 0 or more."""
+    def dense(self) -> _Float32:
+        """(V, B)."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def bone_count(self) -> int:
+        """B."""
+    @property
+    def offsets(self) -> _Int64:
+        """(V + 1,), read-only: where each vertex's entries begin."""
+    @property
+    def bones(self) -> _Int32:
+        """(N,), read-only, ascending at each vertex."""
+    @property
+    def weights(self) -> _Float32:
+        """(N,), read-only, above 0."""
+
 def smooth_weights(
-    weights: _Reals,
+    weights: WeightTable | _Reals,
     face_offsets: _Integers,
     face_vertices: _Integers,
     *,
@@ -860,15 +888,16 @@ def smooth_weights(
     mask: _Reals | _Bool | None = None,
     locked: _Integers | None = None,
     positions: _Reals | None = None,
-) -> _Float32:
+    progress: Progress | None = None,
+) -> WeightTable | _Float32 | None:
     """Smooths weights (V, B) along edges: with a strength in one solve, (I + t L) w' = w, otherwise in steps.
 
     mask (V,): where it is 0, weights stay; locked: bones whose weights stay; positions (V, 3): vertices that
-    coincide get equal weights.
+    coincide get equal weights. Returns None if progress was cancelled.
     """
 
 def reduce_weights(
-    weights: _Reals,
+    weights: WeightTable | _Reals,
     positions: _Reals,
     matrices: _Reals,
     *,
@@ -876,16 +905,18 @@ def reduce_weights(
     rings: int = 0,
     face_offsets: _Integers | None = None,
     face_vertices: _Integers | None = None,
-) -> tuple[_Float32, _Float32, _Float32]:
+    locked: _Integers | None = None,
+    progress: Progress | None = None,
+) -> tuple[WeightTable | _Float32, _Float32, _Float32] | None:
     """Leaves each vertex at most max_influences of its weights (V, B), by how far it moves without the others.
 
     positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices; rings: over how many edges of the faces
-    weights fade out towards vertices that have lost the bone. Returns (weights (V, B), largest (V,), mean (V,)):
-    how far each vertex moves over the poses.
+    weights fade out towards vertices that have lost the bone; locked: bones whose weights stay, and count. Returns
+    (weights (V, B), largest (V,), mean (V,)): how far each vertex moves over the poses; None if progress was cancelled.
     """
 
 def mirror_weights(
-    weights: _Reals,
+    weights: WeightTable | _Reals,
     positions: _Reals,
     face_offsets: _Integers,
     face_vertices: _Integers,
@@ -896,18 +927,20 @@ def mirror_weights(
     from_positive: bool = True,
     middle: float = 1e-5,
     mask: _Reals | _Bool | None = None,
-) -> _Float32:
+    progress: Progress | None = None,
+) -> WeightTable | _Float32 | None:
     """Copies weights (V, B) from one side to the other, by the closest points of the mirrored surface.
 
     positions (V, 3); pairs (B,), the bone on the other side of each; origin: where the mirror is on the axis; middle: a
     share of the mesh's size, vertices so near the mirror are of both sides; mask (V,): below 0.5, weights stay.
+    Returns None if progress was cancelled.
     """
 
 def transfer_weights(
     source_positions: _Reals,
     source_face_offsets: _Integers,
     source_face_vertices: _Integers,
-    source_weights: _Reals,
+    source_weights: WeightTable | _Reals,
     positions: _Reals,
     face_offsets: _Integers,
     face_vertices: _Integers,
@@ -915,9 +948,10 @@ def transfer_weights(
     distance: float = 0.05,
     angle: float = 30.0,
     flipped: bool = False,
-) -> tuple[_Float32, _Bool]:
+    progress: Progress | None = None,
+) -> tuple[WeightTable | _Float32, _Bool] | None:
     """Copies weights (V, B) from one surface to another, W vertices: from the closest points, smooth between them.
 
     distance: a share of the diagonal of the target's bounding box; angle between normals in degrees; flipped:
-    normals may be opposite. Returns (weights (W, B), matched (W,)).
+    normals may be opposite. Returns (weights (W, B), matched (W,)), or None if progress was cancelled.
     """

@@ -69,7 +69,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto positions = coordinates(bytes, 3 * vertices, raw), heads = coordinates(bytes, 3 * bones, raw),
              tails = coordinates(bytes, 3 * bones, raw);
   const auto fixed = bytes.list<std::int32_t, std::uint8_t>(vertices > 0 ? fixed_count : 0);
-  const auto given = bytes.list<double, std::uint8_t>(fixed.size() * bones);
+  const auto given = bytes.list<float, std::uint8_t>(fixed.size() * bones);
   std::vector<std::int32_t> parts;
   if (choice & 0x20) {
     parts = bytes.list<std::int32_t, std::int8_t>(vertices);
@@ -77,7 +77,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   std::optional<AutomaticWeights> result;
   const bool is_accepted = fuzz::accepts([&] {
-    result = automatic_weights(positions, offsets, corners, {heads, tails, {}}, {fixed, given}, settings);
+    const auto rows = WeightTable::from_dense("given", given, std::ssize(fixed), static_cast<std::ptrdiff_t>(bones));
+    result = automatic_weights(positions, offsets, corners, {heads, tails, {}}, {fixed, rows}, settings);
   });
   if (is_accepted) check(*result, vertices, static_cast<std::int32_t>(bones));
   return 0;

@@ -55,7 +55,7 @@ TestMesh tube(int around = 12, int along = 24, double radius = 0.3, double lengt
 const std::vector<double> kHeads{0, 0, 0, 2, 0, 0}, kTails{2, 0, 0, 4, 0, 0};
 
 WeldedMesh welded(const TestMesh& mesh) {
-  return weld(UnitFrame(mesh.positions), mesh.positions, mesh.offsets, mesh.corners);
+  return weld(UnitFrame(mesh.positions), mesh.positions, {mesh.offsets, mesh.corners});
 }
 
 std::vector<Segment> unit_bones(const TestMesh& mesh) {
@@ -141,13 +141,14 @@ TEST(AutomaticWeights, FixedPlacesAreConditionsOfTheSolve) {
       others.push_back(p);
       continue;
     }
-    heated.fixed.row_of[p] = static_cast<std::int32_t>(heated.fixed.weights.size() / 2);
-    heated.fixed.weights.insert(heated.fixed.weights.end(), {free(p, 0), free(p, 1)});
+    heated.fixed.row_of[p] = static_cast<std::int32_t>(heated.fixed.rows.vertices());
+    heated.fixed.rows.add_row(
+        std::array{BoneWeight{0, static_cast<float>(free(p, 0))}, BoneWeight{1, static_cast<float>(free(p, 1))}});
   }
   const Eigen::MatrixXd given = heated.solve();
   for (const std::size_t p : others) EXPECT_NEAR(given(p, 0), free(p, 0), 1e-6);
   // Other values do, and the maximum principle still holds.
-  for (double& weight : heated.fixed.weights) weight = 1 - weight;
+  for (BoneWeight& own : heated.fixed.rows.entries()) own.weight = 1 - own.weight;
   const Eigen::MatrixXd changed = heated.solve();
   double most = 0;
   for (const std::size_t p : others) {

@@ -135,7 +135,7 @@ TEST(Hook, AnyNumberOfThreadsMakesTheSame) {
 TEST(Hook, RefusesWhatIsWrong) {
   const Ints outside{0, 3};
   EXPECT_EQ(complaint([&] { Hook(3, outside); }), "vertices names vertex 3; the mesh has 3 vertices");
-  EXPECT_EQ(complaint([&] { Hook(-1, outside); }), "the vertex count is -1; expected 0 or more");
+  EXPECT_EQ(complaint([&] { Hook(-1, outside); }), "vertex_count is -1; expected 0 to 536,870,912");
   EXPECT_EQ(complaint([&] { Hook(3, std::nullopt, {Floats(2)}); }), "weights has 2 numbers; the mesh has 3 vertices");
   const Ints named{0};
   const Hook hook(3, named);

@@ -157,7 +157,7 @@ TEST(Lattice, AnyNumberOfThreadsMakesTheSame) {
 
 TEST(Lattice, RefusesWhatIsWrong) {
   rigs::Random random(5);
-  EXPECT_EQ(complaint([&] { Lattice(-1); }), "the vertex count is -1; expected 0 or more");
+  EXPECT_EQ(complaint([&] { Lattice(-1); }), "vertex_count is -1; expected 0 to 536,870,912");
   EXPECT_EQ(complaint([&] { Lattice(3, {Floats(2)}); }), "weights has 2 numbers; the mesh has 3 vertices");
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto said = [&](const auto& change) {
@@ -166,7 +166,12 @@ TEST(Lattice, RefusesWhatIsWrong) {
     return complaint([&] { cage.settings(1, true); });
   };
   EXPECT_EQ(said([](Cage&) {}), "(no complaint)");
-  EXPECT_EQ(said([](Cage& c) { c.grid.counts[1] = 0; }), "a lattice has 0 points along an axis; expected 1 or more");
+  EXPECT_EQ(said([](Cage& c) { c.grid.counts[1] = 0; }), "counts has 0 points along an axis; expected 1 or more");
+  // Their product is 2^64, which is 0 in 64 bits.
+  EXPECT_EQ(said([](Cage& c) {
+              c.grid.counts = {1 << 22, 1 << 21, 1 << 21}, c.points.clear();
+            }),
+            "counts makes more than 536,870,912 points; expected fewer");
   EXPECT_EQ(said([](Cage& c) { c.points.resize(9); }), "points has 9 numbers; expected 12 (4 x 3)");
   EXPECT_EQ(said([](Cage& c) { c.weights.resize(3); }), "weights has 3 numbers; the lattice has 4 vertices");
   EXPECT_EQ(said([&](Cage& c) { c.points[4] = nan; }), "points is not finite at point 1");

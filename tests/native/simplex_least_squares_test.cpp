@@ -101,16 +101,6 @@ TEST(SimplexLeastSquares, WithFewerUnknownsItIsNearTheBest) {
   EXPECT_GT(same, 70);
 }
 
-TEST(SimplexLeastSquares, AmongGivenUnknownsTheOthersAreZero) {
-  std::mt19937 random(4);
-  SimplexLeastSquares solver;
-  const auto [g, b] = random_problem(random, 5);
-  Eigen::VectorXd x(5);
-  solver.solve_among(g, b, {1, 3}, x);
-  expect_on_simplex(x);
-  EXPECT_EQ(x[0] + x[2] + x[4], 0);
-}
-
 TEST(SimplexLeastSquares, EqualColumnsEndWithAShare) {
   SimplexLeastSquares solver;
   Eigen::VectorXd x = Eigen::VectorXd::Zero(3);

@@ -94,7 +94,7 @@ TEST(Stages, NeedNoSkin) {
             "there are no layers and no shape keys; expected rest_positions");
   Floats none;
   Deformer(std::ptrdiff_t{0}).deform({}, none);
-  EXPECT_EQ(complaint([] { Deformer(std::ptrdiff_t{-1}); }), "the vertex count is -1; expected 0 or more");
+  EXPECT_EQ(complaint([] { Deformer(std::ptrdiff_t{-1}); }), "vertex_count is -1; expected 0 to 536,870,912");
 }
 
 TEST(Stages, SayWhatTheyTook) {

@@ -140,7 +140,7 @@ TEST(SurfaceDeform, RefusesWhatIsWrong) {
     return complaint([&] { bound.deform(); });
   };
   EXPECT_EQ(said([](Bound&) {}), "(no complaint)");
-  EXPECT_EQ(said([](Bound& b) { b.vertices = -1; }), "the vertex count is -1; expected 0 or more");
+  EXPECT_EQ(said([](Bound& b) { b.vertices = -1; }), "vertex_count is -1; expected 0 to 536,870,912");
   EXPECT_EQ(said([](Bound& b) { b.bound[0] = 10; }), "vertices names vertex 10; the mesh has 10 vertices");
   EXPECT_EQ(said([](Bound& b) { b.kinds[0] = 3; }), "attachments holds 3; expected 0, 1 or 2");
   EXPECT_EQ(said([](Bound& b) { b.corners[0] = -1; }), "corners names vertex -1 of the target");

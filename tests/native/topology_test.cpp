@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "failures.h"
 #include "meshes.h"
 
@@ -71,8 +73,8 @@ TEST(Topology, RefusesWhatIsWrong) {
   const auto said = [](std::ptrdiff_t vertices, const Ints& edges, const Ints& offsets, const Ints& corners) {
     return complaint([&] { Topology(vertices, edges, offsets, corners); });
   };
-  EXPECT_EQ(said(-1, {}, {}, {}), "the vertex count is -1; expected 0 or more");
-  EXPECT_EQ(said(1 << 30, {}, {}, {}), "there are 1,073,741,824 vertices; expected 536,870,912 at most");
+  EXPECT_EQ(said(-1, {}, {}, {}), "vertex_count is -1; expected 0 to 536,870,912");
+  EXPECT_EQ(said(1 << 30, {}, {}, {}), "vertex_count is 1073741824; expected 0 to 536,870,912");
   EXPECT_EQ(said(3, {0, 1, 2}, {}, {}), "edges has 3 numbers; expected two per edge");
   EXPECT_EQ(said(3, {0, 3}, {}, {}), "edges names vertex 3; the mesh has 3 vertices");
   EXPECT_EQ(said(3, {0, -1}, {}, {}), "edges names vertex -1; the mesh has 3 vertices");
@@ -80,7 +82,11 @@ TEST(Topology, RefusesWhatIsWrong) {
   EXPECT_EQ(said(3, {}, {}, {0, 1, 2}), "face_offsets goes from 0 to 0; expected 0 to 3, the number of corners");
   EXPECT_EQ(said(3, {}, {1, 3}, {0, 1, 2}), "face_offsets goes from 1 to 3; expected 0 to 3, the number of corners");
   EXPECT_EQ(said(3, {}, {0, 2, 3}, {0, 1, 2}), "face 0 has 2 corners; expected three at least");
-  EXPECT_EQ(said(3, {}, {0, 5, 3}, {0, 1, 2}), "face 1 has -2 corners; expected three at least");
+  EXPECT_EQ(said(3, {}, {0, 5, 3}, {0, 1, 2}), "face_offsets is 5 after face 0; expected 0 to 3");
+  EXPECT_EQ(said(3, {}, {0, 3, 1, 6}, {0, 1, 2, 0, 1, 2}), "face 1 has -2 corners; expected three at least");
+  // Differences of these do not fit in 32 bits.
+  EXPECT_EQ(said(3, {}, {0, std::numeric_limits<std::int32_t>::max(), -10, 6}, {0, 1, 2, 0, 1, 2}),
+            "face_offsets is 2147483647 after face 0; expected 0 to 6");
   EXPECT_EQ(said(3, {0, 1, 1, 2}, {0, 3}, {0, 1, 2}),
             "face 0 has a side from vertex 2 to vertex 0, which is not one of the edges");
 }

@@ -430,4 +430,4 @@ def test_refuses_what_it_works_on(topology, shape):
     assert said(deformer.deform, [], out) == "there are no layers and no shape keys; expected rest_positions"
     keys = sinew.ShapeKeys([shape], [0])
     assert said(sinew.Deformer, [], keys, V) == "there is a vertex_count beside layers or keys; expected one"
-    assert said(sinew.Deformer, vertex_count=-1) == "the vertex count is -1; expected 0 or more"
+    assert said(sinew.Deformer, vertex_count=-1) == "vertex_count is -1; expected 0 to 536,870,912"

@@ -144,6 +144,7 @@ def samples():
         "BlendShares": shares,
         "AutomaticWeights": weights,
         "WeightReport": weights.report,
+        "WeightTable": sinew.WeightTable.from_dense(np.ones((1, 1))),
         "Progress": sinew.Progress(),
         "RotationCenters": sinew.RotationCenters(np.zeros((1, 3)), np.ones(1, bool)),
         "DirectDeltaMush": mush,

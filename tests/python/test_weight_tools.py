@@ -469,3 +469,153 @@ def mistakes():
 def test_mistakes_are_explained(function, arguments, options, message):
     with pytest.raises(ValueError, match=message):
         function(*arguments, **options)
+
+
+# Tables without what is 0
+
+
+def tools(positions, offsets, faces):
+    """What each tool does with weights of 5 bones: functions of weights and options."""
+    matrices = rigid(np.random.default_rng(3), 4, 5)
+    pairs = np.array([1, 0, 2, 4, 3])
+    surface = (positions - (5, 0, 0), offsets, faces)
+    return {
+        "smooth": lambda weights, **own: (sinew.smooth_weights(weights, offsets, faces, **own),),
+        "solve": lambda weights, **own: (sinew.smooth_weights(weights, offsets, faces, strength=2.0, **own),),
+        "reduce": lambda weights, **own: sinew.reduce_weights(weights, positions, matrices, max_influences=2, **own),
+        "fade": lambda weights, **own: sinew.reduce_weights(
+            weights, positions, matrices, max_influences=2, rings=2, face_offsets=offsets, face_vertices=faces, **own
+        ),
+        "mirror": lambda weights, **own: (sinew.mirror_weights(weights, *surface, pairs, **own),),
+        "transfer": lambda weights, **own: sinew.transfer_weights(*surface, weights, *surface, distance=0.01, **own),
+    }
+
+
+TOOLS = ("smooth", "solve", "reduce", "fade", "mirror", "transfer")
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_tables_and_arrays_give_the_same(random, name):
+    positions, offsets, faces, weights = painted(random)
+    weights[weights < 0.1] = 0
+    weights[:, 2] += 0.01
+    run = tools(positions, offsets, faces)[name]
+    dense, *others = run(weights)
+    table, *other_others = run(sinew.WeightTable.from_dense(weights))
+    assert isinstance(table, sinew.WeightTable) and np.array_equal(table.dense(), dense)
+    assert all(np.array_equal(a, b) for a, b in zip(others, other_others))
+    assert (table.vertex_count, table.bone_count) == weights.shape
+    rows = np.split(np.asarray(table.bones), table.offsets[1:-1])
+    assert all((np.diff(row) > 0).all() for row in rows) and (np.asarray(table.weights) > 0).all()
+
+
+def test_a_table_from_lists_adds_what_is_named_twice():
+    table = sinew.WeightTable(np.array([0, 3, 3]), np.array([2, 0, 2]), np.array([0.25, 0, 0.5]), 3)
+    assert table.dense().tolist() == [[0, 0, 0.75], [0, 0, 0]]
+    for change, message in (
+        ({"offsets": np.array([0, 4, 3])}, "offsets is 4 after vertex 0; expected 0 to 3"),
+        ({"offsets": np.array([0, 3, 4])}, "offsets does not go from 0 to 3"),
+        ({"bones": np.array([0, 1, 3])}, "bones names bone 3 at vertex 0; there are 3 bones"),
+        ({"bones": np.array([0, 1])}, "bones has 2 numbers, weights 3"),
+        ({"weights": np.array([0, -1, 0])}, "weights is -1 at vertex 0, bone 1; expected 0 or more"),
+        ({"bone_count": 0}, "bone_count is 0; expected 1 to 16,777,216"),
+    ):
+        own = {"offsets": np.array([0, 3, 3]), "bones": np.arange(3), "weights": np.ones(3), "bone_count": 3}
+        with pytest.raises(ValueError, match=message):
+            sinew.WeightTable(**(own | change))
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_tools_count_their_progress_and_are_cancelled(random, name):
+    positions, offsets, faces, weights = painted(random, 60)
+    run = tools(positions, offsets, faces)[name]
+    progress = sinew.Progress()
+    assert run(weights, progress=progress)[0] is not None and progress.fraction == 1
+    progress.cancel()
+    assert run(weights, progress=progress) in (None, (None,))
+
+
+@pytest.mark.parametrize("name", ("smooth", "solve", "reduce", "fade", "mirror"))
+def test_extreme_weights_stay_finite(random, name):
+    positions, offsets, faces, weights = painted(random)
+    weights[:40] *= 3e38
+    weights[40:60] *= 1e-40
+    made = tools(positions, offsets, faces)[name](weights)[0]
+    assert np.isfinite(made).all() and made.min() >= 0
+
+
+def test_very_many_influences_leave_about_as_well_as_one_by_one(random):
+    """All but 24 leave at once, by how far they can move the vertex."""
+    positions, weights = random.normal(size=(6, 3)), random.dirichlet(np.full(60, 0.3), 6)
+    matrices = rigid(random, 5, 60)
+    made, largest, _ = sinew.reduce_weights(weights, positions, matrices, max_influences=4)
+    assert (np.count_nonzero(made, axis=1) <= 4).all()
+    smallest_dropped = np.where(weights >= np.sort(weights)[:, -4:-3], weights, 0)
+    smallest_dropped /= smallest_dropped.sum(1, keepdims=True)
+    points = np.concatenate((positions, np.ones((6, 1))), 1)
+    off = np.einsum("vj,fjab,vb->fva", smallest_dropped - weights, matrices, points)[..., :3]
+    assert (largest < np.linalg.norm(off, axis=2).max(axis=0)).mean() > 0.6
+
+
+def test_locked_weights_stay_and_count(random):
+    positions, _, _, weights = painted(random)
+    made, _, _ = sinew.reduce_weights(
+        weights, positions, rigid(random, 4, 5), max_influences=3, locked=np.array([1, 4])
+    )
+    assert np.array_equal(made[:, [1, 4]], weights[:, [1, 4]].astype(np.float32))
+    assert (np.count_nonzero(made, axis=1) == 3).all()
+    assert made.sum(1) == pytest.approx(weights.sum(1), abs=1e-6)
+
+
+def test_faces_across_the_mirror_take_nothing_from_the_other_side(random):
+    """A strip without vertices in the middle: what is on the side that is overwritten must not matter."""
+    positions, offsets, faces = grid(7, 3)
+    positions = positions - (3.5, 0, 0) + (0, 0.1, 0) * np.sin(7 * positions)
+    weights = random.dirichlet(np.ones(4), len(positions))
+    other = weights.copy()
+    other[positions[:, 0] < 0] = random.dirichlet(np.ones(4), (positions[:, 0] < 0).sum())
+    made = [sinew.mirror_weights(own, positions, offsets, faces, np.array([1, 0, 2, 3])) for own in (weights, other)]
+    assert np.array_equal(*made)
+    assert made[0].sum(1) == pytest.approx(np.ones(len(positions)), abs=1e-6)
+
+
+FOLDED = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0, 0], [0, 1, 0], [3, 0, 0], [4, 0, 0], [3, 0, 0]], float)
+
+
+@pytest.mark.parametrize("width", (0, 1e-30, 1e-12))
+def test_folded_faces_get_the_same_weights_each_time(width):
+    positions, offsets, faces = grid(3, 3)
+    target = FOLDED + width * np.arange(8)[:, None] * (0, 1, 0)
+    corners = np.array([0, 1, 2, 3, 2, 5, 6, 7])
+    results = set()
+    for _ in range(50):
+        made, matched = sinew.transfer_weights(
+            positions * (0.4, 0.4, 0), offsets, faces, soft(positions, 3), target, np.array([0, 4, 8]), corners, distance=0.05
+        )
+        check_transferred(made, matched, 8)
+        results.add(made.tobytes())
+    assert len(results) == 1
+
+
+def test_points_without_weights_are_not_followed():
+    """The island's nearest points have no weights: it follows the nearest that have."""
+    source = ball()
+    weights = along(source[0])
+    weights[source[0][:, 2] > -1] = 0
+    button = ball(6, 8, 0.05)
+    made, matched = sinew.transfer_weights(*source, weights, button[0] + (0, 0, 3), *button[1:])
+    check_transferred(made, matched, len(button[0]))
+    assert not matched.any() and made[0, 0] > 0 and not made[0, 3]
+
+
+def test_a_polygon_of_thousands_of_corners_is_filled_in():
+    positions, offsets, faces = grid(11, 11)
+    positions = (positions - 5) * (0.3, 0.3, 0)
+    angle = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
+    disc = np.stack((np.cos(angle), np.sin(angle), np.where(np.sin(angle) > 0.5, 0.5, 0)), 1)
+    weights = soft(positions, 3)
+    made, matched = sinew.transfer_weights(
+        positions, offsets, faces, weights, disc, np.array([0, 4000]), np.arange(4000), distance=0.05, angle=180.0
+    )
+    check_transferred(made, matched, 4000)
+    assert 0.2 < matched.mean() < 0.9

@@ -8,6 +8,7 @@
 
 #include "sinew/progress.h"
 #include "sinew/types.h"
+#include "sinew/weight_table.h"
 
 namespace sinew {
 
@@ -29,8 +30,7 @@ struct WeightBones {
 /// Vertices whose weights are given. The others' are solved for around them.
 struct FixedWeights {
   std::span<const std::int32_t> vertices;  ///< F
-  /// F x J, row by row, not negative, with a sum above 0 in each row, by which it is divided.
-  std::span<const double> weights;
+  WeightTable weights;                     ///< F rows of J joints, each with a sum above 0, by which it is divided
 };
 
 struct WeightSettings {

@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "sinew/faces.h"
+#include "sinew/lists.h"
 #include "sinew/types.h"
 
 namespace sinew {
@@ -29,33 +31,24 @@ class Topology {
            std::span<const std::int32_t> face_offsets = {}, std::span<const std::int32_t> corner_vertices = {});
 
   /// V.
-  std::ptrdiff_t vertex_count() const { return std::ssize(neighbour_begin_) - 1; }
+  std::ptrdiff_t vertex_count() const { return static_cast<std::ptrdiff_t>(neighbours_.size()); }
   /// E.
-  std::ptrdiff_t edge_count() const { return std::ssize(neighbours_) / 2; }
+  std::ptrdiff_t edge_count() const { return std::ssize(neighbours_.items) / 2; }
   /// C.
-  std::ptrdiff_t corner_count() const { return std::ssize(corners_); }
+  std::ptrdiff_t corner_count() const { return std::ssize(corners_.items); }
 
   /// The other ends of a vertex's edges, in the order of the edges.
-  std::span<const std::uint32_t> neighbours(std::size_t v) const {
-    return std::span(neighbours_).subspan(neighbour_begin_[v], neighbour_begin_[v + 1] - neighbour_begin_[v]);
-  }
+  std::span<const std::uint32_t> neighbours(std::size_t v) const { return neighbours_[v]; }
   /// A vertex's corners, in the order of the faces.
-  std::span<const Corner> corners(std::size_t v) const {
-    return std::span(corners_).subspan(corner_begin_[v], corner_begin_[v + 1] - corner_begin_[v]);
-  }
+  std::span<const Corner> corners(std::size_t v) const { return corners_[v]; }
   /// Whether the vertex is on an edge that belongs to exactly one face.
   bool is_boundary(std::size_t v) const { return is_boundary_[v]; }
 
  private:
-  void add_edges(std::span<const std::int32_t> edges);
-  void add_faces(std::span<const std::int32_t> face_offsets, std::span<const std::int32_t> corner_vertices);
-  void find_boundary(std::span<const std::int32_t> edges, std::span<const std::int32_t> face_offsets,
-                     std::span<const std::int32_t> corner_vertices);
+  void find_boundary(std::span<const std::int32_t> edges, const Faces& faces);
 
-  std::vector<std::uint32_t> neighbour_begin_;  // V + 1
-  std::vector<std::uint32_t> neighbours_;       // 2 E
-  std::vector<std::uint32_t> corner_begin_;     // V + 1
-  std::vector<Corner> corners_;
+  Lists<std::uint32_t> neighbours_;
+  Lists<Corner> corners_;
   std::vector<bool> is_boundary_;
 };
 

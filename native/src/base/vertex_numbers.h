@@ -11,6 +11,15 @@
 
 namespace sinew {
 
+// A vertex's index in floats, four per vertex, has to fit in 32 bits; some vertices are padding.
+constexpr std::ptrdiff_t kMostVertices = std::ptrdiff_t{1} << 29;
+
+inline void check_vertex_count(std::ptrdiff_t count) {
+  if (count < 0 || count > kMostVertices) {
+    fail("vertex_count is ", count, "; expected 0 to ", grouped(kMostVertices));
+  }
+}
+
 /// Throws InputError unless there is one number per vertex and all are finite. owner  of the vertices: "the skin".
 inline void check_vertex_numbers(const char* name, std::span<const float> numbers, std::ptrdiff_t vertices,
                                  const char* owner) {

@@ -90,9 +90,10 @@ LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, co
                              std::span<const float> weights) {
   std::ptrdiff_t count = 1;
   for (const std::int32_t own : grid.counts) {
-    if (own < 1) fail("a lattice has ", own, " points along an axis; expected 1 or more");
-    count *= own;
+    if (own < 1) fail("counts has ", own, " points along an axis; expected 1 or more");
+    if (count <= kMostVertices) count *= own;  // so that it cannot overflow
   }
+  if (count > kMostVertices) fail("counts makes more than ", plural(kMostVertices, "point"), "; expected fewer");
   check_position_count("points", points, count);
   if (!lattice_from_mesh.allFinite()) fail("the matrix is not finite");
   for (int axis = 0; axis < 3; ++axis) {
@@ -135,7 +136,7 @@ LatticePoints::LatticePoints(const Grid& grid, std::span<const float> points, co
 }
 
 Lattice::Lattice(std::ptrdiff_t vertex_count, const VertexGroup& group) : vertex_count_(vertex_count) {
-  if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
+  check_vertex_count(vertex_count);
   const std::vector<float> weights = weights_of(group, vertex_count);
   for (std::size_t v = 0; v < weights.size(); ++v) {
     if (weights[v] <= 0) continue;

@@ -29,7 +29,7 @@ void check_offsets(const char* name, std::span<const std::int32_t> offsets, std:
 
 SurfaceDeform::SurfaceDeform(std::ptrdiff_t vertex_count, const Binding& binding, const VertexGroup& group)
     : vertex_count_(vertex_count) {
-  if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
+  check_vertex_count(vertex_count);
   const std::vector<float> weights = weights_of(group, vertex_count);
   const std::ptrdiff_t count = std::ssize(binding.attachments);
   check_offsets("offsets", binding.offsets, std::ssize(binding.vertices), count);
@@ -39,7 +39,7 @@ SurfaceDeform::SurfaceDeform(std::ptrdiff_t vertex_count, const Binding& binding
   check_vertex_numbers("weights", binding.weights, std::ssize(binding.weights), "the binding");
   for (const std::int32_t corner : binding.corners) {
     if (corner < 0) fail("corners names vertex ", corner, " of the target");
-    least_target_count_ = std::max<std::ptrdiff_t>(least_target_count_, corner + 1);
+    least_target_count_ = std::max(least_target_count_, std::ptrdiff_t{corner} + 1);
   }
   std::vector<std::ptrdiff_t> first_weight(count + 1);
   for (std::ptrdiff_t n = 0; n < count; ++n) {

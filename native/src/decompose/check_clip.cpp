@@ -40,8 +40,7 @@ void check_mesh(const DeformedMesh& mesh) {
   if (first) {
     fail("frames is not finite in frame ", *first / mesh.rest.size(), " at vertex ", *first % mesh.rest.size() / 3);
   }
-  check_face_offsets(mesh.face_offsets, std::ssize(mesh.face_vertices));
-  check_vertices("face_vertices", mesh.face_vertices, vertices);
+  check_faces({mesh.face_offsets, mesh.face_vertices}, vertices);
 }
 
 void check_given_weights(const DecompositionStart& start, std::ptrdiff_t vertices) {

@@ -1,12 +1,11 @@
 #include "decompose/clip.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <numeric>
 
 #include "base/cancelled.h"
 #include "base/parallel.h"
+#include "mesh/adjacency.h"
 
 namespace sinew {
 namespace {
@@ -49,13 +48,6 @@ Clip::Clip(std::span<const float> rest_positions, std::span<const float> all_fra
   for (std::size_t f = 0; f < frame_centres.size() && size == 0; ++f) size = spread(frame(f), frame_centres[f]);
   if (size == 0) size = 1;
 
-  // Vertices that coincide stand together in this order, the first of them first.
-  std::vector<std::uint32_t> order(vertices);
-  std::iota(order.begin(), order.end(), 0u);
-  const auto place = [&](std::uint32_t v) {
-    return std::array{rest_positions[3 * v], rest_positions[3 * v + 1], rest_positions[3 * v + 2]};
-  };
-  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return place(a) < place(b); });
   const auto moves_alike = [&](std::uint32_t a, std::uint32_t b) {
     for (std::size_t f = 0; f < frame_centres.size(); ++f) {
       if ((at(frame(f), a) - at(frame(f), b)).cwiseAbs().maxCoeff() > kAlike * size) return false;
@@ -63,28 +55,21 @@ Clip::Clip(std::span<const float> rest_positions, std::span<const float> all_fra
     return true;
   };
   std::vector<std::uint32_t> first_of(vertices);
-  for (std::size_t begin = 0; begin < vertices;) {
-    std::size_t end = begin;
-    while (end < vertices && place(order[end]) == place(order[begin])) ++end;
-    for (std::size_t i = begin; i < end; ++i) {
-      first_of[order[i]] = order[i];
-      for (std::size_t k = begin; joins && k < i && k < begin + 16; ++k) {
-        if (first_of[order[k]] != order[k] || !moves_alike(order[k], order[i])) continue;
-        first_of[order[i]] = order[k];
+  for_coincident(rest_positions, [&](std::span<const std::uint32_t> own) {
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      first_of[own[i]] = own[i];
+      for (std::size_t k = 0; joins && k < std::min<std::size_t>(i, 16); ++k) {
+        if (first_of[own[k]] != own[k] || !moves_alike(own[k], own[i])) continue;
+        first_of[own[i]] = own[k];
         break;
       }
     }
-    begin = end;
-  }
+  });
+  point_of = points_of(first_of).first;
   std::vector<std::uint32_t> vertex_of;
-  point_of.resize(vertices);
   for (std::uint32_t v = 0; v < vertices; ++v) {
-    if (first_of[v] == v) {
-      point_of[v] = static_cast<std::uint32_t>(vertex_of.size());
-      vertex_of.push_back(v);
-    }
+    if (first_of[v] == v) vertex_of.push_back(v);
   }
-  for (std::uint32_t v = 0; v < vertices; ++v) point_of[v] = point_of[first_of[v]];
 
   rest.resize(vertex_of.size());
   moves.resize(vertex_of.size() * numbers());

@@ -183,6 +183,7 @@ class Decomposer {
       std::copy(start_.weights.begin() + start_.offsets[v], start_.weights.begin() + start_.offsets[v + 1],
                 weights_.weights.begin() + static_cast<std::ptrdiff_t>(v * width));
     }
+    move_by_sums();
     motions_ = Motions(clip_.frames, start_.weighted_joints);
     const MotionFit fit(clip_, weights_, start_.weighted_joints);
     fit.fit_alone(motions_);
@@ -193,6 +194,21 @@ class Decomposer {
       ++iterations_;
       done(1);
       if (has_settled(std::accumulate(squares.begin(), squares.end(), 0.0))) break;
+    }
+  }
+
+  /// Skinning moves a vertex whose weights have another sum than 1 by that sum of the frame's centre, from which the clip's
+  /// positions are measured.
+  void move_by_sums() {
+    for (std::size_t p = 0; p < points(); ++p) {
+      const auto own = std::span(weights_.weights).subspan(p * weights_.width, weights_.width);
+      const double more = (std::accumulate(own.begin(), own.end(), 0.0) - 1) / clip_.size;
+      for (std::size_t f = 0; f < clip_.frame_centres.size(); ++f) {
+        float* const moved = clip_.moves.data() + p * clip_.numbers() + 3 * f;
+        for (int axis = 0; axis < 3; ++axis) {
+          moved[axis] = static_cast<float>(moved[axis] - more * clip_.frame_centres[f][axis]);
+        }
+      }
     }
   }
 

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "base/parallel.h"
+#include "mesh/adjacency.h"
 #include "weights/welded_mesh.h"
 
 namespace sinew {
@@ -125,12 +126,11 @@ Pair sorted(std::uint32_t a, std::uint32_t b) { return {std::min(a, b), std::max
 
 std::vector<Pair> edges_of_faces(const Clip& clip, std::span<const std::int32_t> offsets,
                                  std::span<const std::int32_t> vertices) {
+  const auto joined = neighbours_by_sides({offsets, vertices}, clip.point_of, clip.rest.size());
   std::vector<Pair> edges;
-  for (std::size_t f = 0; f + 1 < offsets.size(); ++f) {
-    for (std::int32_t i = offsets[f]; i < offsets[f + 1]; ++i) {
-      const std::int32_t next = i + 1 < offsets[f + 1] ? i + 1 : offsets[f];
-      const std::uint32_t a = clip.point_of[vertices[i]], b = clip.point_of[vertices[next]];
-      if (a != b) edges.push_back(sorted(a, b));
+  for (std::uint32_t a = 0; a < joined.size(); ++a) {
+    for (const std::uint32_t b : joined[a]) {
+      if (a < b) edges.emplace_back(a, b);
     }
   }
   return edges;

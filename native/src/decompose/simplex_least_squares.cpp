@@ -2,21 +2,31 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <numeric>
+#include <utility>
 
 namespace sinew {
 
 bool SimplexLeastSquares::factor(const Matrix& g) {
   const std::size_t n = used_.size();
-  lower_.resize(n * n);
-  for (std::size_t row = 0; row < n; ++row) {
+  if (stride_ < n) {
+    stride_ = std::max(2 * n, std::size_t{16});
+    lower_.resize(stride_ * stride_);
+    factored_ = 0;
+  }
+  for (std::size_t row = std::exchange(factored_, n); row < n; ++row) {
     for (std::size_t column = 0; column <= row; ++column) {
       double sum = g(used_[row], used_[column]);
       for (std::size_t k = 0; k < column; ++k) sum -= lower(row, k) * lower(column, k);
       if (column < row) {
         lower(row, column) = sum / lower(column, column);
       } else {
-        if (!(sum > 1e-14 * g(used_[row], used_[row]))) return false;  // depends on those before it
+        if (!(sum > 1e-14 * g(used_[row], used_[row]))) {  // depends on those before it
+          factored_ = row;
+          return false;
+        }
         lower(row, row) = std::sqrt(sum);
       }
     }
@@ -24,10 +34,10 @@ bool SimplexLeastSquares::factor(const Matrix& g) {
   return true;
 }
 
-void SimplexLeastSquares::substitute(std::vector<double>& values) const {
+void SimplexLeastSquares::substitute(std::vector<double>& values, std::size_t first) const {
   const std::size_t n = used_.size();
-  for (std::size_t row = 0; row < n; ++row) {
-    for (std::size_t k = 0; k < row; ++k) values[row] -= lower(row, k) * values[k];
+  for (std::size_t row = first; row < n; ++row) {
+    for (std::size_t k = first; k < row; ++k) values[row] -= lower(row, k) * values[k];
     values[row] /= lower(row, row);
   }
   for (std::size_t row = n; row-- > 0;) {
@@ -55,8 +65,7 @@ void SimplexLeastSquares::improve(const Matrix& g, const Vector& b, Eigen::Ref<E
     if (!factor(g)) {  // two unknowns do the same: the last of them leaves
       const auto gone = std::min_element(used_.begin(), used_.end(), [&](int i, int j) { return x[i] < x[j]; });
       if (used_.size() == 1) return;
-      x[*gone] = 0;
-      used_.erase(gone);
+      leave(static_cast<std::size_t>(gone - used_.begin()), x);
       continue;
     }
     solve_equality(b);
@@ -64,18 +73,13 @@ void SimplexLeastSquares::improve(const Matrix& g, const Vector& b, Eigen::Ref<E
     for (std::size_t i = 0; i < used_.size(); ++i) {
       if (values_[i] < 0) step = std::min(step, x[used_[i]] / (x[used_[i]] - values_[i]));
     }
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < used_.size(); ++i) {
+    const std::size_t count = used_.size();
+    for (std::size_t i = count; i-- > 0;) {
       double& own = x[used_[i]];
       own = step < 1 ? own + step * (values_[i] - own) : values_[i];
-      if (step < 1 && values_[i] < 0 && own <= 1e-15) {
-        own = 0;
-      } else {
-        used_[kept++] = used_[i];
-      }
+      if (step < 1 && values_[i] < 0 && own <= 1e-15) leave(i, x);
     }
-    const bool left = kept < used_.size();
-    used_.resize(kept);
+    const bool left = used_.size() < count;
     if (step < 1) {
       if (!left) return;  // rounding: x is as good as it gets
       continue;
@@ -83,19 +87,22 @@ void SimplexLeastSquares::improve(const Matrix& g, const Vector& b, Eigen::Ref<E
     if (!may_enter) return;
     int best = -1;
     double least = -tolerance;
+    is_used_.assign(static_cast<std::size_t>(b.size()), 0);
+    for (const int i : used_) is_used_[i] = 1;
     for (int j = 0; j < b.size(); ++j) {
-      if (std::binary_search(used_.begin(), used_.end(), j)) continue;
+      if (is_used_[j]) continue;
       double slope = -b[j] - multiplier_;
       for (const int i : used_) slope += g(j, i) * x[i];
       if (slope < least) least = slope, best = j;
     }
     if (best < 0) return;
-    used_.insert(std::upper_bound(used_.begin(), used_.end(), best), best);
+    used_.push_back(best);
   }
 }
 
 void SimplexLeastSquares::solve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x) {
   used_.clear();
+  factored_ = 0;
   const double sum = x.sum();
   if (sum > 0) {
     x /= sum;
@@ -113,52 +120,51 @@ void SimplexLeastSquares::solve(const Matrix& g, const Vector& b, Eigen::Ref<Eig
   if (const double reached = x.sum(); reached > 0) x /= reached;
 }
 
+void SimplexLeastSquares::leave(std::size_t place, Eigen::Ref<Eigen::VectorXd> x) {
+  x[used_[place]] = 0;
+  used_.erase(used_.begin() + static_cast<std::ptrdiff_t>(place));
+  factored_ = std::min(factored_, place);
+}
+
 void SimplexLeastSquares::solve_sparse(const Matrix& g, const Vector& b, int most, Eigen::Ref<Eigen::VectorXd> x) {
   solve(g, b, x);
+  std::vector<double> rises;
+  std::vector<int> leaving;
   while (std::ssize(used_) > most) {
     // Without unknown i the sum rises by x_i^2 / (2 (G^-1)_ii), but for the condition on their sum.
     if (!factor(g)) break;
     const std::size_t n = used_.size();
-    std::size_t gone = 0;
-    double least = std::numeric_limits<double>::infinity();
     ones_.assign(n, 1);
     substitute(ones_);
     double all = 0;
     for (const double one : ones_) all += one;
+    rises.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
       values_.assign(n, 0);
       values_[i] = 1;
-      substitute(values_);
-      const double rise = x[used_[i]] * x[used_[i]] / std::max(values_[i] - ones_[i] * ones_[i] / all, 1e-300);
-      if (rise < least) least = rise, gone = i;
+      substitute(values_, i);
+      rises[i] = x[used_[i]] * x[used_[i]] / std::max(values_[i] - ones_[i] * ones_[i] / all, 1e-300);
     }
-    const double lost = x[used_[gone]];
-    x[used_[gone]] = 0;
-    used_.erase(used_.begin() + static_cast<std::ptrdiff_t>(gone));
+    // Of very many, an eighth at once.
+    const std::size_t count = std::max<std::size_t>(1, (n - static_cast<std::size_t>(most)) / 8);
+    leaving.resize(n);
+    std::iota(leaving.begin(), leaving.end(), 0);
+    std::stable_sort(leaving.begin(), leaving.end(), [&](int i, int j) { return rises[i] < rises[j]; });
+    leaving.resize(count);
+    std::sort(leaving.begin(), leaving.end(), std::greater<>());
+    double lost = 0;
+    for (const int gone : leaving) {
+      lost += x[used_[gone]];
+      leave(static_cast<std::size_t>(gone), x);
+    }
     for (const int i : used_) x[i] += lost / static_cast<double>(used_.size());
     improve(g, b, x, false);
   }
   while (std::ssize(used_) > most) {  // they do the same
     const auto gone = std::min_element(used_.begin(), used_.end(), [&](int i, int j) { return x[i] < x[j]; });
-    x[*gone] = 0;
-    used_.erase(gone);
+    leave(static_cast<std::size_t>(gone - used_.begin()), x);
   }
   if (const double reached = x.sum(); reached > 0) x /= reached;
-}
-
-void SimplexLeastSquares::solve_among(const Matrix& g, const Vector& b, const std::vector<int>& used,
-                                      Eigen::Ref<Eigen::VectorXd> x) {
-  // Begins with equal shares of all, from which those leave that would become negative; then a full search among them.
-  const auto n = static_cast<Eigen::Index>(used.size());
-  Eigen::MatrixXd own_g(n, n);
-  Eigen::VectorXd own_b(n), own_x = Eigen::VectorXd::Constant(n, 1.0 / static_cast<double>(n));
-  for (Eigen::Index i = 0; i < n; ++i) {
-    own_b[i] = b[used[i]];
-    for (Eigen::Index j = 0; j < n; ++j) own_g(i, j) = g(used[i], used[j]);
-  }
-  solve(own_g, own_b, own_x);
-  x.setZero();
-  for (Eigen::Index i = 0; i < n; ++i) x[used[i]] = own_x[i];
 }
 
 }  // namespace sinew

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 namespace sinew {
@@ -17,21 +18,23 @@ class SimplexLeastSquares {
   /// x  n: not negative, with sum 1, to begin with; or all 0. The solution.
   void solve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x);
 
-  /// The same with at most `most` unknowns that are not 0. Those that raise the sum least leave, one by one.
+  /// The same with at most `most` unknowns that are not 0. Those that raise the sum least leave, one by one unless they are
+  /// very many.
   void solve_sparse(const Matrix& g, const Vector& b, int most, Eigen::Ref<Eigen::VectorXd> x);
-
-  /// The same with no unknowns but those in `used`, ascending; the others become 0.
-  void solve_among(const Matrix& g, const Vector& b, const std::vector<int>& used, Eigen::Ref<Eigen::VectorXd> x);
 
  private:
   bool factor(const Matrix& g);
-  void substitute(std::vector<double>& values) const;
+  /// first  the values before it are 0 and stay as they come.
+  void substitute(std::vector<double>& values, std::size_t first = 0) const;
+  void leave(std::size_t place, Eigen::Ref<Eigen::VectorXd> x);
   void solve_equality(const Vector& b);
   void improve(const Matrix& g, const Vector& b, Eigen::Ref<Eigen::VectorXd> x, bool may_enter);
-  double& lower(std::size_t row, std::size_t column) { return lower_[row * used_.size() + column]; }
-  double lower(std::size_t row, std::size_t column) const { return lower_[row * used_.size() + column]; }
+  double& lower(std::size_t row, std::size_t column) { return lower_[row * stride_ + column]; }
+  double lower(std::size_t row, std::size_t column) const { return lower_[row * stride_ + column]; }
 
-  std::vector<int> used_;  // the unknowns that may differ from 0
+  std::vector<int> used_;                  // the unknowns that may differ from 0
+  std::vector<std::uint8_t> is_used_;      // of each unknown
+  std::size_t factored_ = 0, stride_ = 0;  // rows of the factor that hold; between rows
   std::vector<double> lower_, ones_, values_;
   double multiplier_ = 0;
 };

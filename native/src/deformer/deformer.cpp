@@ -47,9 +47,7 @@ class Watch {
 
 }  // namespace
 
-Deformer::Deformer(std::ptrdiff_t vertex_count) : vertex_count_(vertex_count) {
-  if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
-}
+Deformer::Deformer(std::ptrdiff_t vertex_count) : vertex_count_(vertex_count) { check_vertex_count(vertex_count); }
 
 Deformer::Deformer(std::vector<std::shared_ptr<const Layer>> layers, std::shared_ptr<const ShapeKeys> keys)
     : layers_(std::move(layers)), keys_(std::move(keys)) {

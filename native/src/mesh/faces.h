@@ -6,6 +6,7 @@
 #include <span>
 
 #include "base/check.h"
+#include "sinew/faces.h"
 
 namespace sinew {
 
@@ -16,16 +17,20 @@ inline void check_vertices(const char* name, std::span<const std::int32_t> numbe
   }
 }
 
-/// Checks where each face's corners begin, and where the last face's end; empty if there are no faces.
-inline void check_face_offsets(std::span<const std::int32_t> offsets, std::ptrdiff_t corners) {
+/// Checks the vertices of faces, and where each face's corners begin. name  of the vertices, for messages.
+inline void check_faces(const Faces& faces, std::ptrdiff_t vertices, const char* name = "face_vertices") {
+  check_vertices(name, faces.vertices, vertices);
+  const auto& offsets = faces.offsets;
+  const std::ptrdiff_t corners = std::ssize(faces.vertices);
   if (offsets.empty() && corners == 0) return;
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners) {
     fail("face_offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ", offsets.empty() ? 0 : offsets.back(),
          "; expected 0 to ", corners, ", the number of corners");
   }
   for (std::size_t f = 0; f + 1 < offsets.size(); ++f) {
-    if (offsets[f + 1] - offsets[f] >= 3) continue;
-    fail("face ", f, " has ", plural(offsets[f + 1] - offsets[f], "corner"), "; expected three at least");
+    const std::ptrdiff_t begin = offsets[f], end = offsets[f + 1];
+    if (end < 0 || end > corners) fail("face_offsets is ", end, " after face ", f, "; expected 0 to ", corners);
+    if (end - begin < 3) fail("face ", f, " has ", plural(end - begin, "corner"), "; expected three at least");
   }
 }
 
@@ -37,6 +42,15 @@ void for_triangles(std::span<const std::int32_t> offsets, std::span<const std::i
     for (std::int32_t corner = first + 1; corner + 1 < offsets[f + 1]; ++corner) {
       visit(std::array{vertices[first], vertices[corner], vertices[corner + 1]});
     }
+  }
+}
+
+/// Calls visit(face, a, b) for each side of each face, from a vertex to the next.
+template <class Visit>
+void for_sides(const Faces& faces, const Visit& visit) {
+  for (std::size_t f = 0; f < faces.count(); ++f) {
+    const auto begin = static_cast<std::size_t>(faces.offsets[f]), end = static_cast<std::size_t>(faces.offsets[f + 1]);
+    for (std::size_t i = begin; i < end; ++i) visit(f, faces.vertices[i], faces.vertices[i + 1 < end ? i + 1 : begin]);
   }
 }
 

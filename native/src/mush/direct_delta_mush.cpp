@@ -67,8 +67,7 @@ std::shared_ptr<DirectDeltaMush> DirectDeltaMush::compute(std::shared_ptr<const 
                                                           std::span<const std::int32_t> face_vertices,
                                                           const MushSettings& settings, Progress* progress) {
   check_settings(settings);
-  check_face_offsets(face_offsets, std::ssize(face_vertices));
-  check_vertices("face_vertices", face_vertices, skin->vertex_count());
+  check_faces({face_offsets, face_vertices}, skin->vertex_count());
   try {
     const Laplacian own = laplacian(skin->rest_positions(), face_offsets, face_vertices, settings.laplacian);
     stop_if_cancelled(progress);

@@ -44,8 +44,7 @@ std::shared_ptr<const RotationCenters> RotationCenters::compute(const Skin& skin
                                                                 std::span<const std::int32_t> face_offsets,
                                                                 std::span<const std::int32_t> face_vertices,
                                                                 double sigma, Progress* progress) {
-  check_vertices("face_vertices", face_vertices, skin.vertex_count());
-  check_face_offsets(face_offsets, std::ssize(face_vertices));
+  check_faces({face_offsets, face_vertices}, skin.vertex_count());
   if (!(sigma > 0 && std::isfinite(sigma))) fail("sigma is ", sigma, "; expected a number above 0");
   Progress unwatched;
   if (!progress) progress = &unwatched;

@@ -82,7 +82,7 @@ struct Pull {
 
 Hook::Hook(std::ptrdiff_t vertex_count, std::optional<std::span<const std::int32_t>> vertices, const VertexGroup& group)
     : vertex_count_(vertex_count) {
-  if (vertex_count < 0) fail("the vertex count is ", vertex_count, "; expected 0 or more");
+  check_vertex_count(vertex_count);
   const std::vector<float> weights = weights_of(group, vertex_count);
   std::vector<std::int32_t> hooked;
   if (vertices) {

@@ -3,22 +3,12 @@
 
 #include <cmath>
 #include <span>
+#include <vector>
 
 #include "base/check.h"
 #include "mesh/faces.h"
-#include "sinew/weight_tools.h"
 
 namespace sinew {
-
-/// name  of the argument, for messages.
-inline void check_table(const char* name, const WeightTable& table) {
-  if (table.bones < 1) fail(name, " has no columns; expected one for each bone");
-  for (std::size_t i = 0; i < table.numbers.size(); ++i) {
-    const float weight = table.numbers[i];
-    if (std::isfinite(weight) && weight >= 0) continue;
-    fail(name, " is ", weight, " at vertex ", i / table.bones, ", bone ", i % table.bones, "; expected 0 or more");
-  }
-}
 
 inline void check_positions(const char* name, std::span<const float> positions, std::ptrdiff_t vertices) {
   if (std::ssize(positions) != 3 * vertices) {
@@ -30,11 +20,6 @@ inline void check_positions(const char* name, std::span<const float> positions, 
   }
 }
 
-inline void check_faces(const Faces& faces, std::ptrdiff_t vertices) {
-  check_face_offsets(faces.offsets, std::ssize(faces.vertices));
-  check_vertices("face_vertices", faces.vertices, vertices);
-}
-
 inline void check_mask(std::span<const float> mask, std::ptrdiff_t vertices) {
   if (mask.empty()) return;
   if (std::ssize(mask) != vertices) {
@@ -43,6 +28,16 @@ inline void check_mask(std::span<const float> mask, std::ptrdiff_t vertices) {
   for (std::size_t v = 0; v < mask.size(); ++v) {
     if (!(mask[v] >= 0 && mask[v] <= 1)) fail("mask is ", mask[v], " at vertex ", v, "; expected 0 to 1");
   }
+}
+
+/// Returns which bones are locked.
+inline std::vector<std::uint8_t> checked_locked(std::span<const std::int32_t> locked, std::ptrdiff_t bones) {
+  std::vector<std::uint8_t> is_locked(static_cast<std::size_t>(bones));
+  for (const std::int32_t bone : locked) {
+    if (bone < 0 || bone >= bones) fail("locked names bone ", bone, "; there are ", plural(bones, "bone"));
+    is_locked[bone] = 1;
+  }
+  return is_locked;
 }
 
 inline void check_range(const char* name, double value, double low, double high) {

@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "base/parallel.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
 #include "weight_tools/weighted_surface.h"
@@ -24,57 +23,81 @@ void check_pairs(std::span<const std::int32_t> pairs, std::ptrdiff_t bones) {
 
 }  // namespace
 
-std::vector<float> mirror_weights(const WeightTable& weights, std::span<const float> positions, const Faces& faces,
-                                  std::span<const std::int32_t> pairs, const MirrorSettings& settings) {
-  check_table("weights", weights);
-  check_positions("positions", positions, weights.vertices);
-  check_faces(faces, weights.vertices);
-  check_pairs(pairs, weights.bones);
-  check_mask(settings.mask, weights.vertices);
+std::optional<WeightTable> mirror_weights(const WeightTable& weights, std::span<const float> positions,
+                                          const Faces& faces, std::span<const std::int32_t> pairs,
+                                          const MirrorSettings& settings, Progress* progress) {
+  const auto vertices = static_cast<std::size_t>(weights.vertices());
+  check_positions("positions", positions, weights.vertices());
+  check_faces(faces, weights.vertices());
+  check_pairs(pairs, weights.bones());
+  check_mask(settings.mask, weights.vertices());
   check_range("axis", settings.axis, 0, 2);
   if (!std::isfinite(settings.origin)) fail("origin is ", settings.origin, "; expected a finite number");
   check_range("middle", settings.middle, 0, 1);
+  if (vertices == 0) return weights;
 
   const std::vector<double> exact(positions.begin(), positions.end());
-  std::vector<float> made(weights.numbers.begin(), weights.numbers.end());
-  if (exact.empty()) return made;
   const UnitFrame frame(exact);
   const double middle = settings.middle * frame.size(), sign = settings.from_positive ? 1 : -1;
   /// How far a vertex is on the side that is copied.
   const auto side = [&](std::size_t v) { return sign * (exact[3 * v + settings.axis] - settings.origin); };
+  const auto is_source = [&](std::uint32_t v) { return side(v) >= -middle; };
+  const auto stays = [&](std::size_t v) {
+    return side(v) > middle || (!settings.mask.empty() && settings.mask[v] < 0.5f);
+  };
   std::vector<Triangle> triangles = triangles_of(faces);
-  std::erase_if(triangles, [&](const Triangle& own) {
-    return std::all_of(own.begin(), own.end(), [&](std::uint32_t v) { return side(v) < -middle; });
-  });
+  std::erase_if(triangles, [&](const Triangle& own) { return std::ranges::none_of(own, is_source); });
   bool is_written = false;
-  for (std::size_t v = 0; v < exact.size() / 3; ++v) {
-    is_written |= side(v) < -middle && (settings.mask.empty() || settings.mask[v] >= 0.5f);
-  }
+  for (std::uint32_t v = 0; v < vertices; ++v) is_written |= !is_source(v) && !stays(v);
   if (is_written && triangles.empty()) {
     fail("there are no faces on the ", settings.from_positive ? "positive" : "negative",
          " side of the mirror; expected the surface to copy from there");
   }
   // With no vertex to write on the other side, any triangle will do.
   if (triangles.empty()) triangles.push_back({0, 0, 0});
-  const WeightedSurface surface(points_in(frame, exact), std::move(triangles), weights);
-  parallel_for(exact.size() / 3, 128, [&](std::size_t begin, std::size_t end) {
-    std::vector<float> row(static_cast<std::size_t>(weights.bones));
-    for (std::size_t v = begin; v < end; ++v) {
-      if (side(v) > middle || (!settings.mask.empty() && settings.mask[v] < 0.5f)) continue;
-      float* const own = made.data() + static_cast<std::ptrdiff_t>(v) * weights.bones;
-      if (side(v) >= -middle) {
-        const float* const before = weights.row(static_cast<std::ptrdiff_t>(v));
-        for (std::ptrdiff_t j = 0; j < weights.bones; ++j) own[j] = 0.5f * (before[j] + before[pairs[j]]);
-        continue;
+
+  const auto add_mirrored = [&](std::span<const BoneWeight> row, double factor, RowSum& sum) {
+    for (const BoneWeight& own : row) sum.add(pairs[own.bone], factor * own.weight);
+  };
+  try {
+    if (progress) progress->start(100);
+    const auto bones = static_cast<std::size_t>(weights.bones());
+    // First the vertices on the plane, which the surface beside it is read from, too.
+    const WeightTable source =
+        table_of_rows(vertices, weights.bones(), 4096, progress, 10, [&](auto begin, auto end, auto& rows) {
+          RowSum sum(bones);
+          for (std::size_t v = begin; v < end; ++v) {
+            const bool is_middle = !stays(v) && is_source(static_cast<std::uint32_t>(v));
+            sum.add(weights.row(v), is_middle ? 0.5 : 1);
+            if (is_middle) add_mirrored(weights.row(v), 0.5, sum);
+            rows.add_row(sum.take());
+          }
+        });
+    const WeightedSurface surface(points_in(frame, exact), std::move(triangles), source);
+    return table_of_rows(vertices, weights.bones(), 128, progress, 90, [&](auto begin, auto end, auto& rows) {
+      RowSum sum(bones);
+      for (std::size_t v = begin; v < end; ++v) {
+        if (stays(v) || is_source(static_cast<std::uint32_t>(v))) {
+          rows.add_row(source.row(v));
+          continue;
+        }
+        double place[3];
+        std::copy_n(exact.data() + 3 * v, 3, place);
+        place[settings.axis] = 2 * settings.origin - place[settings.axis];
+        const SurfacePoint hit = surface.tree().closest(frame(place));
+        Eigen::Vector3d is_from, shares;
+        for (int i = 0; i < 3; ++i) is_from[i] = is_source(surface.triangle(hit)[i]);
+        shares = hit.shares.cwiseProduct(is_from);
+        if (!(shares.sum() > 0)) shares = is_from;
+        for (int i = 0; i < 3; ++i) {
+          if (shares[i] > 0) add_mirrored(source.row(surface.triangle(hit)[i]), shares[i] / shares.sum(), sum);
+        }
+        rows.add_row(sum.take());
       }
-      double place[3];
-      std::copy_n(exact.data() + 3 * v, 3, place);
-      place[settings.axis] = 2 * settings.origin - place[settings.axis];
-      surface.read(surface.tree().closest(frame(place)), row.data());
-      for (std::ptrdiff_t j = 0; j < weights.bones; ++j) own[pairs[j]] = row[j];
-    }
-  });
-  return made;
+    });
+  } catch (const Cancelled&) {
+    return std::nullopt;
+  }
 }
 
 }  // namespace sinew

@@ -1,28 +1,34 @@
 #include <Eigen/Geometry>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <optional>
 
-#include "base/parallel.h"
+#include "sinew/lists.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
 #include "weight_tools/weighted_surface.h"
+#include "weights/panel_solver.h"
 
 namespace sinew {
 namespace {
 
 using Sparse = Eigen::SparseMatrix<double>;
 
-constexpr std::size_t kColumns = 8;
+/// Solved weights below are left out; those that are nearer to 0 do not even count.
+constexpr double kLeast = 1e-4, kNothing = 1e-6;
 
-/// Solved weights below are left out.
-constexpr double kLeast = 1e-4;
-
-/// Cotangents are clamped to this range, so that no weight is negative and everything is connected.
+/// Cotangents are clamped to this range, so that everything is connected.
 constexpr double kLeastCotangent = 0.01, kMostCotangent = 20;
+
+/// The matrix of the square has so many entries at most, times points, and more.
+constexpr double kMostEntries = 100, kMoreEntries = 2e6;
+
+constexpr std::size_t kPoints = 128;  // in a task
+
+/// Steps of the progress.
+constexpr std::int64_t kMatchSteps = 60, kFactorSteps = 20, kSolveSteps = 80, kIslandSteps = 20;
 
 /// Sums of areas times normals, by vertex.
 std::vector<Eigen::Vector3d> normals_of(std::span<const Eigen::Vector3d> places, std::span<const Triangle> triangles,
@@ -48,34 +54,36 @@ void project(Eigen::Ref<Eigen::VectorXd> w) {
   w = (w.array() - shift).max(0.0);
 }
 
+Sparse lower_of(const Sparse& matrix) { return matrix.triangularView<Eigen::Lower>(); }
+
 class Transfer {
  public:
   Transfer(std::span<const float> source_positions, const Faces& source_faces, const WeightTable& source_weights,
-           std::span<const float> positions, const Faces& faces, const TransferSettings& settings)
+           std::span<const float> positions, const Faces& faces, const TransferSettings& settings, Progress* progress)
       : weights_(source_weights),
+        faces_(faces),
         settings_(settings),
-        bones_(static_cast<std::size_t>(source_weights.bones)),
+        progress_(progress),
+        bones_(static_cast<std::size_t>(source_weights.bones())),
         exact_(positions.begin(), positions.end()),
         frame_(exact_),
         places_(points_in(frame_, exact_)),
-        target_(weld(frame_, exact_, faces.offsets, faces.vertices)),
+        target_(weld(frame_, exact_, faces)),
         source_triangles_(triangles_of(source_faces)),
-        source_places_(points_in(frame_, std::vector<double>(source_positions.begin(), source_positions.end()))),
-        source_(source_places_, source_triangles_, source_weights),
-        rows_(target_.points.size() * bones_),
-        state_(target_.points.size(), State::open) {
-    match(normals_of(places_, triangles_of(faces), target_.point_of, target_.points.size()));
-  }
+        source_(points_in(frame_, std::vector<double>(source_positions.begin(), source_positions.end())),
+                source_triangles_, source_weights),
+        state_(target_.points.size(), State::open) {}
 
   TransferredWeights run() {
+    if (progress_) progress_->start(kMatchSteps + kFactorSteps + kSolveSteps + kIslandSteps);
+    match();
     inpaint();
     attach_islands();
-    TransferredWeights made;
-    made.weights.resize(target_.point_of.size() * bones_);
-    made.matched.resize(target_.point_of.size());
+    if (progress_) progress_->advance(kFactorSteps + kSolveSteps + kIslandSteps);  // what was not needed counts as done
+    TransferredWeights made{WeightTable(weights_.bones()), std::vector<std::uint8_t>(target_.point_of.size())};
     for (std::size_t v = 0; v < target_.point_of.size(); ++v) {
       const std::size_t p = target_.point_of[v];
-      std::copy_n(row(p), bones_, made.weights.data() + v * bones_);
+      made.weights.add_row(rows_.row(p));
       made.matched[v] = state_[p] == State::matched;
     }
     return made;
@@ -84,55 +92,69 @@ class Transfer {
  private:
   enum class State : std::uint8_t { open, matched, solved };
 
-  float* row(std::size_t point) { return rows_.data() + point * bones_; }
-
-  void match(const std::vector<Eigen::Vector3d>& normals) {
+  void match() {
+    const std::vector<Eigen::Vector3d> normals =
+        normals_of(places_, triangles_of(faces_), target_.point_of, target_.points.size());
     Eigen::Vector3d low = places_.front(), high = low;
     for (const Eigen::Vector3d& place : places_) low = low.cwiseMin(place), high = high.cwiseMax(place);
     const double within = settings_.distance * (high - low).norm();
     const double least_cosine = std::cos(settings_.angle * std::numbers::pi / 180);
     const std::vector<Eigen::Vector3d> source_normals =
-        normals_of(source_places_, source_triangles_, {}, source_places_.size());
-    parallel_for(target_.points.size(), 128, [&](std::size_t begin, std::size_t end) {
+        normals_of(source_.points(), source_triangles_, {}, source_.points().size());
+    const auto is_alike = [&](const SurfacePoint& hit, const Eigen::Vector3d& own) {
+      Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+      for (int i = 0; i < 3; ++i) {
+        normal += hit.shares[i] * source_normals[source_.triangle(hit)[i]].stableNormalized();
+      }
+      const double lengths = normal.stableNorm() * own.stableNorm();
+      const double cosine = lengths > 0 ? normal.dot(own) / lengths : 1;  // without normals: by distance alone
+      return (settings_.flipped ? std::abs(cosine) : cosine) >= least_cosine - 1e-12;
+    };
+    const auto make = [&](std::size_t begin, std::size_t end, WeightTable& rows) {
+      RowSum sum(bones_);
       for (std::size_t p = begin; p < end; ++p) {
         const SurfacePoint hit = source_.tree().closest(
             target_.points[p], within * within * (1 + 1e-9) + std::numeric_limits<double>::min());
-        if (hit.triangle == SurfacePoint().triangle) continue;
-        Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-        for (int i = 0; i < 3; ++i) {
-          normal += hit.shares[i] * source_normals[source_.triangle(hit)[i]].stableNormalized();
-        }
-        const double lengths = normal.stableNorm() * normals[p].stableNorm();
-        double cosine = lengths > 0 ? normal.dot(normals[p]) / lengths : 1;  // without normals: by distance alone
-        if (settings_.flipped) cosine = std::abs(cosine);
-        if (cosine < least_cosine - 1e-12) continue;
-        source_.read(hit, row(p));
-        if (normalize(row(p), weights_.bones)) state_[p] = State::matched;
+        if (hit.triangle != SurfacePoint().triangle && is_alike(hit, normals[p])) source_.read(hit, sum);
+        const double total = sum.total();
+        if (total > 0) state_[p] = State::matched;
+        rows.add_row(sum.take(total > 0 ? 1 / total : 0));
       }
-    });
+    };
+    rows_ = table_of_rows(target_.points.size(), weights_.bones(), kPoints, progress_, kMatchSteps, make);
   }
 
-  /// The Laplacian of cotangents and the areas of points.
+  /// The Laplacian of cotangents and the areas of points. Sides without a triangle connect, too.
   Sparse laplacian(Eigen::VectorXd& areas) const {
-    const auto count = static_cast<Eigen::Index>(target_.points.size());
+    const auto count = std::ssize(target_.points);
     areas.setZero(count);
     std::vector<Eigen::Triplet<double>> entries;
     entries.reserve(12 * target_.triangles.size());
+    const auto join = [&](std::uint32_t a, std::uint32_t b, double value) {
+      entries.emplace_back(a, b, -value);
+      entries.emplace_back(b, a, -value);
+      entries.emplace_back(a, a, value);
+      entries.emplace_back(b, b, value);
+    };
     for (const Triangle& own : target_.triangles) {
       for (int i = 0; i < 3; ++i) {
         const std::uint32_t a = own[(i + 1) % 3], b = own[(i + 2) % 3];
         const Eigen::Vector3d to_a = target_.points[a] - target_.points[own[i]];
         const Eigen::Vector3d to_b = target_.points[b] - target_.points[own[i]];
-        const double area = to_a.cross(to_b).norm();
-        const double cotangent = area > 0 ? to_a.dot(to_b) / area : kLeastCotangent;
-        const double half = 0.5 * std::clamp(cotangent, kLeastCotangent, kMostCotangent);
-        entries.emplace_back(a, b, -half);
-        entries.emplace_back(b, a, -half);
-        entries.emplace_back(a, a, half);
-        entries.emplace_back(b, b, half);
+        const double area = to_a.cross(to_b).norm(), along = to_a.dot(to_b);
+        const double cotangent = along >= kMostCotangent * area ? kMostCotangent : along / area;
+        join(a, b, 0.5 * std::clamp(area > 0 ? cotangent : kLeastCotangent, kLeastCotangent, kMostCotangent));
         areas[own[i]] += area / 6;
       }
     }
+    std::vector<std::uint8_t> has_triangle(target_.points.size());
+    for (const Triangle& own : target_.triangles) {
+      for (const std::uint32_t p : own) has_triangle[p] = 1;
+    }
+    for_sides(faces_, [&](std::size_t, std::int32_t from, std::int32_t to) {
+      const std::uint32_t a = target_.point_of[from], b = target_.point_of[to];
+      if (a != b && !(has_triangle[a] && has_triangle[b])) join(a, b, 0.5 * kLeastCotangent);
+    });
     areas = areas.array().max(1e-3 * areas.mean() + std::numeric_limits<double>::min());
     Sparse matrix(count, count);
     matrix.setFromTriplets(entries.begin(), entries.end());
@@ -146,67 +168,102 @@ class Transfer {
       if (state_[p] == State::matched) has_match[target_.part_of[p]] = 1;
     }
     std::vector<std::uint32_t> open;
-    std::vector<Eigen::Triplet<double>> picks;
+    std::vector<Eigen::Triplet<double>> picks, knowns;
     for (std::uint32_t p = 0; p < state_.size(); ++p) {
+      for (const BoneWeight& own : rows_.row(p)) knowns.emplace_back(p, own.bone, -own.weight);
       if (state_[p] != State::open || !has_match[target_.part_of[p]]) continue;
       picks.emplace_back(p, static_cast<int>(open.size()), 1.0);
       open.push_back(p);
     }
     if (open.empty()) return;
-    Sparse pick(static_cast<Eigen::Index>(state_.size()), static_cast<Eigen::Index>(open.size()));
+    Sparse pick(std::ssize(state_), std::ssize(open)), known(std::ssize(state_), weights_.bones());
     pick.setFromTriplets(picks.begin(), picks.end());
+    known.setFromTriplets(knowns.begin(), knowns.end());
     Eigen::VectorXd areas;
-    const Sparse own_laplacian = laplacian(areas);
-    const Sparse of_open = own_laplacian * pick;
-    const Sparse weighted = of_open.transpose() * areas.cwiseInverse().asDiagonal();
-    Eigen::SimplicialLDLT<Sparse> factor(Sparse(weighted * of_open));
-    Sparse to_right = weighted * own_laplacian;
-    if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0)) {  // then without the square
-      to_right = pick.transpose() * own_laplacian;
-      factor.compute(Sparse(to_right * pick));
+    const Sparse all = laplacian(areas);
+    std::optional<PanelSolver> solver;
+    Sparse right;
+    double entries = 0;
+    for (Eigen::Index p = 0; p < all.cols(); ++p) {
+      const double own = all.outerIndexPtr()[p + 1] - all.outerIndexPtr()[p];
+      entries += own * own;
     }
-    const std::vector<std::size_t> columns = used_bones();
-    Eigen::MatrixXd solution(static_cast<Eigen::Index>(open.size()), static_cast<Eigen::Index>(columns.size()));
-    parallel_for((columns.size() + kColumns - 1) / kColumns, 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t panel = begin; panel < end; ++panel) {
-        const std::size_t first = panel * kColumns, count = std::min(kColumns, columns.size() - first);
-        Eigen::MatrixXd known(static_cast<Eigen::Index>(state_.size()), static_cast<Eigen::Index>(count));
-        for (std::size_t p = 0; p < state_.size(); ++p) {
-          for (std::size_t i = 0; i < count; ++i) {
-            known(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(i)) =
-                state_[p] == State::matched ? rows_[p * bones_ + columns[first + i]] : 0;
-          }
-        }
-        const Eigen::MatrixXd right = -(to_right * known);
-        solution.middleCols(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(count)) = factor.solve(right);
-      }
-    });
-    parallel_for(open.size(), 256, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        Eigen::VectorXd own = solution.row(static_cast<Eigen::Index>(i));
-        project(own);
-        own = (own.array() < kLeast).select(0.0, own);
-        own /= own.sum();
-        for (std::size_t j = 0; j < columns.size(); ++j) {
-          row(open[i])[columns[j]] = static_cast<float>(own[static_cast<Eigen::Index>(j)]);
-        }
-        state_[open[i]] = State::solved;
-      }
-    });
+    if (entries <= kMostEntries * static_cast<double>(state_.size()) + kMoreEntries) {
+      const Sparse of_open = all * pick;
+      const Sparse weighted = of_open.transpose() * areas.cwiseInverse().asDiagonal();
+      solver.emplace(lower_of(weighted * of_open), progress_);
+      right = weighted * (all * known);
+    }
+    if (!solver || !solver->is_positive()) {  // without the square, which is always positive
+      const Sparse of_open = pick.transpose() * all;
+      solver.emplace(lower_of(of_open * pick), progress_);
+      right = of_open * known;
+    }
+    if (progress_) progress_->advance(kFactorSteps);
+    if (!solver->is_positive()) return;
+    set_solved(open, *solver, right);
   }
 
-  /// The bones that have weight at a matched point.
-  std::vector<std::size_t> used_bones() const {
-    std::vector<std::uint8_t> is_used(bones_);
-    for (std::size_t p = 0; p < state_.size(); ++p) {
-      if (state_[p] != State::matched) continue;
-      for (std::size_t j = 0; j < bones_; ++j) is_used[j] |= rows_[p * bones_ + j] > 0;
+  /// right  of the open points, by bone.
+  void set_solved(const std::vector<std::uint32_t>& open, const PanelSolver& solver, const Sparse& right) {
+    std::vector<std::size_t> columns;
+    for (std::size_t bone = 0; bone < bones_; ++bone) {
+      if (right.outerIndexPtr()[bone] < right.outerIndexPtr()[bone + 1]) columns.push_back(bone);
     }
-    std::vector<std::size_t> used;
-    for (std::size_t j = 0; j < bones_; ++j) {
-      if (is_used[j]) used.push_back(j);
+    std::vector<std::vector<std::pair<std::uint32_t, float>>> found(columns.size());
+    solve_panels(
+        solver, columns.size(), 0, progress_, kSolveSteps,
+        [&](std::size_t first, std::size_t lanes, PanelSolver::Scratch& scratch) {
+          for (std::size_t lane = 0; lane < lanes; ++lane) {
+            for (Sparse::InnerIterator it(right, static_cast<Eigen::Index>(columns[first + lane])); it; ++it) {
+              scratch.values[solver.position(it.row())][static_cast<Eigen::Index>(lane)] = it.value();
+            }
+          }
+        },
+        [&](std::size_t first, std::size_t lanes, const PanelSolver::Scratch& scratch) {
+          for (std::uint32_t row = 0; row < open.size(); ++row) {
+            const Lanes& values = scratch.values[solver.position(row)];
+            for (std::size_t lane = 0; lane < lanes; ++lane) {
+              const double value = values[static_cast<Eigen::Index>(lane)];
+              if (std::abs(value) >= kNothing) found[first + lane].emplace_back(row, static_cast<float>(value));
+            }
+          }
+        });
+    const Lists<BoneWeight> of_open(open.size(), [&](const auto& add) {
+      for (std::size_t i = 0; i < columns.size(); ++i) {
+        for (const auto& [row, value] : found[i]) add(row, {static_cast<std::int32_t>(columns[i]), value});
+      }
+    });
+    found = {};
+    const WeightTable solved =
+        table_of_rows(open.size(), weights_.bones(), kPoints, progress_, 0, [&](auto begin, auto end, auto& rows) {
+          RowSum sum(bones_);
+          Eigen::VectorXd own;
+          for (std::size_t i = begin; i < end; ++i) {
+            const auto values = of_open[i];
+            own.resize(std::ssize(values));
+            for (std::size_t k = 0; k < values.size(); ++k) own[static_cast<Eigen::Index>(k)] = values[k].weight;
+            project(own);
+            for (std::size_t k = 0; k < values.size(); ++k) {
+              const double weight = own[static_cast<Eigen::Index>(k)];
+              if (weight >= kLeast) sum.add(values[k].bone, weight);
+            }
+            const double total = sum.total();
+            rows.add_row(sum.take(total > 0 ? 1 / total : 0));
+          }
+        });
+    std::size_t next = 0;
+    WeightTable rows(weights_.bones());
+    for (std::uint32_t p = 0; p < state_.size(); ++p) {
+      const bool is_solved = next < open.size() && open[next] == p;
+      rows.add_row(is_solved ? solved.row(next++) : rows_.row(p));
+      if (is_solved && !rows.row(p).empty()) state_[p] = State::solved;
     }
-    return used;
+    rows_ = std::move(rows);
+  }
+
+  static bool has_weights(const Triangle& triangle, const WeightTable& weights) {
+    return std::ranges::any_of(triangle, [&](std::uint32_t v) { return !weights.row(v).empty(); });
   }
 
   /// Gives each island without weights those of the nearest point of one that has them, or of the source.
@@ -217,77 +274,96 @@ class Transfer {
     }
     std::erase_if(islands, [](const auto& own) { return own.empty(); });
     if (islands.empty()) return;
-    std::vector<Triangle> weighted;
+    std::vector<Triangle> dressed, painted;
     for (const Triangle& own : target_.triangles) {
-      if (state_[own[0]] != State::open) weighted.push_back(own);
+      if (has_weights(own, rows_)) dressed.push_back(own);
     }
-    const std::vector<float> before = rows_;
-    const WeightTable table{before, std::ssize(state_), weights_.bones};
-    std::optional<WeightedSurface> dressed;
-    if (!weighted.empty()) dressed.emplace(target_.points, weighted, table);
-    parallel_for(islands.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const auto nearest = [&](const WeightedSurface& surface) {
-          SurfacePoint best;
-          for (const std::uint32_t p : islands[i]) {
-            const SurfacePoint hit = surface.tree().closest(target_.points[p], best.squared_distance);
-            if (hit.squared_distance < best.squared_distance) best = hit;
+    for (const Triangle& own : source_triangles_) {
+      if (has_weights(own, weights_)) painted.push_back(own);
+    }
+    std::optional<WeightedSurface> on_target, on_source;
+    if (!dressed.empty()) on_target.emplace(target_.points, std::move(dressed), rows_);
+    if (painted.size() < source_triangles_.size()) on_source.emplace(source_.points(), std::move(painted), weights_);
+    const WeightedSurface& whole = on_source ? *on_source : source_;
+    std::vector<std::int32_t> island_of(state_.size(), -1);
+    for (std::size_t i = 0; i < islands.size(); ++i) {
+      for (const std::uint32_t p : islands[i]) island_of[p] = static_cast<std::int32_t>(i);
+    }
+    const WeightTable made = table_of_rows(
+        islands.size(), weights_.bones(), 1, progress_, kIslandSteps, [&](auto begin, auto end, auto& rows) {
+          RowSum sum(bones_);
+          for (std::size_t i = begin; i < end; ++i) {
+            const auto nearest = [&](const WeightedSurface& surface) {
+              SurfacePoint best;
+              for (const std::uint32_t p : islands[i]) {
+                const SurfacePoint hit = surface.tree().closest(target_.points[p], best.squared_distance);
+                if (hit.squared_distance < best.squared_distance) best = hit;
+              }
+              return best;
+            };
+            const SurfacePoint from = nearest(whole);
+            const SurfacePoint own = on_target ? nearest(*on_target) : SurfacePoint();
+            const bool is_own = on_target && own.squared_distance <= from.squared_distance;
+            const WeightedSurface& surface = is_own ? *on_target : whole;
+            SurfacePoint hit = is_own ? own : from;
+            surface.read(hit, sum);
+            if (!(sum.total() > 0)) {  // on the border of what has weights
+              hit.shares.setOnes();
+              surface.read(hit, sum);
+            }
+            rows.add_row(sum.take(1 / sum.total()));
           }
-          return best;
-        };
-        const SurfacePoint on_source = nearest(source_);
-        const SurfacePoint on_target = dressed ? nearest(*dressed) : SurfacePoint();
-        std::vector<float> own(bones_);
-        if (on_target.squared_distance <= on_source.squared_distance && dressed) {
-          dressed->read(on_target, own.data());
-        } else {
-          source_.read(on_source, own.data());
-        }
-        normalize(own.data(), weights_.bones);
-        for (const std::uint32_t p : islands[i]) std::copy(own.begin(), own.end(), row(p));
-      }
-    });
+        });
+    WeightTable rows(weights_.bones());
+    for (std::size_t p = 0; p < state_.size(); ++p) {
+      rows.add_row(island_of[p] < 0 ? rows_.row(p) : made.row(island_of[p]));
+    }
+    rows_ = std::move(rows);
   }
 
   const WeightTable& weights_;
+  const Faces& faces_;
   const TransferSettings& settings_;
+  Progress* const progress_;
   std::size_t bones_;
   std::vector<double> exact_;
   UnitFrame frame_;  // of the target
   std::vector<Eigen::Vector3d> places_;
   WeldedMesh target_;
   std::vector<Triangle> source_triangles_;
-  std::vector<Eigen::Vector3d> source_places_;
   WeightedSurface source_;
-  std::vector<float> rows_;  // points of the target x bones
+  WeightTable rows_;  // of the points of the target
   std::vector<State> state_;
 };
 
 }  // namespace
 
-TransferredWeights transfer_weights(std::span<const float> source_positions, const Faces& source_faces,
-                                    const WeightTable& source_weights, std::span<const float> positions,
-                                    const Faces& faces, const TransferSettings& settings) {
-  check_table("source_weights", source_weights);
-  check_positions("source_positions", source_positions, source_weights.vertices);
-  check_faces(source_faces, source_weights.vertices);
+std::optional<TransferredWeights> transfer_weights(std::span<const float> source_positions, const Faces& source_faces,
+                                                   const WeightTable& source_weights, std::span<const float> positions,
+                                                   const Faces& faces, const TransferSettings& settings,
+                                                   Progress* progress) {
+  check_positions("source_positions", source_positions, source_weights.vertices());
+  check_faces(source_faces, source_weights.vertices());
   const std::ptrdiff_t vertices = std::ssize(positions) / 3;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    if (!std::isfinite(positions[i])) fail("positions is not finite at vertex ", i / 3);
-  }
+  check_positions("positions", positions, vertices);
   check_faces(faces, vertices);
   if (!(settings.distance > 0) || !std::isfinite(settings.distance)) {
     fail("distance is ", settings.distance, "; expected a number above 0");
   }
   check_range("angle", settings.angle, 0, 180);
-  if (triangles_of(source_faces).empty()) {
-    fail("the source has no faces; expected a surface on which the closest points are");
+  const std::vector<Triangle> triangles = triangles_of(source_faces);
+  if (triangles.empty()) fail("the source has no faces; expected a surface on which the closest points are");
+  if (std::ranges::none_of(triangles, [&](const Triangle& own) {
+        return std::ranges::any_of(own, [&](std::uint32_t v) { return !source_weights.row(v).empty(); });
+      })) {
+    fail("the source has no weight above 0 on its faces; bind or paint it first");
   }
-  if (std::none_of(source_weights.numbers.begin(), source_weights.numbers.end(), [](float w) { return w > 0; })) {
-    fail("the source has no weight above 0; bind or paint it first");
+  if (vertices == 0) return TransferredWeights{WeightTable(source_weights.bones()), {}};
+  try {
+    return Transfer(source_positions, source_faces, source_weights, positions, faces, settings, progress).run();
+  } catch (const Cancelled&) {
+    return std::nullopt;
   }
-  if (vertices == 0) return {};
-  return Transfer(source_positions, source_faces, source_weights, positions, faces, settings).run();
 }
 
 }  // namespace sinew

@@ -1,15 +1,14 @@
 /// A surface whose weights are read at its points.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "mesh/faces.h"
-#include "sinew/weight_tools.h"
 #include "weights/triangle_tree.h"
+#include "weights/weight_rows.h"
 
 namespace sinew {
 
@@ -23,14 +22,13 @@ class WeightedSurface {
   WeightedSurface& operator=(const WeightedSurface&) = delete;
 
   const TriangleTree& tree() const { return tree_; }
+  const std::vector<Eigen::Vector3d>& points() const { return points_; }
   const Triangle& triangle(const SurfacePoint& at) const { return triangles_[at.triangle]; }
 
-  /// Writes the weights there, B.
-  void read(const SurfacePoint& at, float* row) const {
-    std::fill_n(row, weights_.bones, 0.0f);
+  /// Adds the weights there.
+  void read(const SurfacePoint& at, RowSum& sum) const {
     for (int i = 0; i < 3; ++i) {
-      const float* const own = weights_.row(triangle(at)[i]);
-      for (std::ptrdiff_t j = 0; j < weights_.bones; ++j) row[j] += static_cast<float>(at.shares[i]) * own[j];
+      if (at.shares[i] > 0) sum.add(weights_.row(triangle(at)[i]), at.shares[i]);
     }
   }
 
@@ -57,15 +55,6 @@ inline std::vector<Triangle> triangles_of(const Faces& faces) {
         {static_cast<std::uint32_t>(own[0]), static_cast<std::uint32_t>(own[1]), static_cast<std::uint32_t>(own[2])});
   });
   return triangles;
-}
-
-/// Divides by the sum; a sum of 0 stays. Returns whether there is one.
-inline bool normalize(float* row, std::ptrdiff_t bones) {
-  double sum = 0;
-  for (std::ptrdiff_t j = 0; j < bones; ++j) sum += row[j];
-  if (!(sum > 0)) return false;
-  for (std::ptrdiff_t j = 0; j < bones; ++j) row[j] = static_cast<float>(row[j] / sum);
-  return true;
 }
 
 }  // namespace sinew

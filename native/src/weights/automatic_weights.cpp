@@ -12,6 +12,7 @@
 #include "weights/outward.h"
 #include "weights/point_weights.h"
 #include "weights/rigid_parts.h"
+#include "weights/weight_rows.h"
 
 namespace sinew {
 namespace {
@@ -23,6 +24,8 @@ constexpr double kFewestVoxels = 4;
 constexpr double kLeastOnSurface = 0.25, kLeastInVolume = 0.5;
 // A solid has this many cells at most, times the resolution squared: a person has 2.
 constexpr double kMostCells = 6;
+// So many at most, divided by the number of joints, or this many.
+constexpr double kMostOfAllJoints = 5e7, kFewestCells = 2e4;
 constexpr int kLeastResolution = 8;
 // Steps of the progress for each phase.
 constexpr std::int64_t kWeldSteps = 100, kSolidSteps = 150, kDistanceSteps = 150, kSurfaceSteps = 450,
@@ -39,7 +42,7 @@ class Computation {
         joint_count_(joint_count),
         progress_(progress),
         frame_(positions),
-        mesh_(weld(frame_, positions, face_offsets, face_vertices)),
+        mesh_(weld(frame_, positions, {face_offsets, face_vertices})),
         way_of_(mesh_.points.size(), WeightWay::nearest) {
     for (std::size_t i = 0; i < bones.heads.size(); i += 3) {
       bones_.push_back({frame_(&bones.heads[i]), frame_(&bones.tails[i])});
@@ -75,9 +78,11 @@ class Computation {
     add_nearest(entries);
     stop_if_cancelled(progress_);
     add_fixed(entries);
-    const PointRows rows(mesh_.points.size(), entries);
+    const PointRows rows(mesh_.points.size(), [&](const auto& add) {
+      for (const WeightEntry& entry : entries) add(entry.place, entry);
+    });
     entries = {};
-    const RigidRows rigid(mesh_, rows, settings_, is_fixed_);
+    const RigidRows rigid(mesh_, rows, joint_count_, settings_, is_fixed_);
     finish(rows, rigid, result);
     return result;
   }
@@ -91,7 +96,8 @@ class Computation {
   /// Makes a solid of the resolution that was asked for, or a lower one if it is so bulky that it would take long. What
   /// decides is near the surface, where distances are exact if nothing is in between.
   VoxelSolid make_solid(const TriangleTree& tree) const {
-    const double most = kMostCells * settings_.resolution * settings_.resolution;
+    const double most = std::min(kMostCells * settings_.resolution * settings_.resolution,
+                                 std::max(kFewestCells, kMostOfAllJoints / joint_count_));
     for (int resolution = settings_.resolution;;) {
       VoxelSolid solid(mesh_.points, mesh_.triangles, tree, resolution, progress_);
       const double ratio = most / static_cast<double>(solid.size());
@@ -104,24 +110,18 @@ class Computation {
   void set_fixed() {
     given_.row_of.assign(mesh_.points.size(), -1);
     is_fixed_.assign(mesh_.points.size(), 0);
-    std::vector<double> counts;
-    for (std::size_t f = 0; f < fixed_.vertices.size(); ++f) {
-      const std::uint32_t point = mesh_.point_of[fixed_.vertices[f]];
-      is_fixed_[point] = 1;
-      if (given_.row_of[point] < 0) {
-        given_.row_of[point] = static_cast<std::int32_t>(counts.size());
-        counts.push_back(0);
-        given_.weights.resize(counts.size() * joint_count_);
-      }
-      const auto row = static_cast<std::size_t>(given_.row_of[point]);
-      const auto own = fixed_.weights.subspan(f * joint_count_, joint_count_);
-      const double sum = std::accumulate(own.begin(), own.end(), 0.0);
-      for (std::int32_t joint = 0; joint < joint_count_; ++joint) {
-        given_.weights[row * joint_count_ + joint] += own[joint] / sum;
-      }
-      ++counts[row];
+    given_.rows = WeightTable(joint_count_);
+    const Lists<std::uint32_t> at_point(mesh_.points.size(), [&](const auto& add) {
+      for (std::uint32_t f = 0; f < fixed_.vertices.size(); ++f) add(mesh_.point_of[fixed_.vertices[f]], f);
+    });
+    RowSum sum(static_cast<std::size_t>(joint_count_));
+    for (std::size_t p = 0; p < at_point.size(); ++p) {
+      if (at_point[p].empty()) continue;
+      is_fixed_[p] = 1;
+      given_.row_of[p] = static_cast<std::int32_t>(given_.rows.vertices());
+      for (const std::uint32_t f : at_point[p]) sum.add(fixed_.weights.row(f), 1 / sum_of(fixed_.weights.row(f)));
+      given_.rows.add_row(sum.take(1 / static_cast<double>(at_point[p].size())));
     }
-    for (std::size_t i = 0; i < given_.weights.size(); ++i) given_.weights[i] /= counts[i / joint_count_];
   }
 
   /// Whether the surface of each point is worth to solve on.
@@ -197,10 +197,7 @@ class Computation {
     for (std::uint32_t p = 0; p < is_fixed_.size(); ++p) {
       if (!is_fixed_[p]) continue;
       way_of_[p] = WeightWay::fixed;
-      const double* const row = &given_.weights[static_cast<std::size_t>(given_.row_of[p]) * joint_count_];
-      for (std::int32_t joint = 0; joint < joint_count_; ++joint) {
-        if (row[joint] > 0) entries.push_back({p, joint, static_cast<float>(row[joint])});
-      }
+      for (const auto& [joint, weight] : given_.rows.row(given_.row_of[p])) entries.push_back({p, joint, weight});
     }
   }
 
@@ -215,7 +212,7 @@ class Computation {
         result.ways.push_back(WeightWay::rigid);
       } else {
         row.clear();
-        for (const WeightEntry& entry : rows.of(point)) row.emplace_back(entry.joint, entry.weight);
+        for (const WeightEntry& entry : rows[point]) row.emplace_back(entry.joint, entry.weight);
         result.ways.push_back(way_of_[point]);
       }
       finish_row(row);

@@ -7,6 +7,7 @@
 
 #include "base/kept.h"
 #include "base/parallel.h"
+#include "sinew/lists.h"
 
 namespace sinew {
 namespace {
@@ -90,7 +91,7 @@ BoneDistances::BoneDistances(VoxelSolid& solid, const SolidSurface& surface, std
       is_outside_(bones.size()) {
   begin(progress);
   const std::vector<std::int32_t> cells(solid.cells().begin(), solid.cells().end());
-  solid.connect(all_seeds());
+  solid.connect(origins());
   for (auto& seeds : seeds_) {  // the same cells, which have other numbers now
     for (auto& seed : seeds) seed.item = static_cast<std::uint32_t>(solid.index_of(cells[seed.item]));
   }
@@ -100,7 +101,7 @@ BoneDistances::BoneDistances(VoxelSolid& solid, const SolidSurface& surface, std
     const std::vector<std::uint8_t> is_outside = is_outside_;
     begin(progress);
     is_outside_ = is_outside;
-    graph_.connect(all_seeds());
+    graph_.connect(origins());
   }
   measure_nearest();
 }
@@ -112,12 +113,14 @@ void BoneDistances::begin(const Progress* progress) {
   });
 }
 
-std::vector<std::uint32_t> BoneDistances::all_seeds() const {
-  std::vector<std::uint32_t> all;
-  for (const auto& seeds : seeds_) {
-    for (const auto& seed : seeds) all.push_back(seed.item);
+std::vector<std::uint32_t> BoneDistances::origins() const {
+  const bool all_are_outside = std::ranges::find(is_outside_, 0) == is_outside_.end();
+  std::vector<std::uint32_t> nodes;
+  for (std::size_t bone = 0; bone < seeds_.size(); ++bone) {
+    if (is_outside_[bone] && !all_are_outside) continue;
+    for (const auto& seed : seeds_[bone]) nodes.push_back(seed.item);
   }
-  return all;
+  return nodes;
 }
 
 std::vector<std::uint8_t> BoneDistances::near_short_bones(std::span<const std::int32_t> joints) const {
@@ -257,17 +260,13 @@ double BoneDistances::detour_at(const Eigen::Vector3d& point, const Search& sear
 NearestBones BoneDistances::nearest(std::span<const Place> places, double least, Progress* progress,
                                     std::int64_t steps) const {
   // The places in each node.
-  std::vector<std::uint32_t> begin(graph_.size() + 1), in_node(places.size());
   std::vector<std::int32_t> node_of(places.size());
-  for (std::size_t place = 0; place < places.size(); ++place) {
-    node_of[place] = graph_.node_of(places[place].point);
-    if (node_of[place] >= 0) ++begin[node_of[place] + 1];
-  }
-  for (std::size_t node = 1; node < begin.size(); ++node) begin[node] += begin[node - 1];
-  std::vector<std::uint32_t> at(begin.begin(), begin.end() - 1);
-  for (std::uint32_t place = 0; place < places.size(); ++place) {
-    if (node_of[place] >= 0) in_node[at[node_of[place]]++] = place;
-  }
+  for (std::size_t place = 0; place < places.size(); ++place) node_of[place] = graph_.node_of(places[place].point);
+  const Lists<std::uint32_t> in_node(graph_.size(), [&](const auto& add) {
+    for (std::uint32_t place = 0; place < places.size(); ++place) {
+      if (node_of[place] >= 0) add(node_of[place], place);
+    }
+  });
 
   const double shortest = least * solid_.grid().voxel();
   std::vector<std::vector<Found>> found(bones_.size());
@@ -279,14 +278,12 @@ NearestBones BoneDistances::nearest(std::span<const Place> places, double least,
       spread(bone, *search);
       const Segment measured = shorter(bones_[bone]);
       for (const std::uint32_t node : search->reached) {
-        for (std::uint32_t i = begin[node]; i < begin[node + 1]; ++i) {
-          const Place& place = places[in_node[i]];
-          const double distance = distance_from(measured, place, detour_at(place.point, *search), shortest);
-          found[bone].push_back({in_node[i], static_cast<float>(distance)});
+        for (const std::uint32_t i : in_node[node]) {
+          const double distance = distance_from(measured, places[i], detour_at(places[i].point, *search), shortest);
+          found[bone].push_back({i, static_cast<float>(distance)});
         }
       }
-      const auto count = std::ssize(bones_), own = static_cast<std::ptrdiff_t>(bone);
-      if (progress) progress->advance(steps * (own + 1) / count - steps * own / count);
+      advance_share(progress, steps, bone, bones_.size());
     }
   });
 
@@ -306,7 +303,7 @@ NearestBones BoneDistances::nearest(std::span<const Place> places, double least,
   for (std::size_t place = 1; place < result.begin.size(); ++place) result.begin[place] += result.begin[place - 1];
   result.bones.resize(result.begin.back());
   result.shares.resize(result.begin.back());
-  at.assign(result.begin.begin(), result.begin.end() - 1);
+  std::vector<std::uint32_t> at(result.begin.begin(), result.begin.end() - 1);
   for (std::uint32_t bone = 0; bone < found.size(); ++bone) {
     for (const auto& [place, distance] : found[bone]) {
       const double share = share_of(distance, result.distances[place]);

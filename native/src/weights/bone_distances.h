@@ -63,7 +63,9 @@ class BoneDistances {
   };
   void begin(const Progress* progress);
   void begin_at(std::size_t bone);
-  std::vector<std::uint32_t> all_seeds() const;
+  /// What everything is connected with: the nodes of bones inside the solid, or of all if none is. A part that only
+  /// bones beside it have found is not theirs alone.
+  std::vector<std::uint32_t> origins() const;
   std::vector<std::uint8_t> near_short_bones(std::span<const std::int32_t> joints) const;
   void measure_nearest();
   void spread(std::size_t bone, Search& search) const;

@@ -46,19 +46,13 @@ std::int32_t check_bones(const WeightBones& bones) {
 void check_fixed(const FixedWeights& fixed, std::ptrdiff_t vertices, std::int32_t joints) {
   check_vertices("fixed_vertices", fixed.vertices, vertices);
   const auto rows = std::ssize(fixed.vertices);
-  if (std::ssize(fixed.weights) != rows * joints) {
-    fail("fixed_weights has ", plural(std::ssize(fixed.weights), "number"), "; expected ", grouped(rows * joints), " (",
-         plural(rows, "fixed vertex"), " x ", plural(joints, "joint"), ")");
+  if (fixed.weights.vertices() != rows || (rows > 0 && fixed.weights.bones() != joints)) {
+    fail("fixed_weights has ", plural(fixed.weights.vertices(), "row"), " of ", plural(fixed.weights.bones(), "joint"),
+         "; expected ", grouped(rows), " of ", grouped(joints));
   }
   for (std::ptrdiff_t row = 0; row < rows; ++row) {
-    double sum = 0;
-    for (const double weight : fixed.weights.subspan(row * joints, joints)) {
-      if (!(weight >= 0)) fail("fixed_weights has ", weight, " in row ", row, "; expected 0 or more");
-      sum += weight;
-    }
-    if (!(sum > 0) || !std::isfinite(sum)) {
-      fail("fixed_weights has the sum ", sum, " in row ", row, ", of vertex ", fixed.vertices[row],
-           "; expected more than 0");
+    if (fixed.weights.row(row).empty()) {
+      fail("fixed_weights has the sum 0 in row ", row, ", of vertex ", fixed.vertices[row], "; expected more than 0");
     }
   }
 }
@@ -95,8 +89,7 @@ std::int32_t check_weight_input(std::span<const double> positions, std::span<con
   if (vertices > kMostNumbers / 4) {
     fail("there are ", plural(vertices, "vertex"), "; expected ", grouped(kMostNumbers / 4), " at most");
   }
-  check_vertices("face_vertices", face_vertices, vertices);
-  check_face_offsets(face_offsets, std::ssize(face_vertices));
+  check_faces({face_offsets, face_vertices}, vertices);
   const std::int32_t joints = check_bones(bones);
   check_fixed(fixed, vertices, joints);
   check_settings(settings, vertices);

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "sinew/weight_table.h"
 #include "weights/bone_distances.h"
 
 namespace sinew {
@@ -38,8 +39,8 @@ struct HeatSettings {
 
 /// Places whose weights are given.
 struct FixedPlaces {
-  std::vector<std::int32_t> row_of;  ///< of each place in weights, or -1
-  std::vector<double> weights;       ///< rows x joints, row by row
+  std::vector<std::int32_t> row_of;  ///< of each place in rows, or -1
+  WeightTable rows;
 };
 
 /// Solves (L + A H) w = A H p on the triangles for the places that have one. Returns entries in the order of the

@@ -1,9 +1,9 @@
 #include "weights/outward.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "base/parallel.h"
+#include "sinew/lists.h"
 
 namespace sinew {
 namespace {
@@ -17,21 +17,19 @@ constexpr double kSure = 0.15;
 
 std::vector<std::uint8_t> turn_outward(WeldedMesh& mesh, const TriangleTree& tree, const Progress* progress,
                                        bool& has_changed) {
-  std::vector<std::uint32_t> begin(mesh.patch_count() + 1), sorted(mesh.triangles.size());
-  for (const std::uint32_t patch : mesh.patch_of) ++begin[patch + 1];
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<std::uint32_t> at(begin.begin(), begin.end() - 1);
-  for (std::uint32_t t = 0; t < sorted.size(); ++t) sorted[at[mesh.patch_of[t]]++] = t;
+  const Lists<std::uint32_t> of_patch(mesh.patch_count(), [&](const auto& add) {
+    for (std::uint32_t t = 0; t < mesh.patch_of.size(); ++t) add(mesh.patch_of[t], t);
+  });
 
   std::vector<double> mean(mesh.patch_count(), 0.5);
   parallel_for(mesh.patch_count(), 16, [&](std::size_t first, std::size_t end) {
     stop_if_cancelled(progress);
     for (std::size_t patch = first; patch < end; ++patch) {
       if (mesh.is_closed[patch]) continue;
-      const std::size_t count = begin[patch + 1] - begin[patch], samples = std::min(count, kSamples);
+      const std::size_t count = of_patch[patch].size(), samples = std::min(count, kSamples);
       double sum = 0;
       for (std::size_t s = 0; s < samples; ++s) {
-        const auto& [a, b, c] = mesh.triangles[sorted[begin[patch] + s * count / samples]];
+        const auto& [a, b, c] = mesh.triangles[of_patch[patch][s * count / samples]];
         const Eigen::Vector3d centre = (mesh.points[a] + mesh.points[b] + mesh.points[c]) / 3;
         const Eigen::Vector3d beside =
             kBeside * (mesh.points[b] - mesh.points[a]).cross(mesh.points[c] - mesh.points[a]).stableNormalized();

@@ -22,12 +22,4 @@ void RowFinisher::operator()(WeightRow& row) {
   for (auto& [joint, weight] : row) weight /= sum;
 }
 
-PointRows::PointRows(std::size_t points, std::span<const WeightEntry> entries)
-    : begin_(points + 1), entries_(entries.size()) {
-  for (const WeightEntry& entry : entries) ++begin_[entry.place + 1];
-  for (std::size_t p = 1; p < begin_.size(); ++p) begin_[p] += begin_[p - 1];
-  std::vector<std::size_t> at(begin_.begin(), begin_.end() - 1);
-  for (const WeightEntry& entry : entries) entries_[at[entry.place]++] = entry;
-}
-
 }  // namespace sinew

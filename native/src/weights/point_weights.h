@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sinew/automatic_weights.h"
+#include "sinew/lists.h"
 #include "weights/heat.h"
 
 namespace sinew {
@@ -26,19 +27,7 @@ class RowFinisher {
   WeightRow sorted_;
 };
 
-/// Rows of points, one after the other.
-class PointRows {
- public:
-  /// entries  in the order of their joints at each point.
-  PointRows(std::size_t points, std::span<const WeightEntry> entries);
-
-  std::span<const WeightEntry> of(std::size_t point) const {
-    return std::span(entries_).subspan(begin_[point], begin_[point + 1] - begin_[point]);
-  }
-
- private:
-  std::vector<std::size_t> begin_;
-  std::vector<WeightEntry> entries_;
-};
+/// Rows of points, in the order of their joints.
+using PointRows = Lists<WeightEntry>;
 
 }  // namespace sinew

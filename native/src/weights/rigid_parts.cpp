@@ -5,21 +5,10 @@
 #include <map>
 
 #include "weights/triangle_tree.h"
+#include "weights/weight_rows.h"
 
 namespace sinew {
 namespace {
-
-/// Adds up weighted rows.
-class RowSum {
- public:
-  void add(std::span<const WeightEntry> row, double factor) {
-    for (const WeightEntry& entry : row) sums_[entry.joint] += factor * entry.weight;
-  }
-  WeightRow row() const { return {sums_.begin(), sums_.end()}; }
-
- private:
-  std::map<std::int32_t, double> sums_;
-};
 
 /// Returns the group of each vertex, and how many there are; groups that are given come first.
 std::int32_t find_groups(const WeldedMesh& mesh, const WeightSettings& settings, std::vector<std::int32_t>& group_of) {
@@ -64,8 +53,8 @@ std::vector<double> part_diagonals(const WeldedMesh& mesh) {
   return diagonals;
 }
 
-RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, const WeightSettings& settings,
-                     const std::vector<std::uint8_t>& is_fixed) {
+RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t joint_count,
+                     const WeightSettings& settings, const std::vector<std::uint8_t>& is_fixed) {
   const std::int32_t groups = find_groups(mesh, settings, group_of_);
   if (groups == 0) {
     group_of_.clear();
@@ -86,19 +75,23 @@ RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, const Weight
   const bool attach = settings.rigid_follow == RigidFollow::attachment && !soft.empty();
   const TriangleTree tree(mesh.points, attach ? std::span<const Triangle>(soft) : std::span<const Triangle>());
   rows_.resize(groups);
+  RowSum sum(static_cast<std::size_t>(joint_count));
+  const auto add = [&](std::uint32_t point, double factor) {
+    for (const WeightEntry& entry : rows[point]) sum.add(entry.joint, factor * entry.weight);
+  };
   for (std::int32_t group = 0; group < groups; ++group) {
-    RowSum sum;
     if (attach) {
       SurfacePoint closest;
       for (const std::uint32_t p : points[group]) {
         const SurfacePoint own = tree.closest(mesh.points[p], closest.squared_distance);
         if (own.squared_distance < closest.squared_distance) closest = own;
       }
-      for (int i = 0; i < 3; ++i) sum.add(rows.of(soft[closest.triangle][i]), closest.shares[i]);
+      for (int i = 0; i < 3; ++i) add(soft[closest.triangle][i], closest.shares[i]);
     } else {
-      for (const std::uint32_t p : points[group]) sum.add(rows.of(p), 1.0 / static_cast<double>(points[group].size()));
+      for (const std::uint32_t p : points[group]) add(p, 1.0 / static_cast<double>(points[group].size()));
     }
-    WeightRow row = sum.row();
+    WeightRow row;
+    for (const auto& [joint, weight] : sum.take()) row.emplace_back(joint, weight);
     if (settings.rigid_follow == RigidFollow::bone) {
       row = {*std::ranges::max_element(row, {}, [](const auto& entry) { return entry.second; })};
     }

@@ -15,7 +15,7 @@ std::vector<double> part_diagonals(const WeldedMesh& mesh);
 class RigidRows {
  public:
   /// is_fixed  of each point: these keep their own weights.
-  RigidRows(const WeldedMesh& mesh, const PointRows& rows, const WeightSettings& settings,
+  RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t joint_count, const WeightSettings& settings,
             const std::vector<std::uint8_t>& is_fixed);
 
   /// Returns the weights of a vertex, or null if it is not in a rigid part.

@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <memory>
 
-#include "base/kept.h"
 #include "base/parallel.h"
 #include "weights/heat.h"
 #include "weights/panel_solver.h"
@@ -74,47 +72,38 @@ std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points
   matrix.setFromTriplets(entries.begin(), entries.end());
   entries = {};
   stop_if_cancelled(progress);
-  const PanelSolver solver(matrix);
+  const PanelSolver solver(matrix, progress);
   matrix = {};
   if (progress) progress->advance(steps / 2);
 
   const double negligible = std::min(kNegligible, settings.least / 10);
   const std::int32_t joints = sources.joint_count;
-  const std::size_t blocks = (static_cast<std::size_t>(joints) + kLanes - 1) / kLanes;
   std::vector<std::vector<WeightEntry>> found(joints);
-  Kept<PanelSolver::Scratch> kept;
-  parallel_for(blocks, 1, [&](std::size_t begin, std::size_t end) {
-    const auto scratch = kept.borrow([] { return std::make_unique<PanelSolver::Scratch>(); });
-    for (std::size_t block = begin; block < end; ++block) {
-      stop_if_cancelled(progress);
-      const auto first = static_cast<std::int32_t>(block) * kLanes, lanes = std::min(kLanes, joints - first);
-      scratch->values.assign(unknowns.size(), Lanes::Zero());
-      for (std::size_t u = 0; u < unknowns.size(); ++u) {
-        Lanes& values = scratch->values[solver.position(u)];
-        sources.add_shares(unknowns[u], first, lanes, values.data());
-        values *= heat[u];
-      }
-      for (const Known& known : knowns) {
-        const double* const given =
-            &fixed.weights[static_cast<std::size_t>(fixed.row_of[known.place]) * joints + first];
-        Lanes& values = scratch->values[solver.position(known.unknown)];
-        for (int lane = 0; lane < lanes; ++lane) values[lane] += known.value * given[lane];
-      }
-      solver.solve(*scratch, negligible);
-      for (std::size_t u = 0; u < unknowns.size(); ++u) {
-        const Lanes& values = scratch->values[solver.position(u)];
-        for (int lane = 0; lane < lanes; ++lane) {
-          if (!(values[lane] >= settings.least) || values[lane] == 0) continue;
-          found[first + lane].push_back({unknowns[u], first + lane, static_cast<float>(values[lane])});
-        }
-      }
-      if (progress) {
-        const auto own = static_cast<std::int64_t>(block), all = static_cast<std::int64_t>(blocks),
-                   half = steps - steps / 2;
-        progress->advance(half * (own + 1) / all - half * own / all);
+  const auto fill = [&](std::size_t first_joint, std::size_t lanes, PanelSolver::Scratch& scratch) {
+    const auto first = static_cast<std::int32_t>(first_joint), end = first + static_cast<std::int32_t>(lanes);
+    for (std::size_t u = 0; u < unknowns.size(); ++u) {
+      Lanes& values = scratch.values[solver.position(u)];
+      sources.add_shares(unknowns[u], first, end - first, values.data());
+      values *= heat[u];
+    }
+    for (const Known& known : knowns) {
+      Lanes& values = scratch.values[solver.position(known.unknown)];
+      for (const auto& [joint, weight] : fixed.rows.row(fixed.row_of[known.place])) {
+        if (joint >= first && joint < end) values[joint - first] += known.value * weight;
       }
     }
-  });
+  };
+  const auto read = [&](std::size_t first, std::size_t lanes, const PanelSolver::Scratch& scratch) {
+    for (std::size_t u = 0; u < unknowns.size(); ++u) {
+      const Lanes& values = scratch.values[solver.position(u)];
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        if (!(values[lane] >= settings.least) || values[lane] == 0) continue;
+        found[first + lane].push_back(
+            {unknowns[u], static_cast<std::int32_t>(first + lane), static_cast<float>(values[lane])});
+      }
+    }
+  };
+  solve_panels(solver, static_cast<std::size_t>(joints), negligible, progress, steps - steps / 2, fill, read);
   std::vector<WeightEntry> result;
   for (auto& of_joint : found) {
     result.insert(result.end(), of_joint.begin(), of_joint.end());

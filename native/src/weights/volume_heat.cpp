@@ -1,7 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
+#include "base/kept.h"
 #include "base/parallel.h"
+#include "sinew/lists.h"
 #include "weights/heat.h"
 #include "weights/panel_solver.h"
 
@@ -10,6 +13,10 @@ namespace {
 
 constexpr int kMostIterations = 1000;
 constexpr double kTolerance = 1e-6;  // of the right-hand side
+// Cells are left out beyond those where all weights are below this share of the least that is kept. At first those farther
+// than so many steps from where the joints heat.
+constexpr double kCut = 0.1;
+constexpr int kFirstSteps = 8;
 
 /// L + H of the cells.
 class VolumeMatrix {
@@ -32,60 +39,119 @@ class VolumeMatrix {
   std::size_t size() const { return heat_.size(); }
   double heat(std::size_t i) const { return heat_[i]; }
   double diagonal(std::size_t i) const { return diagonal_[i]; }
-  Lanes row_times(std::size_t i, std::span<const Lanes> values) const {
-    Lanes sum = diagonal_[i] * values[i];
-    for (const std::int32_t neighbour : neighbours_[i]) {
-      if (neighbour >= 0) sum -= values[neighbour];
-    }
-    return sum;
-  }
+  const std::array<std::int32_t, 6>& neighbours(std::size_t i) const { return neighbours_[i]; }
 
  private:
   std::vector<std::array<std::int32_t, 6>> neighbours_;
   std::vector<double> heat_, diagonal_;
 };
 
-/// Conjugate gradients for each lane alone, preconditioned by the diagonal. values  the right-hand sides, then the
-/// solution.
-void solve(const VolumeMatrix& matrix, std::vector<Lanes>& values, const Progress* progress) {
-  const std::size_t count = matrix.size();
-  std::vector<Lanes> residual(values), direction(count), product(count);
-  const Lanes zero = Lanes::Zero();
-  Lanes rho = zero, start = zero;
-  for (std::size_t i = 0; i < count; ++i) {
-    direction[i] = residual[i] / matrix.diagonal(i);
-    rho += residual[i] * direction[i];
-    values[i].setZero();
+/// Some of the cells, and the values there; elsewhere they are 0. One object for each thread.
+class Region {
+ public:
+  explicit Region(const VolumeMatrix& matrix) : matrix_(matrix), place_of_(matrix.size(), -1) {}
+
+  void clear() {
+    for (const std::int32_t cell : cells_) place_of_[cell] = -1;
+    cells_.clear();
+    grown_ = 0;
   }
-  start = rho;
-  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
-    const auto is_active = (rho > kTolerance * kTolerance * start).eval();  // lanes that are done keep their values
-    if (!is_active.any()) return;
-    stop_if_cancelled(progress);
-    Lanes curvature = zero;
-    for (std::size_t i = 0; i < count; ++i) {
-      product[i] = matrix.row_times(i, direction);
-      curvature += direction[i] * product[i];
-    }
-    const Lanes step = (is_active && curvature > 0).select(rho / curvature, zero);
-    Lanes next = zero;
-    for (std::size_t i = 0; i < count; ++i) {
-      values[i] += step * direction[i];
-      residual[i] -= step * product[i];
-      next += residual[i] * residual[i] / matrix.diagonal(i);
-    }
-    const Lanes factor = is_active.select(next / rho, zero);
-    for (std::size_t i = 0; i < count; ++i) direction[i] = residual[i] / matrix.diagonal(i) + factor * direction[i];
-    rho = is_active.select(next, rho);
+  void add(std::size_t cell) {
+    if (place_of_[cell] >= 0) return;
+    place_of_[cell] = static_cast<std::int32_t>(cells_.size());
+    cells_.push_back(static_cast<std::int32_t>(cell));
   }
-}
+  /// Adds what is no farther than so many steps from what was there before the last growth; all, if it is much.
+  void grow(int steps) {
+    for (; steps > 0 && grown_ < cells_.size(); --steps) {
+      const std::size_t end = cells_.size();
+      for (; grown_ < end; ++grown_) {
+        for (const std::int32_t other : matrix_.neighbours(cells_[grown_])) {
+          if (other >= 0) add(other);
+        }
+      }
+    }
+    for (std::size_t cell = 0; cells_.size() > matrix_.size() / 3 && cell < matrix_.size(); ++cell) add(cell);
+  }
+  std::span<const std::int32_t> cells() const { return cells_; }
+  /// Returns the place of a cell in cells(), or -1.
+  std::int32_t place_of(std::size_t cell) const { return place_of_[cell]; }
+
+  /// Whether a value beside what is left out is above `most`.
+  bool is_cut(std::span<const Lanes> values, double most) const {
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if ((values[i] <= most).all()) continue;
+      for (const std::int32_t other : matrix_.neighbours(cells_[i])) {
+        if (other >= 0 && place_of_[other] < 0) return true;
+      }
+    }
+    return false;
+  }
+
+  /// Conjugate gradients for each lane alone, preconditioned by the diagonal. values  the right-hand sides, then the
+  /// solution.
+  void solve(std::vector<Lanes>& values, const Progress* progress) {
+    const std::size_t count = cells_.size();
+    residual_ = values;
+    direction_.resize(count);
+    product_.resize(count);
+    neighbours_.resize(count);
+    diagonal_.resize(count);
+    const Lanes zero = Lanes::Zero();
+    Lanes rho = zero, start = zero;
+    for (std::size_t i = 0; i < count; ++i) {
+      for (int side = 0; side < 6; ++side) {
+        const std::int32_t other = matrix_.neighbours(cells_[i])[side];
+        neighbours_[i][side] = other < 0 ? -1 : place_of_[other];
+      }
+      diagonal_[i] = matrix_.diagonal(cells_[i]);
+      direction_[i] = residual_[i] / diagonal_[i];
+      rho += residual_[i] * direction_[i];
+      values[i].setZero();
+    }
+    start = rho;
+    for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+      const auto is_active = (rho > kTolerance * kTolerance * start).eval();  // lanes that are done keep their values
+      if (!is_active.any()) return;
+      stop_if_cancelled(progress);
+      Lanes curvature = zero;
+      for (std::size_t i = 0; i < count; ++i) {
+        Lanes product = diagonal_[i] * direction_[i];
+        for (const std::int32_t other : neighbours_[i]) {
+          if (other >= 0) product -= direction_[other];
+        }
+        product_[i] = product;
+        curvature += direction_[i] * product;
+      }
+      const Lanes step = (is_active && curvature > 0).select(rho / curvature, zero);
+      Lanes next = zero;
+      for (std::size_t i = 0; i < count; ++i) {
+        values[i] += step * direction_[i];
+        residual_[i] -= step * product_[i];
+        next += residual_[i] * residual_[i] / diagonal_[i];
+      }
+      const Lanes factor = is_active.select(next / rho, zero);
+      for (std::size_t i = 0; i < count; ++i) direction_[i] = residual_[i] / diagonal_[i] + factor * direction_[i];
+      rho = is_active.select(next, rho);
+    }
+  }
+
+ private:
+  const VolumeMatrix& matrix_;
+  std::vector<std::int32_t> place_of_, cells_;
+  std::size_t grown_ = 0;
+  std::vector<std::array<std::int32_t, 6>> neighbours_;
+  std::vector<double> diagonal_;
+  std::vector<Lanes> residual_, direction_, product_;
+};
 
 /// Interpolates between the centres of the cells around a point.
-Lanes value_at(const VoxelSolid& solid, const Eigen::Vector3d& point, std::span<const Lanes> values) {
+Lanes value_at(const VoxelSolid& solid, const Region& region, const Eigen::Vector3d& point,
+               std::span<const Lanes> values) {
   Lanes sum = Lanes::Zero();
   double weights = 0;
   solid.around(point, [&](std::int32_t index, double weight) {
-    sum += weight * values[index];
+    if (const std::int32_t place = region.place_of(index); place >= 0) sum += weight * values[place];
     weights += weight;
   });
   if (weights > 0) sum /= weights;
@@ -100,26 +166,41 @@ std::vector<WeightEntry> heat_in_volume(const VoxelSolid& solid, const HeatSourc
   const VolumeMatrix matrix(solid, sources.nearest, settings.stiffness);
   const std::int32_t joints = sources.joint_count;
   const std::size_t blocks = (static_cast<std::size_t>(joints) + kLanes - 1) / kLanes;
+  const Lists<std::uint32_t> cells_of(blocks, [&](const auto& add) {  // that the joints of each block heat
+    for (std::uint32_t cell = 0; cell < matrix.size(); ++cell) {
+      for (std::uint32_t i = sources.nearest.begin[cell]; i < sources.nearest.begin[cell + 1]; ++i) {
+        add(static_cast<std::size_t>(sources.joints[sources.nearest.bones[i]] / kLanes), cell);
+      }
+    }
+  });
   std::vector<std::vector<WeightEntry>> found(joints);
+  Kept<Region> regions;
   parallel_for(blocks, 1, [&](std::size_t begin, std::size_t end) {
+    const auto region = regions.borrow([&] { return std::make_unique<Region>(matrix); });
     std::vector<Lanes> values;
     for (std::size_t block = begin; block < end; ++block) {
       const auto first = static_cast<std::int32_t>(block) * kLanes, lanes = std::min(kLanes, joints - first);
-      values.assign(matrix.size(), Lanes::Zero());
-      for (std::size_t i = 0; i < values.size(); ++i) {
-        sources.add_shares(i, first, lanes, values[i].data());
-        values[i] *= matrix.heat(i);
+      region->clear();
+      for (const std::uint32_t cell : cells_of[block]) region->add(cell);
+      for (int growth = kFirstSteps;; growth *= 2) {
+        region->grow(growth);
+        values.assign(region->cells().size(), Lanes::Zero());
+        for (std::size_t i = 0; i < values.size(); ++i) {
+          const std::int32_t cell = region->cells()[i];
+          sources.add_shares(cell, first, lanes, values[i].data());
+          values[i] *= matrix.heat(cell);
+        }
+        region->solve(values, progress);
+        if (!region->is_cut(values, kCut * settings.least)) break;
       }
-      solve(matrix, values, progress);
       for (const std::uint32_t place : wanted) {
-        const Lanes weights = value_at(solid, points[place], values);
+        const Lanes weights = value_at(solid, *region, points[place], values);
         for (int lane = 0; lane < lanes; ++lane) {
           if (!(weights[lane] >= settings.least)) continue;
           found[first + lane].push_back({place, first + lane, static_cast<float>(weights[lane])});
         }
       }
-      const auto own = static_cast<std::int64_t>(block), all = static_cast<std::int64_t>(blocks);
-      if (progress) progress->advance(steps * (own + 1) / all - steps * own / all);
+      advance_share(progress, steps, block, blocks);
     }
   });
   std::vector<WeightEntry> result;

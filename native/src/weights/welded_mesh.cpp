@@ -146,19 +146,17 @@ void for_edges(std::span<const Side> sides, const Visit& visit) {
   }
 }
 
-/// Faces, a fan of triangles each.
-class Faces {
+/// Faces between points, a fan of triangles each.
+class FacesOfPoints {
  public:
-  Faces(std::span<const std::int32_t> offsets, std::span<const std::int32_t> vertices,
-        std::span<const std::uint32_t> point_of)
-      : offsets_(offsets), vertices_(vertices), point_of_(point_of) {}
+  FacesOfPoints(const Faces& faces, std::span<const std::uint32_t> point_of) : faces_(faces), point_of_(point_of) {}
 
-  std::size_t count() const { return offsets_.empty() ? 0 : offsets_.size() - 1; }
+  std::size_t count() const { return faces_.count(); }
 
   /// The points of a face, in ascending order.
   std::vector<std::uint32_t> points_of(std::size_t face) const {
     std::vector<std::uint32_t> points;
-    for (std::int32_t i = offsets_[face]; i < offsets_[face + 1]; ++i) points.push_back(point_of_[vertices_[i]]);
+    for (const std::int32_t v : corners_of(face)) points.push_back(point_of_[v]);
     std::ranges::sort(points);
     return points;
   }
@@ -168,8 +166,8 @@ class Faces {
     std::vector<std::pair<std::uint64_t, std::uint32_t>> hashes;
     for (std::uint32_t face = 0; face < count(); ++face) {
       std::uint64_t hash = 0;
-      for (std::int32_t i = offsets_[face]; i < offsets_[face + 1]; ++i) {
-        std::uint64_t own = (point_of_[vertices_[i]] + 1) * 0x9e3779b97f4a7c15u;
+      for (const std::int32_t v : corners_of(face)) {
+        std::uint64_t own = (point_of_[v] + 1) * 0x9e3779b97f4a7c15u;
         own = (own ^ (own >> 31)) * 0xbf58476d1ce4e5b9u;
         hash += own ^ (own >> 27);
       }
@@ -189,7 +187,7 @@ class Faces {
     std::vector<Triangle> result;
     for (std::size_t face = 0; face < count(); ++face) {
       if (!left_out.empty() && left_out[face]) continue;
-      for_triangles(offsets_.subspan(face, 2), vertices_, [&](const auto& corners) {
+      for_triangles(faces_.offsets.subspan(face, 2), faces_.vertices, [&](const auto& corners) {
         const Triangle triangle{point_of_[corners[0]], point_of_[corners[1]], point_of_[corners[2]]};
         if (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0]) return;
         result.push_back(triangle);
@@ -199,13 +197,17 @@ class Faces {
   }
 
  private:
-  std::span<const std::int32_t> offsets_, vertices_;
+  std::span<const std::int32_t> corners_of(std::size_t face) const {
+    return faces_.vertices.subspan(faces_.offsets[face], faces_.offsets[face + 1] - faces_.offsets[face]);
+  }
+
+  Faces faces_;
   std::span<const std::uint32_t> point_of_;
 };
 
 /// Sets the triangles, without those of double faces: the winding numbers of a front and a back side would cancel.
 /// Returns their sides.
-std::vector<Side> set_triangles(const Faces& faces, WeldedMesh& mesh) {
+std::vector<Side> set_triangles(const FacesOfPoints& faces, WeldedMesh& mesh) {
   mesh.triangles = faces.triangles({});
   std::vector<Side> sides = sorted_sides(mesh);
   bool has_many = false;
@@ -325,22 +327,17 @@ Eigen::Vector3d UnitFrame::operator()(const double* point) const {
   return result;
 }
 
-WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, std::span<const std::int32_t> face_offsets,
-                std::span<const std::int32_t> face_vertices) {
+WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, const Faces& faces) {
   WeldedMesh mesh;
   std::vector<Eigen::Vector3d> all(positions.size() / 3);
   for (std::size_t v = 0; v < all.size(); ++v) all[v] = frame(&positions[3 * v]);
   mesh.point_of = weld_points(all, mesh.points);
-  const Faces faces(face_offsets, face_vertices, mesh.point_of);
-  orient(mesh, set_triangles(faces, mesh));
+  orient(mesh, set_triangles({faces, mesh.point_of}, mesh));
   turn_closed_outward(mesh);
   // A side of a triangle without extent still connects two points.
   DisjointSets parts(mesh.points.size());
-  for (std::size_t f = 0; f + 1 < face_offsets.size(); ++f) {
-    for (std::int32_t i = face_offsets[f] + 1; i < face_offsets[f + 1]; ++i) {
-      parts.join(mesh.point_of[face_vertices[i - 1]], mesh.point_of[face_vertices[i]]);
-    }
-  }
+  for_sides(faces,
+            [&](std::size_t, std::int32_t a, std::int32_t b) { parts.join(mesh.point_of[a], mesh.point_of[b]); });
   const auto [numbers, count] = parts.numbered();
   mesh.part_of.assign(numbers.begin(), numbers.end());
   mesh.part_count = static_cast<std::int32_t>(count);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "sinew/faces.h"
 #include "sinew/types.h"
 
 namespace sinew {
@@ -42,8 +43,7 @@ struct WeldedMesh {
 };
 
 /// Everything is already checked.
-WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, std::span<const std::int32_t> face_offsets,
-                std::span<const std::int32_t> face_vertices);
+WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, const Faces& faces);
 
 /// Union and find, where the root of a set is its smallest member.
 class DisjointSets {
