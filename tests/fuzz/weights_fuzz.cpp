@@ -64,6 +64,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     offsets.push_back(offsets.back() + (raw ? corners % 5 : 3 + corners % 3));
   }
   auto corners = bytes.list<std::int32_t, std::int8_t>(static_cast<std::size_t>(offsets.back()));
+  if (raw && choice & 0x10) offsets = bytes.list<std::int32_t>(faces + 1);
   if (!raw && vertices == 0) offsets = {0}, corners.clear();
   for (auto& v : corners) v = raw ? v : static_cast<std::uint8_t>(v) % static_cast<std::int32_t>(vertices);
   const auto positions = coordinates(bytes, 3 * vertices, raw), heads = coordinates(bytes, 3 * bones, raw),

@@ -309,6 +309,78 @@ TEST(AutomaticWeights, DistancesGoAroundWhatIsNotSolid) {
   }
 }
 
+TEST(AutomaticWeights, CloseVerticesAreOneWhereverTheCellsEnd) {
+  // Pairs, of which many have a border of the cells that vertices are sorted into between them.
+  TestMesh mesh;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(0, 1);
+  constexpr std::size_t kPairs = 500;
+  for (std::size_t pair = 0; pair < kPairs; ++pair) {
+    const std::array point{place(random), place(random), place(random)};
+    for (const double away : {0.0, 4e-7}) {
+      for (const double number : point) mesh.positions.push_back(number + away);
+    }
+  }
+  const WeldedMesh own = welded(mesh);
+  EXPECT_EQ(own.points.size(), kPairs);
+  for (std::size_t pair = 0; pair < kPairs; ++pair) EXPECT_EQ(own.point_of[2 * pair], own.point_of[2 * pair + 1]);
+}
+
+/// A sheet of n x n quads about the origin in the plane z = `height`.
+void add_sheet(TestMesh& mesh, int n, double size, double height) {
+  const auto first = static_cast<std::int32_t>(mesh.vertex_count());
+  for (int i = 0; i <= n; ++i) {
+    for (int j = 0; j <= n; ++j) {
+      mesh.positions.insert(mesh.positions.end(), {size * (i - 0.5 * n) / n, size * (j - 0.5 * n) / n, height});
+    }
+  }
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      const std::int32_t at = first + i * (n + 1) + j;
+      mesh.add_face({at, at + 1, at + n + 2, at + n + 1});
+    }
+  }
+}
+
+std::vector<double> dense_of(const AutomaticWeights& made, std::size_t vertex, std::size_t joints) {
+  std::vector<double> row(joints);
+  for (auto i = made.offsets[vertex]; i < made.offsets[vertex + 1]; ++i) row[made.joints[i]] = made.weights[i];
+  return row;
+}
+
+TEST(AutomaticWeights, BothSidesOfASheetAreAlike) {
+  TestMesh mesh;
+  add_sheet(mesh, 10, 2, 0);
+  const std::vector<double> heads{-0.5, 0, 0.2, -0.5, 0, -0.2}, tails{0.5, 0, 0.2, 0.5, 0, -0.2};
+  const auto made = automatic_weights(mesh.positions, mesh.offsets, mesh.corners, {heads, tails, {}});
+  for (std::size_t v = 0; v < mesh.vertex_count(); ++v) EXPECT_NEAR(dense_of(*made, v, 2)[0], 0.5, 1e-3) << v;
+}
+
+TEST(AutomaticWeights, APartThatNoBonePassesThroughIsNotThatOfOneBesideItAlone) {
+  // Two bones in a box, a sheet beside it, and a third bone beyond the sheet's lower end.
+  TestMesh mesh;
+  mesh.positions = {-1, -1, -1, 1, -1, -1, 1, 1, -1, -1, 1, -1, -1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1};
+  for (const auto& face :
+       {std::array{0, 3, 2, 1}, {4, 5, 6, 7}, {0, 1, 5, 4}, {1, 2, 6, 5}, {2, 3, 7, 6}, {3, 0, 4, 7}}) {
+    mesh.add_face({face[0], face[1], face[2], face[3]});
+  }
+  add_sheet(mesh, 16, 2, 1.1);
+  const std::vector<double> heads{-0.8, 0, 0, 0.1, 0, 0, -0.9, 0, 1.4}, tails{-0.1, 0, 0, 0.8, 0, 0, -0.8, 0, 1.4};
+  for (const int resolution : {32, 64, 128}) {
+    WeightSettings settings;
+    settings.resolution = resolution;
+    const auto made = automatic_weights(mesh.positions, mesh.offsets, mesh.corners, {heads, tails, {}}, {}, settings);
+    int right = 0, count = 0;
+    for (std::size_t v = 8; v < mesh.vertex_count(); ++v) {
+      if (mesh.positions[3 * v] < 0.3) continue;
+      ++count;
+      right += dense_of(*made, v, 3)[1] > 0.5;
+    }
+    EXPECT_GT(right, 0.9 * count) << resolution;
+    EXPECT_GT(dense_of(*made, 8 + 8, 3)[2], 0.5);  // beside the third bone
+  }
+}
+
 TEST(AutomaticWeights, SameBitsForAnyNumberOfThreads) {
   const TestMesh mesh = tube(24, 80);
   std::vector<double> heads, tails;

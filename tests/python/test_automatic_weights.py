@@ -472,10 +472,19 @@ BROKEN = [
     ({"joints": np.zeros(0, int)}, "joints is empty; expected one for each bone"),
     ({"fixed_vertices": np.array([0])}, "fixed_vertices and fixed_weights belong together"),
     ({"fixed_vertices": np.array([4]), "fixed_weights": np.ones((1, 2))}, "fixed_vertices names vertex 4"),
-    ({"fixed_vertices": np.array([0]), "fixed_weights": np.ones((1, 3))}, "fixed_weights has 1 row of 3 joints; expected 1 of 2"),
-    ({"fixed_vertices": np.array([0]), "fixed_weights": np.ones((2, 2))}, "fixed_weights has 2 rows of 2 joints; expected 1 of 2"),
+    (
+        {"fixed_vertices": np.array([0]), "fixed_weights": np.ones((1, 3))},
+        "fixed_weights has 1 row of 3 joints; expected 1 of 2",
+    ),
+    (
+        {"fixed_vertices": np.array([0]), "fixed_weights": np.ones((2, 2))},
+        "fixed_weights has 2 rows of 2 joints; expected 1 of 2",
+    ),
     ({"fixed_vertices": np.array([3]), "fixed_weights": np.zeros((1, 2))}, "the sum 0 in row 0, of vertex 3"),
-    ({"fixed_vertices": np.array([3]), "fixed_weights": np.array([[1, -1]])}, "fixed_weights is -1 at vertex 0, bone 1; expected 0 or more"),
+    (
+        {"fixed_vertices": np.array([3]), "fixed_weights": np.array([[1, -1]])},
+        "fixed_weights is -1 at vertex 0, bone 1; expected 0 or more",
+    ),
     ({"rigid_parts": np.array([0])}, "rigid_parts has 1 number; the mesh has 4 vertices"),
     ({"rigid_size": 2.0}, "rigid_size is 2; expected 0 to 1"),
     ({"rigid_follow": "me"}, 'there is no rigid_follow "me"; expected attachment or bone'),

@@ -590,7 +590,14 @@ def test_folded_faces_get_the_same_weights_each_time(width):
     results = set()
     for _ in range(50):
         made, matched = sinew.transfer_weights(
-            positions * (0.4, 0.4, 0), offsets, faces, soft(positions, 3), target, np.array([0, 4, 8]), corners, distance=0.05
+            positions * (0.4, 0.4, 0),
+            offsets,
+            faces,
+            soft(positions, 3),
+            target,
+            np.array([0, 4, 8]),
+            corners,
+            distance=0.05,
         )
         check_transferred(made, matched, 8)
         results.add(made.tobytes())

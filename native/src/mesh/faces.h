@@ -17,19 +17,20 @@ inline void check_vertices(const char* name, std::span<const std::int32_t> numbe
   }
 }
 
-/// Checks the vertices of faces, and where each face's corners begin. name  of the vertices, for messages.
-inline void check_faces(const Faces& faces, std::ptrdiff_t vertices, const char* name = "face_vertices") {
-  check_vertices(name, faces.vertices, vertices);
+/// Checks the vertices of faces, and where each face's corners begin. The names are for messages.
+inline void check_faces(const Faces& faces, std::ptrdiff_t vertices, const char* vertices_name = "face_vertices",
+                        const char* offsets_name = "face_offsets") {
+  check_vertices(vertices_name, faces.vertices, vertices);
   const auto& offsets = faces.offsets;
   const std::ptrdiff_t corners = std::ssize(faces.vertices);
   if (offsets.empty() && corners == 0) return;
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners) {
-    fail("face_offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ", offsets.empty() ? 0 : offsets.back(),
-         "; expected 0 to ", corners, ", the number of corners");
+    fail(offsets_name, " goes from ", offsets.empty() ? 0 : offsets.front(), " to ",
+         offsets.empty() ? 0 : offsets.back(), "; expected 0 to ", corners, ", the number of corners");
   }
   for (std::size_t f = 0; f + 1 < offsets.size(); ++f) {
     const std::ptrdiff_t begin = offsets[f], end = offsets[f + 1];
-    if (end < 0 || end > corners) fail("face_offsets is ", end, " after face ", f, "; expected 0 to ", corners);
+    if (end < 0 || end > corners) fail(offsets_name, " is ", end, " after face ", f, "; expected 0 to ", corners);
     if (end - begin < 3) fail("face ", f, " has ", plural(end - begin, "corner"), "; expected three at least");
   }
 }

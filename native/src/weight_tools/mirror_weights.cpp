@@ -62,23 +62,18 @@ std::optional<WeightTable> mirror_weights(const WeightTable& weights, std::span<
   try {
     if (progress) progress->start(100);
     const auto bones = static_cast<std::size_t>(weights.bones());
-    // First the vertices on the plane, which the surface beside it is read from, too.
-    const WeightTable source =
-        table_of_rows(vertices, weights.bones(), 4096, progress, 10, [&](auto begin, auto end, auto& rows) {
-          RowSum sum(bones);
-          for (std::size_t v = begin; v < end; ++v) {
-            const bool is_middle = !stays(v) && is_source(static_cast<std::uint32_t>(v));
-            sum.add(weights.row(v), is_middle ? 0.5 : 1);
-            if (is_middle) add_mirrored(weights.row(v), 0.5, sum);
-            rows.add_row(sum.take());
-          }
-        });
-    const WeightedSurface surface(points_in(frame, exact), std::move(triangles), source);
-    return table_of_rows(vertices, weights.bones(), 128, progress, 90, [&](auto begin, auto end, auto& rows) {
+    const WeightedSurface surface(points_in(frame, exact), std::move(triangles), weights);
+    return table_of_rows(vertices, weights.bones(), 128, progress, 100, [&](auto begin, auto end, auto& rows) {
       RowSum sum(bones);
       for (std::size_t v = begin; v < end; ++v) {
-        if (stays(v) || is_source(static_cast<std::uint32_t>(v))) {
-          rows.add_row(source.row(v));
+        if (stays(v)) {
+          rows.add_row(weights.row(v));
+          continue;
+        }
+        if (is_source(static_cast<std::uint32_t>(v))) {  // in the middle
+          sum.add(weights.row(v), 0.5);
+          add_mirrored(weights.row(v), 0.5, sum);
+          rows.add_row(sum.take());
           continue;
         }
         double place[3];
@@ -90,7 +85,7 @@ std::optional<WeightTable> mirror_weights(const WeightTable& weights, std::span<
         shares = hit.shares.cwiseProduct(is_from);
         if (!(shares.sum() > 0)) shares = is_from;
         for (int i = 0; i < 3; ++i) {
-          if (shares[i] > 0) add_mirrored(source.row(surface.triangle(hit)[i]), shares[i] / shares.sum(), sum);
+          if (shares[i] > 0) add_mirrored(weights.row(surface.triangle(hit)[i]), shares[i] / shares.sum(), sum);
         }
         rows.add_row(sum.take());
       }

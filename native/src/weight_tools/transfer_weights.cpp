@@ -343,7 +343,7 @@ std::optional<TransferredWeights> transfer_weights(std::span<const float> source
                                                    const Faces& faces, const TransferSettings& settings,
                                                    Progress* progress) {
   check_positions("source_positions", source_positions, source_weights.vertices());
-  check_faces(source_faces, source_weights.vertices());
+  check_faces(source_faces, source_weights.vertices(), "source_face_vertices", "source_face_offsets");
   const std::ptrdiff_t vertices = std::ssize(positions) / 3;
   check_positions("positions", positions, vertices);
   check_faces(faces, vertices);

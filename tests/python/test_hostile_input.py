@@ -1,0 +1,342 @@
+"""Every integer and array that a binding takes becomes what nobody should pass, one after the other: an error that
+names the argument, or a result, and never a crash. What takes them is read from sinew_native.pyi."""
+
+import ast
+import gc
+
+import numpy as np
+import pytest
+import sinew_native as sinew
+
+from test_stub import CLASSES, FUNCTIONS, kind_of_stub, samples
+
+EYE = np.eye(4)
+FACES = {"face_offsets": np.array([0, 3, 6]), "face_vertices": np.array([0, 1, 2, 2, 1, 3])}
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.5]])
+WEIGHTS = np.array([[1, 0], [0.5, 0.5], [0.25, 0.75], [0, 1.0]])
+MATRICES = np.tile(np.eye(4, dtype=np.float32), (3, 2, 1, 1))
+ENDS = {"heads": POINTS[:2], "tails": POINTS[1:3]}
+
+
+def floats(array):
+    return np.ascontiguousarray(array, np.float32)
+
+
+def valid():
+    """{name in the stub: (what is called, arguments)}: a call that is right, with each argument that has no default,
+    and each integer or array besides."""
+    own = samples()
+    skin = sinew.Skin.from_dense(POINTS, WEIGHTS)
+    topology = sinew.Topology(4, np.array([[0, 1], [1, 2], [2, 0], [1, 3], [3, 2]]), *FACES.values())
+    mush = sinew.DirectDeltaMush(POINTS, *FACES.values(), WEIGHTS)
+    centers = sinew.RotationCenters(POINTS, np.ones(4, bool))
+    rig = sinew.RigSkeleton(np.array([-1, 0]), POINTS[:2], POINTS[1:3], np.array([0, 1]))
+    layer, keys = sinew.Layer(skin, "linear"), sinew.ShapeKeys([POINTS, POINTS + 1], np.array([0, 0]))
+    group, numbers = np.array([0, 0.5, 1, 1]), np.array([0, 1, 2, 3])
+    attached = {
+        "vertex_count": 4,
+        "vertices": np.array([0, 3]),
+        "offsets": np.array([0, 1, 2]),
+        "attachments": np.array([0, 0]),
+        "corner_offsets": np.array([0, 3, 6]),
+        "corners": np.array([0, 1, 2, 2, 1, 3]),
+        "corner_weights": np.full(6, 1 / 3),
+        "distances": np.zeros(2),
+        "influences": np.ones(2),
+        "weights": group,
+    }
+    caged = {
+        "offsets": np.array([0, 1, 2, 3, 4]),
+        "cage_vertices": numbers,
+        "cage_weights": np.ones(4),
+        "cage_positions": POINTS,
+        "weights": group,
+    }
+    kept = mush.arrays()
+    surface = {"positions": POINTS, **FACES}
+    source = {f"source_{name}": array for name, array in surface.items()}
+    return {
+        "Skeleton.__init__": (sinew.Skeleton, {"parents": np.array([-1, 0]), "rest": np.stack((EYE, EYE))}),
+        "RigSkeleton.__init__": (
+            sinew.RigSkeleton,
+            {"parents": np.array([-1, 0]), **ENDS, "weight_columns": np.array([0, 1])},
+        ),
+        "PoseClip.__init__": (sinew.PoseClip, {"rotations": np.tile(EYE[:1], (2, 2, 1))}),
+        "Rig.__init__": (
+            sinew.Rig,
+            {**surface, "skeleton": rig, "weights": WEIGHTS, "animation": MATRICES, "face_materials": np.array([0, -1])}
+            | {"material_names": ["red"]},
+        ),
+        "Skin.__init__": (
+            sinew.Skin,
+            {"rest_positions": POINTS, "offsets": np.arange(5), "joints": np.array([0, 1, 0, 1]), "weights": np.ones(4)}
+            | {"joint_count": 2},
+        ),
+        "Skin.from_dense": (sinew.Skin.from_dense, {"rest_positions": POINTS, "weights": WEIGHTS}),
+        "Skin.set_rest_positions": (skin.set_rest_positions, {"positions": POINTS}),
+        "BlendShares.__init__": (sinew.BlendShares, {"shares": group}),
+        "RotationCenters.__init__": (sinew.RotationCenters, {"centers": POINTS, "has_center": np.ones(4, bool)}),
+        "RotationCenters.compute": (sinew.RotationCenters.compute, {"skin": skin, **FACES}),
+        "DirectDeltaMush.__init__": (
+            sinew.DirectDeltaMush,
+            {"rest_positions": POINTS, **FACES, "weights": WEIGHTS, "iterations": 2, "variant": 0},
+        ),
+        "DirectDeltaMush.compute": (
+            sinew.DirectDeltaMush.compute,
+            {"skin": skin, **FACES, "iterations": 2, "variant": 0},
+        ),
+        "DirectDeltaMush.from_arrays": (sinew.DirectDeltaMush.from_arrays, {"skin": skin, **kept}),
+        "Bends.__init__": (
+            sinew.Bends,
+            {
+                "vertices": np.array([0, 1]),
+                "offsets": np.array([0, 1, 2]),
+                "bones": np.array([0, 0]),
+                "weights": np.ones(2),
+                "first_joints": np.array([0]),
+                "segments": np.array([1]),
+                "axes": np.ones((1, 4)),
+            },
+        ),
+        "Layer.__init__": (
+            sinew.Layer,
+            {
+                "skin": skin,
+                "method": "dual_quaternion",
+                "stretch": "frame",
+                "rest_frames": np.stack((EYE, EYE)),
+                "mask": group,
+                "share": group,
+            },
+        ),
+        "ShapeKeys.__init__": (sinew.ShapeKeys, {"positions": [POINTS, POINTS], "relative_to": np.array([0, 0])}),
+        "Topology.__init__": (
+            sinew.Topology,
+            {"vertex_count": 4, "edges": np.array([[0, 1], [1, 2], [2, 0], [1, 3], [3, 2]])}
+            | dict(zip(("face_offsets", "corner_vertices"), FACES.values())),
+        ),
+        "Stage.apply": (sinew.Hook(4).stage(EYE).apply, {"positions": floats(POINTS)}),
+        "CorrectiveSmooth.__init__": (
+            sinew.CorrectiveSmooth,
+            {"topology": topology, "rest_positions": POINTS, "weights": group},
+        ),
+        "CorrectiveSmooth.set_rest_positions": (
+            sinew.CorrectiveSmooth(topology, POINTS).set_rest_positions,
+            {"positions": POINTS},
+        ),
+        "CorrectiveSmooth.stage": (sinew.CorrectiveSmooth(topology, POINTS).stage, {"iterations": 2}),
+        "Smooth.__init__": (sinew.Smooth, {"topology": topology, "weights": group}),
+        "Smooth.stage": (sinew.Smooth(topology).stage, {"iterations": 2}),
+        "Hook.__init__": (sinew.Hook, {"vertex_count": 4, "vertices": np.array([0, 2]), "weights": group}),
+        "Hook.stage": (own["Hook"].stage, {"matrix": EYE, "uniform": EYE[:3, :3]}),
+        "Lattice.__init__": (sinew.Lattice, {"vertex_count": 4, "weights": group}),
+        "Lattice.stage": (
+            own["Lattice"].stage,
+            {"points": POINTS, "counts": (2, 2, 1), "first": (0, 0, 0), "step": (1, 1, 1)}
+            | {"interpolation": ("linear",) * 3, "matrix": EYE, "point_weights": group},
+        ),
+        "SurfaceDeform.__init__": (sinew.SurfaceDeform, attached),
+        "SurfaceDeform.stage": (sinew.SurfaceDeform(**attached).stage, {"target": POINTS, "matrix": EYE}),
+        "MeshDeform.__init__": (sinew.MeshDeform, caged),
+        "MeshDeform.stage": (sinew.MeshDeform(**caged).stage, {"cage": POINTS, "matrix": EYE, "back": EYE[:3, :3]}),
+        "MixedLayers.stage": (sinew.MixedLayers([layer]).stage, {"poses": [(MATRICES[0], None)]}),
+        "Deformer.__init__": (sinew.Deformer, {"vertex_count": 4}),
+        "Deformer.deform": (
+            sinew.Deformer([layer], keys).deform,
+            {"poses": [(MATRICES[0], None)], "out": floats(POINTS), "key_values": np.ones(2, np.float32)},
+        ),
+        "forward_kinematics": (
+            sinew.forward_kinematics,
+            {"skeleton": rig, "local": MATRICES, "out": np.empty_like(MATRICES)},
+        ),
+        "skinning_matrices": (
+            sinew.skinning_matrices,
+            {"skeleton": rig, "world": MATRICES, "out": np.empty_like(MATRICES)},
+        ),
+        "rotation_transforms": (sinew.rotation_transforms, {"rotations": EYE[:2], "out": np.empty((2, 4, 4))}),
+        "group_influences": (
+            sinew.group_influences,
+            {"offsets": np.arange(5), "groups": np.array([0, 1, 0, 1]), "weights": np.ones(4)}
+            | {"joint_of_group": np.array([0, 1])},
+        ),
+        "skin_linear": (
+            sinew.skin_linear,
+            {"skin": skin, "matrices": MATRICES, "out": np.empty((3, 4, 3), np.float32)},
+        ),
+        "skin_dual_quaternion": (
+            sinew.skin_dual_quaternion,
+            {"skin": skin, "matrices": MATRICES, "out": np.empty((3, 4, 3), np.float32)}
+            | {"stretch": "frame", "rest_frames": np.stack((EYE, EYE))},
+        ),
+        "skin_blended": (
+            sinew.skin_blended,
+            {"skin": skin, "shares": sinew.BlendShares(group), "matrices": MATRICES}
+            | {"out": np.empty((3, 4, 3), np.float32), "stretch": "frame", "rest_frames": np.stack((EYE, EYE))},
+        ),
+        "skin_rotation_centers": (
+            sinew.skin_rotation_centers,
+            {"skin": skin, "centers": centers, "matrices": MATRICES, "out": np.empty((3, 4, 3), np.float32)},
+        ),
+        "skin_direct_delta_mush": (
+            sinew.skin_direct_delta_mush,
+            {"ddm": mush, "matrices": MATRICES, "out": np.empty((3, 4, 3), np.float32)},
+        ),
+        "set_thread_count": (sinew.set_thread_count, {"count": 2}),
+        "automatic_weights": (
+            sinew.automatic_weights,
+            {**surface, **ENDS, "joints": np.array([0, 1]), "resolution": 16, "max_influences": 2}
+            | {"fixed_vertices": np.array([3]), "fixed_weights": WEIGHTS[3:], "rigid_parts": np.array([0, 0, -1, -1])},
+        ),
+        "decompose": (
+            sinew.decompose,
+            {"rest": POINTS, "frames": POINTS[None] + np.zeros((3, 1, 1)), **FACES, "heads": POINTS[:2]}
+            | {"matrices": MATRICES.astype(float), "max_influences": 2, "iterations": 2},
+        ),
+        "WeightTable.__init__": (
+            sinew.WeightTable,
+            {"offsets": np.arange(5), "bones": np.array([0, 1, 0, 1]), "weights": np.ones(4), "bone_count": 2},
+        ),
+        "WeightTable.from_dense": (sinew.WeightTable.from_dense, {"weights": WEIGHTS}),
+        "smooth_weights": (
+            sinew.smooth_weights,
+            {"weights": WEIGHTS, **surface, "steps": 2, "mask": group, "locked": np.array([1])},
+        ),
+        "reduce_weights": (
+            sinew.reduce_weights,
+            {"weights": WEIGHTS, **surface, "matrices": MATRICES, "max_influences": 1, "rings": 1}
+            | {"locked": np.array([0])},
+        ),
+        "mirror_weights": (
+            sinew.mirror_weights,
+            {"weights": WEIGHTS, **surface, "pairs": np.array([1, 0]), "axis": 0, "mask": group},
+        ),
+        "transfer_weights": (sinew.transfer_weights, {**source, "source_weights": WEIGHTS, **surface}),
+    }
+
+
+# What needs no numbers of its own, files, and lists of arrays, which have tests of their own.
+ELSEWHERE = {"write_dmat", "skin_all"}
+# What messages call an argument, if it is none of the words of its name.
+OTHER_WORDS = {
+    "rotations": ("quaternion", "result"),
+    "animation": ("anim.dmat",),
+    "world": ("result",),
+    "out": ("result",),
+    "axes": ("axis",),
+    "heads": ("rest transform",),
+    "vertex_count": ("no layers",),  # nor a count
+    "positions": ("vertices", "side of the mirror"),
+    "rest_positions": ("scales",),
+}
+
+
+def is_array(annotation):
+    return any(kind in annotation for kind in ("_Integers", "_Reals", "_Float32", "_Float64", "_Bool"))
+
+
+def arguments():
+    """{name of what is called: {argument: its annotation}}, of integers and arrays."""
+    found = {}
+    functions = [(f.name, f) for f in FUNCTIONS]
+    for name, node in CLASSES.items():
+        members = (f for f in node.body if isinstance(f, ast.FunctionDef) and kind_of_stub(f) != "property")
+        functions += [(f"{name}.{f.name}", f) for f in members]
+    for name, function in functions:
+        own = {a.arg: ast.unparse(a.annotation) for a in function.args.args + function.args.kwonlyargs if a.annotation}
+        own = {arg: said for arg, said in own.items() if is_array(said) or said.split(" | ")[0] == "int"}
+        if own and name not in ELSEWHERE:
+            found[name] = own
+    return found
+
+
+ARGUMENTS = arguments()
+INTEGERS = (-1, 2**31 - 1, 2**31, 2**62, -(2**62), 2**70, 1.5, "1", None)
+
+
+def spoilt(array):
+    """What an array becomes, by a name; the first ones have the same numbers."""
+    array = np.asarray(array)
+    twice = np.repeat(array, 2, axis=-1)[..., ::2]
+    yield "not contiguous", twice
+    kept = array.copy()
+    kept.flags.writeable = False
+    yield "read-only", kept
+    yield "empty", array[:0]
+    yield "one less", array[:-1]
+    yield "one more", np.concatenate((array, array[-1:]))
+    yield "another axis", array[..., None]
+    yield "flat", array.reshape(-1) if array.ndim > 1 else np.array(5)
+    yield "text", array.astype(str)
+    yield "objects", array.astype(object)
+    yield "complex", array.astype(complex)
+    yield "other bytes", array.astype(array.dtype.newbyteorder())
+    if array.dtype.kind == "i":
+        yield "real", array + 0.5
+        for number in (-1, -(2**31), 2**31 - 1, 2**32, 2**62, -(2**62)):
+            changed = np.array(array, np.int64)
+            yield f"all {number}", np.full_like(changed, number)
+            changed.reshape(-1)[changed.size // 2] = number
+            yield f"one {number}", changed
+        yield "2^64 - 1", np.full(array.shape, 2**64 - 1, np.uint64)
+    elif array.dtype.kind == "f":
+        for number in (np.nan, np.inf, -np.inf, -1.0, 3e38, 1e300, 1e-45):
+            changed = array.copy()
+            with np.errstate(over="ignore"):
+                yield f"all {number}", np.full_like(changed, number)
+                changed.reshape(-1)[changed.size // 2] = number
+            yield f"one {number}", changed
+
+
+def calls():
+    cases = valid()
+    for name, own in ARGUMENTS.items():
+        for argument in own:
+            yield pytest.param(name, argument, id=f"{name}-{argument}")
+    yield from (pytest.param(name, None, id=name) for name in cases if name not in ARGUMENTS and "." not in name)
+
+
+def is_named(argument, values, said):
+    """Whether a sentence says which argument it is about: by a word of its name, or by that of another one that it does
+    not fit."""
+    words = [word.removesuffix("s") for word in argument.split("_")] + ["memory", *OTHER_WORDS.get(argument, ())]
+    words = [{"vertice": "vertex", "matrice": "matrix", "influence": "influence"}.get(word, word) for word in words]
+    return any(word in said for word in (*words, *values))
+
+
+def said_of(function, values):
+    """What a call complains about, or None. Everything else than a refusal is an error here."""
+    try:
+        function(**values)
+    except (ValueError, TypeError) as error:
+        return str(error)
+    except MemoryError:
+        return "memory"
+    return None
+
+
+def test_every_binding_is_called():
+    missing = set(ARGUMENTS) - set(valid())
+    assert not missing, "give each of these a call in valid(), or ELSEWHERE"
+
+
+@pytest.mark.parametrize("name, argument", calls())
+def test_what_nobody_should_pass_is_refused_or_right(name, argument):
+    function, values = valid()[name]
+    if argument is None or argument not in values:
+        return
+    own = values[argument]
+    if isinstance(own, (int, np.integer)) and not isinstance(own, bool):
+        hostile = [(repr(number), number) for number in INTEGERS]
+    elif isinstance(own, np.ndarray):
+        hostile = list(spoilt(own))
+    else:
+        return
+    assert said_of(*valid()[name]) is None
+    nameless = []
+    for what, number in hostile:
+        function, values = valid()[name]
+        said = said_of(function, values | {argument: number})
+        if said is not None and not is_named(argument, values, said):
+            nameless.append((what, said))
+    gc.collect()
+    assert not nameless, "\n".join(f"{argument}, {what}: {said}" for what, said in nameless)
