@@ -457,6 +457,7 @@ def test_the_command_with_the_rigs_bones(sinew, blend):
     "words, code, said",
     (
         (["--objects", "Nobody"], 1, "there is no object Nobody"),
+        (["--rig-bones", "--bones", "3"], 2, "argument --bones: not allowed with argument --rig-bones"),
         (["--bones", "0"], 2, "0 is not a whole number above 0"),
         (["--max-error", "1e-9"], 1, "which is more than 1e-09"),
     ),

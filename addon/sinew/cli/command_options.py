@@ -225,10 +225,11 @@ def add_bake_to_bones(commands: Any) -> None:
     add_file(command)
     add_objects(command, "which meshes, for one armature (default: all visible ones with modifiers or shape keys)")
     add_frames(command, "the frames to bake (default: the scene's; if the first is negative, --frames=-5-10)")
-    command.add_argument(
+    bones = command.add_mutually_exclusive_group()
+    bones.add_argument(
         "--bones", metavar="N", type=positive_integer, default=20, help="the largest number of bones to find (20)"
     )
-    command.add_argument(
+    bones.add_argument(
         "--rig-bones",
         action="store_true",
         help="find no bones: copy the deforming bones of the meshes' armature with their motion, and find weights",

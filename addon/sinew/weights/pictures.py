@@ -70,7 +70,7 @@ def side_by_side(tiles: list[np.ndarray], columns: int) -> np.ndarray:
 
 
 def write_png(path: Path, pixels: np.ndarray) -> None:
-    """Writes pixels (height, width, 3), 0 to 1, as they are shown. Raises OSError."""
+    """Writes pixels (height, width, 3), 0 to 1, as they are shown. Raises OSError, which names the path."""
     height, width = pixels.shape[:2]
     rows = np.zeros((height, 1 + 3 * width), np.uint8)
     rows[:, 1:] = np.round(255 * np.clip(pixels, 0, 1)).reshape(height, -1).astype(np.uint8)
@@ -80,4 +80,7 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     body = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6)) + chunk(b"IEND", b"")
-    Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + body)
+    try:
+        Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + body)
+    except OSError as error:  # a full disk is reported without one
+        raise OSError(error.errno, error.strerror, str(path)) from error
