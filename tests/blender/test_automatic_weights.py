@@ -496,15 +496,21 @@ def test_a_linked_mesh_is_refused(tmp_path):
 
 
 def test_only_the_selected_bones_are_assigned():
+    """The others keep their weights, but have a part in the solution: a selected bone gets what it gets when all are
+    assigned, not the whole mesh."""
     ob, armature = make_figure()
     parent(ob, armature)
+    made = dense(ob)
+    for name in BONES:
+        ob.vertex_groups[name].add(range(1200), 0.125, "REPLACE")
     before = dense(ob)
     paint(ob, armature, "bone1", "bone2")
     assert bpy.ops.object.sinew_assign_from_bones() == {"FINISHED"}
     after = dense(ob)
     others = [0, 3, 4, 5]
     assert np.array_equal(after[:, others], before[:, others])
-    assert np.allclose(after[:, 1:3].sum(axis=1), 1, atol=1e-5) and after[0, 1] > 0.9 > 0.1 > before[0, 1]
+    assert np.allclose(after[:, 1:3], made[:, 1:3], atol=1e-5)
+    assert 0 < (after[:, 1:3].sum(axis=1) > 0.5).sum() < 600
 
 
 def test_the_weights_outside_the_mask_stay_and_the_others_blend_into_them():

@@ -1,6 +1,8 @@
 """Fewer bones per vertex: how far vertices then move is what Blender's own modifier shows."""
 
 import math
+import threading
+import time
 
 import bpy
 import numpy as np
@@ -258,3 +260,41 @@ def test_what_is_refused(spoil):
         bpy.ops.object.sinew_reduce_influences()
     assert str(raised.value).strip().removeprefix("Error: ").startswith(REFUSED[spoil])
     assert entries(ob) == before and bpy.context.scene.frame_current == 3
+
+
+# --- the dialog -----------------------------------------------------------------------------------
+
+
+def test_the_newest_settings_win_and_nobody_waits_for_older_ones():
+    background = addon_module("weights.background")
+    latest, begun = background.Latest(), []
+    release = threading.Event()
+
+    def slow(progress):
+        begun.append(progress)
+        release.wait(10)
+        return "old"
+
+    latest.begin(slow)
+    assert latest.fraction == 0 and not latest.wait(0.01)
+    latest.begin(lambda progress: "new")
+    assert latest.wait(10) and latest.result == "new"
+    assert begun[0].is_cancelled
+    release.set()
+    time.sleep(0.05)
+    assert latest.result == "new" and latest.fraction is None
+    latest.begin(lambda progress: 1 / 0)
+    assert latest.wait(10) and isinstance(latest.result, ZeroDivisionError)
+
+
+def test_the_dialog_tells_what_the_newest_settings_do():
+    ob, _ = make_animated()
+    measuring = addon_module("ui.weight_reduction").Measuring()
+    for most in (1, 2, 3):
+        measuring.begin(reduction(ob, most), lambda report: report.sentence(str))
+    while measuring.fraction is not None:
+        time.sleep(0.01)
+    expected = reduction(ob, 3)
+    expected.compute()
+    assert measuring.sentence() == expected.report().sentence(str)
+    measuring.close()

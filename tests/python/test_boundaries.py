@@ -71,6 +71,7 @@ PURE = {
     "weights.pictures",
     "weights.pose_checks",
     "weights.checks",
+    "weights.mirrored_bones",
     "weights.reports",
 }
 # Imports the modules that are named, where Blender's cannot be had, and the add-on's list of modules is not wanted.

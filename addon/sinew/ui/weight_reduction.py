@@ -8,11 +8,47 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ..blender import meshes, units
 from ..feedback import notice, progress
-from ..weights import poses, reducing
+from ..weights import background, poses, reducing
 from .weight_tools import EditsWeights, show_in_edit_mode
 
 FRAMES, TEST = "FRAMES", "TEST"
 DIALOG_WIDTH = 420
+AT_ONCE = 0.1  # seconds: what takes no longer is told at once
+BETWEEN_LOOKS = 0.1  # seconds, while the dialog shows the progress
+
+
+class Measuring:
+    """What a dialog tells: it is computed while the dialog can be used, always for the newest settings."""
+
+    def __init__(self) -> None:
+        self._latest, self._say, self._is_open = background.Latest(), str, True
+        self.region: Any = None  # of the dialog; of 4.2 and later
+
+    def begin(self, made: reducing.Reduction, say: Any) -> None:
+        """Computes a reduction of its own. say(report): what it tells then, in the main thread."""
+        self._say = say
+        self._latest.begin(lambda progress: made if made.compute(progress) else None)
+        if not self._latest.wait(AT_ONCE) and not bpy.app.timers.is_registered(self.look):
+            bpy.app.timers.register(self.look, first_interval=BETWEEN_LOOKS)
+
+    def look(self) -> float | None:
+        """Draws the dialog again, until the result is there. A timer calls this."""
+        if self._is_open and self.region is not None:
+            self.region.tag_refresh_ui()
+        return BETWEEN_LOOKS if self._is_open and self.fraction is not None else None
+
+    def close(self) -> None:
+        """Forgets the dialog, and stops."""
+        self._is_open, self.region = False, None
+        self._latest.cancel()
+
+    @property
+    def fraction(self) -> float | None:
+        return self._latest.fraction
+
+    def sentence(self) -> str:
+        result = self._latest.result
+        return self._say(result.report()) if isinstance(result, reducing.Reduction) else str(result or "")
 
 
 class ReduceInfluences(EditsWeights, bpy.types.Operator):
@@ -72,6 +108,7 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
 
     _said = ""  # shown in the dialog and in the panel of settings
     _known: Any = None  # what was played last, and the matrices
+    _measuring: Any = None  # in a dialog
 
     def invoke(self, context, event):
         if bpy.app.background or context.window is None:
@@ -79,6 +116,7 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
         for name in ("frame_start", "frame_end"):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(context.scene, name))
+        self._measuring = Measuring()
         self.measured(context)
         return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH)
 
@@ -88,13 +126,23 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
         return True
 
     def measured(self, context):
-        """Finds what the dialog says."""
+        """Begins to find what the dialog says."""
+        scene, self._said = context.scene, ""
         try:
             made = self.assignment(context)
-            made.compute()
-            self._said = made.report().sentence(lambda distance: units.length(context.scene, distance))
         except ValueError as error:
             self._said = str(error)
+            return
+        self._measuring.begin(made, lambda report: report.sentence(lambda distance: units.length(scene, distance)))
+
+    def cancel(self, _context):
+        """Blender calls this when the dialog is closed without *OK*."""
+        if self._measuring is not None:
+            self._measuring.close()
+
+    def execute(self, context):
+        self.cancel(context)
+        return super().execute(context)
 
     def edit(self, ob, free):
         settings = reducing.Settings(self.max_influences, self.rings, self.tolerance)
@@ -136,6 +184,15 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
         for name in names:
             if self.poses == FRAMES or not name.startswith("frame"):
                 layout.prop(self, name)
+        measuring = self._measuring
+        if measuring is not None and not self._said:
+            measuring.region = getattr(context, "region_popup", None)
+            if measuring.fraction is None:
+                notice.draw_sentence(layout.box(), context, measuring.sentence(), False, DIALOG_WIDTH)
+            elif hasattr(layout, "progress"):  # 4.0
+                layout.progress(text="measuring", factor=measuring.fraction)
+            else:
+                layout.label(text=f"measuring: {measuring.fraction:.0%}")
         if self._said:
             notice.draw_sentence(layout.box(), context, self._said, False, DIALOG_WIDTH)
 

@@ -127,10 +127,13 @@ class Assignment:
             raise ValueError("the vertex groups of all chosen bones are locked: unlock those that should get weights")
         self._deforming = {name for name, deforms in zip(bones.names, bones.deform) if deforms}
         self.names = [bones.names[i] for i in chosen]
+        # The others that deform have a part in the solution, but keep the weights that they have.
+        rivals = [i for i, deforms in enumerate(bones.deform) if deforms and bones.names[i] not in wanted]
+        self._solved = [*self.names, *(bones.names[i] for i in rivals)]
         self._locked = np.array([[name in own for name in self.names] for own in locked], bool).reshape(
             len(objects), len(chosen)
         )
-        self.segments = bone_segments.choose(bones, np.array(chosen), settings.ends)
+        self.segments = bone_segments.choose(bones, np.array([*chosen, *rivals]), settings.ends)
         self._refuse_infinite()
         self._solid = solid.collect(self.objects)
         self._before = [meshes.read_object_weights(ob) for ob in self.objects]
@@ -147,10 +150,14 @@ class Assignment:
     def _refuse_infinite(self) -> None:
         is_finite = np.isfinite(self.segments.heads).all(axis=1) & np.isfinite(self.segments.tails).all(axis=1)
         if not is_finite.all():
-            name = self.names[self.segments.bones[np.flatnonzero(~is_finite)[0]]]
+            name = self._solved[self.segments.bones[np.flatnonzero(~is_finite)[0]]]
             raise ValueError(
                 f"Bone {name} of {self.armature.name} is not at a finite position (NaN or infinite): move it"
             )
+
+    @property
+    def _has_rivals(self) -> bool:
+        return len(self._solved) > len(self.names)
 
     def _range(self, number: int) -> slice:
         return slice(self._solid.starts[number], self._solid.starts[number + 1])
@@ -167,20 +174,29 @@ class Assignment:
             return None
         return rigid.pieces(marked, self._solid.positions, self._solid.edges())
 
-    def _fixed_weights(self) -> np.ndarray:
-        """Returns (fixed vertices, bones + 1): the weights that the fixed vertices have, and in the last column what is
-        missing to 1, which other bones hold."""
-        dense = np.zeros((len(self._free), len(self.names) + 1))
-        columns = {name: i for i, name in enumerate(self.names)}
+    def _fixed_weights(self) -> Any:
+        """Returns a sinew_native.WeightTable, fixed vertices x (solved bones + 1): the weights that the fixed vertices
+        have, and in the last column what is missing to 1, which other bones hold."""
+        columns = {name: i for i, name in enumerate(self._solved)}
+        row_of = np.cumsum(~self._free) - 1
+        rows, bones, values = [], [], []
         for number, ob in enumerate(self.objects):
             of_group = np.array([columns.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
             offsets, groups, weights = self._before[number]
             vertices = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)) + self._solid.starts[number]
-            column = of_group[groups]
-            used = column >= 0
-            dense[vertices[used], column[used]] = weights[used]
-        dense[:, -1] = np.clip(1 - dense.sum(axis=1), 0, 1)
-        return dense[~self._free]
+            used = (of_group[groups] >= 0) & ~self._free[vertices]
+            rows.append(row_of[vertices[used]])
+            bones.append(of_group[groups[used]])
+            values.append(weights[used])
+        count = int(np.count_nonzero(~self._free))
+        missing = np.clip(1 - np.bincount(np.concatenate(rows), np.concatenate(values), minlength=count), 0, 1)
+        rows.append(np.arange(count))
+        bones.append(np.full(count, len(columns)))
+        order = np.argsort(np.concatenate(rows), kind="stable")
+        offsets = np.concatenate(([0], np.cumsum(np.bincount(np.concatenate(rows), minlength=count))))
+        return sinew_native.WeightTable(
+            offsets, np.concatenate(bones)[order], np.concatenate([*values, missing])[order], len(columns) + 1
+        )
 
     def compute(self, progress: Any = None) -> bool:
         """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
@@ -192,7 +208,7 @@ class Assignment:
             size = np.ptp(self._solid.positions, axis=0).max() or 1.0
             far = self._solid.positions[:1] + FAR_AWAY * size
             heads, tails = np.concatenate((heads, far)), np.concatenate((tails, far + size))
-            bones = np.append(bones, len(self.names))
+            bones = np.append(bones, len(self._solved))
             fixed = {"fixed_vertices": np.flatnonzero(~self._free).astype(np.int32), "fixed_weights": self._fixed}
         self._found = sinew_native.automatic_weights(
             self._solid.positions,
@@ -252,12 +268,12 @@ class Assignment:
         usable = free[vertices] & (bones < len(is_locked)) & (weights > 0)
         usable[usable] = ~is_locked[bones[usable]]
         vertices, bones, weights = vertices[usable], bones[usable], weights[usable]
-        if self._locked[number].any():
+        if self._locked[number].any() and not self._has_rivals:
             vertices, bones, weights = self._with_nearest(number, free, vertices, bones, weights)
         if places:
             vertices, bones, weights = largest(vertices, bones, weights, np.maximum(limits, 1))
         if is_kept_group.any():
-            if self._fixed is None:  # otherwise fixed values may hold less than 1
+            if self._fixed is None and not self._has_rivals:  # otherwise these hold less than 1
                 weights = weights / np.bincount(vertices, weights, minlength=count)[vertices]
             weights = weights * np.clip(room, 0, 1)[vertices]
             usable = weights > 0
@@ -318,10 +334,13 @@ class Assignment:
 
 
 def add_groups(ob: bpy.types.Object, names: Sequence[str]) -> np.ndarray:
-    """Adds the vertex groups of these names that the object lacks. Returns the index of each, (names,) int."""
+    """Adds the vertex groups of these names that the object lacks; with a Mirror modifier those of the other side, too,
+    since it gives weights of a group to the other half only if there is one. Returns the index of each, (names,)
+    int."""
     active = ob.vertex_groups.active_index if len(ob.vertex_groups) else 0
     there = {group.name: group.index for group in ob.vertex_groups}
-    for name in names:
+    is_mirrored = any(each.type == "MIRROR" and each.use_mirror_vertex_groups for each in ob.modifiers)
+    for name in [*names, *(map(bpy.utils.flip_name, names) if is_mirrored else ())]:
         if name not in there:
             there[name] = ob.vertex_groups.new(name=name).index
     ob.vertex_groups.active_index = active

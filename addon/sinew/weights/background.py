@@ -1,4 +1,4 @@
-"""Runs a computation in a thread of its own, step by step for the interface."""
+"""Runs computations in threads of their own, for the interface."""
 
 import threading
 from collections.abc import Callable, Generator
@@ -33,3 +33,46 @@ def steps(work: Callable[[Any], Any], text: str) -> Generator[tuple[float, str],
     if errors:
         raise errors[0]
     return result[0]
+
+
+class Latest:
+    """The newest of several computations: when one begins, the one before it is cancelled, and nobody waits for it."""
+
+    def __init__(self) -> None:
+        self.result: Any = None  # of the newest that has ended; an error, if it raised one
+        self._progress: Any = None  # of the one that runs
+        self._thread: threading.Thread | None = None
+
+    def begin(self, work: Callable[[Any], Any]) -> None:
+        """Runs work(progress), which must not touch Blender's data, with a sinew_native.Progress."""
+        self.cancel()
+        progress = self._progress = sinew_native.Progress()
+
+        def run() -> None:
+            try:
+                result = work(progress)
+            except Exception as error:  # shown by whoever asks for the result
+                result = error
+            if self._progress is progress:
+                self.result, self._progress = result, None
+
+        self._thread = threading.Thread(target=run, name="Sinew: the latest of the weights")
+        self._thread.start()
+
+    @property
+    def fraction(self) -> float | None:
+        """How much of the one that runs is done; None: none runs."""
+        progress = self._progress
+        return None if progress is None else progress.fraction
+
+    def wait(self, seconds: float) -> bool:
+        """Waits for the newest at most so long. Returns whether it has ended."""
+        if self._thread is not None:
+            self._thread.join(seconds)
+        return self._progress is None
+
+    def cancel(self) -> None:
+        """Cancels the one that runs."""
+        if self._progress is not None:
+            self._progress.cancel()
+            self._progress = None

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..blender import meshes
 from ..native import sinew_native
-from . import reports, table
+from . import mirrored_bones, reports, table
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class Report:
         """Returns the report for people."""
         parts = [f"{self.changed:,} of {reports.counted(self.vertices, 'vertex', 'vertices')} {self.verb}"]
         if self.unpaired:
-            parts.append(f"{reports.counted(len(self.unpaired), 'bone')} without a bone on the other side")
+            named = ", ".join(self.unpaired[:3]) + (", ..." if len(self.unpaired) > 3 else "")
+            parts.append(f"{reports.counted(len(self.unpaired), 'bone')} without a bone on the other side ({named})")
         if self.kept:
             parts.append(f"{reports.counted(len(self.kept), 'locked group')} kept")
         return ", ".join(parts)
@@ -65,7 +66,8 @@ class Edit:
         self._edges, self.face_offsets, self.face_vertices = meshes.read_topology(ob.data)
         self.table = table.read(ob, self.columns(names, bones))
         self._refuse_locked()
-        self.made: np.ndarray | None = None
+        self.locked = np.flatnonzero(self.table.locked).astype(np.int32)
+        self.made: Any = None  # a sinew_native.WeightTable, once it is computed
 
     def columns(self, names: tuple[str, ...], _bones: tuple[str, ...]) -> tuple[str, ...]:
         """Returns the bones that get columns. names: those with weight; bones: all that deform."""
@@ -78,11 +80,12 @@ class Edit:
     def compute(self, progress: Any = None) -> bool:
         """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
         to write."""
-        self.made = table.beside_locked(self.table, self.new_weights())
-        return progress is None or not progress.is_cancelled
+        made = self.new_weights(progress)
+        self.made = None if made is None else table.beside_locked(self.table, made)
+        return self.made is not None
 
-    def new_weights(self) -> np.ndarray:
-        """Returns (V, B)."""
+    def new_weights(self, progress: Any) -> Any:
+        """Returns a sinew_native.WeightTable, or None if it was cancelled."""
         raise NotImplementedError
 
     def write(self) -> Report:
@@ -120,7 +123,7 @@ class Smoothing(Edit):
             raise ValueError(f"{ob.name} has no faces, along whose edges weights are smoothed")
         self._settings = settings
 
-    def new_weights(self) -> np.ndarray:
+    def new_weights(self, progress: Any) -> Any:
         return sinew_native.smooth_weights(
             self.table.weights,
             self.face_offsets,
@@ -129,8 +132,9 @@ class Smoothing(Edit):
             steps=self._settings.steps,
             factor=self._settings.factor,
             mask=self.free,
-            locked=np.flatnonzero(self.table.locked).astype(np.int32),
+            locked=self.locked,
             positions=self.positions,
+            progress=progress,
         )
 
 
@@ -144,38 +148,38 @@ class MirrorSettings:
 
 class Mirroring(Edit):
     """Copies weights from one side to the other, by the closest points of the mirrored surface. Bones change places
-    with those that Blender's flipped names belong to."""
+    with those of the other side."""
 
     verb = "mirrored"
 
     def __init__(
         self, ob: bpy.types.Object, settings: MirrorSettings = MirrorSettings(), free: np.ndarray | None = None
     ) -> None:
+        self._settings = settings
         super().__init__(ob, free)
         if not len(self.face_vertices):
             raise ValueError(f"{ob.name} has no faces, and weights are mirrored by the closest points of faces")
-        self._settings = settings
 
     def columns(self, names: tuple[str, ...], bones: tuple[str, ...]) -> tuple[str, ...]:
-        wanted = {*names, *(bpy.utils.flip_name(name) for name in names)}
+        in_object = np.array(self.ob.matrix_world.inverted_safe() @ self.armature.matrix_world)
+        rest = self.armature.data.bones
+        ends = np.array([[rest[name].head_local, rest[name].tail_local] for name in bones])
+        ends = ends @ in_object[:3, :3].T + in_object[:3, 3]
+        other = mirrored_bones.pairs(bones, [bpy.utils.flip_name(name) for name in bones], ends, self._settings.axis)
+        self._other = {name: None if number < 0 else bones[number] for name, number in zip(bones, other.tolist())}
+        wanted = {*names, *(self._other[name] for name in names)}
         return tuple(name for name in bones if name in wanted)
 
     def pairs(self) -> np.ndarray:
         """Returns (B,) int32: the column of the bone on the other side, or a bone's own."""
-        names = self.table.names
-        number = {name: column for column, name in enumerate(names)}
-        other = [number.get(bpy.utils.flip_name(name), column) for column, name in enumerate(names)]
-        return np.array([own if other[own] == column else column for column, own in enumerate(other)], np.int32)
+        number = {name: column for column, name in enumerate(self.table.names)}
+        return np.array([number[self._other[name] or name] for name in self.table.names], np.int32)
 
     def unpaired(self) -> tuple[str, ...]:
         """Returns the names of bones that are of one side, and lack the other."""
-        return tuple(
-            name
-            for column, (name, own) in enumerate(zip(self.table.names, self.pairs()))
-            if own == column and bpy.utils.flip_name(name) != name
-        )
+        return tuple(name for name in self.table.names if self._other[name] is None)
 
-    def new_weights(self) -> np.ndarray:
+    def new_weights(self, progress: Any) -> Any:
         side = "positive" if self._settings.from_positive else "negative"
         toward = 1 if self._settings.from_positive else -1
         if not (toward * self.positions[:, self._settings.axis] > 0).any():
@@ -192,6 +196,7 @@ class Mirroring(Edit):
             axis=self._settings.axis,
             from_positive=self._settings.from_positive,
             mask=self.free,
+            progress=progress,
         )
 
     def write(self) -> Report:

@@ -84,50 +84,26 @@ class Reduction(editing.Edit):
         self.largest = np.zeros(len(self._places))  # (V,): move of each vertex over the poses, in world space
         self.mean = np.zeros(len(self._places))
 
-    def new_weights(self) -> np.ndarray:
-        locked = self.table.locked
-        held = np.count_nonzero(self.table.weights[:, locked] > 0, axis=1)
-        if self._settings.rings and len(self.face_vertices) and not held.any():
-            made, self.largest, self.mean = sinew_native.reduce_weights(
-                self.table.weights,
-                self._places,
-                self._matrices,
-                max_influences=self._settings.max_influences,
-                rings=self._settings.rings,
-                face_offsets=self.face_offsets,
-                face_vertices=self.face_vertices,
-            )
-        else:
-            made = self._each_alone(held)
+    def new_weights(self, progress: Any) -> Any:
+        has_faces = bool(len(self.face_vertices))
+        made = sinew_native.reduce_weights(
+            self.table.weights,
+            self._places,
+            self._matrices,
+            max_influences=self._settings.max_influences,
+            rings=self._settings.rings if has_faces else 0,
+            face_offsets=self.face_offsets,
+            face_vertices=self.face_vertices,
+            locked=self.locked,
+            progress=progress,
+        )
+        if made is None:
+            return None
+        weights, self.largest, self.mean = made
         if self.free is not None:
             for each in (self.largest, self.mean):
                 each[~self.free] = 0
-        return made
-
-    def _each_alone(self, held: np.ndarray) -> np.ndarray:
-        """Returns (V, B), where the unlocked bones share the places that the locked ones leave: held (V,) is how many
-        these take."""
-        weights, unlocked = self.table.weights, np.flatnonzero(~self.table.locked)
-        limits = np.maximum(self._settings.max_influences - held, 1)
-        own = weights[:, unlocked]
-        is_chosen = np.count_nonzero(own > 0, axis=1) > limits
-        if self.free is not None:
-            is_chosen &= self.free
-        sums = weights.sum(axis=1)
-        made = weights.copy()
-        for limit in np.unique(limits[is_chosen]).tolist():
-            rows = np.flatnonzero(is_chosen & (limits == limit))
-            reduced, largest, mean = sinew_native.reduce_weights(
-                own[rows], self._places[rows], self._matrices[:, unlocked], max_influences=limit
-            )
-            made[np.ix_(rows, unlocked)] = reduced
-            share = own[rows].sum(axis=1) / sums[rows]  # the locked bones move the vertex as before
-            self.largest[rows], self.mean[rows] = largest * share, mean * share
-        return made
-
-    def compute(self, progress: Any = None) -> bool:
-        self.made = self.new_weights()
-        return progress is None or not progress.is_cancelled
+        return weights
 
     def over(self) -> np.ndarray:
         """Returns (V,) bool: the vertices that move farther than the tolerance, if there is one."""
@@ -136,7 +112,7 @@ class Reduction(editing.Edit):
     def report(self, is_written: bool = False) -> Report:
         """Returns what was computed, for people."""
         assert self.made is not None
-        changed = (self.made != self.table.weights).any(axis=1)
+        changed = table.differ(self.made, self.table.weights)
         if self.free is not None:
             changed &= self.free
         return Report(

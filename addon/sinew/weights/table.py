@@ -3,13 +3,53 @@ go. What is not in the table keeps its entries, with their order."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ..blender import meshes, weight_writing
+from ..native import sinew_native
 from ..plan import bindable
 from . import assigning, solid
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Weights above 0, in any order."""
+
+    vertices: np.ndarray  # (N,) int
+    bones: np.ndarray  # (N,) int
+    weights: np.ndarray  # (N,)
+
+    @classmethod
+    def of(cls, weights: Any) -> "Entries":
+        """Returns those of a sinew_native.WeightTable, vertex after vertex, by the bones."""
+        counts = np.diff(weights.offsets)
+        return cls(np.repeat(np.arange(len(counts)), counts), np.array(weights.bones), np.array(weights.weights, float))
+
+    def where(self, chosen: np.ndarray) -> "Entries":
+        """Returns the chosen ones, (N,) bool."""
+        return Entries(self.vertices[chosen], self.bones[chosen], self.weights[chosen])
+
+    def times(self, factors: np.ndarray) -> "Entries":
+        """Returns all, multiplied by a factor for each vertex, (V,)."""
+        return Entries(self.vertices, self.bones, self.weights * factors[self.vertices])
+
+    def sums(self, vertex_count: int) -> np.ndarray:
+        """Returns the sum of each vertex's weights, (V,)."""
+        return np.bincount(self.vertices, self.weights, minlength=vertex_count)
+
+    def joined(self, other: "Entries") -> "Entries":
+        """Returns all of both."""
+        pairs = ((self.vertices, other.vertices), (self.bones, other.bones), (self.weights, other.weights))
+        return Entries(*map(np.concatenate, pairs))
+
+    def table(self, vertex_count: int, bone_count: int) -> Any:
+        """Returns a sinew_native.WeightTable."""
+        order = np.argsort(self.vertices, kind="stable")
+        offsets = np.concatenate(([0], np.cumsum(np.bincount(self.vertices, minlength=vertex_count))))
+        return sinew_native.WeightTable(offsets, self.bones[order], self.weights[order], bone_count)
 
 
 @dataclass(frozen=True)
@@ -17,7 +57,7 @@ class Table:
     """Weights of a mesh object."""
 
     names: tuple[str, ...]  # of the bones
-    weights: np.ndarray  # (V, B) float32, 0 or more; a vertex that is twice in a group has the sum
+    weights: Any  # a sinew_native.WeightTable, V x B; a vertex that is twice in a group has the sum
     locked: np.ndarray  # (B,) bool: the groups that stay
     entries: tuple[np.ndarray, np.ndarray, np.ndarray]  # offsets, groups, weights, as read_object_weights returns them
 
@@ -70,67 +110,78 @@ def read(ob: bpy.types.Object, names: Sequence[str]) -> Table:
     offsets, groups, weights = entries
     columns = {name: column for column, name in enumerate(names)}
     of_group = np.array([columns.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
-    vertices = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     column = of_group[groups]
-    used = column >= 0
-    dense = np.zeros((len(offsets) - 1, len(names)), np.float32)
-    np.add.at(dense, (vertices[used], column[used]), weights[used])
+    own = Entries(np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)), column, weights).where(column >= 0)
     locked = np.array([name in ob.vertex_groups and ob.vertex_groups[name].lock_weight for name in names], bool)
-    return Table(tuple(names), dense, locked, entries)
+    return Table(tuple(names), own.table(len(offsets) - 1, len(names)), locked, entries)
 
 
-def beside_locked(table: Table, made: np.ndarray) -> np.ndarray:
-    """Returns new weights (V, B) in which the locked bones keep theirs, and the others share what these leave of the
-    sum. Where the others have got nothing to share, they keep the proportions that they had."""
-    locked = table.locked
-    if not locked.any():
-        return made
-    result, kept = made.copy(), table.weights[:, locked]
-    result[:, locked] = kept
-    room = np.clip(made.sum(axis=1) - kept.sum(axis=1), 0, None)
-    share = np.where((made[:, ~locked].sum(axis=1) > 0)[:, None], made[:, ~locked], table.weights[:, ~locked])
-    sums = share.sum(axis=1)
-    result[:, ~locked] = share * (room / np.where(sums > 0, sums, 1))[:, None]
-    is_same = (made == table.weights).all(axis=1)
-    result[is_same] = made[is_same]
+def differ(one: Any, other: Any) -> np.ndarray:
+    """Returns (V,) bool: the vertices whose weights differ between two of sinew_native.WeightTable."""
+    counts = np.diff(one.offsets)
+    result = counts != np.diff(other.offsets)
+    own, others = (each.where(~result[each.vertices]) for each in (Entries.of(one), Entries.of(other)))
+    result[own.vertices[(own.bones != others.bones) | (own.weights != others.weights)]] = True
     return result
 
 
-def _within_1(table: Table, made: np.ndarray) -> np.ndarray:
-    """Returns weights (V, B) that vertex groups can hold. Where fewer bones have the sum of many, a weight may be above
-    1: then all of the vertex are scaled, which moves it alike, unless locked ones would have to be."""
-    largest = np.maximum(made.max(axis=1, initial=0), 1)
-    largest[(table.weights[:, table.locked] > 0).any(axis=1)] = 1
-    return np.clip(made / largest[:, None], 0, 1)
+def beside_locked(table: Table, made: Any) -> Any:
+    """Returns new weights, a sinew_native.WeightTable, in which the locked bones keep theirs, and the others share what
+    these leave of the sum. Where the others have got nothing to share, they keep the proportions that they had."""
+    if not table.locked.any():
+        return made
+    count, before, after = made.vertex_count, Entries.of(table.weights), Entries.of(made)
+    is_changed = differ(table.weights, made)
+    unchanged, before = before.where(~is_changed[before.vertices]), before.where(is_changed[before.vertices])
+    after = after.where(is_changed[after.vertices])
+    kept, total = before.where(table.locked[before.bones]), after.sums(count)
+    before, after = before.where(~table.locked[before.bones]), after.where(~table.locked[after.bones])
+    has_got = after.sums(count) > 0
+    share = after.joined(before.where(~has_got[before.vertices]))
+    sums = share.sums(count)
+    share = share.times(np.clip(total - kept.sums(count), 0, None) / np.where(sums > 0, sums, 1))
+    return unchanged.joined(kept).joined(share).table(count, len(table.names))
 
 
-def write(ob: bpy.types.Object, table: Table, made: np.ndarray, free: np.ndarray | None = None) -> np.ndarray:
-    """Writes new weights (V, B) of the vertices that are free, (V,) bool, or of all; vertex groups are added for bones
-    that have got weight. Locked groups stay. Returns (V,) bool: the vertices that have changed."""
-    own = np.where(table.locked, table.weights, _within_1(table, made).astype(np.float32))
-    changed = (own != table.weights).any(axis=1)
+def _within_1(table: Table, made: Any) -> Entries:
+    """Returns weights that vertex groups can hold. Where fewer bones have the sum of many, a weight may be above 1:
+    then all of the vertex are scaled, which moves it alike, unless locked ones would have to be."""
+    own, before = Entries.of(made), Entries.of(table.weights)
+    largest = np.ones(made.vertex_count)
+    np.maximum.at(largest, own.vertices, own.weights)
+    largest[before.vertices[table.locked[before.bones]]] = 1
+    return Entries(own.vertices, own.bones, np.clip(own.times(1 / largest).weights, 0, 1).astype(np.float32))
+
+
+def write(ob: bpy.types.Object, table: Table, made: Any, free: np.ndarray | None = None) -> np.ndarray:
+    """Writes new weights, a sinew_native.WeightTable, of the vertices that are free, (V,) bool, or of all; vertex
+    groups are added for bones that have got weight. Locked groups stay. Returns (V,) bool: the vertices that have
+    changed."""
+    own = _within_1(table, made)
+    own, before = (each.where(~table.locked[each.bones]) for each in (own, Entries.of(table.weights)))
+    changed = differ(*(each.table(made.vertex_count, len(table.names)) for each in (own, before)))
     if free is not None:
         changed &= free
     if not changed.any():
         return changed
-    own[~changed] = 0
-    has_weight = (own > 0).any(axis=0)
-    there = np.array([name in ob.vertex_groups for name in table.names], bool)
-    written = np.flatnonzero(~table.locked & (has_weight | there))
-    groups_of = assigning.add_groups(ob, [table.names[column] for column in written])
+    own = own.where(changed[own.vertices] & (own.weights > 0))
+    is_written = np.array([name in ob.vertex_groups for name in table.names], bool)
+    is_written[own.bones] = True
+    written = np.flatnonzero(~table.locked & is_written)
+    group_of = np.full(len(table.names), -1)
+    group_of[written] = assigning.add_groups(ob, [table.names[column] for column in written])
 
     offsets, groups, weights = table.entries
     is_replaced = np.zeros(len(ob.vertex_groups) + 1, bool)
-    is_replaced[groups_of] = True
+    is_replaced[group_of[written]] = True
     vertices = np.repeat(np.arange(len(changed)), np.diff(offsets))
     kept = (groups >= 0) & ~(is_replaced[groups] & changed[vertices])
-    rows, columns = np.nonzero(own[:, written])
-    all_vertices = np.concatenate((vertices[kept], rows))
-    all_groups = np.concatenate((groups[kept], groups_of[columns]))
-    all_weights = np.concatenate((weights[kept], own[rows, written[columns]]))
+    both = (
+        Entries(vertices, groups, weights).where(kept).joined(Entries(own.vertices, group_of[own.bones], own.weights))
+    )
     # By size where a vertex has changed, otherwise as it was.
-    place = np.where(changed[all_vertices], -all_weights.astype(np.float64), np.arange(len(all_vertices)))
-    order = np.lexsort((all_groups, place, all_vertices))
-    counts = np.bincount(all_vertices, minlength=len(changed))
-    weight_writing.replace(ob, np.concatenate(([0], np.cumsum(counts))), all_groups[order], all_weights[order])
+    place = np.where(changed[both.vertices], -both.weights.astype(np.float64), np.arange(len(both.vertices)))
+    order = np.lexsort((both.bones, place, both.vertices))
+    counts = np.bincount(both.vertices, minlength=len(changed))
+    weight_writing.replace(ob, np.concatenate(([0], np.cumsum(counts))), both.bones[order], both.weights[order])
     return changed

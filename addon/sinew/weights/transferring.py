@@ -110,14 +110,19 @@ class Transfer:
         self._from = solid.collect(self.sources)
         if not len(self._from.face_vertices):
             raise ValueError(f"{_names(self.sources)} has no faces: weights are copied from the points of faces")
-        self._weights = np.concatenate([table.read(ob, self._source_names).weights for ob in self.sources])
+        rows = [table.Entries.of(table.read(ob, self._source_names).weights) for ob in self.sources]
+        self._weights = table.Entries(
+            np.concatenate([own.vertices + start for own, start in zip(rows, self._from.starts)]),
+            np.concatenate([own.bones for own in rows]),
+            np.concatenate([own.weights for own in rows]),
+        )
         self._to = [solid.collect([ob]) for ob in self.targets]
         more = [tuple(name for name in bones if name not in self._source_names) for _ in self.targets]
         self._tables = [
             table.read(ob, (*self._source_names, *table.used_names(ob, own))) for ob, own in zip(self.targets, more)
         ]
         self._refuse_locked()
-        self._made: list[np.ndarray] = []
+        self._made: list[Any] = []
         self.matched: list[np.ndarray] = []  # (V,) bool for each target
 
     def _refuse_other_bones(self, armatures: Any) -> None:
@@ -148,24 +153,31 @@ class Transfer:
             if progress is not None and progress.is_cancelled:
                 return False
             # Locked bones are left out: where they alone move the source, the target follows the others around.
-            columns = np.flatnonzero(~own.locked[: len(self._source_names)])
-            made, matched = sinew_native.transfer_weights(
+            made = sinew_native.transfer_weights(
                 self._from.positions,
                 self._from.face_offsets,
                 self._from.face_vertices,
-                _normalized(self._weights[:, columns]),
+                self._normalized(own.locked),
                 to.positions,
                 to.face_offsets,
                 to.face_vertices,
                 distance=self._settings.distance,
                 angle=self._settings.angle,
                 flipped=self._settings.flipped,
+                progress=progress,
             )
-            whole = np.zeros_like(own.weights)
-            whole[:, columns] = made
-            self._made.append(table.beside_locked(own, whole))
-            self.matched.append(np.asarray(matched, bool))
+            if made is None:
+                return False
+            self._made.append(table.beside_locked(own, made[0]))
+            self.matched.append(np.asarray(made[1], bool))
         return progress is None or not progress.is_cancelled
+
+    def _normalized(self, locked: np.ndarray) -> Any:
+        """Returns the source's weights, a sinew_native.WeightTable with the columns of a target whose groups are
+        locked, (B,) bool, without these, as the Armature modifier takes them: they sum to 1, or to 0."""
+        own, count = self._weights.where(~locked[self._weights.bones]), len(self._from.positions)
+        sums = own.sums(count)
+        return own.times(1 / np.where(sums > 0, sums, 1)).table(count, len(locked))
 
     def report(self) -> Report:
         """Returns what was computed, for people."""
@@ -175,7 +187,7 @@ class Transfer:
                 len(matched),
                 int(matched.sum()),
                 _unmatched_islands(to, matched),
-                int(np.count_nonzero(made.sum(axis=1) <= influences.SMALLEST_WEIGHT_SUM)),
+                int(np.count_nonzero(table.Entries.of(made).sums(len(matched)) <= influences.SMALLEST_WEIGHT_SUM)),
                 own.locked_names,
             )
             for ob, to, matched, made, own in zip(self.targets, self._to, self.matched, self._made, self._tables)
@@ -212,23 +224,9 @@ def _names(objects):
     return ", ".join(ob.name for ob in objects)
 
 
-def _normalized(weights: np.ndarray) -> np.ndarray:
-    """Returns weights (V, B) that sum to 1, as the Armature modifier takes them, or to 0."""
-    sums = weights.sum(axis=1, keepdims=True)
-    return weights / np.where(sums > 0, sums, 1)
-
-
 def _unmatched_islands(mesh: solid.Solid, matched: np.ndarray) -> int:
     """Returns how many parts of a mesh have no matched vertex."""
     size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0)))
     weld = checks.welded(mesh.positions, size)
-    label = checks.islands(len(weld), weld[_edges(mesh)])[weld]
+    label = checks.islands(len(weld), weld[mesh.edges()])[weld]
     return len(np.setdiff1d(label, label[matched]))
-
-
-def _edges(mesh):
-    """Returns (C, 2): the edges of all faces."""
-    following = np.arange(1, len(mesh.face_vertices) + 1)
-    sizes = np.diff(mesh.face_offsets)
-    following[mesh.face_offsets[1:][sizes > 0] - 1] = mesh.face_offsets[:-1][sizes > 0]
-    return np.stack((mesh.face_vertices, mesh.face_vertices[following]), axis=1)
