@@ -194,7 +194,8 @@ void bind_weight_tools(py::module_& module) {
       py::arg("strength") = 0.0, py::arg("steps") = 5, py::arg("factor") = 0.5, py::arg("mask") = py::none(),
       py::arg("locked") = py::none(), py::arg("positions") = py::none(), py::arg("progress") = py::none(),
       (std::string("Smooths the weights of all bones along the edges of faces. The sum of a vertex's weights is "
-                   "smoothed alike, so that sums of 1 stay; what is below a millionth of it is left out.\n\n") +
+                   "smoothed alike, so that sums of 1 stay; what is below a millionth of it (with a strength, a "
+                   "hundred-thousandth) is left out.\n\n") +
        kTable + kTableFaces +
        "strength: 0 to 1,000,000. If above 0, in one solve: (I + t L) w' = w, where t is the strength and L w is "
        "w less the mean of the neighbors; it reaches about sqrt(t) edges. 0: in steps.\n"

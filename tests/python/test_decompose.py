@@ -187,6 +187,42 @@ def test_motions_for_known_weights(random, kind):
     assert made.poses[..., :3, :3] == pytest.approx(matrices[..., :3, :3], abs=0.02)
 
 
+@pytest.mark.parametrize("place", (0, 20))
+def test_other_sums_of_given_weights_count_as_skinning_counts_them(random, place):
+    """Where the weights do not sum to 1, the error is that of what skinning gives, wherever the mesh is."""
+    positions, offsets, faces, weights, _, frames = clip(random)
+    positions, frames = positions + place, frames + place
+    weights = weights * random.uniform(0.9, 1.1, (len(weights), 1))
+    made = sinew.decompose(positions, frames, offsets, faces, weights=weights)
+    skin = sinew.Skin.from_dense(positions, weights)
+    off = np.linalg.norm(sinew.skin_linear(skin, made.poses.astype(np.float32)) - frames, axis=2)
+    assert made.rms == pytest.approx(np.sqrt((off**2).mean()), rel=1e-3)
+    assert made.mean == pytest.approx(off.mean(), rel=1e-3)
+    assert made.largest == pytest.approx(off.max(), rel=1e-3)
+
+
+def test_many_joints_are_tried_at_every_vertex(random):
+    """Of more joints than frames could tell apart, few remain, and they fit."""
+    positions, frames = random.normal(size=(40, 3)), random.normal(size=(4, 40, 3))
+    matrices = rigid(random, 4, 120, far=1.0)
+    made = sinew.decompose(
+        positions, frames, np.zeros(0, int), np.zeros(0, int), matrices=matrices, max_influences=4, iterations=2
+    )
+    assert np.diff(made.offsets).max() <= 4
+    alone = np.einsum("fjab,vb->fjva", matrices, np.concatenate((positions, np.ones((40, 1))), 1))[..., :3]
+    best = np.linalg.norm(alone - frames[:, None], axis=3) ** 2
+    assert (made.vertex_rms <= np.sqrt(best.mean(axis=0).min(axis=0)) + 1e-4).all()
+
+
+def test_joints_that_lose_their_points_begin_anew():
+    """On the way one loses all of them, and would be missing at the end."""
+    random = np.random.default_rng(6)
+    clip(random, joints=6), random.normal(size=(12, 360, 3))  # as it was found
+    positions, offsets, faces, _, _, frames = clip(random, joints=12)
+    made = sinew.decompose(positions, frames, offsets, faces, bones=30, max_influences=1, iterations=12, tolerance=0)
+    assert made.joint_count == 30 and made.rms < 0.9
+
+
 def test_heads_begin_where_they_are(random):
     positions, offsets, faces, weights, matrices, frames = clip(random)
     heads = np.stack((np.linspace(0, 39, 4), np.full(4, 4.0), np.zeros(4)), 1)

@@ -30,8 +30,8 @@ struct SmoothWeightsSettings {
 
 /// Smooths the weights of all bones along edges. With a strength, in one solve: (I + t L) w' = w, where L is the identity
 /// less the mean of the neighbours, so that each w' is a mean of weights around, which counts as far as about sqrt(t)
-/// edges. Otherwise in steps: w' = w + factor (mean of neighbours - w). Sums stay, and what is below a millionth of them is
-/// left out. Where bones are locked, the others' weights are scaled to the sum that they had.
+/// edges. Otherwise in steps: w' = w + factor (mean of neighbours - w). Sums stay, and what is below a millionth of them (after
+/// a solve, a hundred-thousandth) is left out. Where bones are locked, the others' weights are scaled to the sum that they had.
 std::optional<WeightTable> smooth_weights(const WeightTable& weights, const Faces& faces,
                                           const SmoothWeightsSettings& settings, Progress* progress = nullptr);
 

@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::size_t kPoints = 512;  // in a task
 
-/// Weights below this share of their vertex's sum are left out.
-constexpr double kLeast = 1e-6;
+/// Weights below this share of their vertex's sum are left out; after a solve, which reaches everywhere, more of them.
+constexpr double kLeast = 1e-6, kLeastSolved = 1e-5;
 
 /// Steps of the progress: of a solve, and of what follows it or the steps.
 constexpr std::int64_t kSolveSteps = 100, kFinishSteps = 20;
@@ -167,7 +167,7 @@ class Smoothing {
     }
     std::vector<std::vector<std::pair<std::uint32_t, float>>> found(used.size());
     solve_panels(
-        solver, used.size(), kLeast / 10 * least_total, progress_, kSolveSteps,
+        solver, used.size(), kLeastSolved / 10 * least_total, progress_, kSolveSteps,
         [&](std::size_t first, std::size_t lanes, PanelSolver::Scratch& scratch) {
           for (std::size_t lane = 0; lane < lanes; ++lane) {
             for (const auto& [row, value] : sources[used[first + lane]]) {
@@ -180,7 +180,7 @@ class Smoothing {
             const Lanes& values = scratch.values[solver.position(row)];
             for (std::size_t lane = 0; lane < lanes; ++lane) {
               const double value = values[static_cast<Eigen::Index>(lane)];
-              if (value >= kLeast * totals[row] && value > 0) found[first + lane].emplace_back(row, as_weight(value));
+              if (value >= kLeastSolved * totals[row] && value > 0) found[first + lane].emplace_back(row, as_weight(value));
             }
           }
         });
