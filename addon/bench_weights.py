@@ -285,6 +285,63 @@ def tools(body, dem_bones):
     yield "weights for given bones", len(used), perf_counter() - start, f"rms {1000 * made.rms:.2f} mm"
 
 
+def snake(vertices, bones):
+    """A tube of about so many vertices along x with bones along it, of which each vertex follows six: positions, faces,
+    heads, tails, weights (V, 6) and their bones."""
+    around = 500 if vertices > 100_000 else 100
+    along, places = vertices // around, np.arange(vertices // around * around)
+    ring, angle = places // around, 2 * np.pi * (places % around) / around
+    length = 0.15 * bones
+    positions = np.stack((length * ring / along, np.cos(angle) / 3, np.sin(angle) / 3), 1)
+    one = (np.arange(along - 1)[:, None] * around + np.arange(around)).reshape(-1)
+    other = (np.arange(along - 1)[:, None] * around + (np.arange(around) + 1) % around).reshape(-1)
+    faces = np.stack((one, other, other + around, one + around), 1)
+    heads = np.outer(np.arange(bones), (length / bones, 0, 0))
+    at = positions[:, 0] / length * bones
+    nearest = np.clip(at.astype(int) - 2, 0, bones - 6)[:, None] + np.arange(6)
+    weights = np.exp(-(((nearest + 0.5 - at[:, None]) / 1.5) ** 2))
+    return positions, faces, heads, heads + (length / bones, 0, 0), weights / weights.sum(1, keepdims=True), nearest
+
+
+def peak_of(run):
+    """Seconds and the peak of the process's memory in MB, or nan where it cannot be measured."""
+    linux = Path("/proc/self/clear_refs")
+    if linux.exists():
+        linux.write_text("5")
+    start = perf_counter()
+    run()
+    seconds = perf_counter() - start
+    if not linux.exists():
+        return seconds, float("nan")
+    peak = next(row for row in Path("/proc/self/status").read_text().splitlines() if row.startswith("VmHWM"))
+    return seconds, int(peak.split()[1]) / 1000
+
+
+def on_a_snake(vertices, bones):
+    """Yields what is done with weights, and a function that does it."""
+    sinew = native()
+    positions, faces, heads, tails, weights, nearest = snake(vertices, bones)
+    count = len(positions)
+    offsets, corners = np.arange(0, 4 * len(faces) + 1, 4), faces.reshape(-1)
+    table = sinew.WeightTable(np.arange(0, 6 * count + 1, 6), nearest.reshape(-1), weights.reshape(-1), bones)
+    surface, aside = (positions, offsets, corners), (positions + (0, 0, 0.1), offsets, corners)
+    of_faces, matrices = {"face_offsets": offsets, "face_vertices": corners}, random_poses(heads)
+    near = 0.09 / (0.15 * bones)
+    yield "smooth, 5 steps", lambda: sinew.smooth_weights(table, offsets, corners)
+    yield "smooth, strength 5", lambda: sinew.smooth_weights(table, offsets, corners, strength=5.0)
+    yield "reduce to 4", lambda: sinew.reduce_weights(table, positions, matrices, rings=2, **of_faces)
+    yield "mirror", lambda: sinew.mirror_weights(table, *surface, np.arange(bones), axis=1)
+    yield "transfer", lambda: sinew.transfer_weights(*surface, table, *aside, distance=near)
+    yield "automatic weights", lambda: sinew.automatic_weights(*surface, heads, tails)
+
+
+def large():
+    """Yields what was done, vertices, bones, seconds and the peak of memory."""
+    for vertices, bones in ((3_880, 80), (30_000, 160), (300_000, 700)):
+        for what, run in on_a_snake(vertices, bones):
+            yield what, vertices, bones, *peak_of(run)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--body", type=Path, required=True)
@@ -314,8 +371,13 @@ def main():
     for what, vertices, seconds, said in tools(body, options.dem_bones):
         done.append({"what": what, "vertices": vertices, "seconds": seconds, "result": said})
         print(f"| {what} | {vertices:,} | {seconds:.3f} | {said} |", flush=True)
+    print("\n| what is done with a tube | vertices | bones | s | peak of memory, MB |\n|---|---|---|---|---|")
+    sizes = []
+    for what, vertices, bones, seconds, peak in large():
+        sizes.append({"what": what, "vertices": vertices, "bones": bones, "seconds": seconds, "megabytes": peak})
+        print(f"| {what} | {vertices:,} | {bones} | {seconds:.2f} | {peak:.0f} |", flush=True)
     if options.json:
-        report = {"blender": bpy.app.version_string, "rows": results, "tools": done}
+        report = {"blender": bpy.app.version_string, "rows": results, "tools": done, "large": sizes}
         options.json.write_text(json.dumps(report, indent=1))
 
 
