@@ -180,30 +180,38 @@ class Smoothing {
             const Lanes& values = scratch.values[solver.position(row)];
             for (std::size_t lane = 0; lane < lanes; ++lane) {
               const double value = values[static_cast<Eigen::Index>(lane)];
-              if (value >= kLeastSolved * totals[row] && value > 0) found[first + lane].emplace_back(row, as_weight(value));
+              if (value >= kLeastSolved * totals[row] && value > 0)
+                found[first + lane].emplace_back(row, as_weight(value));
             }
           }
         });
-    const Lists<BoneWeight> of_free(free.size(), [&](const auto& add) {
-      for (std::size_t i = 0; i < used.size(); ++i) {
-        for (const auto& [row, weight] : found[i]) add(row, {static_cast<std::int32_t>(used[i]), weight});
-      }
-    });
-    found = {};
+    // Rows ascend in each bone's list.
+    std::vector<std::size_t> next(used.size());
     RowSum sum(bones());
+    std::size_t count = rows_.entries().size();
+    for (const auto& of_bone : found) count += of_bone.size();
     WeightTable rows(weights_.bones());
+    rows.reserve(points(), count);
     for (std::size_t p = 0; p < points(); ++p) {
+      if (p % kPoints == 0) stop_if_cancelled(progress_);
       if (number[p] < 0) {
         rows.add_row(rows_.row(p));
         continue;
       }
-      sum.add(of_free[number[p]], 1);
+      for (std::size_t i = 0; i < used.size(); ++i) {
+        if (next[i] == found[i].size() || found[i][next[i]].first != static_cast<std::uint32_t>(number[p])) continue;
+        sum.add(static_cast<std::int32_t>(used[i]), found[i][next[i]++].second);
+      }
       add_row(sum, totals[number[p]], rows);
     }
     rows_ = std::move(rows);
   }
 
-  WeightTable of_vertices() const {
+  WeightTable of_vertices() {
+    if (settings_.locked.empty() && points() == point_of_.size()) {
+      if (progress_) progress_->advance(kFinishSteps);
+      return std::move(rows_);
+    }
     const auto make = [&](std::size_t begin, std::size_t end, WeightTable& rows) {
       RowSum sum(bones());
       for (std::size_t v = begin; v < end; ++v) {
