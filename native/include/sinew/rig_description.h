@@ -1,0 +1,255 @@
+/// A rig as plain data: what is needed to compute the bones of an armature as Blender does. Nothing is checked here;
+/// RigProgram does that once, when it is built.
+///
+/// Numbers that curves and drivers may set are named by Blender's paths, relative to the armature's object:
+/// pose.bones["Hand"].location with index 2, or ["ik"]. Paths of the armature's data begin with "data.":
+/// data.bones["Hand"].bbone_rollin, data["size"]. Matrices are column after column.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "sinew/rig_values.h"
+
+namespace sinew {
+
+struct ValuePath {
+  std::string path;
+  int index = 0;
+};
+
+/// How the curve goes on after a key, numbered in the order of Blender's list.
+enum class KeyInterpolation : std::uint8_t {
+  constant,
+  linear,
+  bezier,
+  sine,
+  quadratic,
+  cubic,
+  quartic,
+  quintic,
+  exponential,
+  circular,
+  back,
+  bounce,
+  elastic,
+};
+enum class KeyEasing : std::uint8_t { automatic, in, out, in_out };
+
+/// Points are frame and value.
+struct CurveKey {
+  float left[2] = {};  ///< handle
+  float point[2] = {};
+  float right[2] = {};  ///< handle
+  float amplitude = 0;
+  float period = 0;
+  float back = 0;
+  KeyInterpolation interpolation = KeyInterpolation::bezier;
+  KeyEasing easing = KeyEasing::automatic;
+};
+
+enum class CycleMode : std::uint8_t { none, repeat, repeat_with_offset, mirror };
+
+/// Cycles or Generator (a polynomial). Muted ones are left out.
+struct CurveModifier {
+  enum class Type : std::uint8_t { cycles, generator } type = Type::cycles;
+  CycleMode before = CycleMode::none;
+  CycleMode after = CycleMode::none;
+  int cycles_before = 0;  ///< 0: without end
+  int cycles_after = 0;
+  bool is_additive = false;         ///< Generator: adds to the curve instead of replacing it
+  std::vector<float> coefficients;  ///< Generator: from the constant term on
+};
+
+struct CurveDescription {
+  std::vector<CurveKey> keys;  ///< frames ascending
+  std::vector<CurveModifier> modifiers;
+  bool is_extrapolated = false;  ///< linearly; otherwise the first and last values stay
+};
+
+/// A value that follows a curve over time.
+struct AnimatedValue {
+  ValuePath value;
+  CurveDescription curve;
+};
+
+/// What a constraint or driver looks at.
+struct RigTarget {
+  enum class Type : std::uint8_t { none, bone, armature, outside } type = Type::none;
+  int index = -1;  ///< of the bone, or in RigDescription::matrices
+};
+
+enum class RotationMode : signed char { axis_angle = -1, quaternion, xyz, xzy, yxz, yzx, zxy, zyx };
+enum class InheritScale : std::uint8_t { full, fix_shear, aligned, average, none, none_legacy };
+enum class HandleType : std::uint8_t { automatic, absolute, relative, tangent };
+
+struct BoneDescription {
+  std::string name;
+  int parent = -1;
+  std::array<float, 16> rest = {};             ///< Bone.matrix_local, in armature space
+  std::array<float, 9> rest_in_parent = {};    ///< Bone.matrix
+  std::array<float, 3> head = {};              ///< Bone.head, relative to the parent's tail
+  std::array<float, 3> head_in_armature = {};  ///< Bone.head_local; not always the last column of `rest` to the bit
+  std::array<float, 3> tail_in_armature = {};  ///< Bone.tail_local
+  float length = 0;
+  RotationMode rotation_mode = RotationMode::quaternion;
+  InheritScale inherit_scale = InheritScale::full;
+  bool inherits_rotation = true;
+  bool uses_local_location = true;
+  bool is_connected = false;
+
+  int segments = 1;                                       ///< more than one make a B-bone
+  std::array<HandleType, 2> handle_types = {};            ///< start, end
+  std::array<int, 2> handles = {-1, -1};                  ///< bones; used unless the type is automatic
+  int connected_child = -1;                               ///< the last connected one of Bone.children
+  std::array<std::array<bool, 3>, 2> handles_scale = {};  ///< Bone.bbone_handle_use_scale_start and _end
+  std::array<bool, 2> handles_ease = {};                  ///< Bone.bbone_handle_use_ease_start and _end
+  bool uses_end_roll = false;                             ///< Bone.use_endroll_as_inroll
+  bool scales_ease = false;                               ///< Bone.use_scale_easing
+  bool maps_curved = false;                               ///< Bone.bbone_mapping_mode is CURVED
+
+  std::array<float, kBoneValueCount> values = {};  ///< see rig_values.h
+};
+
+/// Blender's types of constraints that a rig may have.
+enum class ConstraintType : std::uint8_t {
+  copy_location,
+  copy_rotation,
+  copy_scale,
+  copy_transforms,
+  limit_location,
+  limit_rotation,
+  limit_scale,
+  limit_distance,
+  maintain_volume,
+  transformation,
+  damped_track,
+  locked_track,
+  stretch_to,
+  track_to,
+  armature,
+  child_of,
+  floor,
+  pivot,
+  action,
+  ik,
+};
+
+/// A bone's channel that an Action constraint's action sets.
+struct ActionChannel {
+  int value = kLocation;  ///< one of kLocation to kScale + 2
+  CurveDescription curve;
+};
+
+struct ConstraintDescription {
+  int bone = 0;
+  std::string name;
+  ConstraintType type = ConstraintType::copy_location;
+  std::vector<float> settings;     ///< in the order of constraint_settings(type)
+  std::vector<RigTarget> targets;  ///< one; Armature constraints have any number, IK a second one, the pole
+  std::vector<float> weights;      ///< of an Armature constraint's targets
+  RigTarget space;                 ///< the object or bone of the space CUSTOM
+  std::vector<ActionChannel> action;
+};
+
+/// A number that drivers may read and curves may set, and which is no setting of a bone or constraint.
+struct CustomProperty {
+  std::string path;
+  int count = 1;
+  ValueKind kind = ValueKind::real;
+  float low = -3.4e38F;
+  float high = 3.4e38F;
+  std::vector<float> values;
+};
+
+/// A property of another data-block. Drivers read it by name.
+struct OutsideValue {
+  std::string name;
+  float value = 0;
+};
+
+/// The world matrix of another object, or of a bone of another armature.
+struct OutsideMatrix {
+  std::string name;
+  std::array<float, 16> matrix = {};
+};
+
+enum class DriverType : std::uint8_t { average, scripted, sum, minimum, maximum };
+enum class VariableType : std::uint8_t { property, transform, location_difference, rotation_difference };
+enum class TransformChannel : std::uint8_t {
+  location_x,
+  location_y,
+  location_z,
+  rotation_x,
+  rotation_y,
+  rotation_z,
+  scale_x,
+  scale_y,
+  scale_z,
+  scale_average,
+  rotation_w,
+};
+enum class TransformSpace : std::uint8_t { world, transform, local };
+/// How a transform variable reads a rotation; numbered as in Blender.
+enum class ChannelRotation : std::uint8_t {
+  automatic,
+  xyz,
+  xzy,
+  yxz,
+  yzx,
+  zxy,
+  zyx,
+  quaternion,
+  swing_twist_x,
+  swing_twist_y,
+  swing_twist_z,
+};
+
+struct VariableTarget {
+  RigTarget target;  ///< unless the variable reads a property
+  TransformChannel channel = TransformChannel::location_x;
+  TransformSpace space = TransformSpace::world;
+  ChannelRotation rotation = ChannelRotation::automatic;
+};
+
+struct VariableDescription {
+  std::string name;
+  VariableType type = VariableType::property;
+  std::string path;     ///< a property's: of the rig, as in ValuePath but with the index in it, as Blender writes it
+  std::string outside;  ///< or the name of an OutsideValue
+  std::array<VariableTarget, 2> targets;
+};
+
+struct DriverDescription {
+  ValuePath value;
+  DriverType type = DriverType::scripted;
+  std::string expression;
+  std::vector<VariableDescription> variables;
+  CurveDescription curve;
+};
+
+/// Of the whole armature. What Blender ignores, such as muted curves and drivers, is left out.
+struct RigDescription {
+  std::string name;
+  int blender = 502;  ///< whose rules: 100 * major + minor of the version
+  std::array<float, 16> world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};  ///< the armature object's matrix
+  std::vector<BoneDescription> bones;              ///< in the order of the pose: parents before children
+  std::vector<ConstraintDescription> constraints;  ///< bone after bone, each bone's in their order
+  std::vector<CustomProperty> properties;
+  std::vector<OutsideValue> values;
+  std::vector<OutsideMatrix> matrices;
+  std::vector<AnimatedValue> curves;
+  std::vector<DriverDescription> drivers;
+  std::vector<std::string> refused;  ///< what the description cannot say, each as a reason; a program is then refused
+};
+
+/// The settings of a type of constraint.
+std::span<const RigSetting> constraint_settings(ConstraintType type);
+
+/// Blender's name of the type, such as COPY_LOCATION.
+std::string_view constraint_name(ConstraintType type);
+
+}  // namespace sinew
