@@ -1,0 +1,291 @@
+#include "sinew/fcurve.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "base/check.h"
+#include "rig/easing.h"
+
+// The order of operations is that of Blender's fcurve.cc and fmodifier.cc, since each of them rounds. CMakeLists.txt has
+// this file compiled without fused multiply-adds.
+
+namespace sinew {
+namespace {
+
+/// Keys that are nearer than this are where the time is.
+constexpr float kSameFrame = 0.0001f;
+
+bool is_same_frame(float a, float b) { return (a > b ? a - b : b - a) <= kSameFrame; }
+
+std::int32_t truncated(float value) {
+  // What a conversion gives on x86 for numbers that do not fit, NaN included.
+  if (!(value >= -2147483648.0f && value < 2147483648.0f)) return std::numeric_limits<std::int32_t>::min();
+  return static_cast<std::int32_t>(value);
+}
+
+double cube_root(double x) {
+  if (x == 0) return 0;
+  return x < 0 ? -std::exp(std::log(-x) / 3) : std::exp(std::log(x) / 3);
+}
+
+bool is_in_part(float root) { return root >= -1.0e-10f && root <= 1.000001f; }
+
+/// Returns the first of the roots, rounded, that lies in [0, 1].
+template <class... Roots>
+std::optional<float> first_inside(Roots... roots) {
+  for (const double root : {roots...}) {
+    if (is_in_part(static_cast<float>(root))) return static_cast<float>(root);
+  }
+  return std::nullopt;
+}
+
+std::optional<float> root_of_square(double a, double b, double c) {
+  if (a != 0) {
+    const double p = b * b - 4 * a * c;
+    if (p > 0) return first_inside((-b - std::sqrt(p)) / (2 * a), (-b + std::sqrt(p)) / (2 * a));
+    if (p == 0) return first_inside(-b / (2 * a));
+    return std::nullopt;
+  }
+  if (b != 0) return first_inside(-c / b);
+  return c == 0 ? std::optional(0.0f) : std::nullopt;
+}
+
+void check_finite(const CurveKey& key, std::size_t index) {
+  for (const float number : {key.left[0], key.left[1], key.at[0], key.at[1], key.right[0], key.right[1], key.amplitude,
+                             key.period, key.back}) {
+    if (!std::isfinite(number)) {
+      fail("Key ", grouped(static_cast<long long>(index)), " of a curve has a number that is not finite. Give finite ",
+           "numbers.");
+    }
+  }
+}
+
+}  // namespace
+
+float PropertyType::stored(float value) const {
+  switch (kind) {
+    case ValueKind::real:
+      return value < lowest ? lowest : value > highest ? highest : value;
+    case ValueKind::integer: {
+      const auto whole = static_cast<float>(truncated(value));
+      return whole < lowest ? lowest : whole > highest ? highest : whole;
+    }
+    case ValueKind::boolean:
+      return value > 1.0f - std::numeric_limits<float>::epsilon() ? 1.0f : 0.0f;
+    default:
+      return static_cast<float>(truncated(value));
+  }
+}
+
+FCurve::FCurve(const FCurveData& data, ValueKind kind)
+    : cycles_(data.cycles),
+      generators_(data.generators),
+      has_steps_(kind == ValueKind::boolean || kind == ValueKind::enumeration),
+      is_rounded_(kind != ValueKind::real) {
+  const std::vector<CurveKey>& keys = data.keys;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    check_finite(keys[i], i);
+    if (i > 0 && keys[i].at[0] < keys[i - 1].at[0]) {
+      fail("Key ", grouped(static_cast<long long>(i)), " of a curve is at frame ", keys[i].at[0],
+           ", before the key in front of it, at frame ", keys[i - 1].at[0], ". Sort the keys by frame.");
+    }
+    frames_.push_back(keys[i].at[0]);
+    values_.push_back(keys[i].at[1]);
+    if (i + 1 < keys.size()) parts_.push_back(part_of(keys[i], keys[i + 1]));
+  }
+  for (const CurveGenerator& generator : generators_) {
+    for (const float coefficient : generator.coefficients) {
+      if (!std::isfinite(coefficient)) {
+        fail("A Generator of a curve has a coefficient that is not finite. Give finite numbers.");
+      }
+    }
+  }
+  if (keys.empty() || !data.is_linear_outside || has_steps_) return;
+  // The slope of the line through the end and its outer handle, or through its neighbour if the end is linear.
+  const auto slope = [](const std::array<float, 2>& end, const std::array<float, 2>& other, bool is_from_end) {
+    const float run = is_from_end ? end[0] - other[0] : other[0] - end[0];
+    if (run == 0) return 0.0f;
+    return (is_from_end ? end[1] - other[1] : other[1] - end[1]) / run;
+  };
+  const auto slope_of_end = [&](const CurveKey& end, const std::array<float, 2>& handle, const CurveKey& neighbour) {
+    if (end.interpolation == Interpolation::constant) return 0.0f;
+    if (end.interpolation == Interpolation::linear) return slope(end.at, neighbour.at, false);
+    return slope(end.at, handle, true);
+  };
+  slopes_[0] = slope_of_end(keys.front(), keys.front().left, keys[keys.size() > 1 ? 1 : 0]);
+  slopes_[1] = slope_of_end(keys.back(), keys.back().right, keys[keys.size() > 1 ? keys.size() - 2 : 0]);
+}
+
+FCurve::Part FCurve::part_of(const CurveKey& key, const CurveKey& next) {
+  Part part{};
+  part.interpolation = key.interpolation;
+  part.easing = key.easing;
+  part.begin = key.at[1];
+  part.change = next.at[1] - key.at[1];
+  part.duration = next.at[0] - key.at[0];
+  part.amplitude = key.amplitude;
+  part.period = key.period;
+  part.back = key.back;
+  if (part.duration == 0) part.interpolation = Interpolation::constant;
+  if (part.interpolation != Interpolation::bezier) return part;
+
+  std::array<float, 2> p1 = key.at, p2 = key.right, p3 = next.left, p4 = next.at;
+  constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
+  part.is_flat =
+      std::abs(p1[1] - p4[1]) < kEpsilon && std::abs(p2[1] - p3[1]) < kEpsilon && std::abs(p3[1] - p4[1]) < kEpsilon;
+  // A handle that is longer than the part is shortened: time goes forward.
+  const auto shorten = [&](std::array<float, 2>& handle, const std::array<float, 2>& end) {
+    const std::array<float, 2> way{end[0] - handle[0], end[1] - handle[1]};
+    const float length = std::abs(way[0]);
+    if (!(length > part.duration)) return;
+    const float factor = part.duration / length;
+    handle = {end[0] - factor * way[0], end[1] - factor * way[1]};
+  };
+  shorten(p2, p1);
+  shorten(p3, p4);
+
+  part.slope = 3.0f * (p2[0] - p1[0]);
+  part.square = 3.0f * (p1[0] - 2.0f * p2[0] + p3[0]);
+  part.cubic = p4[0] - p1[0] + 3.0f * (p2[0] - p3[0]);
+  if (part.cubic != 0) {
+    const double b = part.slope / part.cubic;
+    part.a = part.square / part.cubic / 3;
+    part.p = b / 3 - part.a * part.a;
+    part.p_cubed = part.p * part.p * part.p;
+    part.q_base = 2 * part.a * part.a * part.a - part.a * b;
+  }
+  part.height = {3.0f * (p2[1] - p1[1]), 3.0f * (p1[1] - 2.0f * p2[1] + p3[1]), p4[1] - p1[1] + 3.0f * (p2[1] - p3[1])};
+  return part;
+}
+
+/// negative_time  the part's first frame minus the time.
+float FCurve::bezier(const Part& part, float negative_time) {
+  if (part.is_flat) return part.begin;
+  const double c0 = negative_time;
+  std::optional<float> found;
+  if (part.cubic == 0) {
+    found = root_of_square(part.square, part.slope, c0);
+  } else {
+    // Cardano's formula.
+    const double a = part.a, q = (part.q_base + c0 / part.cubic) / 2, d = q * q + part.p_cubed;
+    if (d > 0) {
+      const double t = std::sqrt(d);
+      found = first_inside(cube_root(-q + t) + cube_root(-q - t) - a);
+    } else if (d == 0) {
+      const double t = cube_root(-q);
+      found = first_inside(2 * t - a, -t - a);
+    } else {
+      const double phi = std::acos(-q / std::sqrt(-part.p_cubed)), t = std::sqrt(-part.p);
+      const double p = std::cos(phi / 3), r = std::sqrt(3 - 3 * p * p);
+      found = first_inside(2 * t * p - a, -t * (p + r) - a, -t * (p - r) - a);
+    }
+  }
+  if (!found) return 0;
+  const float t = *found;
+  return part.begin + t * part.height[0] + t * t * part.height[1] + t * t * t * part.height[2];
+}
+
+float FCurve::inside(std::size_t index, float time) const {
+  const Part& part = parts_[index];
+  if (has_steps_) return part.begin;
+  const float since = time - frames_[index];
+  switch (part.interpolation) {
+    case Interpolation::constant:
+      return part.begin;
+    case Interpolation::linear:
+      return part.change * since / part.duration + part.begin;
+    case Interpolation::bezier:
+      return bezier(part, frames_[index] - time);
+    default:
+      return eased(part.interpolation, part.easing, since,
+                   {part.begin, part.change, part.duration, part.amplitude, part.period, part.back});
+  }
+}
+
+float FCurve::outside(float time, bool is_before) const {
+  const float end = is_before ? values_.front() : values_.back();
+  const float slope = slopes_[is_before ? 0 : 1];
+  if (slope == 0) return end;
+  return end - slope * ((is_before ? frames_.front() : frames_.back()) - time);
+}
+
+float FCurve::of_keys(float time) const {
+  if (time <= frames_.front()) return outside(time, true);
+  if (frames_.back() <= time) return outside(time, false);
+  if (is_same_frame(time, frames_.front())) return values_.front();
+  if (is_same_frame(time, frames_.back())) return values_.back();
+  // Blender's search, not std::lower_bound: of several keys nearby it decides which one is found.
+  std::ptrdiff_t begin = 0, end = std::ssize(frames_);
+  while (begin <= end) {
+    const std::ptrdiff_t middle = begin + (end - begin) / 2;
+    if (middle == std::ssize(frames_)) {
+      end = middle - 1;
+      continue;
+    }
+    const float frame = frames_[middle];
+    if (is_same_frame(time, frame)) return values_[middle];
+    if (time > frame) {
+      begin = middle + 1;
+    } else {
+      end = middle - 1;
+    }
+  }
+  // A time that is not a number is before the first key.
+  return begin == 0 ? values_.front() : inside(begin - 1, time);
+}
+
+/// Returns the time within the keys, and what is added to the value there.
+std::pair<float, float> FCurve::cycled(float time) const {
+  const float first = frames_.front(), last = frames_.back(), length = last - first;
+  const bool is_before = time < first;
+  if ((!is_before && !(time > last)) || length == 0) return {time, 0.0f};
+  const CycleMode mode = is_before ? cycles_->before : cycles_->after;
+  if (mode == CycleMode::none) return {time, 0.0f};
+
+  const float nearest = is_before ? first : last, farthest = is_before ? last : first;
+  const double cycle = (is_before ? -1 : 1) * (double{time} - double{nearest}) / double{length};
+  const std::int32_t count = is_before ? cycles_->count_before : cycles_->count_after;
+  if (count != 0 && cycle > count) return {time, 0.0f};
+  float offset = 0;
+  if (mode == CycleMode::repeat_with_offset) {
+    const float cycles = (time - nearest) / length;
+    offset = (is_before ? std::floor(cycles) : std::ceil(cycles)) * (values_.back() - values_.front());
+  }
+  const bool is_mirror = mode == CycleMode::mirror;
+  const auto is_odd = [](double number) { return std::fmod(std::trunc(number), 2) != 0; };
+  const float within = std::fmod(time - nearest, length);
+  float found;
+  if (within == 0) {
+    found = is_mirror && is_odd(cycle) ? farthest : nearest;
+  } else if (is_mirror && is_odd(cycle + 1)) {
+    found = nearest - within;
+  } else {
+    found = first + within;
+  }
+  if (found < first) found += length;
+  return {found, offset};
+}
+
+float FCurve::value(float time, float without_keys) const {
+  float value = without_keys;
+  if (!frames_.empty() && cycles_) {
+    float offset = 0;
+    std::tie(time, offset) = cycled(time);
+    value = of_keys(time) + offset;
+  } else if (!frames_.empty()) {
+    value = of_keys(time);
+  }
+  for (const CurveGenerator& generator : generators_) {
+    float sum = 0, power = 1;
+    for (const float coefficient : generator.coefficients) {
+      sum += coefficient * power;
+      power *= time;
+    }
+    value = generator.is_additive ? value + sum : sum;
+  }
+  return is_rounded_ ? std::floor(value + 0.5f) : value;
+}
+
+}  // namespace sinew
