@@ -1,16 +1,14 @@
 #include "rig/easing.h"
 
 #include <cmath>
-#include <numbers>
+
+#include "rig/vector.h"
 
 // The order of operations is that of Blender's easing.c, since each of them rounds. CMakeLists.txt has this file
 // compiled without fused multiply-adds.
 
-namespace sinew {
+namespace sinew::rig {
 namespace {
-
-constexpr float kPi = std::numbers::pi_v<float>;
-constexpr float kHalfPi = std::numbers::pi_v<double> / 2;
 
 /// Returns factor * t * t ..., with `times` multiplications.
 float multiplied(float factor, float t, int times) {
@@ -18,10 +16,10 @@ float multiplied(float factor, float t, int times) {
   return factor;
 }
 
-float quad(Easing easing, float t, const Eased& e) {
+float quad(KeyEasing easing, float t, const Eased& e) {
   const float c = e.change;
-  if (easing == Easing::in) return multiplied(c, t / e.duration, 2) + e.begin;
-  if (easing == Easing::out) {
+  if (easing == KeyEasing::in) return multiplied(c, t / e.duration, 2) + e.begin;
+  if (easing == KeyEasing::out) {
     t /= e.duration;
     return -c * t * (t - 2) + e.begin;
   }
@@ -32,10 +30,10 @@ float quad(Easing easing, float t, const Eased& e) {
 }
 
 /// The powers from the third on.
-float power(int degree, Easing easing, float t, const Eased& e) {
+float power(int degree, KeyEasing easing, float t, const Eased& e) {
   const float sign = degree % 2 == 0 ? -1.0f : 1.0f;
-  if (easing == Easing::in) return multiplied(e.change, t / e.duration, degree) + e.begin;
-  if (easing == Easing::out) {
+  if (easing == KeyEasing::in) return multiplied(e.change, t / e.duration, degree) + e.begin;
+  if (easing == KeyEasing::out) {
     t = t / e.duration - 1;
     return sign * e.change * (multiplied(t, t, degree - 1) + sign) + e.begin;
   }
@@ -45,18 +43,18 @@ float power(int degree, Easing easing, float t, const Eased& e) {
   return sign * e.change / 2 * (multiplied(t, t, degree - 1) + sign * 2) + e.begin;
 }
 
-float sine(Easing easing, float t, const Eased& e) {
-  if (easing == Easing::in) return -e.change * std::cos(t / e.duration * kHalfPi) + e.change + e.begin;
-  if (easing == Easing::out) return e.change * std::sin(t / e.duration * kHalfPi) + e.begin;
+float sine(KeyEasing easing, float t, const Eased& e) {
+  if (easing == KeyEasing::in) return -e.change * std::cos(t / e.duration * kHalfPi) + e.change + e.begin;
+  if (easing == KeyEasing::out) return e.change * std::sin(t / e.duration * kHalfPi) + e.begin;
   return -e.change / 2 * (std::cos(kPi * t / e.duration) - 1) + e.begin;
 }
 
-float circ(Easing easing, float t, const Eased& e) {
-  if (easing == Easing::in) {
+float circ(KeyEasing easing, float t, const Eased& e) {
+  if (easing == KeyEasing::in) {
     t /= e.duration;
     return -e.change * (std::sqrt(1 - t * t) - 1) + e.begin;
   }
-  if (easing == Easing::out) {
+  if (easing == KeyEasing::out) {
     t = t / e.duration - 1;
     return e.change * std::sqrt(1 - t * t) + e.begin;
   }
@@ -80,20 +78,20 @@ float expo_out(float t, float begin, float change, float duration) {
   return change * (1 - (std::pow(2.0f, -10 * t / duration) - kSmallest) * kStretch) + begin;
 }
 
-float expo(Easing easing, float t, const Eased& e) {
-  if (easing == Easing::in) return expo_in(t, e.begin, e.change, e.duration);
-  if (easing == Easing::out) return expo_out(t, e.begin, e.change, e.duration);
+float expo(KeyEasing easing, float t, const Eased& e) {
+  if (easing == KeyEasing::in) return expo_in(t, e.begin, e.change, e.duration);
+  if (easing == KeyEasing::out) return expo_out(t, e.begin, e.change, e.duration);
   const float half = e.duration / 2, change = e.change / 2;
   return t <= half ? expo_in(t, e.begin, change, half) : expo_out(t - half, e.begin + change, change, half);
 }
 
-float back(Easing easing, float t, const Eased& e) {
+float back(KeyEasing easing, float t, const Eased& e) {
   float over = e.back;
-  if (easing == Easing::in) {
+  if (easing == KeyEasing::in) {
     t /= e.duration;
     return e.change * t * t * ((over + 1) * t - over) + e.begin;
   }
-  if (easing == Easing::out) {
+  if (easing == KeyEasing::out) {
     t = t / e.duration - 1;
     return e.change * (t * t * ((over + 1) * t + over) + 1) + e.begin;
   }
@@ -123,9 +121,9 @@ float bounce_in(float t, float begin, float change, float duration) {
   return change - bounce_out(duration - t, 0, change, duration) + begin;
 }
 
-float bounce(Easing easing, float t, const Eased& e) {
-  if (easing == Easing::in) return bounce_in(t, e.begin, e.change, e.duration);
-  if (easing == Easing::out) return bounce_out(t, e.begin, e.change, e.duration);
+float bounce(KeyEasing easing, float t, const Eased& e) {
+  if (easing == KeyEasing::in) return bounce_in(t, e.begin, e.change, e.duration);
+  if (easing == KeyEasing::out) return bounce_out(t, e.begin, e.change, e.duration);
   if (t < e.duration / 2) return bounce_in(t * 2, 0, e.change, e.duration) * 0.5f + e.begin;
   return bounce_out(t * 2 - e.duration, 0, e.change, e.duration) * 0.5f + e.change * 0.5f + e.begin;
 }
@@ -140,12 +138,12 @@ float elastic_blend(float t, const Eased& e, float shift) {
   return share * left + (1 - left);
 }
 
-float elastic(Easing easing, float t, const Eased& e) {
+float elastic(KeyEasing easing, float t, const Eased& e) {
   if (t == 0) return e.begin;
-  const bool is_both = easing == Easing::in_out;
+  const bool is_both = easing == KeyEasing::in_out;
   t /= is_both ? e.duration / 2 : e.duration;
   if (t == (is_both ? 2.0f : 1.0f)) return e.begin + e.change;
-  t = easing == Easing::out ? -t : t - 1;
+  t = easing == KeyEasing::out ? -t : t - 1;
 
   const float period = e.period != 0 ? e.period : e.duration * (is_both ? 0.3f * 1.5f : 0.3f);
   float amplitude = e.amplitude, shift, blend = 1;
@@ -157,43 +155,43 @@ float elastic(Easing easing, float t, const Eased& e) {
   } else {
     shift = period / (2 * kPi) * std::asin(e.change / amplitude);
   }
-  const auto wave = [&](float t) {
-    return amplitude * std::pow(2.0f, 10 * t) * std::sin((t * e.duration - shift) * (2 * kPi) / period);
+  const auto wave = [&](float at) {
+    return amplitude * std::pow(2.0f, 10 * at) * std::sin((at * e.duration - shift) * (2 * kPi) / period);
   };
-  if (easing == Easing::in) return -blend * wave(t) + e.begin;
-  if (easing == Easing::out) return blend * wave(t) + e.change + e.begin;
+  if (easing == KeyEasing::in) return -blend * wave(t) + e.begin;
+  if (easing == KeyEasing::out) return blend * wave(t) + e.change + e.begin;
   blend *= 0.5f;
   return t < 0 ? -blend * wave(t) + e.begin : blend * wave(-t) + e.change + e.begin;
 }
 
 }  // namespace
 
-float eased(Interpolation interpolation, Easing easing, float time, const Eased& eased) {
-  if (easing == Easing::automatic) {
-    easing = interpolation >= Interpolation::back ? Easing::out : Easing::in;
+float eased(KeyInterpolation interpolation, KeyEasing easing, float time, const Eased& e) {
+  if (easing == KeyEasing::automatic) {
+    easing = interpolation >= KeyInterpolation::back ? KeyEasing::out : KeyEasing::in;
   }
   switch (interpolation) {
-    case Interpolation::sine:
-      return sine(easing, time, eased);
-    case Interpolation::quad:
-      return quad(easing, time, eased);
-    case Interpolation::cubic:
-      return power(3, easing, time, eased);
-    case Interpolation::quart:
-      return power(4, easing, time, eased);
-    case Interpolation::quint:
-      return power(5, easing, time, eased);
-    case Interpolation::expo:
-      return expo(easing, time, eased);
-    case Interpolation::circ:
-      return circ(easing, time, eased);
-    case Interpolation::back:
-      return back(easing, time, eased);
-    case Interpolation::bounce:
-      return bounce(easing, time, eased);
+    case KeyInterpolation::sine:
+      return sine(easing, time, e);
+    case KeyInterpolation::quadratic:
+      return quad(easing, time, e);
+    case KeyInterpolation::cubic:
+      return power(3, easing, time, e);
+    case KeyInterpolation::quartic:
+      return power(4, easing, time, e);
+    case KeyInterpolation::quintic:
+      return power(5, easing, time, e);
+    case KeyInterpolation::exponential:
+      return expo(easing, time, e);
+    case KeyInterpolation::circular:
+      return circ(easing, time, e);
+    case KeyInterpolation::back:
+      return back(easing, time, e);
+    case KeyInterpolation::bounce:
+      return bounce(easing, time, e);
     default:
-      return elastic(easing, time, eased);
+      return elastic(easing, time, e);
   }
 }
 
-}  // namespace sinew
+}  // namespace sinew::rig

@@ -1,9 +1,9 @@
 /// Penner's easing functions as Blender computes them: from a value, by a change, within a duration.
 #pragma once
 
-#include "sinew/fcurve.h"
+#include "sinew/rig_description.h"
 
-namespace sinew {
+namespace sinew::rig {
 
 /// What an easing function interpolates. Times are in frames.
 struct Eased {
@@ -16,6 +16,6 @@ struct Eased {
 };
 
 /// Returns the value `time` frames after the key. `interpolation` is none of constant, linear and Bezier.
-float eased(Interpolation interpolation, Easing easing, float time, const Eased& eased);
+float eased(KeyInterpolation interpolation, KeyEasing easing, float time, const Eased& between);
 
-}  // namespace sinew
+}  // namespace sinew::rig

@@ -1,18 +1,21 @@
-#include "sinew/fcurve.h"
+#include "rig/fcurve.h"
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <limits>
 #include <utility>
 
 #include "base/check.h"
 #include "rig/easing.h"
+#include "rig/vector.h"
 
 // The order of operations is that of Blender's fcurve.cc and fmodifier.cc, since each of them rounds. CMakeLists.txt has
 // this file compiled without fused multiply-adds.
 
-namespace sinew {
+namespace sinew::rig {
 namespace {
+
+using Point = const float (&)[2];  // frame and value
 
 /// Keys that are nearer than this are where the time is.
 constexpr float kSameFrame = 0.0001f;
@@ -52,9 +55,17 @@ std::optional<float> root_of_square(double a, double b, double c) {
   return c == 0 ? std::optional(0.0f) : std::nullopt;
 }
 
+void check_finite(const CurveModifier& modifier) {
+  for (const float coefficient : modifier.coefficients) {
+    if (!std::isfinite(coefficient)) {
+      fail("A Generator of a curve has a coefficient that is not finite. Give finite numbers.");
+    }
+  }
+}
+
 void check_finite(const CurveKey& key, std::size_t index) {
-  for (const float number : {key.left[0], key.left[1], key.at[0], key.at[1], key.right[0], key.right[1], key.amplitude,
-                             key.period, key.back}) {
+  for (const float number : {key.left[0], key.left[1], key.point[0], key.point[1], key.right[0], key.right[1],
+                             key.amplitude, key.period, key.back}) {
     if (!std::isfinite(number)) {
       fail("Key ", grouped(static_cast<long long>(index)), " of a curve has a number that is not finite. Give finite ",
            "numbers.");
@@ -64,14 +75,12 @@ void check_finite(const CurveKey& key, std::size_t index) {
 
 }  // namespace
 
-float PropertyType::stored(float value) const {
+float stored_value(ValueKind kind, float low, float high, float value) {
   switch (kind) {
     case ValueKind::real:
-      return value < lowest ? lowest : value > highest ? highest : value;
-    case ValueKind::integer: {
-      const auto whole = static_cast<float>(truncated(value));
-      return whole < lowest ? lowest : whole > highest ? highest : whole;
-    }
+      return clamped(value, low, high);
+    case ValueKind::whole:
+      return clamped(static_cast<float>(truncated(value)), low, high);
     case ValueKind::boolean:
       return value > 1.0f - std::numeric_limits<float>::epsilon() ? 1.0f : 0.0f;
     default:
@@ -79,40 +88,40 @@ float PropertyType::stored(float value) const {
   }
 }
 
-FCurve::FCurve(const FCurveData& data, ValueKind kind)
-    : cycles_(data.cycles),
-      generators_(data.generators),
-      has_steps_(kind == ValueKind::boolean || kind == ValueKind::enumeration),
-      is_rounded_(kind != ValueKind::real) {
+FCurve::FCurve(const CurveDescription& data, ValueKind kind)
+    : has_steps_(kind == ValueKind::boolean || kind == ValueKind::choice), is_rounded_(kind != ValueKind::real) {
   const std::vector<CurveKey>& keys = data.keys;
   for (std::size_t i = 0; i < keys.size(); ++i) {
     check_finite(keys[i], i);
-    if (i > 0 && keys[i].at[0] < keys[i - 1].at[0]) {
-      fail("Key ", grouped(static_cast<long long>(i)), " of a curve is at frame ", keys[i].at[0],
-           ", before the key in front of it, at frame ", keys[i - 1].at[0], ". Sort the keys by frame.");
+    if (i > 0 && keys[i].point[0] < keys[i - 1].point[0]) {
+      fail("Key ", grouped(static_cast<long long>(i)), " of a curve is at frame ", keys[i].point[0],
+           ", before the key in front of it, at frame ", keys[i - 1].point[0], ". Sort the keys by frame.");
     }
-    frames_.push_back(keys[i].at[0]);
-    values_.push_back(keys[i].at[1]);
+    frames_.push_back(keys[i].point[0]);
+    values_.push_back(keys[i].point[1]);
     if (i + 1 < keys.size()) parts_.push_back(part_of(keys[i], keys[i + 1]));
   }
-  for (const CurveGenerator& generator : generators_) {
-    for (const float coefficient : generator.coefficients) {
-      if (!std::isfinite(coefficient)) {
-        fail("A Generator of a curve has a coefficient that is not finite. Give finite numbers.");
-      }
+  for (const CurveModifier& modifier : data.modifiers) {
+    check_finite(modifier);
+    if (modifier.type == CurveModifier::Type::generator) {
+      generators_.push_back(modifier);
+    } else if (&modifier == &data.modifiers.front()) {
+      cycles_ = modifier;
+    } else {
+      fail("The modifier Cycles of a curve is not its first one. Move it to the top, or remove it.");
     }
   }
-  if (keys.empty() || !data.is_linear_outside || has_steps_) return;
+  if (keys.empty() || !data.is_extrapolated || has_steps_) return;
   // The slope of the line through the end and its outer handle, or through its neighbour if the end is linear.
-  const auto slope = [](const std::array<float, 2>& end, const std::array<float, 2>& other, bool is_from_end) {
+  const auto slope = [](Point end, Point other, bool is_from_end) {
     const float run = is_from_end ? end[0] - other[0] : other[0] - end[0];
     if (run == 0) return 0.0f;
     return (is_from_end ? end[1] - other[1] : other[1] - end[1]) / run;
   };
-  const auto slope_of_end = [&](const CurveKey& end, const std::array<float, 2>& handle, const CurveKey& neighbour) {
-    if (end.interpolation == Interpolation::constant) return 0.0f;
-    if (end.interpolation == Interpolation::linear) return slope(end.at, neighbour.at, false);
-    return slope(end.at, handle, true);
+  const auto slope_of_end = [&](const CurveKey& end, Point handle, const CurveKey& neighbour) {
+    if (end.interpolation == KeyInterpolation::constant) return 0.0f;
+    if (end.interpolation == KeyInterpolation::linear) return slope(end.point, neighbour.point, false);
+    return slope(end.point, handle, true);
   };
   slopes_[0] = slope_of_end(keys.front(), keys.front().left, keys[keys.size() > 1 ? 1 : 0]);
   slopes_[1] = slope_of_end(keys.back(), keys.back().right, keys[keys.size() > 1 ? keys.size() - 2 : 0]);
@@ -122,16 +131,18 @@ FCurve::Part FCurve::part_of(const CurveKey& key, const CurveKey& next) {
   Part part{};
   part.interpolation = key.interpolation;
   part.easing = key.easing;
-  part.begin = key.at[1];
-  part.change = next.at[1] - key.at[1];
-  part.duration = next.at[0] - key.at[0];
+  part.begin = key.point[1];
+  part.change = next.point[1] - key.point[1];
+  part.duration = next.point[0] - key.point[0];
   part.amplitude = key.amplitude;
   part.period = key.period;
   part.back = key.back;
-  if (part.duration == 0) part.interpolation = Interpolation::constant;
-  if (part.interpolation != Interpolation::bezier) return part;
+  if (part.duration == 0) part.interpolation = KeyInterpolation::constant;
+  if (part.interpolation != KeyInterpolation::bezier) return part;
 
-  std::array<float, 2> p1 = key.at, p2 = key.right, p3 = next.left, p4 = next.at;
+  const auto array_of = [](Point point) { return std::array{point[0], point[1]}; };
+  std::array<float, 2> p1 = array_of(key.point), p2 = array_of(key.right), p3 = array_of(next.left),
+                       p4 = array_of(next.point);
   constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
   part.is_flat =
       std::abs(p1[1] - p4[1]) < kEpsilon && std::abs(p2[1] - p3[1]) < kEpsilon && std::abs(p3[1] - p4[1]) < kEpsilon;
@@ -192,11 +203,11 @@ float FCurve::inside(std::size_t index, float time) const {
   if (has_steps_) return part.begin;
   const float since = time - frames_[index];
   switch (part.interpolation) {
-    case Interpolation::constant:
+    case KeyInterpolation::constant:
       return part.begin;
-    case Interpolation::linear:
+    case KeyInterpolation::linear:
       return part.change * since / part.duration + part.begin;
-    case Interpolation::bezier:
+    case KeyInterpolation::bezier:
       return bezier(part, frames_[index] - time);
     default:
       return eased(part.interpolation, part.easing, since,
@@ -246,7 +257,7 @@ std::pair<float, float> FCurve::cycled(float time) const {
 
   const float nearest = is_before ? first : last, farthest = is_before ? last : first;
   const double cycle = (is_before ? -1 : 1) * (double{time} - double{nearest}) / double{length};
-  const std::int32_t count = is_before ? cycles_->count_before : cycles_->count_after;
+  const std::int32_t count = is_before ? cycles_->cycles_before : cycles_->cycles_after;
   if (count != 0 && cycle > count) return {time, 0.0f};
   float offset = 0;
   if (mode == CycleMode::repeat_with_offset) {
@@ -277,7 +288,7 @@ float FCurve::value(float time, float without_keys) const {
   } else if (!frames_.empty()) {
     value = of_keys(time);
   }
-  for (const CurveGenerator& generator : generators_) {
+  for (const CurveModifier& generator : generators_) {
     float sum = 0, power = 1;
     for (const float coefficient : generator.coefficients) {
       sum += coefficient * power;
@@ -288,4 +299,4 @@ float FCurve::value(float time, float without_keys) const {
   return is_rounded_ ? std::floor(value + 0.5f) : value;
 }
 
-}  // namespace sinew
+}  // namespace sinew::rig

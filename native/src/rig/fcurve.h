@@ -1,0 +1,67 @@
+/// F-curves: a number over time, with the bits that Blender computes.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "sinew/rig_description.h"
+
+namespace sinew::rig {
+
+/// Returns what a property holds after `value` was written to it. low, high  its limits, of numbers.
+float stored_value(ValueKind kind, float low, float high, float value);
+
+/// A curve, ready to be evaluated. Immutable.
+class FCurve {
+ public:
+  FCurve() = default;
+
+  /// kind  the type of what the curve sets: curves of whole numbers are rounded, those of booleans and choices step.
+  /// Throws InputError for a number that is not finite, for keys that are not in order, and if Cycles is not the first
+  /// modifier.
+  explicit FCurve(const CurveDescription& data, ValueKind kind = ValueKind::real);
+
+  /// Returns the value at a time in frames. A curve without keys is `without_keys`, then the generators act.
+  float value(float time, float without_keys = 0) const;
+
+  bool has_keys() const { return !frames_.empty(); }
+
+  /// Whether the value is `without_keys` at all times.
+  bool is_empty() const { return frames_.empty() && generators_.empty() && !is_rounded_; }
+
+ private:
+  /// The part of the curve from one key to the next.
+  struct Part {
+    KeyInterpolation interpolation;
+    KeyEasing easing;
+    bool is_flat;  // of a Bezier curve: without height
+    float begin;   // value
+    float change;  // of the value until the next key
+    float duration;
+    float amplitude, period, back;
+    std::array<float, 3> height;  // Bezier: the value's polynomial, without the constant term
+    // Bezier: the time's polynomial is divided by its cubic coefficient and has the roots of x^3 + 3 p x + 2 q, moved
+    // by -a. Without a cubic term `cubic` is 0.
+    double cubic, square, slope, a, p, p_cubed, q_base;
+  };
+
+  float of_keys(float time) const;
+  float outside(float time, bool is_before) const;
+  float inside(std::size_t part, float time) const;
+  std::pair<float, float> cycled(float time) const;
+  static Part part_of(const CurveKey& key, const CurveKey& next);
+  static float bezier(const Part& part, float time_left);
+
+  std::vector<float> frames_;
+  std::vector<Part> parts_;
+  std::vector<float> values_;
+  std::array<float, 2> slopes_{};  // before the first and after the last key
+  std::optional<CurveModifier> cycles_;
+  std::vector<CurveModifier> generators_;
+  bool has_steps_ = false;
+  bool is_rounded_ = false;
+};
+
+}  // namespace sinew::rig
