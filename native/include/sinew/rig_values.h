@@ -12,7 +12,7 @@
 namespace sinew {
 
 /// How Blender stores a number that is written to a property: real numbers are limited, whole ones cut and then limited,
-/// booleans true from 1 on. Curves of whole numbers are rounded, those of booleans and choices are stepped.
+/// booleans true from 1 on. Choices are Blender's numbers of an enumeration's items. Curves of whole numbers are rounded, those of booleans and choices are stepped.
 enum class ValueKind : std::uint8_t { real, whole, boolean, choice };
 
 /// A setting of a bone or a constraint: `count` consecutive numbers.
@@ -23,12 +23,10 @@ struct RigSetting {
   float low = -3.4e38F;
   float high = 3.4e38F;
   float initial = 0;
-  std::span<const std::string_view> choices = {};  ///< identifiers of a choice's values, from `first_choice` on
-  int first_choice = 0;
 };
 
-/// A bone's settings. Those of the pose come first; from kArmatureSettings on they belong to the armature's bone and
-/// have paths that begin with data.bones.
+/// A bone's settings. Those that begin at kArmatureValues or later belong to the armature's bone, and their paths begin
+/// with data.bones.
 std::span<const RigSetting> bone_settings();
 
 /// Where a bone's numbers begin.
@@ -63,6 +61,18 @@ enum BendValue : int {
   kBendScaleIn,
   kBendScaleOut = kBendScaleIn + 3,
   kBendValueCount = kBendScaleOut + 3,
+};
+
+/// The settings that every constraint has, before those of its type.
+enum ConstraintValue : int {
+  kInfluence = 0,
+  kMuted,
+  kValid,
+  kOwnerSpace,
+  kTargetSpace,
+  kHeadTail,
+  kAlongBend,  ///< use_bbone_shape
+  kCommonValueCount,
 };
 
 }  // namespace sinew

@@ -1,0 +1,14 @@
+#include "rig/constraints/limits.h"
+
+namespace sinew::rig {
+namespace {
+
+void apply(const Acting& acting, Mat4& owner) {
+  for (int k = 0; k < 3; ++k) owner[3][k] = limited(acting, k, owner[3][k]);
+}
+
+}  // namespace
+
+const ConstraintKind kLimitLocation = {"LIMIT_LOCATION", kLimitSettings, &apply};
+
+}  // namespace sinew::rig

@@ -1,0 +1,17 @@
+#include "rig/constraints/limits.h"
+
+namespace sinew::rig {
+namespace {
+
+void apply(const Acting& acting, Mat4& owner) {
+  const Vec3 old = sizes_of(owner);
+  for (int k = 0; k < 3; ++k) {
+    if (old[k] != 0) owner.scale_axis(k, limited(acting, k, old[k]) / old[k]);
+  }
+}
+
+}  // namespace
+
+const ConstraintKind kLimitScale = {"LIMIT_SCALE", kLimitSettings, &apply};
+
+}  // namespace sinew::rig

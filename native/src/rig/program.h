@@ -1,0 +1,127 @@
+/// A rig that was checked and put in order: what RigProgram runs. Immutable.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/driver.h"
+#include "rig/fcurve.h"
+#include "rig/matrix.h"
+#include "rig/rotation.h"
+#include "rig/value_map.h"
+#include "sinew/rig_description.h"
+
+namespace sinew::rig {
+
+/// How a B-bone bends, and where its segments are in State::segments.
+struct Bend {
+  int segments = 1;
+  int first = -1;                                         ///< of its segments + 1 matrices
+  std::array<int, 2> handles = {-1, -1};                  ///< bones at its start and end, or -1
+  std::array<HandleType, 2> types = {};
+  std::array<std::array<bool, 3>, 2> handles_scale = {};  ///< see BoneDescription
+  std::array<bool, 2> handles_ease = {};
+  bool uses_end_roll = false;
+  bool scales_ease = false;
+  bool maps_curved = false;
+  int number = -1;  ///< among the B-bones
+};
+
+struct Bone {
+  int parent = -1;
+  int values = 0;            ///< where its numbers begin
+  int first_constraint = 0;  ///< of those that are not solved by IK
+  int constraint_count = 0;
+  int tree = -1;  ///< the bones that IK may join with it
+  RotationMode rotation_mode = RotationMode::quaternion;
+  InheritScale inherit_scale = InheritScale::full;
+  bool inherits_rotation = true;
+  bool uses_local_location = true;
+  bool is_connected = false;
+  bool is_plain = true;  ///< takes its parent's whole matrix
+  float length = 0;
+  Vec3 head = {};  ///< in armature space
+  Vec3 tail = {};
+  Mat3 rest_in_parent = kIdentity3;
+  Mat4 rest = kIdentity4;
+  Mat4 inverse_rest = kIdentity4;
+  Mat4 offset = kIdentity4;  ///< the rest matrix relative to the parent's
+  Bend bend;
+
+  bool is_bendy() const { return bend.segments > 1; }
+  bool has_euler() const { return rotation_mode >= RotationMode::xyz; }
+
+  /// The order in which constraints take its rotation apart.
+  EulerOrder order() const { return has_euler() ? static_cast<EulerOrder>(rotation_mode) : EulerOrder::xyz; }
+};
+
+/// The curves of an Action constraint, and the channels of the bone that they set.
+struct ActionCurve {
+  int channel = 0;
+  FCurve curve;
+};
+
+struct Constraint {
+  ConstraintType type = ConstraintType::copy_location;
+  int bone = 0;
+  int values = 0;  ///< where its settings begin
+  int weights = 0;  ///< where its targets' weights begin
+  int first_binding = 0;  ///< of an Armature constraint's targets, in State::bindings
+  RigTarget space;
+  std::vector<RigTarget> targets;
+  std::vector<ActionCurve> action;
+};
+
+struct Variable {
+  enum class Type : std::uint8_t { value, bone_length, transform, location_difference, rotation_difference };
+  Type type = Type::value;
+  int value = -1;  ///< the number or bone that it reads
+  std::array<VariableTarget, 2> targets;
+};
+
+struct ProgramDriver {
+  int value = 0;  ///< the number that it sets
+  std::vector<Variable> variables;
+  Driver driver;
+};
+
+struct ProgramCurve {
+  int value = 0;
+  FCurve curve;
+};
+
+/// Bones that IK may solve together, parents first, and the IK constraints among them.
+struct Tree {
+  std::vector<int> bones;
+  std::vector<int> constraints;
+};
+
+struct Operation {
+  enum class Type : std::uint8_t { bone, driver, tree, segments };
+  Type type;
+  int index;
+};
+
+struct Program {
+  int blender = 502;
+  bool is_at_origin = true;  ///< the armature object's matrix is the identity
+  Mat4 world = kIdentity4;
+  Mat4 inverse_world = kIdentity4;
+  ValueMap map;
+  std::vector<Bone> bones;
+  std::vector<Constraint> constraints;
+  std::vector<ProgramDriver> drivers;
+  std::vector<ProgramCurve> curves;
+  std::vector<Mat4> outside;
+  std::vector<Tree> trees;
+  std::vector<Operation> order;
+  int segment_count = 0;
+  int bendy_count = 0;
+  int binding_count = 0;
+};
+
+/// Checks a description and puts it in order. Throws InputError.
+Program build_program(const RigDescription& description);
+
+}  // namespace sinew::rig
