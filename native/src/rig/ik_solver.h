@@ -1,0 +1,67 @@
+/// Inverse kinematics of a tree of joints: repeated steps towards goals, as Blender's standard solver makes them.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "rig/damped_least_squares.h"
+#include "rig/ik_joint.h"
+
+namespace sinew::rig {
+
+/// Memory is kept from solve to solve. Everything is in the root's space.
+class IkSolver {
+ public:
+  /// Removes all joints and tasks.
+  void clear();
+
+  /// Adds a joint after its parent, -1 for the root. Returns its number.
+  int add_joint(JointKind kind, int axis, int dofs, int parent);
+  IkJoint& joint(int number) { return joints_[number]; }
+
+  /// A joint's end shall be somewhere, or be turned in some way. weight > 0.
+  void add_position(int joint, const Eigen::Vector3d& goal, double weight);
+  void add_rotation(int joint, const Eigen::Matrix3d& goal, double weight);
+
+  /// Turns the whole tree, before the first step, so that it points at the goal and its plane holds the pole.
+  struct Pole {
+    int tip = 0;
+    Eigen::Vector3d goal, at;
+    double angle = 0;
+  };
+  void set_pole(const Pole& pole) {
+    pole_ = pole;
+    has_pole_ = true;
+  }
+
+  /// Moves the joints. eigen_5  see ThinSvd.
+  void solve(int iterations, bool eigen_5);
+
+ private:
+  struct Task {
+    bool is_position;
+    int joint;
+    double weight;  // its square root after prepare()
+    double reach;   // of a position: no step aims farther
+    Eigen::Vector3d position;
+    Eigen::Matrix3d rotation;
+  };
+
+  bool prepare(bool eigen_5);
+  void number(int joint);
+  void scale(double factor);
+  void update(int joint, const Eigen::Affine3d& parent_end);
+  void turn_to_pole();
+  void linearise(const Task& task, int row);
+  bool step_is_complete(double& moved);
+
+  std::vector<IkJoint> joints_;
+  std::vector<int> order_;  // depth first
+  std::vector<Task> tasks_;
+  Eigen::Affine3d root_ = Eigen::Affine3d::Identity();
+  Pole pole_;
+  bool has_pole_ = false;
+  DampedLeastSquares system_;
+};
+
+}  // namespace sinew::rig
