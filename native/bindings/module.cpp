@@ -13,6 +13,7 @@ void bind_files(pybind11::module_& module);
 void bind_host(pybind11::module_& module);
 void bind_method_data(pybind11::module_& module);
 void bind_direct_delta_mush(pybind11::module_& module);
+void bind_rigs(pybind11::module_& module);
 void bind_skinning(pybind11::module_& module);
 void bind_stages(pybind11::module_& module);
 void bind_automatic_weights(pybind11::module_& module);
@@ -67,6 +68,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_decompose(module);
   sinew::bindings::bind_weight_tools(module);
   sinew::bindings::bind_automatic_weights(module);
+  sinew::bindings::bind_rigs(module);
   module.def("set_thread_count", &sinew::set_thread_count, pybind11::arg("count"),
              "Lets later calls use at most `count` threads, the calling one included, and never more "
              "than the machine has; 0 means as many as it has. Results never depend on it. Raises "

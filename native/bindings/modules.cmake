@@ -28,6 +28,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_direct_delta_mush.cpp
     bindings/bind_files.cpp
     bindings/bind_method_data.cpp
+    bindings/bind_rigs.cpp
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
@@ -39,7 +40,8 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/host/bind_shortcut.cpp
     bindings/host/frame_shape.cpp
     bindings/host/watched.cpp
-    bindings/module.cpp)
+    bindings/module.cpp
+    bindings/rig_description_of.cpp)
   target_include_directories(${target} PRIVATE bindings)
   target_include_directories(${target} SYSTEM PRIVATE ${ARGN} ${pybind11_INCLUDE_DIRS})
   target_link_libraries(${target} PRIVATE sinew)

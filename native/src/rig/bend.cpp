@@ -202,8 +202,7 @@ void update_rest_shape(const Program& program, State& state, int index) {
   std::array<float, kBendValueCount + 1> values;
   std::copy_n(state.values.data() + bone.values + kRestBend, kBendValueCount, values.data());
   const bool takes_roll = bone.bend.uses_end_roll && bone.bend.handles[0] >= 0;
-  values.back() =
-      takes_roll ? state.values[program.bones[bone.bend.handles[0]].values + kRestBend + kBendRollOut] : 0;
+  values.back() = takes_roll ? state.values[program.bones[bone.bend.handles[0]].values + kRestBend + kBendRollOut] : 0;
   if (shape.edition != 0 && shape.values == values) return;
   shape.values = values;
   ++shape.edition;

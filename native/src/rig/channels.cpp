@@ -63,8 +63,8 @@ void pose_bone(const Program& program, State& state, int index) {
   const Bone& bone = program.bones[index];
   const KeptChannels& channels = kept_channels(program, state, index);
   Mat4& pose = state.poses[index];
-  const Mat4& parent = posed_parent(program, state, index);
   if (bone.is_plain && bone.uses_local_location) {
+    const Mat4& parent = posed_parent(program, state, index);
     pose = channels.is_identity ? parent : chained(parent, channels.matrix);
   } else {
     pose = parent_effect(program, state, index).applied_to(channels.matrix);

@@ -56,10 +56,9 @@ DualQuaternion dual_quaternion_of(const Mat4& rest, const Mat4& m) {
   const Quat q = quaternion_of(rigid);
   const Vec3 t = rigid.location();
   result.rotation = q;
-  result.translation = {-0.5F * (t[0] * q[1] + t[1] * q[2] + t[2] * q[3]),
-                        0.5F * (t[0] * q[0] + t[1] * q[3] - t[2] * q[2]),
-                        0.5F * (-t[0] * q[3] + t[1] * q[0] + t[2] * q[1]),
-                        0.5F * (t[0] * q[2] - t[1] * q[1] + t[2] * q[0])};
+  result.translation = {
+      -0.5F * (t[0] * q[1] + t[1] * q[2] + t[2] * q[3]), 0.5F * (t[0] * q[0] + t[1] * q[3] - t[2] * q[2]),
+      0.5F * (-t[0] * q[3] + t[1] * q[0] + t[2] * q[1]), 0.5F * (t[0] * q[2] - t[1] * q[1] + t[2] * q[0])};
   return result;
 }
 

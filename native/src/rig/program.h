@@ -17,8 +17,8 @@ namespace sinew::rig {
 /// How a B-bone bends, and where its segments are in State::segments.
 struct Bend {
   int segments = 1;
-  int first = -1;                                         ///< of its segments + 1 matrices
-  std::array<int, 2> handles = {-1, -1};                  ///< bones at its start and end, or -1
+  int first = -1;                         ///< of its segments + 1 matrices
+  std::array<int, 2> handles = {-1, -1};  ///< bones at its start and end, or -1
   std::array<HandleType, 2> types = {};
   std::array<std::array<bool, 3>, 2> handles_scale = {};  ///< see BoneDescription
   std::array<bool, 2> handles_ease = {};
@@ -65,8 +65,8 @@ struct ActionCurve {
 struct Constraint {
   ConstraintType type = ConstraintType::copy_location;
   int bone = 0;
-  int values = 0;  ///< where its settings begin
-  int weights = 0;  ///< where its targets' weights begin
+  int values = 0;         ///< where its settings begin
+  int weights = 0;        ///< where its targets' weights begin
   int first_binding = 0;  ///< of an Armature constraint's targets, in State::bindings
   RigTarget space;
   std::vector<RigTarget> targets;

@@ -70,8 +70,7 @@ ParentEffect parent_effect(const Program& program, const State& state, int index
   if (bone.uses_local_location) {
     effect.location = bone.is_plain ? effect.rotation_scale : parent * bone.offset;
   } else {
-    effect.location =
-        widened(kIdentity3, transformed_point(parent, bone.offset.location())) * widened(upper(parent));
+    effect.location = widened(kIdentity3, transformed_point(parent, bone.offset.location())) * widened(upper(parent));
   }
   return effect;
 }

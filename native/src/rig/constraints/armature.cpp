@@ -7,9 +7,8 @@ namespace {
 
 enum Setting : int { kPreserveVolume = kCommonValueCount, kEnvelopes, kCurrentLocation };
 
-constexpr auto kSettings =
-    settings_with(flag_setting("use_deform_preserve_volume"), flag_setting("use_bone_envelopes"),
-                  flag_setting("use_current_location"));
+constexpr auto kSettings = settings_with(flag_setting("use_deform_preserve_volume"), flag_setting("use_bone_envelopes"),
+                                         flag_setting("use_current_location"));
 
 /// The weighted sum of what bones do to a point.
 class Sum {
@@ -20,8 +19,7 @@ class Sum {
   /// rest  in armature space. movement  from the rest to the pose there.
   void add(const Mat4& rest, const Mat4& movement, float weight) {
     if (weight == 0) return;
-    const Mat4 in_world =
-        program_.is_at_origin ? movement : (program_.world * movement) * program_.inverse_world;
+    const Mat4 in_world = program_.is_at_origin ? movement : (program_.world * movement) * program_.inverse_world;
     if (is_quaternion_) {
       Mat4 axes = to_world(program_, rest);
       orthogonalize_y(axes, true);
@@ -60,8 +58,8 @@ Place place_of(const Acting& acting, int target, const Vec3& point) {
   Binding& binding = acting.state().bindings[acting.constraint().first_binding + target];
   const bool moves = acting.flag(kCurrentLocation);
   if (!moves && binding.edition == shape.edition) return binding.place;
-  const Place place = place_of_point(
-      bone, shape, program.is_at_origin ? point : transformed_point(program.inverse_world, point));
+  const Place place =
+      place_of_point(bone, shape, program.is_at_origin ? point : transformed_point(program.inverse_world, point));
   binding = {moves ? 0 : shape.edition, place};
   return place;
 }
@@ -75,8 +73,7 @@ void add_bendy(const Acting& acting, Sum& sum, int target, const Vec3& point, fl
   const Mat4 pose = state.channels[index] * bone.rest;
   for (int end = 0; end < 2; ++end) {
     const int at = place.segment + end;
-    const Mat4 movement =
-        ((pose * state.segments[bone.bend.first + at]) * shape.inverses[at]) * bone.inverse_rest;
+    const Mat4 movement = ((pose * state.segments[bone.bend.first + at]) * shape.inverses[at]) * bone.inverse_rest;
     sum.add(shape.in_armature[at], movement, weight * (end == 0 ? 1.0F - place.fraction : place.fraction));
   }
 }

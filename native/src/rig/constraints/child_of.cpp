@@ -38,8 +38,7 @@ void apply(const Acting& acting, Mat4& owner) {
   if (!uses_all) {
     const RigTarget& of = acting.constraint().targets[0];
     const bool is_bone = of.type == RigTarget::Type::bone;
-    parent = with_used_channels(acting, parent,
-                                is_bone ? acting.program().bones[of.index].order() : EulerOrder::xyz);
+    parent = with_used_channels(acting, parent, is_bone ? acting.program().bones[of.index].order() : EulerOrder::xyz);
     inverse = with_used_channels(acting, inverse, acting.bone().order());
   }
   const Vec3 old = owner.location();

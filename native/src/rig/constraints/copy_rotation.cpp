@@ -6,10 +6,9 @@ namespace {
 enum Setting : int { kUse = kCommonValueCount, kInvert = kUse + 3, kOrder = kInvert + 3, kMix };
 enum class Mix { replace, offset, add, before, after };
 
-constexpr auto kSettings =
-    settings_with(flag_setting("use_x"), flag_setting("use_y"), flag_setting("use_z"), flag_setting("invert_x"),
-                  flag_setting("invert_y"), flag_setting("invert_z"), choice_setting("euler_order", 6),
-                  choice_setting("mix_mode", 4));
+constexpr auto kSettings = settings_with(flag_setting("use_x"), flag_setting("use_y"), flag_setting("use_z"),
+                                         flag_setting("invert_x"), flag_setting("invert_y"), flag_setting("invert_z"),
+                                         choice_setting("euler_order", 6), choice_setting("mix_mode", 4));
 
 void apply(const Acting& acting, Mat4& owner) {
   std::optional<Mat4> target = acting.target();

@@ -1,0 +1,170 @@
+#include <pybind11/stl.h>
+
+#include "arrays.h"
+#include "rig_description_of.h"
+#include "sinew/rig_program.h"
+
+namespace sinew::bindings {
+namespace {
+
+/// What a caller gives for an evaluation, with the memory of its numbers.
+class Inputs {
+ public:
+  Inputs(const RigProgram& program, const py::dict& set, py::ssize_t frames) {
+    for (const auto& [key, value] : set) {
+      const std::string name = py::str(key);
+      const py::array array = py::array::ensure(value);
+      if (!array) throw InputError("the value of " + name + " is no array of numbers");
+      numbers_.push_back(copied<float>(name.c_str(), array));
+      const auto& matrices = program.matrix_names();
+      const auto matrix = std::find(matrices.begin(), matrices.end(), name);
+      if (matrix != matrices.end()) {
+        add_matrix(name, static_cast<int>(matrix - matrices.begin()), array, frames);
+      } else {
+        add_value(name, program.find_value(name), array, frames);
+      }
+    }
+  }
+
+  const GivenInputs& given() const { return given_; }
+
+ private:
+  /// (count,) for all frames or (F, count); a single number's second axis may be missing.
+  void add_value(const std::string& name, const RigProgram::Place& place, const py::array& array, py::ssize_t frames) {
+    const py::ssize_t axes = array.ndim();
+    const bool is_single = place.count == 1;
+    const bool fits_once = is_single ? axes == 0 : axes == 1 && array.shape(0) == place.count;
+    const bool fits_frames =
+        axes > 0 && array.shape(0) == frames && (is_single ? axes == 1 : axes == 2 && array.shape(1) == place.count);
+    if (!fits_once && !fits_frames) {
+      const std::string count = std::to_string(place.count);
+      wrong_shape(name.c_str(), array,
+                  is_single ? "() or (" + std::to_string(frames) + ",)"
+                            : "(" + count + ",) or (" + std::to_string(frames) + ", " + count + ")");
+    }
+    given_.values.push_back({place.first, place.count, numbers_.back().data(), fits_once ? 0 : place.count});
+  }
+
+  void add_matrix(const std::string& name, int index, const py::array& array, py::ssize_t frames) {
+    const py::ssize_t axes = array.ndim();
+    const bool is_matrix = axes >= 2 && array.shape(axes - 1) == 4 && array.shape(axes - 2) == 4;
+    if (!is_matrix || (axes == 3 ? array.shape(0) != frames : axes != 2)) {
+      wrong_shape(name.c_str(), array, "(4, 4) or (" + std::to_string(frames) + ", 4, 4)");
+    }
+    std::vector<float>& numbers = numbers_.back();
+    for (std::size_t i = 0; i < numbers.size(); i += 16) {
+      Eigen::Map<Eigen::Matrix4f>(numbers.data() + i).transposeInPlace();
+    }
+    given_.matrices.push_back({index, numbers.data(), axes == 2 ? 0 : 16});
+  }
+
+  std::vector<std::vector<float>> numbers_;
+  GivenInputs given_;
+};
+
+/// Evaluates frames with the GIL released. make_outputs returns where it writes.
+template <class MakeOutputs>
+void evaluate(const RigProgram& program, const py::array& frames, const py::dict& set,
+              const MakeOutputs& make_outputs) {
+  const std::vector<float> times = list_of<float>("frames", frames);
+  const Inputs inputs(program, set, static_cast<py::ssize_t>(times.size()));
+  const RigOutputs outputs = make_outputs(static_cast<py::ssize_t>(times.size()));
+  const py::gil_scoped_release release;
+  program.evaluate(times, inputs.given(), outputs);
+}
+
+py::array py_evaluate(const RigProgram& program, const py::array& frames, const py::dict& set) {
+  py::array_t<float> poses;
+  evaluate(program, frames, set, [&](py::ssize_t count) {
+    poses = py::array_t<float>({count, static_cast<py::ssize_t>(program.bone_count()), py::ssize_t{4}, py::ssize_t{4}});
+    RigOutputs outputs;
+    outputs.poses = matrix_stack<float>("poses", poses);
+    return outputs;
+  });
+  return poses;
+}
+
+py::array py_segments(const RigProgram& program, const py::array& frames, const py::dict& set) {
+  py::array_t<float> segments;
+  evaluate(program, frames, set, [&](py::ssize_t count) {
+    segments = py::array_t<float>(
+        {count, static_cast<py::ssize_t>(program.segment_begin().back()), py::ssize_t{4}, py::ssize_t{4}});
+    RigOutputs outputs;
+    outputs.segments = matrix_stack<float>("segments", segments);
+    return outputs;
+  });
+  return segments;
+}
+
+py::array py_values(const RigProgram& program, const py::array& frames, const std::vector<std::string>& paths,
+                    const py::dict& set) {
+  std::vector<int> places;
+  for (const std::string& path : paths) {
+    const RigProgram::Place place = program.find_value(path);
+    for (int i = 0; i < place.count; ++i) places.push_back(place.first + i);
+  }
+  py::array_t<float> values;
+  evaluate(program, frames, set, [&](py::ssize_t count) {
+    values = py::array_t<float>({count, static_cast<py::ssize_t>(places.size())});
+    RigOutputs outputs;
+    outputs.values = places;
+    outputs.numbers = values.mutable_data();
+    return outputs;
+  });
+  return values;
+}
+
+py::dict settings_dict(std::span<const RigSetting> settings) {
+  py::dict counts;
+  for (const RigSetting& setting : settings) counts[py::str(std::string(setting.name))] = setting.count;
+  return counts;
+}
+
+py::dict constraint_settings_dict() {
+  py::dict types;
+  for (int i = 0; i <= static_cast<int>(ConstraintType::ik); ++i) {
+    const auto type = static_cast<ConstraintType>(i);
+    types[py::str(std::string(constraint_name(type)))] = settings_dict(constraint_settings(type));
+  }
+  return types;
+}
+
+}  // namespace
+
+void bind_rigs(py::module_& module) {
+  py::class_<RigProgram>(module, "RigProgram",
+                         "An armature's bones, constraints, drivers and curves, evaluated as Blender does.")
+      .def(py::init([](const py::dict& description) { return RigProgram(rig_description_of(description)); }),
+           py::arg("description"),
+           "Checks a description, as `sinew rig` writes it, and puts it in order. Raises ValueError, which names what "
+           "is "
+           "wrong or not covered.")
+      .def_property_readonly("names", &RigProgram::bone_names, "The bones' B unique names.")
+      .def_property_readonly(
+          "parents", [](py::object self) { return view_list(self.cast<const RigProgram&>().parents(), self); },
+          "B, the parent of each bone or -1.")
+      .def_property_readonly(
+          "segment_begin",
+          [](py::object self) { return view_list(self.cast<const RigProgram&>().segment_begin(), self); },
+          "B + 1, where each B-bone's matrices begin in segments(); other bones have none.")
+      .def_property_readonly("matrix_names", &RigProgram::matrix_names,
+                             "The objects and other rigs' bones whose world matrices come from outside.")
+      .def(
+          "evaluate", &py_evaluate, py::arg("frames"), py::arg("set") = py::dict(),
+          "Returns the bones' matrices in armature space, (F, B, 4, 4) float32.\n\n"
+          "frames: F times, which may be fractions. set: values for paths such as 'pose.bones[\"Hand\"].location', "
+          "(count,) for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace "
+          "the description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a "
+          "wrong shape, and if a driver divides by 0.")
+      .def("segments", &py_segments, py::arg("frames"), py::arg("set") = py::dict(),
+           "Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4) float32. "
+           "Arguments and errors: see evaluate().")
+      .def(
+          "values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
+          "Returns what properties hold, (F, N) float32, all numbers of each path one after the other. Other arguments "
+          "and errors: see evaluate().");
+  module.def("rig_constraint_settings", &constraint_settings_dict,
+             "The settings of each type of constraint, and how many numbers each has.");
+}
+
+}  // namespace sinew::bindings

@@ -1,0 +1,513 @@
+#include "rig_description_of.h"
+
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <array>
+#include <initializer_list>
+#include <map>
+#include <set>
+#include <string>
+#include <unordered_map>
+
+#include "arrays.h"
+
+namespace sinew::bindings {
+namespace {
+
+[[noreturn]] void wrong(const std::string& where, const std::string& what) { throw InputError(where + " " + what); }
+
+/// Names in the order of an enumeration's values, which begin at `first`.
+struct Names {
+  int first;
+  std::vector<std::string_view> names;
+};
+
+const Names kRotationModes = {-1, {"AXIS_ANGLE", "QUATERNION", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"}};
+const Names kInheritScales = {0, {"FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE", "NONE", "NONE_LEGACY"}};
+const Names kHandleTypes = {0, {"AUTO", "ABSOLUTE", "RELATIVE", "TANGENT"}};
+const Names kCycleModes = {0, {"NONE", "REPEAT", "REPEAT_OFFSET", "MIRROR"}};
+const Names kDriverTypes = {0, {"AVERAGE", "SCRIPTED", "SUM", "MIN", "MAX"}};
+const Names kVariableTypes = {0, {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}};
+const Names kChannels = {
+    0, {"LOC_X", "LOC_Y", "LOC_Z", "ROT_X", "ROT_Y", "ROT_Z", "SCALE_X", "SCALE_Y", "SCALE_Z", "SCALE_AVG", "ROT_W"}};
+const Names kTransformSpaces = {0, {"WORLD_SPACE", "TRANSFORM_SPACE", "LOCAL_SPACE"}};
+const Names kChannelRotations = {0,
+                                 {"AUTO", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "QUATERNION", "SWING_TWIST_X",
+                                  "SWING_TWIST_Y", "SWING_TWIST_Z"}};
+const Names kValueKinds = {0, {"FLOAT", "INT", "BOOLEAN", "ENUM"}};
+
+/// Blender's numbers of interpolations.
+constexpr std::array kInterpolations = {
+    KeyInterpolation::constant,    KeyInterpolation::linear,    KeyInterpolation::bezier,  KeyInterpolation::back,
+    KeyInterpolation::bounce,      KeyInterpolation::circular,  KeyInterpolation::cubic,   KeyInterpolation::elastic,
+    KeyInterpolation::exponential, KeyInterpolation::quadratic, KeyInterpolation::quartic, KeyInterpolation::quintic,
+    KeyInterpolation::sine,
+};
+
+/// A dictionary whose entries are read one by one; those that nobody has read are mistakes.
+class Entries {
+ public:
+  Entries(const py::handle& object, std::string where) : where_(std::move(where)) {
+    if (!py::isinstance<py::dict>(object)) wrong(where_, "is not a dictionary");
+    dict_ = py::reinterpret_borrow<py::dict>(object);
+  }
+
+  const std::string& where() const { return where_; }
+
+  /// Returns an entry or an empty handle.
+  py::handle find(const char* key) {
+    PyObject* const found = PyDict_GetItemString(dict_.ptr(), key);
+    if (found) ++read_;
+    return found;
+  }
+
+  py::handle get(const char* key) {
+    const py::handle found = find(key);
+    if (!found) wrong(where_, std::string("has no \"") + key + "\"");
+    return found;
+  }
+
+  template <class T>
+  T get(const char* key) {
+    return cast<T>(key, get(key));
+  }
+  template <class T>
+  T get(const char* key, const T& fallback) {
+    const py::handle found = find(key);
+    return found ? cast<T>(key, found) : fallback;
+  }
+
+  /// One of the names, as an enumeration.
+  template <class Enum>
+  Enum choice(const char* key, const Names& names, Enum fallback) {
+    const py::handle found = find(key);
+    if (!found) return fallback;
+    const auto name = cast<std::string>(key, found);
+    const auto at = std::find(names.names.begin(), names.names.end(), name);
+    if (at == names.names.end()) {
+      std::string expected;
+      for (const std::string_view known : names.names) expected += (expected.empty() ? "" : ", ") + std::string(known);
+      wrong(where_, std::string("has \"") + key + "\": \"" + name + "\"; expected one of " + expected);
+    }
+    return static_cast<Enum>(names.first + (at - names.names.begin()));
+  }
+
+  /// `N` numbers, from a list or an array of any shape.
+  template <std::size_t N>
+  std::array<float, N> numbers(const char* key) {
+    const std::vector<float> all = list(key, get(key));
+    if (all.size() != N) {
+      wrong(where_, std::string("has ") + std::to_string(all.size()) + " numbers as \"" + key + "\"; expected " +
+                        std::to_string(N));
+    }
+    std::array<float, N> result{};
+    std::copy(all.begin(), all.end(), result.begin());
+    return result;
+  }
+
+  /// The elements of a list; none if there is no such entry.
+  py::sequence sequence(const char* key) {
+    const py::handle found = find(key);
+    if (!found) return py::list();
+    if (!py::isinstance<py::list>(found) && !py::isinstance<py::tuple>(found)) {
+      wrong(where_, std::string("has no list as \"") + key + "\"");
+    }
+    return py::reinterpret_borrow<py::sequence>(found);
+  }
+
+  /// Throws InputError if there is an entry that nobody has asked for.
+  void done(std::initializer_list<const char*> known) const {
+    if (read_ == dict_.size()) return;
+    for (const auto& [key, value] : dict_) {
+      const std::string name = py::str(key);
+      if (std::none_of(known.begin(), known.end(), [&](const char* k) { return name == k; })) {
+        wrong(where_, "has \"" + name + "\", which is unknown");
+      }
+    }
+  }
+
+  std::vector<float> list(const char* key, const py::handle& object) const {
+    if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
+      std::vector<float> result;
+      flatten(key, object, result);
+      return result;
+    }
+    if (!py::isinstance<py::array>(object)) return {cast<float>(key, object)};
+    return copied<float>(key, py::reinterpret_borrow<py::array>(object));
+  }
+
+ private:
+  template <class T>
+  T cast(const char* key, const py::handle& object) const {
+    try {
+      return object.cast<T>();
+    } catch (const py::cast_error&) {
+      wrong(where_,
+            std::string("has ") + std::string(py::repr(object)) + " as \"" + key + "\"; expected " + kind_of<T>());
+    }
+  }
+
+  template <class T>
+  static std::string kind_of() {
+    if constexpr (std::is_same_v<T, std::string>) return "text";
+    if constexpr (std::is_same_v<T, bool>) return "true or false";
+    return "a number";
+  }
+
+  void flatten(const char* key, const py::handle& object, std::vector<float>& numbers) const {
+    if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
+      for (const py::handle element : py::reinterpret_borrow<py::sequence>(object)) flatten(key, element, numbers);
+    } else {
+      numbers.push_back(cast<float>(key, object));
+    }
+  }
+
+  py::dict dict_;
+  std::string where_;
+  std::size_t read_ = 0;
+};
+
+/// Reads the parts of a description that refer to each other by name.
+class Reader {
+ public:
+  RigDescription read(const py::dict& description) {
+    Entries rig(description, "the rig");
+    rig_.name = rig.get<std::string>("name", "");
+    rig_.blender = rig.get<int>("blender");
+    if (rig.find("world")) rig_.world = columns(rig, "world");
+    read_matrices(rig);
+    read_values(rig);
+    const py::sequence bones = rig.sequence("bones");
+    for (std::size_t i = 0; i < bones.size(); ++i) name_bone(bones[i], i);
+    for (std::size_t i = 0; i < bones.size(); ++i) read_bone(bones[i], i);
+    for (const py::handle constraint : rig.sequence("constraints")) read_constraint(constraint);
+    for (const py::handle property : rig.sequence("properties")) read_property(property);
+    for (const py::handle curve : rig.sequence("curves")) rig_.curves.push_back(animated_value(curve));
+    for (const py::handle driver : rig.sequence("drivers")) read_driver(driver);
+    rig_.refused = rig.get<std::vector<std::string>>("refused", {});
+    rig.done({"name", "blender", "world", "matrices", "values", "bones", "constraints", "properties", "curves",
+              "drivers", "refused"});
+    return std::move(rig_);
+  }
+
+ private:
+  /// Matrices are rows in Python.
+  static std::array<float, 16> columns(Entries& entries, const char* key) {
+    const std::array<float, 16> rows = entries.numbers<16>(key);
+    std::array<float, 16> result{};
+    for (int i = 0; i < 16; ++i) result[i] = rows[(i % 4) * 4 + i / 4];
+    return result;
+  }
+
+  static std::array<float, 9> columns3(Entries& entries, const char* key) {
+    const std::array<float, 9> rows = entries.numbers<9>(key);
+    std::array<float, 9> result{};
+    for (int i = 0; i < 9; ++i) result[i] = rows[(i % 3) * 3 + i / 3];
+    return result;
+  }
+
+  void read_matrices(Entries& rig) {
+    for (const py::handle object : rig.sequence("matrices")) {
+      Entries entries(object, "a matrix from outside");
+      OutsideMatrix matrix{entries.get<std::string>("name"), {}};
+      matrix.matrix = columns(entries, "matrix");
+      entries.done({"name", "matrix"});
+      matrices_.emplace(matrix.name, static_cast<int>(rig_.matrices.size()));
+      rig_.matrices.push_back(std::move(matrix));
+    }
+  }
+
+  void read_values(Entries& rig) {
+    for (const py::handle object : rig.sequence("values")) {
+      Entries entries(object, "a value from outside");
+      rig_.values.push_back({entries.get<std::string>("name"), entries.get<float>("value")});
+      entries.done({"name", "value"});
+    }
+  }
+
+  void name_bone(const py::handle& object, std::size_t index) {
+    Entries entries(object, "bone " + std::to_string(index));
+    names_.emplace(entries.get<std::string>("name"), static_cast<int>(index));
+  }
+
+  int bone_named(const std::string& name, const std::string& where) const {
+    const auto found = names_.find(name);
+    if (found == names_.end()) wrong(where, "names bone \"" + name + "\", which the rig does not have");
+    return found->second;
+  }
+
+  /// A bone's name or None.
+  int optional_bone(Entries& entries, const char* key) const {
+    const py::handle found = entries.find(key);
+    if (!found || found.is_none()) return -1;
+    return bone_named(found.cast<std::string>(), entries.where());
+  }
+
+  void read_bone(const py::handle& object, std::size_t index) {
+    Entries entries(object, "bone " + std::to_string(index));
+    BoneDescription bone;
+    bone.name = entries.get<std::string>("name");
+    bone.parent = optional_bone(entries, "parent");
+    bone.rest = columns(entries, "matrix_local");
+    bone.rest_in_parent = columns3(entries, "matrix");
+    bone.head = entries.numbers<3>("head");
+    bone.head_in_armature = entries.numbers<3>("head_local");
+    bone.tail_in_armature = entries.numbers<3>("tail_local");
+    bone.length = entries.get<float>("length");
+    bone.rotation_mode = entries.choice("rotation_mode", kRotationModes, RotationMode::quaternion);
+    bone.inherit_scale = entries.choice("inherit_scale", kInheritScales, InheritScale::full);
+    bone.inherits_rotation = entries.get<bool>("use_inherit_rotation", true);
+    bone.uses_local_location = entries.get<bool>("use_local_location", true);
+    bone.is_connected = entries.get<bool>("use_connect", false);
+    bone.segments = entries.get<int>("bbone_segments", 1);
+    bone.handle_types = {entries.choice("bbone_handle_type_start", kHandleTypes, HandleType::automatic),
+                         entries.choice("bbone_handle_type_end", kHandleTypes, HandleType::automatic)};
+    bone.handles = {optional_bone(entries, "bbone_custom_handle_start"),
+                    optional_bone(entries, "bbone_custom_handle_end")};
+    bone.connected_child = optional_bone(entries, "connected_child");
+    bone.handles_scale = {entries.get<std::array<bool, 3>>("bbone_handle_use_scale_start", {}),
+                          entries.get<std::array<bool, 3>>("bbone_handle_use_scale_end", {})};
+    bone.handles_ease = {entries.get<bool>("bbone_handle_use_ease_start", false),
+                         entries.get<bool>("bbone_handle_use_ease_end", false)};
+    bone.uses_end_roll = entries.get<bool>("use_endroll_as_inroll", false);
+    bone.scales_ease = entries.get<bool>("use_scale_easing", false);
+    bone.maps_curved = entries.get<std::string>("bbone_mapping_mode", "STRAIGHT") == "CURVED";
+    read_bone_values(entries, bone);
+    entries.done({"name",
+                  "parent",
+                  "matrix_local",
+                  "matrix",
+                  "head",
+                  "head_local",
+                  "tail_local",
+                  "length",
+                  "rotation_mode",
+                  "inherit_scale",
+                  "use_inherit_rotation",
+                  "use_local_location",
+                  "use_connect",
+                  "bbone_segments",
+                  "bbone_handle_type_start",
+                  "bbone_handle_type_end",
+                  "bbone_custom_handle_start",
+                  "bbone_custom_handle_end",
+                  "connected_child",
+                  "bbone_handle_use_scale_start",
+                  "bbone_handle_use_scale_end",
+                  "bbone_handle_use_ease_start",
+                  "bbone_handle_use_ease_end",
+                  "use_endroll_as_inroll",
+                  "use_scale_easing",
+                  "bbone_mapping_mode",
+                  "values"});
+    rig_.bones.push_back(std::move(bone));
+  }
+
+  /// All numbers in the order of bone_settings().
+  static void read_bone_values(Entries& entries, BoneDescription& bone) {
+    std::size_t place = 0;
+    for (const RigSetting& setting : bone_settings()) {
+      for (int i = 0; i < setting.count; ++i) bone.values[place++] = setting.initial;
+    }
+    bone.values[kQuaternion] = 1;
+    if (entries.find("values")) bone.values = entries.numbers<kBoneValueCount>("values");
+  }
+
+  /// {"bone": name}, {"armature": true}, {"outside": name} or None.
+  RigTarget target_of(const py::handle& object, const std::string& where) const {
+    if (!object || object.is_none()) return {};
+    Entries entries(object, where + ", a target,");
+    RigTarget target;
+    if (const py::handle bone = entries.find("bone")) {
+      target = {RigTarget::Type::bone, bone_named(py::str(bone), where)};
+    } else if (const py::handle outside = entries.find("outside")) {
+      const auto found = matrices_.find(py::str(outside));
+      if (found == matrices_.end()) {
+        wrong(where,
+              "looks at \"" + std::string(py::str(outside)) + "\", which is not among the matrices from outside");
+      }
+      target = {RigTarget::Type::outside, found->second};
+    } else if (entries.get<bool>("armature")) {
+      target.type = RigTarget::Type::armature;
+    }
+    entries.done({"bone", "outside", "armature"});
+    return target;
+  }
+
+  static ConstraintType constraint_type(const std::string& name, const std::string& where) {
+    for (int i = 0; i <= static_cast<int>(ConstraintType::ik); ++i) {
+      if (constraint_name(static_cast<ConstraintType>(i)) == name) return static_cast<ConstraintType>(i);
+    }
+    wrong(where, "is of type " + name + ", which is not computed");
+  }
+
+  void read_constraint(const py::handle& object) {
+    Entries entries(object, "a constraint");
+    ConstraintDescription constraint;
+    const auto bone = entries.get<std::string>("bone");
+    constraint.name = entries.get<std::string>("name");
+    const std::string where = "constraint \"" + constraint.name + "\" of bone \"" + bone + "\"";
+    constraint.bone = bone_named(bone, where);
+    constraint.type = constraint_type(entries.get<std::string>("type"), where);
+    constraint.settings = settings_of(entries, constraint.type, where);
+    for (const py::handle target : entries.sequence("targets")) constraint.targets.push_back(target_of(target, where));
+    if (const py::handle weights = entries.find("weights")) constraint.weights = entries.list("weights", weights);
+    constraint.space = target_of(entries.find("space"), where);
+    for (const py::handle channel : entries.sequence("action")) {
+      Entries curve(channel, where + ", its action,");
+      constraint.action.push_back({curve.get<int>("channel"), curve_of(curve)});
+      curve.done({"channel", "keys", "modifiers", "is_extrapolated"});
+    }
+    entries.done({"bone", "name", "type", "settings", "targets", "weights", "space", "action"});
+    rig_.constraints.push_back(std::move(constraint));
+  }
+
+  static std::vector<float> settings_of(Entries& constraint, ConstraintType type, const std::string& where) {
+    std::vector<float> numbers;
+    const py::handle given = constraint.find("settings");
+    Entries entries(given ? given : py::handle(py::dict()), where + ", its settings,");
+    std::set<std::string_view> known;
+    for (const RigSetting& setting : constraint_settings(type)) {
+      const py::handle found = entries.find(std::string(setting.name).c_str());
+      known.insert(setting.name);
+      if (!found) {
+        numbers.insert(numbers.end(), setting.count, setting.initial);
+        continue;
+      }
+      const std::vector<float> list = entries.list(setting.name.data(), found);
+      if (static_cast<int>(list.size()) != setting.count) {
+        wrong(where, "has " + std::to_string(list.size()) + " numbers as " + std::string(setting.name) + "; expected " +
+                         std::to_string(setting.count));
+      }
+      numbers.insert(numbers.end(), list.begin(), list.end());
+    }
+    if (given) {
+      for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(given)) {
+        const std::string name = py::str(key);
+        if (!known.count(name)) wrong(where, "has the setting \"" + name + "\", which is unknown");
+      }
+    }
+    return numbers;
+  }
+
+  void read_property(const py::handle& object) {
+    Entries entries(object, "a property");
+    CustomProperty property;
+    property.path = entries.get<std::string>("path");
+    property.kind = entries.choice("type", kValueKinds, ValueKind::real);
+    property.low = entries.get<float>("min", property.low);
+    property.high = entries.get<float>("max", property.high);
+    property.values = entries.list("value", entries.get("value"));
+    property.count = static_cast<int>(property.values.size());
+    entries.done({"path", "type", "min", "max", "value"});
+    rig_.properties.push_back(std::move(property));
+  }
+
+  /// Keys are rows: left handle, point and right handle, each as frame and value; amplitude, period, back;
+  /// interpolation and easing as Blender numbers them.
+  static CurveDescription curve_of(Entries& entries) {
+    constexpr std::size_t kColumns = 11;
+    CurveDescription curve;
+    const py::handle keys = entries.find("keys");
+    const std::vector<float> numbers = keys ? entries.list("keys", keys) : std::vector<float>();
+    if (numbers.size() % kColumns != 0) {
+      wrong(entries.where(),
+            "has " + std::to_string(numbers.size()) + " numbers as \"keys\"; expected 11 for each key");
+    }
+    for (std::size_t i = 0; i < numbers.size(); i += kColumns) {
+      const float* row = numbers.data() + i;
+      CurveKey key;
+      std::copy_n(row, 2, key.left);
+      std::copy_n(row + 2, 2, key.point);
+      std::copy_n(row + 4, 2, key.right);
+      key.amplitude = row[6];
+      key.period = row[7];
+      key.back = row[8];
+      if (!(row[9] >= 0 && row[9] < kInterpolations.size())) wrong(entries.where(), "has an unknown interpolation");
+      if (!(row[10] >= 0 && row[10] <= 3)) wrong(entries.where(), "has an unknown easing");
+      key.interpolation = kInterpolations[static_cast<std::size_t>(row[9])];
+      key.easing = static_cast<KeyEasing>(row[10]);
+      curve.keys.push_back(key);
+    }
+    curve.is_extrapolated = entries.get<bool>("is_extrapolated", false);
+    for (const py::handle modifier : entries.sequence("modifiers")) curve.modifiers.push_back(modifier_of(modifier));
+    return curve;
+  }
+
+  static CurveModifier modifier_of(const py::handle& object) {
+    Entries entries(object, "a modifier of a curve");
+    CurveModifier modifier;
+    modifier.type = entries.choice("type", {0, {"CYCLES", "GENERATOR"}}, CurveModifier::Type::cycles);
+    modifier.before = entries.choice("mode_before", kCycleModes, CycleMode::none);
+    modifier.after = entries.choice("mode_after", kCycleModes, CycleMode::none);
+    modifier.cycles_before = entries.get<int>("cycles_before", 0);
+    modifier.cycles_after = entries.get<int>("cycles_after", 0);
+    modifier.is_additive = entries.get<bool>("use_additive", false);
+    if (const py::handle list = entries.find("coefficients")) {
+      modifier.coefficients = entries.list("coefficients", list);
+    }
+    entries.done(
+        {"type", "mode_before", "mode_after", "cycles_before", "cycles_after", "use_additive", "coefficients"});
+    return modifier;
+  }
+
+  static AnimatedValue animated_value(const py::handle& object) {
+    Entries entries(object, "a curve");
+    AnimatedValue value{{entries.get<std::string>("path"), entries.get<int>("index", 0)}, {}};
+    value.curve = curve_of(entries);
+    entries.done({"path", "index", "keys", "modifiers", "is_extrapolated"});
+    return value;
+  }
+
+  void read_driver(const py::handle& object) {
+    Entries entries(object, "a driver");
+    DriverDescription driver;
+    driver.value = {entries.get<std::string>("path"), entries.get<int>("index", 0)};
+    const std::string where = "the driver of " + driver.value.path;
+    driver.type = entries.choice("type", kDriverTypes, DriverType::scripted);
+    driver.expression = entries.get<std::string>("expression", "");
+    for (const py::handle variable : entries.sequence("variables")) {
+      driver.variables.push_back(variable_of(variable, where));
+    }
+    if (const py::handle curve = entries.find("curve")) {
+      Entries parts(curve, where + ", its curve,");
+      driver.curve = curve_of(parts);
+      parts.done({"keys", "modifiers", "is_extrapolated"});
+    }
+    entries.done({"path", "index", "type", "expression", "variables", "curve"});
+    rig_.drivers.push_back(std::move(driver));
+  }
+
+  VariableDescription variable_of(const py::handle& object, const std::string& where) const {
+    Entries entries(object, where + ", a variable,");
+    VariableDescription variable;
+    variable.name = entries.get<std::string>("name");
+    variable.type = entries.choice("type", kVariableTypes, VariableType::property);
+    variable.path = entries.get<std::string>("path", "");
+    variable.outside = entries.get<std::string>("outside", "");
+    const py::sequence targets = entries.sequence("targets");
+    if (targets.size() > variable.targets.size()) wrong(entries.where(), "has more than two targets");
+    for (std::size_t i = 0; i < targets.size(); ++i) {
+      Entries target(targets[i], entries.where());
+      VariableTarget& written = variable.targets[i];
+      written.target = target_of(target.find("target"), where);
+      written.channel = target.choice("transform_type", kChannels, TransformChannel::location_x);
+      written.space = target.choice("transform_space", kTransformSpaces, TransformSpace::world);
+      written.rotation = target.choice("rotation_mode", kChannelRotations, ChannelRotation::automatic);
+      target.done({"target", "transform_type", "transform_space", "rotation_mode"});
+    }
+    entries.done({"name", "type", "path", "outside", "targets"});
+    return variable;
+  }
+
+  RigDescription rig_;
+  std::unordered_map<std::string, int> names_;
+  std::unordered_map<std::string, int> matrices_;
+};
+
+}  // namespace
+
+RigDescription rig_description_of(const py::dict& description) { return Reader().read(description); }
+
+}  // namespace sinew::bindings

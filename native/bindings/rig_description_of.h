@@ -1,0 +1,13 @@
+/// A rig's description as Python has it: the dictionaries of docs/rigs.md.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include "sinew/rig_description.h"
+
+namespace sinew::bindings {
+
+/// Throws InputError, which says where something is missing, unknown or of the wrong kind.
+RigDescription rig_description_of(const pybind11::dict& description);
+
+}  // namespace sinew::bindings

@@ -1,0 +1,91 @@
+/// Blender's evaluation of an armature, without Blender.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sinew/rig_description.h"
+#include "sinew/types.h"
+
+namespace sinew {
+
+namespace rig {
+struct Program;
+struct State;
+}  // namespace rig
+
+/// Numbers of a rig that the caller gives instead of what the description holds. They replace curves; drivers replace
+/// them.
+struct GivenValues {
+  int first = 0;  ///< see RigProgram::find_value
+  int count = 1;
+  const float* numbers = nullptr;
+  std::ptrdiff_t frame_stride = 0;  ///< from frame to frame; 0 if they stay
+};
+
+/// World matrices from outside, column after column.
+struct GivenMatrix {
+  int index = 0;  ///< in RigDescription::matrices
+  const float* numbers = nullptr;
+  std::ptrdiff_t frame_stride = 0;
+};
+
+struct GivenInputs {
+  std::vector<GivenValues> values;
+  std::vector<GivenMatrix> matrices;
+};
+
+/// What an evaluation writes. Empty parts are not written.
+struct RigOutputs {
+  std::optional<MatrixStack<float>> poses;     ///< F x B: each bone in armature space
+  std::optional<MatrixStack<float>> segments;  ///< F x S: see RigProgram::segment_begin
+  std::span<const int> values = {};            ///< which numbers
+  float* numbers = nullptr;                    ///< F x the count of `values`
+};
+
+/// Immutable: any number of threads may evaluate it at the same time. With the same C library as Blender's, every number
+/// has Blender's bits.
+class RigProgram {
+ public:
+  /// Throws InputError, which names what is wrong or what is not covered: see docs/rigs.md.
+  explicit RigProgram(const RigDescription& description);
+  RigProgram(RigProgram&&) noexcept;
+  ~RigProgram();
+
+  std::ptrdiff_t bone_count() const { return static_cast<std::ptrdiff_t>(bone_names_.size()); }
+  const std::vector<std::string>& bone_names() const { return bone_names_; }
+  std::span<const std::int32_t> parents() const { return parents_; }
+
+  /// Of B-bone b, segments segment_begin()[b] up to segment_begin()[b + 1] in RigOutputs::segments, one more than it is
+  /// divided into, relative to the bone. Other bones have none.
+  std::span<const std::int32_t> segment_begin() const { return segment_begin_; }
+
+  const std::vector<std::string>& matrix_names() const { return matrix_names_; }
+
+  /// The place of a property's first number, and how many it has. Throws InputError for an unknown path.
+  struct Place {
+    int first = 0;
+    int count = 0;
+  };
+  Place find_value(std::string_view path) const;
+
+  /// The value of a number in the description.
+  float value(int place) const;
+
+  /// Evaluates frames, in parallel if there are several. Throws InputError if a driver divides by 0 or takes the root of
+  /// a negative number, for which Blender switches it off.
+  void evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const;
+
+ private:
+  std::unique_ptr<const rig::Program> program_;
+  std::vector<std::string> bone_names_;
+  std::vector<std::string> matrix_names_;
+  std::vector<std::int32_t> parents_;
+  std::vector<std::int32_t> segment_begin_;
+};
+
+}  // namespace sinew

@@ -1,0 +1,364 @@
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "base/check.h"
+#include "rig/constraints/constraint.h"
+#include "rig/constraints/ik.h"
+#include "rig/order.h"
+#include "rig/program.h"
+
+namespace sinew::rig {
+namespace {
+
+std::string bone_text(const RigDescription& rig, int bone) { return "bone \"" + rig.bones[bone].name + "\""; }
+
+std::string constraint_text(const RigDescription& rig, const ConstraintDescription& constraint) {
+  return std::string(constraint_name(constraint.type)) + " \"" + constraint.name + "\" of " +
+         bone_text(rig, constraint.bone);
+}
+
+void check_finite(std::span<const float> numbers, const std::string& what) {
+  for (const float number : numbers) {
+    if (!std::isfinite(number)) fail(what, " has ", number, " in it; expected finite numbers");
+  }
+}
+
+void check_target(const RigDescription& rig, const RigTarget& target, const std::string& owner) {
+  const auto check = [&](std::size_t count, const char* what) {
+    if (target.index < 0 || target.index >= static_cast<int>(count)) {
+      fail(owner, " looks at ", what, " ", target.index, "; the rig has ", grouped(static_cast<long long>(count)));
+    }
+  };
+  if (target.type == RigTarget::Type::bone) check(rig.bones.size(), "bone");
+  if (target.type == RigTarget::Type::outside) check(rig.matrices.size(), "matrix");
+}
+
+Mat3 matrix3_of(const std::array<float, 9>& numbers) {
+  return {{{numbers[0], numbers[1], numbers[2]},
+           {numbers[3], numbers[4], numbers[5]},
+           {numbers[6], numbers[7], numbers[8]}}};
+}
+
+Vec3 vector_of(const std::array<float, 3>& numbers) { return {numbers[0], numbers[1], numbers[2]}; }
+
+void check_bone(const RigDescription& rig, int index) {
+  const BoneDescription& bone = rig.bones[index];
+  const std::string text = bone_text(rig, index);
+  if (bone.parent < -1 || bone.parent >= index) {
+    fail(text, " is bone ", index, " and has parent ", bone.parent, "; expected -1 or a bone in front of it");
+  }
+  check_finite(bone.rest, "the rest matrix of " + text);
+  check_finite(bone.rest_in_parent, "the rest matrix of " + text);
+  check_finite(bone.head, "the head of " + text);
+  check_finite(bone.head_in_armature, "the head of " + text);
+  check_finite(bone.tail_in_armature, "the tail of " + text);
+  check_finite({&bone.length, 1}, "the length of " + text);
+  if (bone.segments < 1 || bone.segments > 32) {
+    fail(text, " has ", plural(bone.segments, "segment"), "; expected 1 to 32");
+  }
+  const int count = static_cast<int>(rig.bones.size());
+  for (const int handle : {bone.handles[0], bone.handles[1], bone.connected_child}) {
+    if (handle < -1 || handle >= count) {
+      fail(text, " has bone ", handle, " as a handle; expected -1 to ", count - 1);
+    }
+  }
+}
+
+Bend bend_of(const BoneDescription& bone, Program& program) {
+  Bend bend;
+  bend.segments = bone.segments;
+  if (bone.segments == 1) return bend;
+  bend.types = bone.handle_types;
+  bend.handles = bone.handles;
+  // The automatic handles are what the bone is connected to.
+  if (bend.types[0] == HandleType::automatic) bend.handles[0] = bone.is_connected ? bone.parent : -1;
+  if (bend.types[1] == HandleType::automatic) bend.handles[1] = bone.connected_child;
+  bend.handles_scale = bone.handles_scale;
+  bend.handles_ease = bone.handles_ease;
+  bend.uses_end_roll = bone.uses_end_roll;
+  bend.scales_ease = bone.scales_ease;
+  bend.maps_curved = bone.maps_curved;
+  bend.first = program.segment_count;
+  bend.number = program.bendy_count++;
+  program.segment_count += bone.segments + 1;
+  return bend;
+}
+
+void add_bone(const RigDescription& rig, int index, Program& program) {
+  check_bone(rig, index);
+  const BoneDescription& given = rig.bones[index];
+  Bone bone;
+  bone.parent = given.parent;
+  bone.values = program.map.first_of_bone(index);
+  bone.rotation_mode = given.rotation_mode;
+  bone.inherit_scale = given.inherit_scale;
+  bone.inherits_rotation = given.inherits_rotation;
+  bone.uses_local_location = given.uses_local_location;
+  bone.is_connected = given.is_connected;
+  bone.is_plain = given.inherits_rotation && given.inherit_scale == InheritScale::full;
+  bone.length = given.length;
+  bone.head = vector_of(given.head_in_armature);
+  bone.tail = vector_of(given.tail_in_armature);
+  bone.rest_in_parent = matrix3_of(given.rest_in_parent);
+  bone.rest = matrix_of(given.rest);
+  bone.inverse_rest = inverse(bone.rest);
+  bone.offset = bone.rest;
+  if (bone.parent >= 0) {
+    bone.offset = widened(bone.rest_in_parent, vector_of(given.head));
+    bone.offset[3][1] += rig.bones[bone.parent].length;
+  }
+  bone.bend = bend_of(given, program);
+  program.bones.push_back(bone);
+}
+
+/// How many targets a constraint of this type has; -1 for any number.
+int target_count(ConstraintType type) {
+  switch (type) {
+    case ConstraintType::armature:
+      return -1;
+    case ConstraintType::ik:
+      return 2;
+    case ConstraintType::limit_location:
+    case ConstraintType::limit_rotation:
+    case ConstraintType::limit_scale:
+    case ConstraintType::maintain_volume:
+      return 0;
+    default:
+      return 1;
+  }
+}
+
+void add_constraint(const RigDescription& rig, int index, Program& program) {
+  const ConstraintDescription& given = rig.constraints[index];
+  const int bones = static_cast<int>(rig.bones.size());
+  if (given.bone < 0 || given.bone >= bones) {
+    fail("constraint \"", given.name, "\" is on bone ", given.bone, "; expected 0 to ", bones - 1);
+  }
+  if (index > 0 && rig.constraints[index - 1].bone > given.bone) {
+    fail(constraint_text(rig, given), " comes after a constraint of bone ", rig.constraints[index - 1].bone,
+         "; sort the constraints by bone");
+  }
+  const std::string text = constraint_text(rig, given);
+  const int expected = target_count(given.type);
+  const int targets = static_cast<int>(given.targets.size());
+  if (expected >= 0 && targets != expected) {
+    fail(text, " has ", plural(targets, "target"), "; expected ", expected);
+  }
+  if (given.weights.size() != (expected < 0 ? given.targets.size() : 0)) {
+    fail(text, " has ", plural(given.weights.size(), "weight"), " and ", plural(targets, "target"),
+         "; only Armature constraints have weights, one for each target");
+  }
+  check_target(rig, given.space, text);
+  for (const RigTarget& target : given.targets) check_target(rig, target, text);
+
+  Constraint constraint;
+  constraint.type = given.type;
+  constraint.bone = given.bone;
+  constraint.values = program.map.first_of_constraint(index);
+  constraint.weights = program.map.first_weight(index);
+  constraint.space = given.space;
+  constraint.targets = given.targets;
+  if (given.type == ConstraintType::armature) {
+    constraint.first_binding = program.binding_count;
+    program.binding_count += targets;
+  }
+  for (const ActionChannel& channel : given.action) {
+    if (channel.value < 0 || channel.value >= kPoseBend) {
+      fail(text, " sets channel ", channel.value, "; expected 0 to ", kPoseBend - 1);
+    }
+    constraint.action.push_back({channel.value, FCurve(channel.curve)});
+  }
+  program.constraints.push_back(std::move(constraint));
+}
+
+/// Says of each bone which constraints act on it one after the other. IK acts on trees.
+void assign_constraints(Program& program) {
+  std::stable_sort(
+      program.constraints.begin(), program.constraints.end(), [](const Constraint& a, const Constraint& b) {
+        const auto place = [](const Constraint& c) { return std::pair(c.bone, c.type == ConstraintType::ik); };
+        return place(a) < place(b);
+      });
+  for (std::size_t i = 0; i < program.constraints.size(); ++i) {
+    const Constraint& constraint = program.constraints[i];
+    Bone& bone = program.bones[constraint.bone];
+    if (constraint.type == ConstraintType::ik) continue;
+    if (bone.constraint_count++ == 0) bone.first_constraint = static_cast<int>(i);
+  }
+}
+
+int place_of(const ValueMap& map, const ValuePath& value, const char* what) {
+  const ValueMap::Found found = map.find(value.path);
+  if (found.first < 0) {
+    fail("a ", what, " sets ", value.path, ", which the rig does not have; remove it or describe the property");
+  }
+  if (value.index < 0 || value.index >= found.count) {
+    fail("a ", what, " sets number ", value.index, " of ", value.path, ", which has ", found.count);
+  }
+  return found.first + value.index;
+}
+
+Variable variable_of(const RigDescription& rig, const VariableDescription& given, const ValueMap& map,
+                     const std::string& owner) {
+  Variable variable;
+  variable.targets = given.targets;
+  switch (given.type) {
+    case VariableType::property: {
+      for (VariableTarget& target : variable.targets) target.target = {};
+      if (!given.outside.empty()) {
+        variable.value = map.find_outside(given.outside);
+        if (variable.value < 0) {
+          fail(owner, " reads ", given.outside,
+               ", which is not among the rig's values from outside; describe it there");
+        }
+        return variable;
+      }
+      variable.value = map.find_element(given.path);
+      if (variable.value >= 0) return variable;
+      constexpr std::string_view kLength = ".length";
+      if (given.path.starts_with("pose.bones[") && given.path.ends_with(kLength)) {
+        const ValueMap::Found bone = map.find(given.path.substr(0, given.path.size() - kLength.size()) + ".location");
+        if (bone.first >= 0) {
+          variable.type = Variable::Type::bone_length;
+          variable.value = bone.first / kBoneValueCount;
+          return variable;
+        }
+      }
+      fail(owner, " reads ", given.path, ", which the rig does not have; remove it or describe the property");
+    }
+    case VariableType::transform:
+      variable.type = Variable::Type::transform;
+      variable.targets[1].target = {};
+      break;
+    case VariableType::location_difference:
+      variable.type = Variable::Type::location_difference;
+      break;
+    case VariableType::rotation_difference:
+      variable.type = Variable::Type::rotation_difference;
+      break;
+  }
+  for (const VariableTarget& target : variable.targets) check_target(rig, target.target, owner);
+  return variable;
+}
+
+/// Builds a part whose errors do not say where they are.
+template <class Build>
+auto named(const std::string& owner, const Build& build) {
+  try {
+    return build();
+  } catch (const InputError& error) {
+    fail(owner, ": ", error.what());
+  }
+}
+
+void add_driver(const RigDescription& rig, const DriverDescription& given, Program& program) {
+  const int value = place_of(program.map, given.value, "driver");
+  const std::string owner = "the driver of " + program.map.name(value);
+  std::vector<Variable> variables;
+  for (const VariableDescription& variable : given.variables) {
+    variables.push_back(variable_of(rig, variable, program.map, owner));
+  }
+  const ValueKind kind = program.map.values()[value].kind;
+  program.drivers.push_back({value, std::move(variables), named(owner, [&] { return Driver(given, kind); })});
+}
+
+void add_curve(const AnimatedValue& given, Program& program) {
+  const int value = place_of(program.map, given.value, "curve");
+  const ValueKind kind = program.map.values()[value].kind;
+  program.curves.push_back(
+      {value, named("the curve of " + program.map.name(value), [&] { return FCurve(given.curve, kind); })});
+}
+
+/// Refuses settings whose result does not follow from a frame alone, or that are not computed.
+void check_settings(const RigDescription& rig, const Program& program) {
+  const std::vector<char> written = written_values(program);
+  for (std::size_t i = 0; i < rig.constraints.size(); ++i) {
+    const ConstraintDescription& constraint = rig.constraints[i];
+    const int values = program.map.first_of_constraint(static_cast<int>(i));
+    const auto is_always = [&](int setting, bool wanted) {
+      return !written[values + setting] && (constraint.settings[setting] != 0) == wanted;
+    };
+    if (is_always(kMuted, true) || is_always(kValid, false) || is_always(kInfluence, false)) continue;
+    const std::string text = constraint_text(rig, constraint);
+    const auto place = [&](std::string_view name) {
+      int at = 0;
+      for (const RigSetting& setting : constraint_settings(constraint.type)) {
+        if (setting.name == name) break;
+        at += setting.count;
+      }
+      return at;
+    };
+    const auto refuse_unless_off = [&](std::string_view setting, const char* reason) {
+      if (!is_always(place(setting), false)) fail(text, reason);
+    };
+    switch (constraint.type) {
+      case ConstraintType::stretch_to:
+        if (is_always(place("rest_length"), false)) {
+          fail(text, " has a rest length of 0, which Blender replaces at its first evaluation; press Reset there");
+        }
+        break;
+      case ConstraintType::limit_distance:
+        if (is_always(place("distance"), false)) {
+          fail(text, " has a distance of 0, which Blender replaces at its first evaluation; press Reset there");
+        }
+        break;
+      case ConstraintType::armature:
+        refuse_unless_off("use_bone_envelopes", " uses envelopes, which are not computed; switch them off");
+        break;
+      case ConstraintType::action:
+        refuse_unless_off("use_bone_object_action", " plays the object's part of an action, which is not computed");
+        break;
+      case ConstraintType::ik:
+        for (const char* setting : {"chain_count", "use_tail", "use_stretch"}) {
+          if (written[values + place(setting)]) fail(text, ": its ", setting, " is animated, which is not computed");
+        }
+        break;
+      default:
+        break;
+    }
+    if (constraint.targets.size() != 1) continue;
+    const RigTarget& target = constraint.targets[0];
+    const bool is_object =
+        target.type == RigTarget::Type::outside || (target.type == RigTarget::Type::armature && !program.is_at_origin);
+    const bool is_world = is_always(kTargetSpace, false) || constraint.settings[kTargetSpace] != 1;
+    if (is_object && !is_world) {
+      fail(text, " reads an object in local space, which is not computed; choose world space");
+    }
+  }
+}
+
+void check_description(const RigDescription& rig) {
+  if (!rig.refused.empty()) {
+    const std::size_t others = rig.refused.size() - 1;
+    fail(rig.refused.front(), others ? ", and " + plural(static_cast<long long>(others), "other reason") : "");
+  }
+  if (rig.blender < 402 || rig.blender >= 600) {
+    fail("the rig is for version ", rig.blender, " of Blender; expected 402 (4.2) to 599");
+  }
+  check_finite(rig.world, "the armature's world matrix");
+  for (const OutsideMatrix& matrix : rig.matrices) check_finite(matrix.matrix, "matrix \"" + matrix.name + "\"");
+}
+
+}  // namespace
+
+Program build_program(const RigDescription& rig) {
+  check_description(rig);
+  Program program;
+  program.blender = rig.blender;
+  program.map = ValueMap(rig);
+  program.world = matrix_of(rig.world);
+  program.is_at_origin = program.world == kIdentity4;
+  program.inverse_world = inverse(program.world);
+  for (int i = 0; i < static_cast<int>(rig.bones.size()); ++i) add_bone(rig, i, program);
+  for (int i = 0; i < static_cast<int>(rig.constraints.size()); ++i) add_constraint(rig, i, program);
+  for (const OutsideMatrix& matrix : rig.matrices) program.outside.push_back(matrix_of(matrix.matrix));
+  for (const AnimatedValue& curve : rig.curves) add_curve(curve, program);
+  for (const DriverDescription& driver : rig.drivers) add_driver(rig, driver, program);
+  check_settings(rig, program);
+  assign_constraints(program);
+  program.trees = find_trees(program.bones, program.constraints, program.map);
+  program.order = put_in_order(program);
+  return program;
+}
+
+}  // namespace sinew::rig

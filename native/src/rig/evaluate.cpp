@@ -1,0 +1,56 @@
+#include <algorithm>
+
+#include "rig/bend.h"
+#include "rig/channels.h"
+#include "rig/state.h"
+#include "rig/tree.h"
+#include "rig/variables.h"
+
+namespace sinew::rig {
+namespace {
+
+void store(const Program& program, State& state, int value, float number) {
+  const ValueInfo& info = program.map.values()[value];
+  state.values[value] = stored_value(info.kind, info.low, info.high, number);
+}
+
+void drive(const Program& program, State& state, int index) {
+  const ProgramDriver& driver = program.drivers[index];
+  const std::size_t count = driver.variables.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    state.variables[i] = variable_value(program, state, driver.variables[i]);
+  }
+  const Driver::Result result = driver.driver.value({state.variables.data(), count}, state.frame);
+  if (result.is_undefined && state.undefined_driver < 0) state.undefined_driver = index;
+  store(program, state, driver.value, result.value);
+}
+
+}  // namespace
+
+void evaluate(const Program& program, State& state, float frame) {
+  state.frame = frame;
+  state.undefined_driver = -1;
+  ++state.pass;
+  std::copy(state.base.begin(), state.base.end(), state.values.begin());
+  for (const ProgramCurve& curve : program.curves) store(program, state, curve.value, curve.curve.value(frame));
+  for (const GivenNumber& given : state.given) state.values[given.value] = given.number;
+  for (const Operation& operation : program.order) {
+    switch (operation.type) {
+      case Operation::Type::bone:
+        pose_bone(program, state, operation.index);
+        update_channel(program, state, operation.index);
+        break;
+      case Operation::Type::driver:
+        drive(program, state, operation.index);
+        break;
+      case Operation::Type::tree:
+        solve_tree(program, state, operation.index);
+        break;
+      case Operation::Type::segments:
+        bend_bone(program, state, operation.index);
+        break;
+    }
+  }
+}
+
+}  // namespace sinew::rig

@@ -1,0 +1,20 @@
+/// The order in which a rig's operations run, so that each comes after what it reads.
+#pragma once
+
+#include <vector>
+
+#include "rig/program.h"
+
+namespace sinew::rig {
+
+/// Finds the bones that IK may solve together: those of chains that share bones. Notes in each bone which tree it is
+/// in.
+std::vector<Tree> find_trees(std::vector<Bone>& bones, const std::vector<Constraint>& constraints, const ValueMap& map);
+
+/// Sorts bones, drivers, trees and B-bones' segments. Throws InputError for a cycle, and names what is in it.
+std::vector<Operation> put_in_order(const Program& program);
+
+/// Whether a curve or a driver sets each number.
+std::vector<char> written_values(const Program& program);
+
+}  // namespace sinew::rig

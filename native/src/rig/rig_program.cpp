@@ -1,0 +1,90 @@
+#include "sinew/rig_program.h"
+
+#include <algorithm>
+
+#include "base/check.h"
+#include "base/parallel.h"
+#include "rig/program.h"
+#include "rig/state.h"
+#include "sinew/threads.h"
+
+namespace sinew {
+namespace {
+
+/// Puts what the caller gives for a frame into a state.
+void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptrdiff_t frame, rig::State& state) {
+  state.given.clear();
+  for (const GivenValues& values : given.values) {
+    const float* numbers = values.numbers + frame * values.frame_stride;
+    for (int i = 0; i < values.count; ++i) {
+      const int place = values.first + i;
+      const rig::ValueInfo& info = program.map.values()[place];
+      state.given.push_back({place, rig::stored_value(info.kind, info.low, info.high, numbers[i])});
+    }
+  }
+  for (const GivenMatrix& matrix : given.matrices) {
+    const float* numbers = matrix.numbers + frame * matrix.frame_stride;
+    for (int i = 0; i < 16; ++i) state.outside[matrix.index][i / 4][i % 4] = numbers[i];
+  }
+}
+
+void write_matrices(const std::vector<rig::Mat4>& matrices, const MatrixStack<float>& out, std::ptrdiff_t frame) {
+  for (std::size_t i = 0; i < matrices.size(); ++i) {
+    out.at(frame, static_cast<std::ptrdiff_t>(i)) = Eigen::Map<const Eigen::Matrix4f>(&matrices[i].columns[0][0]);
+  }
+}
+
+}  // namespace
+
+RigProgram::RigProgram(const RigDescription& description)
+    : program_(std::make_unique<const rig::Program>(rig::build_program(description))) {
+  for (const BoneDescription& bone : description.bones) {
+    bone_names_.push_back(bone.name);
+    parents_.push_back(bone.parent);
+  }
+  for (const OutsideMatrix& matrix : description.matrices) matrix_names_.push_back(matrix.name);
+  segment_begin_.push_back(0);
+  for (const rig::Bone& bone : program_->bones) {
+    segment_begin_.push_back(segment_begin_.back() + (bone.is_bendy() ? bone.bend.segments + 1 : 0));
+  }
+}
+
+RigProgram::RigProgram(RigProgram&&) noexcept = default;
+RigProgram::~RigProgram() = default;
+
+RigProgram::Place RigProgram::find_value(std::string_view path) const {
+  const rig::ValueMap::Found found = program_->map.find(path);
+  if (found.first >= 0) return {found.first, found.count};
+  const int element = program_->map.find_element(path);
+  const int place = element >= 0 ? element : program_->map.find_outside(path);
+  if (place < 0) fail("the rig has no property ", path, "; expected a path such as pose.bones[\"Hand\"].location");
+  return {place, 1};
+}
+
+float RigProgram::value(int place) const { return program_->map.values()[place].initial; }
+
+void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const {
+  // Enough frames for each thread that making its state does not count.
+  constexpr std::size_t kGrain = 4;
+  parallel_for(frames.size(), std::max(kGrain, frames.size() / (8 * static_cast<std::size_t>(thread_count()) + 1)),
+               [&](std::size_t begin, std::size_t end) {
+                 rig::State state(*program_);
+                 for (std::size_t f = begin; f < end; ++f) {
+                   const auto frame = static_cast<std::ptrdiff_t>(f);
+                   take_inputs(given, *program_, frame, state);
+                   rig::evaluate(*program_, state, frames[f]);
+                   if (state.undefined_driver >= 0) {
+                     fail("the driver of ", program_->map.name(program_->drivers[state.undefined_driver].value),
+                          " divides by 0 or has no value on frame ", frames[f],
+                          "; Blender switches such a driver off. Change its expression");
+                   }
+                   if (out.poses) write_matrices(state.poses, *out.poses, frame);
+                   if (out.segments) write_matrices(state.segments, *out.segments, frame);
+                   for (std::size_t i = 0; i < out.values.size(); ++i) {
+                     out.numbers[f * out.values.size() + i] = state.values[out.values[i]];
+                   }
+                 }
+               });
+}
+
+}  // namespace sinew
