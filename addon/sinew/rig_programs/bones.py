@@ -1,0 +1,86 @@
+"""Bones as rows."""
+
+from operator import attrgetter
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .tables import bone_settings
+
+OF_REST = {  # what is read of all bones at once: name, how many numbers, type
+    "matrix_local": (16, np.float32),
+    "matrix": (9, np.float32),
+    "head": (3, np.float32),
+    "head_local": (3, np.float32),
+    "tail_local": (3, np.float32),
+    "length": (1, np.float32),
+    "use_inherit_rotation": (1, bool),
+    "use_local_location": (1, bool),
+    "use_connect": (1, bool),
+    "bbone_segments": (1, np.int32),
+}
+OF_BEND = (  # what only B-bones need
+    "bbone_handle_type_start",
+    "bbone_handle_type_end",
+    "bbone_handle_use_ease_start",
+    "bbone_handle_use_ease_end",
+    "use_endroll_as_inroll",
+    "use_scale_easing",
+    "bbone_mapping_mode",
+)
+
+
+def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
+    """Returns a property of all items: N, or N x width."""
+    numbers = np.empty(len(collection) * width, kind)
+    collection.foreach_get(name, numbers)
+    return numbers if width == 1 else numbers.reshape(-1, width)
+
+
+def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
+    """Returns the bones in the order of the pose."""
+    bones, posed = ob.data.bones, ob.pose.bones
+    names = [bone.name for bone in posed]
+    places = {name: place for place, name in enumerate(bone.name for bone in bones)}
+    row = np.array([places[name] for name in names], np.intp)  # of the armature's columns
+    columns: dict[str, list] = {"name": names, "values": values_of(bones, posed, row).tolist()}
+    for name, (width, kind) in OF_REST.items():
+        numbers = column(bones, name, width, kind)[row]
+        side = {16: 4, 9: 3}.get(width)
+        if side:  # columns in Blender's memory, rows in a description
+            numbers = numbers.reshape(-1, side, side).swapaxes(1, 2)
+        columns[name] = numbers.tolist()
+    parents = [bone.parent for bone in posed]
+    columns["parent"] = [parent and parent.name for parent in parents]
+    columns["rotation_mode"] = [bone.rotation_mode for bone in posed]
+    found = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    bend = attrgetter(*OF_BEND)
+    children = connected_children(ob)
+    for bone, entry in zip(posed, found, strict=True):
+        rest = bone.bone
+        entry["inherit_scale"] = rest.inherit_scale
+        if entry["bbone_segments"] == 1:
+            continue
+        entry.update(zip(OF_BEND, bend(rest), strict=True))
+        for end in ("start", "end"):
+            handle = getattr(rest, f"bbone_custom_handle_{end}")
+            entry[f"bbone_custom_handle_{end}"] = handle and handle.name
+            entry[f"bbone_handle_use_scale_{end}"] = list(getattr(rest, f"bbone_handle_use_scale_{end}"))
+        entry["connected_child"] = children.get(bone.name)
+    return found
+
+
+def connected_children(ob: bpy.types.Object) -> dict[str, str]:
+    """Returns the last connected child of each bone that has one, in the armature's order."""
+    return {bone.parent.name: bone.name for bone in ob.data.bones if bone.use_connect and bone.parent is not None}
+
+
+def values_of(bones: Any, posed: Any, row: np.ndarray) -> np.ndarray:
+    """Returns B x N numbers in the order of the library's table of bone settings."""
+    columns = []
+    for name, width, is_of_rest in bone_settings():
+        kind = bool if name.startswith(("lock_ik", "use_ik_limit")) else np.float32
+        numbers = column(bones if is_of_rest else posed, name, width, kind).reshape(len(row), width)
+        columns.append(numbers[row] if is_of_rest else numbers)
+    return np.concatenate(columns, axis=1, dtype=np.float32)

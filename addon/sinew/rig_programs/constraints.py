@@ -1,0 +1,111 @@
+"""Constraints as rows."""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from operator import attrgetter
+from typing import Any
+
+import bpy
+
+from . import curves, tables, targets
+
+# The channels of a bone that an Action constraint sets: where they begin among a bone's numbers.
+CHANNELS = {"location": 0, "rotation_quaternion": 3, "rotation_axis_angle": 7, "rotation_euler": 11, "scale": 14}
+
+
+@cache
+def reader_of(kind: str, struct: type) -> Callable[[Any], dict[str, Any]]:
+    """Returns a function that reads all settings of a constraint of that type."""
+    properties = struct.bl_rna.properties  # type: ignore[attr-defined] # each of Blender's types has it
+    names = [name for name in tables.constraint_settings()[kind] if name in properties]
+    get = attrgetter(*names)
+    choices = {
+        name: {item.identifier: item.value for item in properties[name].enum_items}
+        for name in names
+        if properties[name].type == "ENUM"
+    }
+    lists = [name for name in names if getattr(properties[name], "is_array", False)]
+
+    def read(constraint: Any) -> dict[str, Any]:
+        settings = dict(zip(names, get(constraint), strict=True))
+        for name, numbers in choices.items():
+            settings[name] = numbers[settings[name]]
+        for name in lists:
+            value = settings[name]
+            # A matrix is stored column after column.
+            settings[name] = [float(x) for column in value.transposed() for x in column] if len(value) == 4 else [*value]
+        return settings
+
+    return read
+
+
+def constraints_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str, Any]]:
+    """Yields the constraints, bone after bone. What cannot be said is added to `found.refused`."""
+    known = tables.constraint_settings()
+    for bone in ob.pose.bones:
+        for constraint in bone.constraints:
+            try:
+                if constraint.type not in known:
+                    raise curves.Refused(f"the type {constraint.type} is not covered")
+                yield row_of(bone, constraint, found)
+            except curves.Refused as reason:
+                if not constraint.mute or is_animated(ob, constraint):
+                    found.refused.append(f'the constraint "{constraint.name}" of the bone "{bone.name}": {reason}')
+
+
+def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
+    """Whether a curve or a driver may unmute it."""
+    path = f"{constraint.path_from_id()}.mute"
+    data = ob.animation_data
+    return data is not None and (
+        data.drivers.find(path) is not None or any(curve.data_path == path for curve in curves.curves_in_effect(ob))
+    )
+
+
+def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: targets.Targets) -> dict[str, Any]:
+    kind = constraint.type
+    row: dict[str, Any] = {
+        "bone": bone.name,
+        "name": constraint.name,
+        "type": kind,
+        "settings": reader_of(kind, type(constraint))(constraint),
+    }
+    if kind == "ARMATURE":
+        if constraint.use_bone_envelopes:
+            raise curves.Refused("bone envelopes are not covered: turn them off")
+        row["targets"] = [found.of(target.target, target.subtarget) for target in constraint.targets]
+        row["weights"] = [target.weight for target in constraint.targets]
+    elif hasattr(constraint, "target"):
+        target = found.of(constraint.target, getattr(constraint, "subtarget", ""))
+        if target and "outside" in target and getattr(constraint, "head_tail", 0) > 0:
+            raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
+        row["targets"] = [target]
+    if kind == "IK":
+        if constraint.target is None:
+            raise curves.Refused("IK without a target is not covered")
+        row["targets"].append(found.of(constraint.pole_target, constraint.pole_subtarget))
+    if "CUSTOM" in (constraint.owner_space, constraint.target_space):
+        row["space"] = found.of(constraint.space_object, constraint.space_subtarget)
+    if kind == "ACTION":
+        row["action"] = list(action_channels(bone, constraint))
+    return row
+
+
+def action_channels(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint) -> Iterator[dict[str, Any]]:
+    if constraint.use_bone_object_action:
+        raise curves.Refused("Object Action is not covered: turn it off")
+    if constraint.action is None:
+        return
+    start = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].'
+    own = [
+        curve
+        for curve in curves.of_slot(constraint.action, getattr(constraint, "action_slot_handle", 0))
+        if curve.data_path.startswith(start)
+    ]
+    # A group of the bone's name hides curves that are not in it.
+    if any(curve.group is not None and curve.group.name == bone.name for curve in own):
+        own = [curve for curve in own if curve.group is not None and curve.group.name == bone.name]
+    for curve in own:
+        channel = CHANNELS.get(curve.data_path.removeprefix(start))
+        if channel is not None:
+            yield {"channel": channel + curve.array_index, **curves.curve_of(curve)}

@@ -1,0 +1,97 @@
+"""F-curves as numbers."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import bpy
+import numpy as np
+
+KEY_NUMBERS = 11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
+
+
+class Refused(ValueError):
+    """What a description cannot say. The message is a reason for people."""
+
+
+def curve_of(curve: bpy.types.FCurve) -> dict[str, Any]:
+    """Returns keys (K x 11, float32), modifiers and extrapolation of an F-curve. Raises Refused."""
+    found: dict[str, Any] = {"keys": keys_of(curve)}
+    modifiers = [modifier_of(curve, modifier) for modifier in curve.modifiers if not modifier.mute and modifier.is_valid]
+    if modifiers:
+        found["modifiers"] = modifiers
+    if curve.extrapolation == "LINEAR":
+        found["is_extrapolated"] = True
+    return found
+
+
+def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
+    points = curve.keyframe_points
+    count = len(points)
+    if not count and len(curve.sampled_points):
+        raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")
+    keys = np.empty((count, KEY_NUMBERS), np.float32)
+    if not count:
+        return keys
+    pair, single, choice = np.empty(2 * count, np.float32), np.empty(count, np.float32), np.empty(count, np.int32)
+    for column, name in enumerate(("handle_left", "co", "handle_right")):
+        points.foreach_get(name, pair)
+        keys[:, 2 * column : 2 * column + 2] = pair.reshape(count, 2)
+    for column, name in enumerate(("amplitude", "period", "back"), 6):
+        points.foreach_get(name, single)
+        keys[:, column] = single
+    for column, name in enumerate(("interpolation", "easing"), 9):
+        points.foreach_get(name, choice)
+        keys[:, column] = choice
+    return keys
+
+
+def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
+    what = f"the modifier {modifier.type.capitalize()} of the curve of {curve.data_path}"
+    if modifier.use_restricted_range or modifier.use_influence:
+        raise Refused(f"{what} has a frame range or an influence: remove it")
+    if modifier.type == "CYCLES":
+        names = ("type", "mode_before", "mode_after", "cycles_before", "cycles_after")
+        return {name: getattr(modifier, name) for name in names}
+    if modifier.type == "GENERATOR" and modifier.mode == "POLYNOMIAL":
+        return {
+            "type": modifier.type,
+            "use_additive": modifier.use_additive,
+            "coefficients": list(modifier.coefficients),
+        }
+    raise Refused(f"{what} is not covered: bake it into keys")
+
+
+def curves_in_effect(block: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
+    """Yields the curves of the data-block's action that Blender evaluates. Raises Refused for several layers, and for
+    the NLA."""
+    data = block.animation_data
+    if data is None:
+        return
+    if data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks):
+        raise Refused(f"{block.name} is animated by strips of the NLA: bake them into one action")
+    if data.action is not None:
+        yield from of_slot(data.action, getattr(data, "action_slot_handle", 0))
+
+
+def of_slot(action: bpy.types.Action, handle: int) -> Iterator[bpy.types.FCurve]:
+    """Yields the curves of a slot that are not muted. Raises Refused for several layers."""
+    if not hasattr(action, "layers"):  # before 4.4
+        yield from unmuted(action.fcurves)
+        return
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    if len(action.layers) > 1 or len(strips) > 1:
+        raise Refused(f"the action {action.name} has several layers: merge them")
+    for strip in strips:
+        for bag in strip.channelbags:
+            if bag.slot_handle == handle:
+                yield from unmuted(bag.fcurves)
+
+
+def unmuted(curves: Iterable[bpy.types.FCurve]) -> Iterator[bpy.types.FCurve]:
+    for curve in curves:
+        group = curve.group
+        if curve.mute or (group is not None and group.mute) or not curve.is_valid:
+            continue
+        if curve.is_empty and not len(curve.sampled_points):
+            continue
+        yield curve

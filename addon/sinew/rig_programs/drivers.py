@@ -1,0 +1,130 @@
+"""Drivers and animated values as rows."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from . import curves, paths, targets
+
+VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
+# Of the rig: what a variable reads of the object itself is outside.
+OF_RIG = ("pose.", '["', "data.")
+
+
+class Outside:
+    """Properties of other data-blocks that drivers read, by name."""
+
+    def __init__(self) -> None:
+        self.read: dict[str, tuple[bpy.types.ID, str]] = {}
+
+    def name_of(self, block: bpy.types.ID, path: str) -> str:
+        """Raises Refused for what is no number."""
+        name = f"{block.name_full}: {path}"
+        if name not in self.read:
+            try:
+                value = block.path_resolve(path)
+            except ValueError:
+                value = None
+            if not isinstance(value, int | float):
+                raise curves.Refused(f"it reads {path} of {block.name}, which is no number")
+            self.read[name] = (block, path)
+        return name
+
+    def values(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, float]:
+        """Returns their present values."""
+        return {
+            name: float((block if depsgraph is None else block.evaluated_get(depsgraph)).path_resolve(path))
+            for name, (block, path) in self.read.items()
+        }
+
+
+def blocks_of(ob: bpy.types.Object) -> tuple[tuple[bpy.types.ID, str], ...]:
+    """The data-blocks whose animation poses depend on, and what their paths begin with."""
+    return ((ob, ""), (ob.data, "data."))
+
+
+def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str, Any]]:
+    """Yields the animated values of the rig."""
+    for block, start in blocks_of(ob):
+        try:
+            for curve in curves.curves_in_effect(block):
+                path = path_of(start, curve)
+                if is_wanted(ob, path, found):
+                    yield {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
+        except curves.Refused as reason:
+            found.refused.append(str(reason))
+
+
+def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:
+    """Yields the rig's drivers."""
+    for block, start in blocks_of(ob):
+        data = block.animation_data
+        for curve in data.drivers if data is not None else ():
+            path = path_of(start, curve)
+            if curve.mute or not curve.is_valid or not curve.driver.is_valid or not is_wanted(ob, path, found):
+                continue
+            try:
+                yield driver_of(ob, path, curve, found, outside)
+            except curves.Refused as reason:
+                found.refused.append(f"the driver of {path}: {reason}")
+
+
+def path_of(start: str, curve: bpy.types.FCurve) -> str:
+    return start + paths.normalised(curve.data_path)
+
+
+def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
+    """Whether poses depend on it. Refuses what moves the object."""
+    if paths.moves_object(path):
+        found.refused.append(f"{ob.name} itself moves (its {path} is animated): move a bone instead")
+        return False
+    return paths.has_effect(path)
+
+
+def driver_of(
+    ob: bpy.types.Object, path: str, curve: bpy.types.FCurve, found: targets.Targets, outside: Outside
+) -> dict[str, Any]:
+    driver = curve.driver
+    row: dict[str, Any] = {
+        "path": path,
+        "index": curve.array_index,
+        "type": driver.type,
+        "variables": [variable_of(ob, variable, found, outside) for variable in driver.variables],
+        "curve": curves.curve_of(curve),
+    }
+    if driver.type == "SCRIPTED":
+        if driver.use_self or not driver.is_simple_expression:
+            raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
+        row["expression"] = driver.expression
+    return row
+
+
+def variable_of(
+    ob: bpy.types.Object, variable: bpy.types.DriverVariable, found: targets.Targets, outside: Outside
+) -> dict[str, Any]:
+    if variable.type not in VARIABLES:
+        raise curves.Refused(f"variables of the type {variable.type} are not covered")
+    row: dict[str, Any] = {"name": variable.name, "type": variable.type}
+    if variable.type == "SINGLE_PROP":
+        target = variable.targets[0]
+        path, block = paths.normalised(target.data_path), target.id
+        if block == ob and path.startswith(OF_RIG):
+            row["path"] = path
+        elif block == ob.data:
+            row["path"] = "data." + path
+        elif block is None:
+            raise curves.Refused(f"its variable {variable.name} reads nothing")
+        else:
+            row["outside"] = outside.name_of(block, target.data_path)
+        return row
+    row["targets"] = [
+        {
+            "target": found.of(target.id, target.bone_target),
+            "transform_type": target.transform_type,
+            "transform_space": target.transform_space,
+            "rotation_mode": target.rotation_mode,
+        }
+        for target in variable.targets
+    ]
+    return row

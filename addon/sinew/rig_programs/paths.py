@@ -1,0 +1,31 @@
+"""Blender's paths of a rig's properties: which of them are numbers that poses depend on. Imports no bpy."""
+
+import re
+
+BONE = re.compile(r'^(?:pose|data)\.bones\["((?:[^"\\]|\\.)*)"\]')
+CONSTRAINT = re.compile(r'^\.constraints\["(?:[^"\\]|\\.)*"\]\.')
+
+# What may be animated without any effect on poses: what is shown, how bones and their collections look.
+WITHOUT_EFFECT = re.compile(
+    r"(^|\.)(hide|hide_select|hide_viewport|hide_render|is_visible|is_solo|is_expanded|select|select_head|select_tail|"
+    r"custom_shape\w*|show_\w+|use_custom_shape\w*|color|display_\w+|layers|draw_\w+|bbone_x|bbone_z|envelope_\w+|"
+    r"head_radius|tail_radius|use_deform|use_envelope_multiply|lock_location|lock_rotation|lock_rotation_w|"
+    r"lock_rotations_4d|lock_scale|pass_index|visible_\w+|error_\w+)(\.\w+|\[\d+\])?$"
+)
+# Where the armature's object is.
+OBJECT_TRANSFORM = re.compile(r"^(delta_)?(location|rotation_\w+|scale)(\.[wxyz]|\[\d+\])?$|^parent\b|^constraints\b")
+
+
+def has_effect(path: str) -> bool:
+    """Whether poses may depend on a property. path: relative to the armature's object, its data's begin with `data.`."""
+    return not WITHOUT_EFFECT.search(path) and not path.startswith(("data.collections", "data.layers", "animation_data"))
+
+
+def moves_object(path: str) -> bool:
+    """Whether it is where the armature's object is."""
+    return OBJECT_TRANSFORM.match(path) is not None
+
+
+def normalised(path: str) -> str:
+    """Returns the path as Blender writes it: with double quotes, and no point before a custom property."""
+    return path.replace("['", '["').replace("']", '"]').replace('.["', '["')

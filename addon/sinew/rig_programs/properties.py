@@ -1,0 +1,40 @@
+"""Custom properties that are numbers."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+TYPES = {float: "FLOAT", int: "INT", bool: "BOOLEAN"}
+UNLIMITED = 3.4e38
+
+
+def properties_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
+    """Yields those of the object, of its data, and of all bones of either."""
+    yield from of_holder(ob, "")
+    yield from of_holder(ob.data, "data.")
+    for bone in ob.pose.bones:
+        for holder, start in ((bone, "pose"), (bone.bone, "data")):
+            if holder.keys():
+                yield from of_holder(holder, f'{start}.bones["{bpy.utils.escape_identifier(bone.name)}"]')
+
+
+def of_holder(holder: Any, start: str) -> Iterator[dict[str, Any]]:
+    for name, value in holder.items():
+        if isinstance(value, int | float):
+            values = [value]
+        elif isinstance(value, str) or not hasattr(value, "typecode"):
+            continue
+        else:
+            values = list(value)
+        if not values:
+            continue
+        settings = holder.id_properties_ui(name).as_dict()
+        low, high = settings.get("min", -UNLIMITED), settings.get("max", UNLIMITED)
+        yield {
+            "path": f'{start}["{bpy.utils.escape_identifier(name)}"]',
+            "type": TYPES[type(values[0])],
+            "min": max(float(low), -UNLIMITED),
+            "max": min(float(high), UNLIMITED),
+            "value": [float(number) for number in values],
+        }

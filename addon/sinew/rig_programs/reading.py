@@ -1,0 +1,45 @@
+"""Reads an armature into a description for sinew_native.RigProgram."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from . import bones, constraints, drivers, properties, targets
+
+
+@dataclass
+class Reading:
+    """A description, and where in Blender the numbers are that come from outside."""
+
+    description: dict[str, Any]
+    targets: targets.Targets
+    outside: drivers.Outside
+
+
+def read(ob: bpy.types.Object) -> Reading:
+    """Reads an armature object with its animation. What the description cannot say is in its `refused`, by name and
+    reason. Raises ValueError for another type of object."""
+    if ob.type != "ARMATURE":
+        raise ValueError(f"{ob.name} is no armature: choose one")
+    found, outside = targets.Targets(ob), drivers.Outside()
+    if ob.data.pose_position != "POSE":
+        found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
+    if ob.pose.ik_solver != "LEGACY":
+        found.refused.append("the IK solver is iTaSC: choose the standard one")
+    if len(ob.constraints):
+        found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
+    description = {
+        "name": ob.name,
+        "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
+        "world": [list(row) for row in ob.matrix_world],
+        "bones": bones.bones_of(ob),
+        "constraints": list(constraints.constraints_of(ob, found)),
+        "properties": list(properties.properties_of(ob)),
+        "curves": list(drivers.curves_of(ob, found)),
+        "drivers": list(drivers.drivers_of(ob, found, outside)),
+    }
+    description["values"] = [{"name": name, "value": value} for name, value in outside.values().items()]
+    description["matrices"] = [{"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices().items()]
+    description["refused"] = found.refused
+    return Reading(description, found, outside)

@@ -1,0 +1,50 @@
+"""What constraints and drivers look at."""
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from . import curves
+
+Target = dict[str, Any] | None
+
+
+class Targets:
+    """Finds targets by object and bone. Those outside the rig become matrices that are given for each frame."""
+
+    def __init__(self, ob: bpy.types.Object) -> None:
+        self.ob = ob
+        self.bones = set(ob.pose.bones.keys())
+        self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
+        self.refused: list[str] = []
+
+    def of(self, target: bpy.types.Object | None, bone: str) -> Target:
+        """Returns what a description says of a target. Raises Refused for what has no matrix."""
+        if target is None:
+            return None
+        if target == self.ob:
+            return {"armature": True} if not bone else {"bone": bone} if bone in self.bones else None
+        if bone and target.type != "ARMATURE":
+            raise curves.Refused(f"it looks at the vertices {bone} of {target.name}, which is not covered")
+        if bone and bone not in target.pose.bones:
+            return None
+        name = f"{target.name_full}/{bone}" if bone else target.name_full
+        self.outside.setdefault(name, (target, bone))
+        return {"outside": name}
+
+    def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
+        """Returns the present world matrices from outside, each 4 x 4."""
+        return {name: matrix_of(target, bone, depsgraph) for name, (target, bone) in self.outside.items()}
+
+
+def matrix_of(target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None) -> np.ndarray:
+    evaluated = target if depsgraph is None else target.evaluated_get(depsgraph)
+    world = np.array(evaluated.matrix_world, np.float32)
+    return multiplied(world, np.array(evaluated.pose.bones[bone].matrix, np.float32)) if bone else world
+
+
+def multiplied(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Returns the product of two matrices, with the sums in Blender's order."""
+    terms = [a[:, k, None] * b[k] for k in range(4)]
+    return (terms[0] + terms[1]) + (terms[2] + terms[3])
