@@ -163,6 +163,17 @@ void bind_rigs(py::module_& module) {
           "values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
           "Returns what properties hold, (F, N) float32, all numbers of each path one after the other. Other arguments "
           "and errors: see evaluate().");
+  module.def(
+      "rig_bone_settings",
+      [] {
+        py::list settings;
+        for (const RigSetting& setting : bone_settings()) {
+          settings.append(py::make_tuple(std::string(setting.name), setting.count));
+        }
+        return settings;
+      },
+      "The numbers of a bone that may change: name and how many. Those of the pose come first; a name that occurs again "
+      "is the rest bone's.");
   module.def("rig_constraint_settings", &constraint_settings_dict,
              "The settings of each type of constraint, and how many numbers each has.");
 }
