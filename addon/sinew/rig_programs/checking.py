@@ -101,14 +101,16 @@ def randomise(
     """Yields paths and values of what was set. Driven values are set too: drivers replace them."""
     for bone in ob.pose.bones:
         for name in CHANNELS:
-            values = getattr(bone, name)
+            width = len(getattr(bone, name))
             if name == "scale":
-                values[:] = [source.uniform(0.7, 1.3) for _ in values]
+                values = [source.uniform(0.7, 1.3) for _ in range(width)]
             elif name == "location":
-                values[:] = [source.uniform(-0.3, 0.3) * bone.length for _ in values]
+                values = [source.uniform(-0.3, 0.3) * bone.length for _ in range(width)]
             else:
-                values[:] = [source.uniform(-1, 1) for _ in values]
-            yield f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{name}', list(values)
+                values = [source.uniform(-1, 1) for _ in range(width)]
+            # Not element by element: writing into an Euler would also set the mode of rotation.
+            setattr(bone, name, values)
+            yield f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{name}', list(getattr(bone, name))
     for row in read.description["properties"]:
         path = row["path"]
         if not path.startswith("data.") and len(row["value"]) == 1 and row["type"] != "BOOLEAN":
