@@ -22,7 +22,7 @@ BONES = 30
 TIMES = (1, 4.25, 12, 20.5, 31, 44, 60.75, -7, -30.5, 91)
 TYPES = (
     "COPY_LOCATION COPY_ROTATION COPY_SCALE COPY_TRANSFORMS LIMIT_LOCATION LIMIT_ROTATION LIMIT_SCALE LIMIT_DISTANCE "
-    "MAINTAIN_VOLUME TRANSFORM DAMPED_TRACK LOCKED_TRACK STRETCH_TO TRACK_TO ARMATURE CHILD_OF FLOOR PIVOT ACTION ACTION IK IK"
+    "MAINTAIN_VOLUME TRANSFORM DAMPED_TRACK LOCKED_TRACK STRETCH_TO TRACK_TO ARMATURE CHILD_OF FLOOR PIVOT ACTION ACTION"
 ).split()
 SPACES = ("WORLD", "POSE", "LOCAL_WITH_PARENT", "LOCAL", "CUSTOM")
 MODES = ("QUATERNION", "AXIS_ANGLE", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
@@ -63,6 +63,7 @@ def features_of(seed):
             "inheritance": source.random() < 0.5,
             "bend": source.random() < 0.25,
             "constraint": source.choice((0, 1, 1, 2, 3)) if bone else 0,
+            "ik": source.random() < 0.12 if bone > 5 else 0,
             "driver": source.random() < 0.4 if bone else 0,
             "keys": 1,
         }
@@ -142,18 +143,18 @@ def set_channels(bone, source, wild=False):
 
 
 def add_mode(ob, number, source):
-    ob.pose.bones[number].rotation_mode = source.choice(MODES)
+    ob.pose.bones[name_of(number)].rotation_mode = source.choice(MODES)
 
 
 def add_inheritance(ob, number, source):
-    bone = ob.pose.bones[number].bone
+    bone = ob.pose.bones[name_of(number)].bone
     bone.use_inherit_rotation = source.random() < 0.7
     bone.inherit_scale = source.choice(INHERIT)
     bone.use_local_location = source.random() < 0.7
 
 
 def add_bend(ob, number, source):
-    bone = ob.pose.bones[number].bone
+    bone = ob.pose.bones[name_of(number)].bone
     bone.bbone_segments = source.randint(2, 9)
     if bpy.app.version >= (4, 0, 0):
         bone.bbone_mapping_mode = source.choice(("STRAIGHT", "CURVED"))
@@ -166,7 +167,7 @@ def add_bend(ob, number, source):
     bone.bbone_curveinx, bone.bbone_rollin = source.uniform(-0.2, 0.2), source.uniform(-1, 1)
     bone.bbone_easein, bone.bbone_scaleout = source.uniform(0.2, 1.5), [source.uniform(0.7, 1.3) for _ in range(3)]
     bone.use_endroll_as_inroll, bone.use_scale_easing = source.random() < 0.3, source.random() < 0.3
-    posed = ob.pose.bones[number]
+    posed = ob.pose.bones[name_of(number)]
     for frame in (1, 30, 60):
         posed.bbone_rollout, posed.bbone_curveoutz = source.uniform(-1, 1), source.uniform(-0.3, 0.3)
         posed.keyframe_insert("bbone_rollout", frame=frame)
@@ -174,21 +175,14 @@ def add_bend(ob, number, source):
 
 
 def add_constraint(ob, number, source):
-    bone = ob.pose.bones[number]
+    bone = ob.pose.bones[name_of(number)]
+    if makes_cycle(bone, source):
+        return
     kind = source.choice(TYPES)
-    first = number  # targets come before it, so that there are few cycles
-    if kind == "IK":
-        chain = source.randint(1, 4)
-        up = bone
-        for _ in range(chain - 1):
-            up = up.parent or up
-        first = int(up.name[1:])
-        if first == 0:
-            return
     constraint = bone.constraints.new(kind)
 
     def earlier():
-        return name_of(source.randrange(first))
+        return name_of(source.randrange(number))
 
     if kind == "ARMATURE":
         for _ in range(source.randint(1, 3)):
@@ -200,12 +194,7 @@ def add_constraint(ob, number, source):
     special = SPECIAL.get(kind)
     if special:
         special(ob, constraint, source)
-    if kind == "IK":
-        constraint.chain_count, constraint.iterations = chain, source.choice((5, 50, 500))
-        if source.random() < 0.3:
-            constraint.pole_target, constraint.pole_subtarget = ob, earlier()
-        set_ik(bone, chain, source)
-    elif kind not in ("ARMATURE", "PIVOT"):
+    if kind not in ("ARMATURE", "PIVOT"):
         for name, choices in (("owner_space", SPACES), ("target_space", (*SPACES, "LOCAL_OWNER_ORIENT"))):
             allowed = {item.identifier for item in constraint.bl_rna.properties[name].enum_items}
             try:
@@ -215,6 +204,11 @@ def add_constraint(ob, number, source):
         constraint.space_object, constraint.space_subtarget = ob, earlier()
     constraint.influence = source.choice((1, 1, source.random()))
     constraint.mute = source.random() < 0.05
+
+
+def makes_cycle(bone, source):
+    """Whether it is better left out: what a bone of an IK chain looks at often follows from the chain."""
+    return "in_chain" in bone and source.random() < 0.85
 
 
 def set_settings(constraint, source):
@@ -232,16 +226,33 @@ def set_settings(constraint, source):
             setattr(constraint, name, source.choice([item.identifier for item in prop.enum_items]))
 
 
-def set_ik(bone, chain, source):
-    for _ in range(chain):
-        bone.ik_stretch = source.choice((0, 0, 0.1, source.random()))
-        for axis in "xyz":
-            setattr(bone, f"lock_ik_{axis}", source.random() < 0.2)
-            setattr(bone, f"use_ik_limit_{axis}", source.random() < 0.2)
-            setattr(bone, f"ik_min_{axis}", source.uniform(-2, 0))
-            setattr(bone, f"ik_max_{axis}", source.uniform(0, 2))
-            setattr(bone, f"ik_stiffness_{axis}", source.choice((0, 0, source.uniform(0, 0.9))))
-        bone = bone.parent or bone
+def add_ik(ob, number, source):
+    """A chain of a few bones, whose targets come before all of them: less often a cycle."""
+    bone = ob.pose.bones[name_of(number)]
+    chain = [bone, *bone.parent_recursive][: source.randint(1, 4)]
+    first = min(int(each.name[1:]) for each in chain)
+    if first == 0:
+        return
+    constraint = bone.constraints.new("IK")
+    constraint.target, constraint.subtarget = ob, name_of(source.randrange(first))
+    if source.random() < 0.3:
+        constraint.pole_target, constraint.pole_subtarget = ob, name_of(source.randrange(first))
+    set_settings(constraint, source)
+    constraint.chain_count, constraint.iterations = len(chain), source.choice((5, 50, 500))
+    constraint.influence = source.choice((1, 1, source.random()))
+    for each in chain:
+        each["in_chain"] = True
+        set_ik(each, source)
+
+
+def set_ik(bone, source):
+    bone.ik_stretch = source.choice((0, 0, 0.1, source.random()))
+    for axis in "xyz":
+        setattr(bone, f"lock_ik_{axis}", source.random() < 0.2)
+        setattr(bone, f"use_ik_limit_{axis}", source.random() < 0.2)
+        setattr(bone, f"ik_min_{axis}", source.uniform(-2, 0))
+        setattr(bone, f"ik_max_{axis}", source.uniform(0, 2))
+        setattr(bone, f"ik_stiffness_{axis}", source.choice((0, 0, source.uniform(0, 0.9))))
 
 
 def set_stretch(ob, constraint, source):
@@ -288,7 +299,9 @@ SPECIAL = {
 
 
 def add_driver(ob, number, source):
-    bone = ob.pose.bones[number]
+    bone = ob.pose.bones[name_of(number)]
+    if makes_cycle(bone, source):
+        return
     if len(bone.constraints) and source.random() < 0.5:
         curve = bone.constraints[0].driver_add("influence")
     else:
@@ -318,7 +331,7 @@ def add_driver(ob, number, source):
 
 
 def add_keys(ob, number, source):
-    bone = ob.pose.bones[number]
+    bone = ob.pose.bones[name_of(number)]
     names = ("location", "scale", ROTATIONS.get(bone.rotation_mode, "rotation_euler"), '["real"]', '["whole"]')
     for frame in (1, 30, 60, 91):
         set_channels(bone, source)
@@ -341,6 +354,7 @@ FEATURES = {
     "mode": add_mode,
     "inheritance": add_inheritance,
     "bend": add_bend,
+    "ik": add_ik,
     "constraint": add_constraint,
     "driver": add_driver,
     "keys": add_keys,

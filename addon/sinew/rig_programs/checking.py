@@ -146,4 +146,4 @@ def distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         far = np.abs(a - b)
     far[(a == b) | (np.isnan(a) & np.isnan(b))] = 0
-    return np.nan_to_num(far, nan=np.inf).reshape(len(a), -1).max(axis=1, initial=0)
+    return np.nan_to_num(far, nan=np.inf).max(axis=(1, 2), initial=0)

@@ -22,6 +22,7 @@ def read(ob: bpy.types.Object) -> Reading:
     reason. Raises ValueError for another type of object."""
     if ob.type != "ARMATURE":
         raise ValueError(f"{ob.name} is no armature: choose one")
+    depsgraph = bpy.context.evaluated_depsgraph_get()
     found, outside = targets.Targets(ob), drivers.Outside()
     if ob.data.pose_position != "POSE":
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
@@ -32,14 +33,14 @@ def read(ob: bpy.types.Object) -> Reading:
     description = {
         "name": ob.name,
         "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
-        "world": [list(row) for row in ob.matrix_world],
+        "world": [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
         "bones": bones.bones_of(ob),
         "constraints": list(constraints.constraints_of(ob, found)),
         "properties": list(properties.properties_of(ob)),
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }
-    description["values"] = [{"name": name, "value": value} for name, value in outside.values().items()]
-    description["matrices"] = [{"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices().items()]
+    description["values"] = [{"name": name, "value": value} for name, value in outside.values(depsgraph).items()]
+    description["matrices"] = [{"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices(depsgraph).items()]
     description["refused"] = found.refused
     return Reading(description, found, outside)

@@ -69,7 +69,7 @@ void pose_bone(const Program& program, State& state, int index) {
   } else {
     pose = parent_effect(program, state, index).applied_to(channels.matrix);
   }
-  if (bone.constraint_count > 0) {
+  if (bone.has_constraints) {
     const Vec3 head = pose.location();
     Mat4 world = to_world(program, pose);
     for (int i = 0; i < bone.constraint_count; ++i) {

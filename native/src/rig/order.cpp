@@ -223,6 +223,8 @@ std::vector<Tree> find_trees(std::vector<Bone>& bones, const std::vector<Constra
     const auto setting = [&](int place) { return map.values()[constraint.values + place].initial; };
     if (constraint.type != ConstraintType::ik || setting(kValid) == 0) continue;
     if (!has_ik_target(constraint)) continue;
+    // A chain that would begin above a root has no bones: Blender leaves the root alone.
+    if (setting(kIkUseTail) == 0 && bones[constraint.bone].parent < 0) continue;
     if (constraint.bone != owner) owner = tip = constraint.bone;
     if (setting(kIkUseTail) == 0 && bones[tip].parent >= 0) tip = bones[tip].parent;  // see plan_ik
     for (const int bone : ik_chain(bones, tip, static_cast<int>(setting(kIkChainLength)))) {
