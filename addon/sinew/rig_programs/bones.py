@@ -60,6 +60,7 @@ def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
     for bone, entry in zip(posed, found, strict=True):
         rest = bone.bone
         entry["inherit_scale"] = rest.inherit_scale
+        entry["has_constraints"] = len(bone.constraints) > 0
         if entry["bbone_segments"] == 1:
             continue
         entry.update(zip(OF_BEND, bend(rest), strict=True))

@@ -51,8 +51,6 @@ def constraints_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dic
             except curves.Refused as reason:
                 if not constraint.mute or is_animated(ob, constraint):
                     found.refused.append(f'the constraint "{constraint.name}" of the bone "{bone.name}": {reason}')
-                else:  # that a bone has one rounds its pose; which one does not matter
-                    yield {"bone": bone.name, "name": constraint.name, "type": "LIMIT_LOCATION", "settings": {"mute": 1}}
 
 
 def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:

@@ -183,7 +183,6 @@ void assign_constraints(Program& program) {
   for (std::size_t i = 0; i < program.constraints.size(); ++i) {
     const Constraint& constraint = program.constraints[i];
     Bone& bone = program.bones[constraint.bone];
-    bone.has_constraints = true;
     if (constraint.type == ConstraintType::ik) continue;
     if (bone.constraint_count++ == 0) bone.first_constraint = static_cast<int>(i);
   }
