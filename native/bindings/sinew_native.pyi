@@ -955,3 +955,47 @@ def transfer_weights(
     distance: a share of the diagonal of the target's bounding box; angle between normals in degrees; flipped:
     normals may be opposite. Returns (weights (W, B), matched (W,)), or None if progress was cancelled.
     """
+
+class RigProgram:
+    """An armature's bones, constraints, drivers and curves, evaluated as Blender does. Immutable; any number of threads
+    may use it."""
+
+    def __init__(self, description: dict[str, Any]) -> None:
+        """Checks a description, as `sinew rig` writes it, and puts it in order. Raises ValueError, which names what is
+        wrong or not covered."""
+    @property
+    def names(self) -> list[str]:
+        """The bones' B unique names."""
+    @property
+    def parents(self) -> _Int32:
+        """(B,), the parent of each bone or -1."""
+    @property
+    def segment_begin(self) -> _Int32:
+        """(B + 1,), where each B-bone's matrices begin in segments(); other bones have none."""
+    @property
+    def matrix_names(self) -> list[str]:
+        """The objects and other rigs' bones whose world matrices come from outside."""
+    def evaluate(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
+        """Returns the bones' matrices in armature space, (F, B, 4, 4).
+
+        frames: F times, which may be fractions. set: values for paths such as 'pose.bones["Hand"].location', (count,)
+        for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace the
+        description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a wrong
+        shape, and if a driver divides by 0.
+        """
+    def segments(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
+        """Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4).
+
+        Arguments and errors: see evaluate().
+        """
+    def values(self, frames: _Reals, paths: list[str], set: dict[str, Any] = {}) -> _Float32:
+        """Returns what properties hold, (F, N), all numbers of each path one after the other.
+
+        Other arguments and errors: see evaluate().
+        """
+
+def rig_bone_settings() -> list[tuple[str, int]]:
+    """Returns the settings of a bone in the order of its `values`, and how many numbers each has."""
+
+def rig_constraint_settings() -> dict[str, dict[str, int]]:
+    """Returns the settings of each type of constraint, and how many numbers each has."""

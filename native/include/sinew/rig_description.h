@@ -100,7 +100,6 @@ struct BoneDescription {
   bool inherits_rotation = true;
   bool uses_local_location = true;
   bool is_connected = false;
-  bool has_constraints = false;  ///< even if all of them are left out here: it rounds the pose of a moved armature
 
   int segments = 1;                                       ///< more than one make a B-bone
   std::array<HandleType, 2> handle_types = {};            ///< start, end

@@ -39,7 +39,6 @@ struct Bone {
   bool inherits_rotation = true;
   bool uses_local_location = true;
   bool is_connected = false;
-  bool has_constraints = false;  ///< any, IK too: it then goes into the world and back
   bool is_plain = true;          ///< takes its parent's whole matrix
   float length = 0;
   Vec3 head = {};  ///< in armature space

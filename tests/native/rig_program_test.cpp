@@ -1,0 +1,265 @@
+#include "sinew/rig_program.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <numbers>
+
+#include "failures.h"
+#include "rig_descriptions.h"
+#include "sinew/threads.h"
+
+namespace sinew {
+namespace {
+
+using rig::Mat4;
+using rig::Vec3;
+
+constexpr float kQuarterTurn = std::numbers::pi_v<float> / 2;
+
+void expect_near(const Vec3& found, const Vec3& expected) {
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(found[k], expected[k], 1e-6F) << "axis " << k;
+}
+
+/// A root and its child above it.
+RigDescription two_bones() {
+  RigDescription rig;
+  add_bone(rig, "root", -1, {0, 0, 0});
+  add_bone(rig, "tip", 0, {0, 1, 0});
+  return rig;
+}
+
+std::string failure_of(const RigDescription& rig) {
+  return complaint([&] { const RigProgram program(rig); });
+}
+
+TEST(RigProgram, LeavesBonesAtRest) {
+  const std::vector<Mat4> poses = poses_of(two_bones());
+  expect_near(poses[0].location(), {0, 0, 0});
+  expect_near(poses[1].location(), {0, 1, 0});
+  EXPECT_EQ(poses[0], rig::kIdentity4);
+}
+
+TEST(RigProgram, TurnsChildrenWithTheirParents) {
+  RigDescription rig = two_bones();
+  rig.bones[0].values[kEuler + 2] = kQuarterTurn;
+  const std::vector<Mat4> poses = poses_of(rig);
+  expect_near(poses[1].location(), {-1, 0, 0});
+  expect_near(poses[1].axis(1), {-1, 0, 0});
+}
+
+TEST(RigProgram, KeepsTheRotationOfBonesThatDoNotInheritIt) {
+  RigDescription rig = two_bones();
+  rig.bones[0].values[kEuler + 2] = kQuarterTurn;
+  rig.bones[1].inherits_rotation = false;
+  const std::vector<Mat4> poses = poses_of(rig);
+  expect_near(poses[1].location(), {-1, 0, 0});
+  expect_near(poses[1].axis(1), {0, 1, 0});
+}
+
+TEST(RigProgram, InheritsScaleInEveryMode) {
+  const std::pair<InheritScale, Vec3> cases[] = {
+      {InheritScale::full, {2, 1, 3}},    {InheritScale::fix_shear, {2, 1, 3}},
+      {InheritScale::aligned, {2, 1, 3}}, {InheritScale::average, {1.8171206F, 1.8171206F, 1.8171206F}},
+      {InheritScale::none, {1, 1, 1}},    {InheritScale::none_legacy, {1, 1, 1}},
+  };
+  for (const auto& [mode, expected] : cases) {
+    RigDescription rig = two_bones();
+    rig.bones[0].values[kScale] = 2;
+    rig.bones[0].values[kScale + 2] = 3;
+    rig.bones[1].inherit_scale = mode;
+    expect_near(rig::sizes_of(poses_of(rig)[1]), expected);
+  }
+}
+
+TEST(RigProgram, TakesNoLocationFromConnectedBones) {
+  RigDescription rig = two_bones();
+  rig.bones[1].values[kLocation] = 5;
+  expect_near(poses_of(rig)[1].location(), {5, 1, 0});
+  rig.bones[1].is_connected = true;
+  expect_near(poses_of(rig)[1].location(), {0, 1, 0});
+}
+
+TEST(RigProgram, FollowsCurvesAndDriversThatReadThem) {
+  RigDescription rig = two_bones();
+  rig.curves.push_back(curve(bone_path("root", "location"), 0, {{0, 0}, {10, 20}}));
+  rig.properties.push_back({"[\"amount\"]", 1, ValueKind::real, 0, 2, {0.5F}});
+  // In the order opposite to the one in which they have to run.
+  rig.drivers.push_back(driver(bone_path("tip", "location"), 2, {bone_path("tip", "location[1]")}));
+  rig.drivers.push_back(
+      driver(bone_path("tip", "location"), 1, {bone_path("root", "location.x"), "[\"amount\"]"}, "a * b + frame"));
+  expect_near(poses_of(rig, 5)[1].location(), {10, 1 + 5 + 5, 10});
+}
+
+TEST(RigProgram, KeepsWhatAPropertyAllows) {
+  RigDescription rig = two_bones();
+  rig.properties.push_back({"[\"share\"]", 1, ValueKind::real, 0, 1, {0}});
+  rig.curves.push_back(curve("[\"share\"]", 0, {{0, 0}, {10, 20}}));
+  rig.drivers.push_back(driver(bone_path("tip", "location"), 0, {"[\"share\"]"}));
+  EXPECT_EQ(poses_of(rig, 5)[1].location()[0], 1);
+}
+
+TEST(RigProgram, TakesGivenValuesInsteadOfCurves) {
+  RigDescription rig = two_bones();
+  rig.curves.push_back(curve(bone_path("root", "location"), 0, {{0, 7}}));
+  const RigProgram program(rig);
+  const RigProgram::Place place = program.find_value(bone_path("root", "location"));
+  const float given[] = {1, 2, 3};
+  EXPECT_EQ(place.count, 3);
+  expect_near(poses_of(program, 1, {{{place.first, 3, given, 0}}, {}})[0].location(), {1, 2, 3});
+  expect_near(poses_of(program)[0].location(), {7, 0, 0});
+}
+
+TEST(RigProgram, GivesTheSameBitsWithAnyNumberOfThreads) {
+  RigDescription rig = two_bones();
+  rig.bones[1].segments = 8;
+  rig.curves.push_back(curve(bone_path("root", "rotation_euler"), 0, {{0, 0}, {100, 20}}));
+  set(add_constraint(rig, ConstraintType::copy_rotation, 1, 0), "influence", 0.3F);
+  const RigProgram program(rig);
+  std::vector<float> frames(101);
+  for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = static_cast<float>(i);
+  const auto evaluate = [&](int threads) {
+    set_thread_count(threads);
+    std::vector<Matrix4<float>> poses(frames.size() * 2);
+    std::vector<Matrix4<float>> segments(frames.size() * 9);
+    RigOutputs outputs;
+    outputs.poses = MatrixStack<float>::of(poses.data(), 101, 2);
+    outputs.segments = MatrixStack<float>::of(segments.data(), 101, 9);
+    program.evaluate(frames, {}, outputs);
+    set_thread_count(0);
+    poses.insert(poses.end(), segments.begin(), segments.end());
+    return poses;
+  };
+  const std::vector<Matrix4<float>> one = evaluate(1);
+  const std::vector<Matrix4<float>> many = evaluate(0);
+  EXPECT_EQ(std::memcmp(one.data(), many.data(), one.size() * sizeof one[0]), 0);
+  // A frame does not depend on those before it.
+  const Mat4 alone = poses_of(program, 50)[1];
+  EXPECT_EQ(std::memcmp(&alone, one[101].data(), sizeof alone), 0);
+}
+
+TEST(RigProgram, BendsBBonesTowardsTheirHandles) {
+  RigDescription rig = two_bones();
+  rig.bones[0].segments = 4;
+  rig.bones[0].connected_child = 1;
+  rig.bones[1].is_connected = true;
+  const RigProgram program(rig);
+  EXPECT_EQ(program.segment_begin()[2], 5);
+  std::vector<Matrix4<float>> segments(5);
+  RigOutputs outputs;
+  outputs.segments = MatrixStack<float>::of(segments.data(), 1, 5);
+  const float frame = 1;
+  program.evaluate({&frame, 1}, {}, outputs);
+  for (int i = 0; i <= 4; ++i) {
+    EXPECT_NEAR(segments[i](1, 3), static_cast<float>(i) / 4, 1e-6F);
+    EXPECT_NEAR(segments[i](0, 3), 0, 1e-6F);
+  }
+  // The child bends it to the side.
+  const float angles[] = {0, 0, 1};
+  const GivenInputs given{{{program.find_value(bone_path("tip", "rotation_euler")).first, 3, angles, 0}}, {}};
+  program.evaluate({&frame, 1}, given, outputs);
+  EXPECT_GT(segments[2](0, 3), 0.01F);
+}
+
+TEST(RigProgram, ReachesWithIk) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  ConstraintDescription& ik = add_constraint(rig, ConstraintType::ik, 1, 2);
+  ik.targets.push_back({});
+  set(ik, "use_tail", 1);
+  set(ik, "use_location", 1);
+  set(ik, "iterations", 500);
+  const std::vector<Mat4> poses = poses_of(rig);
+  const Vec3 tail = poses[1].location() + poses[1].axis(1);
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[2].location()[k], 1e-3F);
+}
+
+TEST(RigProgram, FindsValuesByPath) {
+  RigDescription rig = two_bones();
+  rig.bones[1].name = "a \"b\"";
+  rig.properties.push_back({"pose.bones[\"root\"][\"x y\"]", 3, ValueKind::real, 0, 1, {0, 0.5F, 1}});
+  rig.values.push_back({"Lamp energy", 9});
+  add_constraint(rig, ConstraintType::copy_location, 1, 0).name = "follow";
+  const RigProgram program(rig);
+  const auto value = [&](std::string_view path) { return program.value(program.find_value(path).first); };
+  EXPECT_EQ(value("pose.bones[\"a \\\"b\\\"\"].scale"), 1);
+  EXPECT_EQ(value("pose.bones['root']['x y'][1]"), 0.5F);
+  EXPECT_EQ(value("Lamp energy"), 9);
+  EXPECT_EQ(value("pose.bones[\"a \\\"b\\\"\"].constraints[\"follow\"].influence"), 1);
+  EXPECT_EQ(value("data.bones[\"root\"].bbone_easein"), 1);
+  EXPECT_EQ(value("pose.bones[\"root\"].bbone_easein"), 0);
+  EXPECT_EQ(complaint([&] { program.find_value("pose.bones[\"no\"].scale"); }),
+            "the rig has no property pose.bones[\"no\"].scale; expected a path such as pose.bones[\"Hand\"].location");
+}
+
+TEST(RigProgram, NamesACycle) {
+  RigDescription rig = two_bones();
+  add_constraint(rig, ConstraintType::copy_location, 0, 1);
+  EXPECT_EQ(
+      failure_of(rig),
+      "the rig has a cycle: bone [\"tip\"] -> bone [\"root\"] -> bone [\"tip\"]. Blender cuts it somewhere, so the "
+      "order is its own; remove one of these dependencies");
+}
+
+TEST(RigProgram, RefusesWhatItDoesNotCompute) {
+  RigDescription rig = two_bones();
+  rig.refused = {"the constraint \"Wrap\" is of type SHRINKWRAP", "and this"};
+  EXPECT_EQ(failure_of(rig), "the constraint \"Wrap\" is of type SHRINKWRAP, and 1 other reason");
+
+  rig = two_bones();
+  rig.blender = 304;
+  EXPECT_EQ(failure_of(rig), "the rig is for version 304 of Blender; expected 402 (4.2) to 599");
+
+  rig = two_bones();
+  set(add_constraint(rig, ConstraintType::stretch_to, 1, 0), "rest_length", 0);
+  EXPECT_EQ(failure_of(rig),
+            "STRETCH_TO \"STRETCH_TO 0\" of bone \"tip\" has a rest length of 0, which Blender replaces at its first "
+            "evaluation; press Reset there");
+
+  rig = two_bones();
+  rig.drivers.push_back(driver(bone_path("tip", "location"), 0, {"[\"gone\"]"}));
+  EXPECT_EQ(failure_of(rig),
+            "the driver of pose.bones[\"tip\"].location[0] reads [\"gone\"], which the rig does not have; remove it or "
+            "describe the property");
+
+  rig = two_bones();
+  rig.curves.push_back(curve(bone_path("tip", "location"), 3, {{0, 0}}));
+  EXPECT_EQ(failure_of(rig), "a curve sets number 3 of pose.bones[\"tip\"].location, which has 3");
+
+  rig = two_bones();
+  rig.bones[0].parent = 1;
+  EXPECT_EQ(failure_of(rig), "bone \"root\" is bone 0 and has parent 1; expected -1 or a bone in front of it");
+
+  rig = two_bones();
+  rig.bones[1].name = "root";
+  EXPECT_EQ(failure_of(rig), "two bones are named \"root\"; give each a name of its own");
+
+  rig = two_bones();
+  rig.bones[1].rest[5] = std::numeric_limits<float>::infinity();
+  EXPECT_EQ(failure_of(rig), "the rest matrix of bone \"tip\" has inf in it; expected finite numbers");
+
+  rig = two_bones();
+  rig.bones[1].segments = 33;
+  EXPECT_EQ(failure_of(rig), "bone \"tip\" has 33 segments; expected 1 to 32");
+
+  rig = two_bones();
+  add_constraint(rig, ConstraintType::copy_location, 1, 7);
+  EXPECT_EQ(failure_of(rig), "COPY_LOCATION \"COPY_LOCATION 0\" of bone \"tip\" looks at bone 7; the rig has 2");
+
+  rig = two_bones();
+  add_constraint(rig, ConstraintType::copy_location, 1, 0).settings.pop_back();
+  EXPECT_EQ(failure_of(rig), "constraint \"COPY_LOCATION 0\" has 13 settings; a COPY_LOCATION has 14");
+}
+
+TEST(RigProgram, StopsAtADriverWithoutAValue) {
+  RigDescription rig = two_bones();
+  rig.drivers.push_back(driver(bone_path("tip", "location"), 0, {bone_path("root", "location[0]")}, "1 / a"));
+  const RigProgram program(rig);
+  EXPECT_EQ(
+      complaint([&] { poses_of(program, 3); }),
+      "the driver of pose.bones[\"tip\"].location[0] divides by 0 or has no value on frame 3; Blender switches such "
+      "a driver off. Change its expression");
+}
+
+}  // namespace
+}  // namespace sinew
