@@ -260,6 +260,7 @@ class Reader {
     bone.inherits_rotation = entries.get<bool>("use_inherit_rotation", true);
     bone.uses_local_location = entries.get<bool>("use_local_location", true);
     bone.is_connected = entries.get<bool>("use_connect", false);
+    bone.has_constraints = entries.get<bool>("has_constraints", false);
     bone.segments = entries.get<int>("bbone_segments", 1);
     bone.handle_types = {entries.choice("bbone_handle_type_start", kHandleTypes, HandleType::automatic),
                          entries.choice("bbone_handle_type_end", kHandleTypes, HandleType::automatic)};
@@ -287,6 +288,7 @@ class Reader {
                   "use_inherit_rotation",
                   "use_local_location",
                   "use_connect",
+                  "has_constraints",
                   "bbone_segments",
                   "bbone_handle_type_start",
                   "bbone_handle_type_end",

@@ -96,6 +96,7 @@ void add_bone(const RigDescription& rig, int index, Program& program) {
   bone.inherits_rotation = given.inherits_rotation;
   bone.uses_local_location = given.uses_local_location;
   bone.is_connected = given.is_connected;
+  bone.has_constraints = given.has_constraints;
   bone.is_plain = given.inherits_rotation && given.inherit_scale == InheritScale::full;
   bone.length = given.length;
   bone.head = vector_of(given.head_in_armature);
@@ -182,6 +183,7 @@ void assign_constraints(Program& program) {
   for (std::size_t i = 0; i < program.constraints.size(); ++i) {
     const Constraint& constraint = program.constraints[i];
     Bone& bone = program.bones[constraint.bone];
+    bone.has_constraints = true;
     if (constraint.type == ConstraintType::ik) continue;
     if (bone.constraint_count++ == 0) bone.first_constraint = static_cast<int>(i);
   }

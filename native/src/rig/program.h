@@ -33,13 +33,14 @@ struct Bone {
   int values = 0;            ///< where its numbers begin
   int first_constraint = 0;  ///< of those that are not solved by IK
   int constraint_count = 0;
-  int tree = -1;  ///< the bones that IK may join with it
+  bool has_constraints = false;  ///< of any type: its pose goes to the world and back, which rounds
+  int tree = -1;                 ///< the bones that IK may join with it
   RotationMode rotation_mode = RotationMode::quaternion;
   InheritScale inherit_scale = InheritScale::full;
   bool inherits_rotation = true;
   bool uses_local_location = true;
   bool is_connected = false;
-  bool is_plain = true;          ///< takes its parent's whole matrix
+  bool is_plain = true;  ///< takes its parent's whole matrix
   float length = 0;
   Vec3 head = {};  ///< in armature space
   Vec3 tail = {};

@@ -1,0 +1,179 @@
+"""RigProgram: descriptions as dictionaries, and what it computes from them."""
+
+import copy
+
+import numpy as np
+import pytest
+import sinew_native as sinew
+
+
+def bone(name, parent=None, head=(0, 0, 0), tail_of_parent=(0, 0, 0), **more):
+    """Returns a bone of length 1 along Y without rotation at rest."""
+    rest = np.eye(4, dtype=np.float32)
+    rest[:3, 3] = head
+    head = np.array(head, np.float32)
+    return {
+        "name": name,
+        "parent": parent,
+        "matrix_local": rest,
+        "matrix": np.eye(3),
+        "head": head - tail_of_parent,
+        "head_local": head,
+        "tail_local": head + [0, 1, 0],
+        "length": 1,
+        "rotation_mode": "XYZ",
+        "has_constraints": False,
+        **more,
+    }
+
+
+def copy_location(**more):
+    return {
+        "bone": "owner",
+        "name": "Copy",
+        "type": "COPY_LOCATION",
+        "targets": [{"bone": "target"}],
+        "settings": {"is_valid": 1, "use_x": 1, "use_y": True},
+        **more,
+    }
+
+
+def line(path, index, *points):
+    """Returns a curve of straight lines through points of frame and value."""
+    keys = [[*point, *point, *point, 0, 0, 0, 1, 0] for point in points]
+    return {"path": path, "index": index, "keys": keys}
+
+
+@pytest.fixture
+def rig():
+    """Two bones, of which one follows the other, which moves."""
+    return {
+        "blender": 502,
+        "bones": [bone("target"), bone("owner", head=(1, 2, 3))],
+        "constraints": [copy_location()],
+        "properties": [{"path": '["share"]', "type": "FLOAT", "min": 0, "max": 1, "value": [0.5]}],
+        "values": [{"name": "lamp", "value": 2}],
+        "matrices": [],
+        "curves": [line('pose.bones["target"].location', 0, (0, 0), (10, 20))],
+        "drivers": [
+            {
+                "path": 'pose.bones["target"].location',
+                "index": 2,
+                "expression": "share * lamp",
+                "variables": [
+                    {"name": "share", "path": '["share"]'},
+                    {"name": "lamp", "outside": "lamp"},
+                ],
+            }
+        ],
+    }
+
+
+def test_frames(rig):
+    program = sinew.RigProgram(rig)
+    assert program.names == ["target", "owner"]
+    assert program.parents.tolist() == [-1, -1]
+    poses = program.evaluate(np.array([0, 5, 7.5]))
+    assert poses.shape == (3, 2, 4, 4) and poses.dtype == np.float32
+    assert poses[:, 0, :3, 3].tolist() == [[0, 0, 1], [10, 0, 1], [15, 0, 1]]
+    assert poses[:, 1, :3, 3].tolist() == [[0, 0, 3], [10, 0, 3], [15, 0, 3]]
+
+
+def test_given_values_replace_curves_and_drivers_replace_them(rig):
+    program = sinew.RigProgram(rig)
+    frames = np.zeros(2)
+    location = 'pose.bones["target"].location'
+    poses = program.evaluate(frames, {location: [[1, 2, 9], [3, 4, 9]], '["share"]': [0.25, 7], "lamp": 4})
+    assert poses[:, 0, :3, 3].tolist() == [[1, 2, 1], [3, 4, 4]]  # the share is at most 1
+    assert program.evaluate(frames, {location: np.array([5, 6, 7])})[:, 0, :3, 3].tolist() == [[5, 6, 1]] * 2
+    values = program.values(frames, [location, '["share"]', "lamp"], {"lamp": 3})
+    assert values.tolist() == [[0, 0, 1.5, 0.5, 3]] * 2
+
+
+def test_matrices_from_outside(rig):
+    rig["matrices"] = [{"name": "Cube", "matrix": np.eye(4)}]
+    rig["constraints"][0]["targets"] = [{"outside": "Cube"}]
+    program = sinew.RigProgram(rig)
+    assert program.matrix_names == ["Cube"]
+    moved = np.stack([np.eye(4)] * 2)
+    moved[:, :3, 3] = [[4, 5, 6], [7, 8, 9]]
+    poses = program.evaluate(np.zeros(2), {"Cube": moved})
+    assert poses[:, 1, :3, 3].tolist() == [[4, 5, 3], [7, 8, 3]]
+
+
+def test_segments(rig):
+    rig["bones"][0]["bbone_segments"] = 4
+    program = sinew.RigProgram(rig)
+    assert program.segment_begin.tolist() == [0, 5, 5]
+    segments = program.segments(np.zeros(1))
+    assert segments.shape == (1, 5, 4, 4)
+    assert np.allclose(segments[0, :, 1, 3], [0, 0.25, 0.5, 0.75, 1])
+
+
+def test_tables():
+    names = [name for name, _ in sinew.rig_bone_settings()]
+    assert names[:2] == ["location", "rotation_quaternion"]
+    settings = sinew.rig_constraint_settings()
+    assert settings["CHILD_OF"]["inverse_matrix"] == 16
+    assert "influence" in settings["IK"]
+
+
+def changed(rig, change):
+    result = copy.deepcopy(rig)
+    change(result)
+    return result
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rig: rig.pop("blender"), 'the rig has no "blender"'),
+        (lambda rig: rig.update(bone=[]), 'the rig has "bone", which is unknown'),
+        (lambda rig: rig["bones"][1].update(parent="hip"), 'bone 1 names bone "hip", which the rig does not have'),
+        (lambda rig: rig["bones"][1].update(length="long"), "bone 1 has 'long' as \"length\"; expected a number"),
+        (lambda rig: rig["bones"][1].update(head=[1, 2]), 'bone 1 has 2 numbers as "head"; expected 3'),
+        (
+            lambda rig: rig["bones"][1].update(inherit_scale="HALF"),
+            'bone 1 has "inherit_scale": "HALF"; expected one of FULL, FIX_SHEAR, ALIGNED, AVERAGE, NONE, NONE_LEGACY',
+        ),
+        (
+            lambda rig: rig["constraints"][0].update(type="SHRINKWRAP"),
+            'constraint "Copy" of bone "owner" is of type SHRINKWRAP, which is not computed',
+        ),
+        (
+            lambda rig: rig["constraints"][0]["settings"].update(power=2),
+            'constraint "Copy" of bone "owner" has the setting "power", which is unknown',
+        ),
+        (
+            lambda rig: rig["constraints"][0].update(targets=[{"outside": "Cube"}]),
+            'constraint "Copy" of bone "owner" looks at "Cube", which is not among the matrices from outside',
+        ),
+        (
+            lambda rig: rig["curves"][0].update(keys=[1, 2, 3]),
+            'a curve has 3 numbers as "keys"; expected 11 for each key',
+        ),
+        (
+            lambda rig: rig["drivers"][0].update(expression="import os"),
+            'the driver of pose.bones["target"].location[2]: ',
+        ),
+        (
+            lambda rig: rig["drivers"][0]["variables"][1].update(outside="sun"),
+            'the driver of pose.bones["target"].location[2] reads sun, which is not among the rig\'s values from outside; '
+            "describe it there",
+        ),
+    ],
+)
+def test_mistakes(rig, change, message):
+    with pytest.raises(ValueError) as error:
+        sinew.RigProgram(changed(rig, change))
+    assert str(error.value).startswith(message)
+
+
+def test_mistakes_of_a_call(rig):
+    program = sinew.RigProgram(rig)
+    with pytest.raises(ValueError, match=r'the rig has no property \["gone"\]'):
+        program.evaluate(np.zeros(1), {'["gone"]': 1})
+    with pytest.raises(ValueError, match=r"has shape \(2,\); expected \(3,\) or \(5, 3\)"):
+        program.evaluate(np.zeros(5), {'pose.bones["owner"].scale': [1, 2]})
+    with pytest.raises(ValueError, match=r"frames has shape \(1, 1\); expected one axis"):
+        program.evaluate(np.zeros((1, 1)))
