@@ -88,7 +88,7 @@ def make(seed, features):
     bpy.ops.object.mode_set(mode="EDIT")
     for number in range(BONES):
         bone = data.edit_bones.new(name_of(number))
-        parent = data.edit_bones[source.randrange(number)] if number and source.random() < 0.85 else None
+        parent = data.edit_bones[source.randrange(number)] if number and source.random() < 0.95 else None
         is_connected = parent is not None and source.random() < 0.4
         bone.head = parent.tail if parent else (0, 0, 0)
         if not is_connected:
@@ -209,7 +209,7 @@ def add_constraint(ob, number, source):
 
 def makes_cycle(bone, source):
     """Whether it is better left out: what a bone of an IK chain looks at often follows from the chain."""
-    return "in_chain" in bone and source.random() < 0.85
+    return "in_chain" in bone and source.random() < 0.95
 
 
 def set_settings(constraint, source):
@@ -230,7 +230,8 @@ def set_settings(constraint, source):
 def add_ik(ob, number, source):
     """A chain of a few bones, whose targets come before all of them: less often a cycle."""
     bone = ob.pose.bones[name_of(number)]
-    chain = [bone, *bone.parent_recursive][: source.randint(1, 4)]
+    has_tail = source.random() < 0.7 or bone.parent is None
+    chain = [bone, *bone.parent_recursive][0 if has_tail else 1 :][: source.randint(1, 4)]
     first = min(int(each.name[1:]) for each in chain)
     if first == 0:
         return
@@ -240,12 +241,13 @@ def add_ik(ob, number, source):
         constraint.pole_target, constraint.pole_subtarget = ob, name_of(source.randrange(first))
     set_settings(constraint, source)
     # Blender's last bit is not known for some chains that shall be somewhere and be turned in some way: docs/rigs.md.
-    constraint.use_location, constraint.use_rotation = True, False
+    constraint.use_location, constraint.use_rotation, constraint.use_tail = True, False, has_tail
     constraint.chain_count, constraint.iterations = len(chain), source.choice((5, 50, 500))
     constraint.influence = source.choice((1, 1, source.random()))
     for each in chain:
         each["in_chain"] = True
         set_ik(each, source)
+    bone["in_chain"] = True
 
 
 def set_ik(bone, source):
