@@ -233,21 +233,24 @@ def add_ik(ob, number, source):
     has_tail = source.random() < 0.7 or bone.parent is None
     chain = [bone, *bone.parent_recursive][0 if has_tail else 1 :][: source.randint(1, 4)]
     first = min(int(each.name[1:]) for each in chain)
-    if first == 0:
+    # Chains may branch, but not begin within each other.
+    root = chain[-1].name
+    if first == 0 or any(each.get("in_chain", root) != root for each in chain):
         return
     constraint = bone.constraints.new("IK")
     constraint.target, constraint.subtarget = ob, name_of(source.randrange(first))
-    if source.random() < 0.3:
-        constraint.pole_target, constraint.pole_subtarget = ob, name_of(source.randrange(first))
+    pole = name_of(source.randrange(first))
+    if source.random() < 0.3 and pole != constraint.subtarget:
+        constraint.pole_target, constraint.pole_subtarget = ob, pole
     set_settings(constraint, source)
     # Blender's last bit is not known for some chains that shall be somewhere and be turned in some way: docs/rigs.md.
     constraint.use_location, constraint.use_rotation, constraint.use_tail = True, False, has_tail
     constraint.chain_count, constraint.iterations = len(chain), source.choice((5, 50, 500))
     constraint.influence = source.choice((1, 1, source.random()))
     for each in chain:
-        each["in_chain"] = True
+        each["in_chain"] = root
         set_ik(each, source)
-    bone["in_chain"] = True
+    bone["in_chain"] = root
 
 
 def set_ik(bone, source):
