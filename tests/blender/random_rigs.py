@@ -237,10 +237,16 @@ def add_ik(ob, number, source):
     root = chain[-1].name
     if first == 0 or any(each.get("in_chain", root) != root for each in chain):
         return
+    # A goal or pole where the chain begins has no direction, so a rounding would decide.
+    above = chain[-1].parent
+    apart = [each for each in map(name_of, range(first)) if not ob.data.bones[each].use_connect]
+    apart = [each for each in apart if above is None or each != above.name]
+    if not apart:
+        return
+    target, pole = source.choice(apart), source.choice(apart)
     constraint = bone.constraints.new("IK")
-    constraint.target, constraint.subtarget = ob, name_of(source.randrange(first))
-    pole = name_of(source.randrange(first))
-    if source.random() < 0.3 and pole != constraint.subtarget:
+    constraint.target, constraint.subtarget = ob, target
+    if source.random() < 0.3 and pole != target:
         constraint.pole_target, constraint.pole_subtarget = ob, pole
     set_settings(constraint, source)
     # Blender's last bit is not known for some chains that shall be somewhere and be turned in some way: docs/rigs.md.
