@@ -27,6 +27,12 @@ class Groups {
   std::vector<int> parents_;
 };
 
+int setting_count(ConstraintType type) {
+  int count = 0;
+  for (const RigSetting& setting : constraint_settings(type)) count += setting.count;
+  return count;
+}
+
 /// Operations as nodes, each with the nodes that it needs.
 class Graph {
  public:
@@ -36,7 +42,12 @@ class Graph {
         drivers_(static_cast<int>(program.drivers.size())),
         trees_(static_cast<int>(program.trees.size())),
         needs_(2 * bones_ + drivers_ + trees_) {
-    for (int i = 0; i < drivers_; ++i) writers_[program.drivers[i].value].push_back(i);
+    note_owners();
+    for (int i = 0; i < drivers_; ++i) {
+      writers_[program.drivers[i].value].push_back(i);
+      const int owner = owners_[program.drivers[i].value];
+      if (owner >= 0) drivers_of_bones_[owner].push_back(i);
+    }
     for (int i = 0; i < bones_; ++i) add_bone(i);
     for (int i = 0; i < drivers_; ++i) add_driver(i);
     for (int i = 0; i < trees_; ++i) add_tree(i);
@@ -64,6 +75,19 @@ class Graph {
     }
   }
 
+  // Blender's graph is coarser than what is computed. Its needs are kept too, so that its cycles are found.
+
+  void note_owners();
+
+  /// All drivers of a bone, as its location or a constraint's influence.
+  void need_drivers_of(int node, int bone) {
+    const auto found = drivers_of_bones_.find(bone);
+    if (found == drivers_of_bones_.end()) return;
+    for (const int driver : found->second) {
+      if (driver_node(driver) != node) need(node, driver_node(driver));
+    }
+  }
+
   void add_bone(int index);
   void add_segments(int index);
   void add_constraint(int node, const Constraint& constraint);
@@ -78,7 +102,23 @@ class Graph {
   int trees_;
   std::vector<std::vector<int>> needs_;
   std::unordered_map<int, std::vector<int>> writers_;
+  std::unordered_map<int, std::vector<int>> drivers_of_bones_;
+  std::vector<int> owners_;  // of each number, the bone whose pose it belongs to, itself or by a constraint; or -1
 };
+
+void Graph::note_owners() {
+  owners_.assign(program_.map.values().size(), -1);
+  const auto note = [&](int bone, int first, int count) { std::fill_n(owners_.begin() + first, count, bone); };
+  for (int i = 0; i < bones_; ++i) {
+    note(i, program_.bones[i].values, kPoseBend);
+    note(i, program_.bones[i].values + kIk, kArmatureValues - kIk);
+  }
+  for (const Constraint& constraint : program_.constraints) {
+    note(constraint.bone, constraint.values, setting_count(constraint.type));
+    if (constraint.type != ConstraintType::armature) continue;
+    note(constraint.bone, constraint.weights, static_cast<int>(constraint.targets.size()));
+  }
+}
 
 void Graph::add_bone(int index) {
   const Bone& bone = program_.bones[index];
@@ -104,6 +144,8 @@ void Graph::add_segments(int index) {
     need_values(node, other.values + kPoseBend + kBendRollOut, 1);
     need_values(node, other.values + kRestBend + kBendRollOut, 1);
   }
+  const int before = bone.bend.handles[0];
+  if (bone.bend.uses_end_roll && before >= 0 && program_.bones[before].is_bendy()) need(node, segments_node(before));
   need_values(node, bone.values + kPoseBend, kBendValueCount);
   need_values(node, bone.values + kRestBend, kBendValueCount);
 }
@@ -118,9 +160,7 @@ void Graph::add_constraint(int node, const Constraint& constraint) {
   const bool along_bend = constraint.type == ConstraintType::armature || initial(kAlongBend) != 0;
   for (const RigTarget& target : constraint.targets) need_target(target, along_bend);
   need_target(constraint.space, false);
-  int count = 0;
-  for (const RigSetting& setting : constraint_settings(constraint.type)) count += setting.count;
-  need_values(node, constraint.values, count);
+  need_values(node, constraint.values, setting_count(constraint.type));
   if (constraint.type == ConstraintType::armature) {
     need_values(node, constraint.weights, static_cast<int>(constraint.targets.size()));
   }
@@ -130,12 +170,19 @@ void Graph::add_tree(int index) {
   for (const int constraint : program_.trees[index].constraints) {
     add_constraint(tree_node(index), program_.constraints[constraint]);
   }
+  for (const Constraint& constraint : program_.constraints) {
+    if (constraint.type == ConstraintType::ik) need_drivers_of(tree_node(index), constraint.bone);
+  }
 }
 
 void Graph::add_driver(int index) {
   const int node = driver_node(index);
   for (const Variable& variable : program_.drivers[index].variables) {
-    if (variable.type == Variable::Type::value) need_values(node, variable.value, 1);
+    if (variable.type == Variable::Type::value) {
+      need_values(node, variable.value, 1);
+      const int owner = owners_[variable.value];
+      if (owner >= 0 && owner != owners_[program_.drivers[index].value]) need_drivers_of(node, owner);
+    }
     if (variable.type == Variable::Type::bone_length) need(node, bone_node(variable.value));
     for (const VariableTarget& read : variable.targets) {
       if (read.target.type != RigTarget::Type::bone) continue;
