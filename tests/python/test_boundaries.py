@@ -21,7 +21,7 @@ LAYERS = (
     {"clips", "plan"},
     {"run"},
     {"install", "weights"},
-    {"main", "rigs"},
+    {"main", "rig_programs", "rigs"},
     {"bake", "frozen", "profiling"},
     {"crowd", "to_bones"},
     {"ui", "cli", "without_native"},
@@ -30,7 +30,7 @@ LAYERS = (
 # Likewise the folders of native/src.
 NATIVE_LAYERS = (
     {"base"},
-    {"files", "mesh", "skeleton"},
+    {"files", "mesh", "rig", "skeleton"},
     {"skinning"},
     {"cages", "mush", "smoothing", "weights"},
     {"decompose", "deformer"},
@@ -51,6 +51,7 @@ PURE = {
     "blender.modifier_types",
     "cli.command_options",
     "cli.option_types",
+    "cli.rig_options",
     "cli.weight_options",
     "crowd.stride",
     "deform.clips",
@@ -65,6 +66,7 @@ PURE = {
     "plan.situation",
     "plan.ways",
     "profiling.costs",
+    "rig_programs.paths",
     "run.mail",
     "to_bones.joints",
     "weights.bone_segments",

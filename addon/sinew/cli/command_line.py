@@ -1,5 +1,5 @@
 """Sinew from a shell, for render farms and tests: `info`, `import`, `export`, `weights`, `bake`,
-`bake-to-bones` and `bench`.
+`bake-to-bones`, `rig` and `bench`.
 
     blender -b --command sinew info PATH                                      Blender 4.2 and later
     blender -b --addons sinew --python-expr "from sinew.cli import command_line; command_line.main()" -- info PATH
@@ -23,7 +23,7 @@ from ..install import bind
 from ..plan import bindable
 from ..profiling import costs, measure
 from ..rigs import rig_export, rig_import
-from . import bake, bench, command_options, reports, to_bones, weight_options, weight_tools, weights
+from . import bake, bench, command_options, reports, rig, to_bones, weight_options, weight_tools, weights
 from .option_types import identifier
 
 
@@ -154,6 +154,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[Any, ...]]] = {
     **dict.fromkeys(weight_tools.COMMANDS, run_weight_tool),
     "bake": run_bake,
     "bake-to-bones": run_to_bones,
+    "rig": lambda options: rig.run(options, open_blend),
     "bench": run_bench,
 }
 

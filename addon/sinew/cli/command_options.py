@@ -7,7 +7,7 @@ from typing import Any
 from ..bake import frame_range as bake_range
 from ..bake import job
 from ..profiling import costs
-from . import weight_options
+from . import rig_options, weight_options
 from .option_types import blend_path, frames_by, identifier, positive_integer, positive_number, share
 from .shared_options import add_file, add_frames, add_objects, add_save
 
@@ -31,6 +31,7 @@ def make_parser() -> argparse.ArgumentParser:
     weight_options.add(lambda name, summary: add_command(commands, name, summary))
     add_bake(commands)
     add_bake_to_bones(commands)
+    rig_options.add(lambda name, summary: add_command(commands, name, summary))
     add_bench(commands)
     return parser
 

@@ -141,8 +141,8 @@ def differences(program: Any, recording: Recording) -> list[Difference]:
 
 
 def distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Returns the largest difference between the numbers of each pair of matrices. Numbers that are not finite are equal
-    if they are the same."""
+    """Returns the largest difference between the numbers of each pair of matrices. NaN equals NaN, and infinity
+    itself."""
     with np.errstate(invalid="ignore"):
         far = np.abs(a - b)
     far[(a == b) | (np.isnan(a) & np.isnan(b))] = 0

@@ -14,9 +14,9 @@ CHANNELS = {"location": 0, "rotation_quaternion": 3, "rotation_axis_angle": 7, "
 
 
 @cache
-def reader_of(kind: str, struct: type) -> Callable[[Any], dict[str, Any]]:
+def reader_of(kind: str, struct: Any) -> Callable[[Any], dict[str, Any]]:
     """Returns a function that reads all settings of a constraint of that type."""
-    properties = struct.bl_rna.properties  # type: ignore[attr-defined] # each of Blender's types has it
+    properties = struct.bl_rna.properties
     names = [name for name in tables.constraint_settings()[kind] if name in properties]
     get = attrgetter(*names)
     choices = {
@@ -33,7 +33,9 @@ def reader_of(kind: str, struct: type) -> Callable[[Any], dict[str, Any]]:
         for name in lists:
             value = settings[name]
             # A matrix is stored column after column.
-            settings[name] = [float(x) for column in value.transposed() for x in column] if len(value) == 4 else [*value]
+            settings[name] = (
+                [float(x) for column in value.transposed() for x in column] if len(value) == 4 else [*value]
+            )
         return settings
 
     return read
@@ -68,7 +70,7 @@ def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: ta
         "bone": bone.name,
         "name": constraint.name,
         "type": kind,
-        "settings": reader_of(kind, type(constraint))(constraint),
+        "settings": reader_of(kind, type(constraint))(constraint),  # type: ignore[arg-type] # a type is hashable
     }
     if kind == "ARMATURE":
         if constraint.use_bone_envelopes:

@@ -6,7 +6,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-KEY_NUMBERS = 11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
+KEY_NUMBERS = (
+    11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
+)
 
 
 class Refused(ValueError):
@@ -16,7 +18,9 @@ class Refused(ValueError):
 def curve_of(curve: bpy.types.FCurve) -> dict[str, Any]:
     """Returns keys (K x 11, float32), modifiers and extrapolation of an F-curve. Raises Refused."""
     found: dict[str, Any] = {"keys": keys_of(curve)}
-    modifiers = [modifier_of(curve, modifier) for modifier in curve.modifiers if not modifier.mute and modifier.is_valid]
+    modifiers = [
+        modifier_of(curve, modifier) for modifier in curve.modifiers if not modifier.mute and modifier.is_valid
+    ]
     if modifiers:
         found["modifiers"] = modifiers
     if curve.extrapolation == "LINEAR":

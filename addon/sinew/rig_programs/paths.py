@@ -17,8 +17,10 @@ OBJECT_TRANSFORM = re.compile(r"^(delta_)?(location|rotation_\w+|scale)(\.[wxyz]
 
 
 def has_effect(path: str) -> bool:
-    """Whether poses may depend on a property. path: relative to the armature's object, its data's begin with `data.`."""
-    return not WITHOUT_EFFECT.search(path) and not path.startswith(("data.collections", "data.layers", "animation_data"))
+    """Whether poses may depend on a property. path: of the armature's object; its data's begin with `data.`."""
+    return not WITHOUT_EFFECT.search(path) and not path.startswith(
+        ("data.collections", "data.layers", "animation_data")
+    )
 
 
 def moves_object(path: str) -> bool:

@@ -41,6 +41,8 @@ def read(ob: bpy.types.Object) -> Reading:
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }
     description["values"] = [{"name": name, "value": value} for name, value in outside.values(depsgraph).items()]
-    description["matrices"] = [{"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices(depsgraph).items()]
+    description["matrices"] = [
+        {"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices(depsgraph).items()
+    ]
     description["refused"] = found.refused
     return Reading(description, found, outside)

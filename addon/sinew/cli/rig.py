@@ -1,0 +1,77 @@
+"""`sinew rig`: an armature as a description of its rig, and whether its program computes what Blender does."""
+
+import argparse
+import json
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..rig_programs import checking, reading
+
+SHOWN = 3  # differences
+
+
+def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple[dict[str, Any], str, int]:
+    """Returns a JSON document, the same as text, and the exit code: 1 if the rig is refused or computed differently."""
+    open_blend(options.path)
+    ob = chosen_armature(options.object)
+    read = reading.read(ob)
+    document: dict[str, Any] = {"object": ob.name, "bones": len(ob.pose.bones)}
+    lines = [f"{ob.name}: {len(ob.pose.bones):,} bones"]
+    if options.output:
+        with open(options.output, "w", encoding="utf-8") as file:
+            json.dump(read.description, file, default=as_list)
+        document["output"] = options.output
+        lines.append(f"written to {options.output}")
+    document["refused"] = refusals(read)
+    lines += [f"cannot be a program: {reason}" for reason in document["refused"]]
+    if document["refused"] or not options.check:
+        return document, "\n".join(lines), int(bool(document["refused"]))
+    program = checking.program_of(read)
+    first = bpy.context.scene.frame_start
+    times = [first + step for step in range(options.frames)] + [first + 0.25, first + 1.5]
+    different = []
+    for name, recorded in (
+        ("frames", checking.record_frames(ob, read, times)),
+        ("random_poses", checking.record_random_poses(ob, read, options.random_poses)),
+    ):
+        found = checking.differences(program, recorded)
+        document[name] = {"compared": len(recorded.times), "different": len(found)}
+        lines.append(f"{name.replace('_', ' ')}: {len(recorded.times) - len(found)} of {len(recorded.times)} equal")
+        different += found
+    lines += [f"  {difference}" for difference in different[:SHOWN]]
+    document["differences"] = [str(difference) for difference in different]
+    return document, "\n".join(lines), int(bool(different))
+
+
+def refusals(read: reading.Reading) -> list[str]:
+    """Returns the reasons why the rig cannot be a program."""
+    if read.description["refused"]:
+        return list(read.description["refused"])
+    try:
+        checking.program_of(read)
+    except ValueError as error:
+        return [str(error)]
+    return []
+
+
+def as_list(array: Any) -> Any:
+    if isinstance(array, np.ndarray):
+        return array.tolist()
+    raise TypeError(f"{type(array).__name__} is no part of a description")
+
+
+def chosen_armature(name: str | None) -> bpy.types.Object:
+    """Returns the armature object of that name, or without a name the only one. Raises ValueError."""
+    armatures = [ob for ob in bpy.data.objects if ob.type == "ARMATURE"]
+    names = ", ".join(ob.name for ob in armatures) or "none"
+    if name is None and len(armatures) == 1:
+        return armatures[0]
+    if name is None:
+        raise ValueError(f"choose an armature with --object NAME; those in the file: {names}")
+    found = next((ob for ob in armatures if ob.name == name), None)
+    if found is None:
+        raise ValueError(f"there is no armature {name}; those in the file: {names}")
+    return found
