@@ -172,7 +172,8 @@ void bind_rigs(py::module_& module) {
         }
         return settings;
       },
-      "The numbers of a bone that may change: name and how many. Those of the pose come first; a name that occurs again "
+      "The numbers of a bone that may change: name and how many. Those of the pose come first; a name that occurs "
+      "again "
       "is the rest bone's.");
   module.def("rig_constraint_settings", &constraint_settings_dict,
              "The settings of each type of constraint, and how many numbers each has.");

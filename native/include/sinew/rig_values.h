@@ -2,7 +2,7 @@
 ///
 /// A rig keeps its numbers in one array. First come the settings of each bone, kBoneValueCount of them; then those of
 /// each constraint, in the order of its type's table; then the weights of an Armature constraint's targets; then custom
-/// properties; then values from outside. ValueMap finds a number by Blender's path.
+/// properties; then values from outside. RigProgram::find_value finds a number by Blender's path.
 #pragma once
 
 #include <cstdint>

@@ -14,7 +14,8 @@ struct Root {
 };
 
 int setting(const Program& program, int constraint, int place) {
-  return static_cast<int>(program.map.values()[program.constraints[constraint].values + place].initial);
+  const ValueInfo& value = program.map.values()[program.constraints[constraint].values + place];
+  return static_cast<int>(clamped(value.initial, value.low, value.high));
 }
 
 IkPlan plan_of_chain(const Program& program, const std::vector<int>& chain, int constraint) {

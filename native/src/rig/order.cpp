@@ -274,7 +274,8 @@ std::vector<Tree> find_trees(std::vector<Bone>& bones, const std::vector<Constra
     if (setting(kIkUseTail) == 0 && bones[constraint.bone].parent < 0) continue;
     if (constraint.bone != owner) owner = tip = constraint.bone;
     if (setting(kIkUseTail) == 0 && bones[tip].parent >= 0) tip = bones[tip].parent;  // see plan_ik
-    for (const int bone : ik_chain(bones, tip, static_cast<int>(setting(kIkChainLength)))) {
+    const int count = static_cast<int>(clamped(setting(kIkChainLength), 0, 255));
+    for (const int bone : ik_chain(bones, tip, count)) {
       is_in_chain[bone] = 1;
       groups.join(tip, bone);
     }

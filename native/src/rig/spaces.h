@@ -9,8 +9,9 @@ namespace sinew::rig {
 enum class Space : signed char { world = 0, local = 1, pose = 2, local_with_parent = 3, custom = 5, local_owner = 6 };
 
 inline Space space_of(float number) {
+  if (!(number >= 0 && number < 7)) return Space::world;  // NaN too
   const int chosen = static_cast<int>(number);
-  return chosen < 0 || chosen > 6 || chosen == 4 ? Space::world : static_cast<Space>(chosen);
+  return chosen == 4 ? Space::world : static_cast<Space>(chosen);
 }
 
 /// What a bone takes from its parent.

@@ -29,8 +29,9 @@ class Acting {
 
   /// An enumeration's item, made one of 0 to count - 1.
   int choice(int setting, int count) const {
-    const int chosen = static_cast<int>(number(setting));
-    return chosen < 0 ? 0 : chosen >= count ? count - 1 : chosen;
+    const float chosen = number(setting);
+    if (!(chosen >= 0)) return 0;  // NaN too
+    return chosen >= static_cast<float>(count) ? count - 1 : static_cast<int>(chosen);
   }
 
   Vec3 vector(int setting) const { return {number(setting), number(setting + 1), number(setting + 2)}; }

@@ -14,8 +14,8 @@ constexpr auto kSettings =
 
 /// Whether the owner's rotation is in the range in which the constraint acts.
 bool is_in_range(const Acting& acting, const Mat4& owner) {
-  const int range = static_cast<int>(acting.number(kRange));
-  if (range < 0 || range > 5) return true;
+  if (!(acting.number(kRange) >= 0)) return true;
+  const int range = acting.choice(kRange, 6);
   const Vec3 angles = euler_of(owner, acting.bone().order());
   return range < 3 ? !(angles[range] > 0) : !(angles[range - 3] < 0);
 }
