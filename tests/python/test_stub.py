@@ -153,6 +153,7 @@ def samples():
         "RigSkeleton": skeleton,
         "PoseClip": poses,
         "Rig": rig,
+        "RigProgram": sinew.RigProgram({"blender": 502}),
         "Skin": skin,
         "Layer": layer,
         "ShapeKeys": keys,
