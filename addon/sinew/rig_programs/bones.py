@@ -20,6 +20,9 @@ OF_REST = {  # what is read of all bones at once: name, how many numbers, type
     "use_connect": (1, bool),
     "bbone_segments": (1, np.int32),
 }
+# Enumerations by Blender's numbers.
+ROTATION_MODES = {0: "QUATERNION", 1: "XYZ", 2: "XZY", 3: "YXZ", 4: "YZX", 5: "ZXY", 6: "ZYX", -1: "AXIS_ANGLE"}
+INHERIT_SCALES = {0: "FULL", 1: "FIX_SHEAR", 2: "AVERAGE", 3: "NONE", 4: "NONE_LEGACY", 5: "ALIGNED"}
 OF_BEND = (  # what only B-bones need
     "bbone_handle_type_start",
     "bbone_handle_type_end",
@@ -53,22 +56,23 @@ def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
         columns[name] = numbers.tolist()
     parents = [bone.parent for bone in posed]
     columns["parent"] = [parent and parent.name for parent in parents]
-    columns["rotation_mode"] = [bone.rotation_mode for bone in posed]
+    columns["has_constraints"] = [len(bone.constraints) > 0 for bone in posed]
+    columns["rotation_mode"] = [ROTATION_MODES[mode] for mode in column(posed, "rotation_mode", 1, np.int32).tolist()]
+    inherited = column(bones, "inherit_scale", 1, np.int32)[row].tolist()
+    columns["inherit_scale"] = [INHERIT_SCALES[number] for number in inherited]
     found = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
     bend = attrgetter(*OF_BEND)
     children = connected_children(ob)
-    for bone, entry in zip(posed, found, strict=True):
-        rest = bone.bone
-        entry["inherit_scale"] = rest.inherit_scale
-        entry["has_constraints"] = len(bone.constraints) > 0
+    for entry in found:
         if entry["bbone_segments"] == 1:
             continue
+        rest = bones[entry["name"]]
         entry.update(zip(OF_BEND, bend(rest), strict=True))
         for end in ("start", "end"):
             handle = getattr(rest, f"bbone_custom_handle_{end}")
             entry[f"bbone_custom_handle_{end}"] = handle and handle.name
             entry[f"bbone_handle_use_scale_{end}"] = list(getattr(rest, f"bbone_handle_use_scale_{end}"))
-        entry["connected_child"] = children.get(bone.name)
+        entry["connected_child"] = children.get(entry["name"])
     return found
 
 
