@@ -146,6 +146,14 @@ def test_edits_without_keys_are_followed(armature):
     assert differences(armature) == []
 
 
+def test_curves_of_what_is_not_there_are_passed_over(armature):
+    armature.pose.bones["b"].keyframe_insert("location", frame=1)
+    armature.pose.bones["b"].name = "d"  # renames paths too, so:
+    for curve in addon_module("blender.animation").keyed_curves(armature):
+        curve.data_path = curve.data_path.replace('"d"', '"b"')
+    assert differences(armature) == []
+
+
 def test_what_other_objects_do_is_given(armature):
     other = bpy.data.objects.new("Other", None)
     bpy.context.collection.objects.link(other)

@@ -50,7 +50,7 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
         try:
             for curve in curves.curves_in_effect(block):
                 path = path_of(start, curve)
-                if is_wanted(ob, path, found):
+                if is_wanted(ob, path, found) and exists(block, curve.data_path):
                     yield {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
         except curves.Refused as reason:
             found.refused.append(str(reason))
@@ -72,6 +72,15 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
 
 def path_of(start: str, curve: bpy.types.FCurve) -> str:
     return start + paths.normalised(curve.data_path)
+
+
+def exists(block: bpy.types.ID, path: str) -> bool:
+    """Whether Blender finds what a curve animates; otherwise it passes over the curve."""
+    try:
+        block.path_resolve(path, False)
+    except ValueError:
+        return False
+    return True
 
 
 def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
