@@ -89,25 +89,20 @@ def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: ta
     if "CUSTOM" in (constraint.owner_space, constraint.target_space):
         row["space"] = found.of(constraint.space_object, constraint.space_subtarget)
     if kind == "ACTION":
-        row["action"] = list(action_channels(bone, constraint))
+        row["action"] = list(action_channels(bone, constraint, found))
     return row
 
 
-def action_channels(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint) -> Iterator[dict[str, Any]]:
+def action_channels(
+    bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: targets.Targets
+) -> Iterator[dict[str, Any]]:
     if constraint.use_bone_object_action:
         raise curves.Refused("Object Action is not covered: turn it off")
     if constraint.action is None:
         return
-    start = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].'
-    own = [
-        curve
-        for curve in curves.of_slot(constraint.action, getattr(constraint, "action_slot_handle", 0))
-        if curve.data_path.startswith(start)
-    ]
+    own = found.channels_of(constraint.action, getattr(constraint, "action_slot_handle", 0)).get(bone.name, ())
     # A group of the bone's name hides curves that are not in it.
-    if any(curve.group is not None and curve.group.name == bone.name for curve in own):
-        own = [curve for curve in own if curve.group is not None and curve.group.name == bone.name]
-    for curve in own:
-        channel = CHANNELS.get(curve.data_path.removeprefix(start))
-        if channel is not None:
-            yield {"channel": channel + curve.array_index, **curves.curve_of(curve)}
+    grouped = [(name, curve) for name, curve in own if curve.group is not None and curve.group.name == bone.name]
+    for name, curve in grouped or own:
+        if name in CHANNELS:
+            yield {"channel": CHANNELS[name] + curve.array_index, **curves.curve_of(curve)}

@@ -3,7 +3,6 @@
 import re
 
 BONE = re.compile(r'^(?:pose|data)\.bones\["((?:[^"\\]|\\.)*)"\]')
-CONSTRAINT = re.compile(r'^\.constraints\["(?:[^"\\]|\\.)*"\]\.')
 
 # What may be animated without any effect on poses: what is shown, how bones and their collections look.
 WITHOUT_EFFECT = re.compile(

@@ -1,11 +1,11 @@
-"""What constraints and drivers look at."""
+"""What constraints and drivers look at: targets, and actions."""
 
 from typing import Any
 
 import bpy
 import numpy as np
 
-from . import curves
+from . import curves, paths
 
 Target = dict[str, Any] | None
 
@@ -18,6 +18,7 @@ class Targets:
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
         self.refused: list[str] = []
+        self._actions: dict[tuple[str, int], dict[str, list[tuple[str, bpy.types.FCurve]]]] = {}
 
     def of(self, target: bpy.types.Object | None, bone: str) -> Target:
         """Returns what a description says of a target. Raises Refused for what has no matrix."""
@@ -32,6 +33,19 @@ class Targets:
         name = f"{target.name_full}/{bone}" if bone else target.name_full
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
+
+    def channels_of(self, action: bpy.types.Action, slot: int) -> dict[str, list[tuple[str, bpy.types.FCurve]]]:
+        """Returns the curves of an action's slot by bone, each with the name of the bone's property. Raises Refused."""
+        key = (action.name_full, slot)
+        if key not in self._actions:
+            found: dict[str, list[tuple[str, bpy.types.FCurve]]] = {}
+            for curve in curves.of_slot(action, slot):
+                bone = paths.BONE.match(curve.data_path)
+                if bone:
+                    name = bpy.utils.unescape_identifier(bone[1])
+                    found.setdefault(name, []).append((curve.data_path[bone.end() + 1 :], curve))
+            self._actions[key] = found
+        return self._actions[key]
 
     def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
         """Returns the present world matrices from outside, each 4 x 4."""
