@@ -1,0 +1,72 @@
+"""Writes tests/python/rigs_from_blender.json.gz: small random rigs and the poses that Blender computed, for tests
+without Blender. The seeds have all types of constraints between them.
+
+    blender -b --python-exit-code 1 --python tests/blender/make_rigs_from_blender.py
+
+Made with Blender 5.2.
+"""
+
+import gzip
+import json
+import re
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.append(str(Path(__file__).parent))
+import random_rigs
+from helpers import addon_module
+
+SEEDS = (44, 6, 1)
+BONES = 12  # those after them are left out; nothing before looks at them
+TIMES = (1, 4.25, 20.5, -7)
+FILE = Path(__file__).parents[1] / "python" / "rigs_from_blender.json.gz"
+
+
+def shortened(description):
+    """The description without the last bones and what belongs to them."""
+    kept = {random_rigs.name_of(number) for number in range(BONES)}
+
+    def is_kept(path):
+        bone = re.match(r'(?:pose|data)\.bones\["(.*?)"\]', path)
+        return bone is None or bone[1] in kept
+
+    bones = [bone for bone in description["bones"] if bone["name"] in kept]
+    for bone in bones:
+        if bone.get("connected_child") not in kept:
+            bone["connected_child"] = None
+    return {
+        **description,
+        "bones": bones,
+        "constraints": [row for row in description["constraints"] if row["bone"] in kept],
+        **{
+            name: [row for row in description[name] if is_kept(row["path"])]
+            for name in ("properties", "curves", "drivers")
+        },
+    }
+
+
+def rounded(found):
+    """Shorter numbers that are the same as float32."""
+    if isinstance(found, float):
+        return float(f"{found:.9g}")
+    if isinstance(found, dict):
+        return {key: rounded(value) for key, value in found.items()}
+    return [rounded(each) for each in found] if isinstance(found, list | tuple) else found
+
+
+def made(seed):
+    features = [feature for feature in random_rigs.features_of(seed) if feature.bone < BONES]
+    ob = random_rigs.make(seed, features)
+    read = addon_module("rig_programs.reading").read(ob)
+    recorded = addon_module("rig_programs.checking").record_frames(ob, read, TIMES)
+    description = shortened(json.loads(json.dumps(read.description, default=np.ndarray.tolist)))
+    rows = [ob.pose.bones.find(bone["name"]) for bone in description["bones"]]
+    return {"description": description, "frames": TIMES, "poses": [poses[rows].tolist() for poses in recorded.poses]}
+
+
+text = json.dumps(rounded([made(seed) for seed in SEEDS]), separators=(",", ":"))
+FILE.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
+print(f"{bpy.app.version_string}: wrote {FILE}")
