@@ -137,7 +137,7 @@ class Entries {
     return copied<float>(key, py::reinterpret_borrow<py::array>(object));
   }
 
- private:
+  /// Throws InputError, which names the entry.
   template <class T>
   T cast(const char* key, const py::handle& object) const {
     try {
@@ -148,6 +148,7 @@ class Entries {
     }
   }
 
+ private:
   template <class T>
   static std::string kind_of() {
     if constexpr (std::is_same_v<T, std::string>) return "text";
@@ -243,7 +244,7 @@ class Reader {
   int optional_bone(Entries& entries, const char* key) const {
     const py::handle found = entries.find(key);
     if (!found || found.is_none()) return -1;
-    return bone_named(found.cast<std::string>(), entries.where());
+    return bone_named(entries.cast<std::string>(key, found), entries.where());
   }
 
   void read_bone(const py::handle& object, std::size_t index) {

@@ -60,10 +60,7 @@ def rig():
                 "path": 'pose.bones["target"].location',
                 "index": 2,
                 "expression": "share * lamp",
-                "variables": [
-                    {"name": "share", "path": '["share"]'},
-                    {"name": "lamp", "outside": "lamp"},
-                ],
+                "variables": [{"name": "share", "path": '["share"]'}, {"name": "lamp", "outside": "lamp"}],
             }
         ],
     }
@@ -130,6 +127,7 @@ def changed(rig, change):
         (lambda rig: rig.pop("blender"), 'the rig has no "blender"'),
         (lambda rig: rig.update(bone=[]), 'the rig has "bone", which is unknown'),
         (lambda rig: rig["bones"][1].update(parent="hip"), 'bone 1 names bone "hip", which the rig does not have'),
+        (lambda rig: rig["bones"][1].update(parent=0), 'bone 1 has 0 as "parent"; expected text'),
         (lambda rig: rig["bones"][1].update(length="long"), "bone 1 has 'long' as \"length\"; expected a number"),
         (lambda rig: rig["bones"][1].update(head=[1, 2]), 'bone 1 has 2 numbers as "head"; expected 3'),
         (
@@ -158,8 +156,8 @@ def changed(rig, change):
         ),
         (
             lambda rig: rig["drivers"][0]["variables"][1].update(outside="sun"),
-            'the driver of pose.bones["target"].location[2] reads sun, which is not among the rig\'s values from outside; '
-            "describe it there",
+            'the driver of pose.bones["target"].location[2] reads sun, which is not among the rig\'s values from '
+            "outside; describe it there",
         ),
     ],
 )
