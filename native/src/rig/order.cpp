@@ -186,10 +186,11 @@ void Graph::add_driver(int index) {
     if (variable.type == Variable::Type::bone_length) need(node, bone_node(variable.value));
     for (const VariableTarget& read : variable.targets) {
       if (read.target.type != RigTarget::Type::bone) continue;
-      const bool reads_channels = read.space == TransformSpace::transform;
-      if (reads_channels && variable.type != Variable::Type::rotation_difference) {
-        need_values(node, program_.bones[read.target.index].values, kPoseBend);
-      } else {
+      const bool reads_channels =
+          read.space == TransformSpace::transform && variable.type != Variable::Type::rotation_difference;
+      if (reads_channels) need_values(node, program_.bones[read.target.index].values, kPoseBend);
+      // Blender waits for the bone even then, unless it is the driven one.
+      if (!reads_channels || read.target.index != owners_[program_.drivers[index].value]) {
         need(node, bone_node(read.target.index));
       }
     }
