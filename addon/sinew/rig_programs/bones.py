@@ -36,7 +36,7 @@ OF_BEND = (  # what only B-bones need
 
 def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
     """Returns a property of all items: N, or N x width."""
-    numbers = np.empty(len(collection) * width, kind)
+    numbers: np.ndarray = np.empty(len(collection) * width, kind)
     collection.foreach_get(name, numbers)
     return numbers if width == 1 else numbers.reshape(-1, width)
 
