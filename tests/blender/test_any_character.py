@@ -476,3 +476,40 @@ def test_weights_painted_under_animated_shape_keys(fresh_scene, update):
         assert_same_shape(ob, reference)
     fresh_scene.frame_set(3)
     assert_same_shape(ob, reference)
+
+
+@pytest.mark.parametrize("keyed", (False, True), ids=("plain", "keys"))
+def test_edit_mode_of_an_armature_that_shares_its_data(fresh_scene, keyed):
+    """Blender shows the rest shape of all that follow these bones, however many meshes there are."""
+    armature = make_armature()
+    pairs = []
+    for _ in range(3):
+        ob = make_mesh(armature, False)
+        if keyed:
+            add_shape_keys(ob)
+        pairs.append((ob, twin_of(ob)))
+        accelerate(ob)
+    pose(armature, 1, False)
+    pose(armature, 10, False)
+    other = bpy.data.objects.new("Other", armature.data)
+    fresh_scene.collection.objects.link(other)
+    for frame in (3, 4, 5, 6):
+        fresh_scene.frame_set(frame)
+    posed = evaluated(pairs[0][0])
+    select(other)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.context.view_layer.update()
+
+    def assert_all_same():
+        for ob, twin in pairs:
+            assert_same_shape(ob, twin)
+
+    assert_all_same()
+    fresh_scene.frame_set(7)
+    assert_all_same()
+    assert np.abs(evaluated(pairs[0][0]) - posed).max() > 0.1
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    assert_all_same()
+    fresh_scene.frame_set(5)
+    assert_all_same()

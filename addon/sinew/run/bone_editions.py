@@ -17,7 +17,8 @@ MOST_COPIES = 1024
 
 # key of an armature's data -> [(number, bytes, signature)] of the last editions of its bones, and of the last bytes
 _known: dict[int, list[tuple[int, bytes, Any]]] = {}
-_copies: dict[int, int] = {}  # address of an evaluated armature's data -> number of the edition that was read from it
+# address of an evaluated armature's data -> (number of the edition that was read from it, whether it is in Edit Mode)
+_copies: dict[int, tuple[int, bool]] = {}
 _lock = threading.Lock()
 _new_number = itertools.count(1)
 
@@ -36,17 +37,19 @@ def of(armature: Any) -> tuple[int, int]:
     key, address = values.key_of(data), data.as_pointer()
     with _lock:
         if marks.test_and_mark(data, "ARMATURE") and address in _copies:
-            return key, _copies[address]
+            return key, _copies[address][0]
         animated.forget(data)
         if len(_copies) >= MOST_COPIES:
             _copies.clear()
-        _copies[address] = _number_of(armature, _known.setdefault(key, []))
-        return key, _copies[address]
+        number = _number_of(armature, _known.setdefault(key, []))
+        _copies[address] = number, data.is_editmode
+        return key, number
 
 
 def is_last(address: int, number: int) -> bool:
-    """Whether that edition was the last one read from the evaluated armature data at that address."""
-    return _copies.get(address) == number
+    """Whether that edition was the last one read from the evaluated armature data at that address, and not in Edit
+    Mode, in which bones do not deform."""
+    return _copies.get(address) == (number, False)
 
 
 def _number_of(armature: Any, known: list[tuple[int, bytes, Any]]) -> int:

@@ -82,7 +82,9 @@ class Weights:
 
 def is_posed(armature: Any) -> bool:
     """Whether an evaluated armature shows a pose."""
-    return bool(armature.pose.bones) and armature.data.pose_position != "REST" and armature.mode != "EDIT"
+    data = armature.data
+    # It may be in Edit Mode by another object that shares its data.
+    return bool(armature.pose.bones) and data.pose_position != "REST" and not data.is_editmode
 
 
 @dataclass

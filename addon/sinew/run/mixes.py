@@ -51,7 +51,7 @@ class Mix:
         of the armature's, or None. Raises LeaveToBlender or values.Flat."""
         found, used = [], []
         for number, modifier in enumerate(modifiers):
-            if number > 0 and modifier.object.mode == "EDIT":
+            if number > 0 and modifier.object.data.is_editmode:
                 # Blender skips such a modifier; a layer at rest would mix in the rest shape.
                 raise LeaveToBlender(f"{modifier.object.name} is in Edit Mode")
             space = layers.space_between(ob, modifier.object)
