@@ -23,30 +23,59 @@ HARMLESS = {
     r"|use_inherit_rotation|use_inherit_scale|inherit_scale|use_local_location|use_relative_parent)$)",
 }
 _HARMLESS = {kind: re.compile(pattern) for kind, pattern in HARMLESS.items()}
+# Settings of B-bones at rest. As Rigify drives them, by custom properties that nothing animates, they only change by
+# an edit: Blender then copies the armature again.
+_OF_BEND = re.compile(rf"bones{_NAME}\.bbone_(ease|curve|roll|scale)\w+$")
+_CUSTOM = re.compile(rf".*{_NAME}$")
 # What is read of an object only when its plan is made.
 _OF_OBJECT = re.compile(r"modifiers\[|sinew\.|show_only_shape_key$")
 TITLES = {"MESH": "the mesh", "KEY": "the shape keys", "ARMATURE": "the armature", "OBJECT": "the object"}
 
 
-def why(block: Any, kind: str) -> str:
+def why(block: Any, kind: str, looks_at_sources: bool = True) -> str:
     """Returns what animation may change without an edit of what Sinew has read of a data-block, and what to do, a
-    sentence; "" for nothing. kind: "MESH", "KEY", "ARMATURE", or "OBJECT" for the object with the mesh."""
+    sentence; "" for nothing. kind: "MESH", "KEY", "ARMATURE", or "OBJECT" for the object with the mesh;
+    looks_at_sources: whether to see if anything animates what drivers of B-bones read, for which all animation of a rig
+    has to be read."""
     if block is None or block.animation_data is None:
         return ""
+    sources: dict[Any, set[str]] | None = {} if looks_at_sources else None
     where = ", in the library" if block.library is not None else ""
     for curve in animation.drivers_of(block):
+        if wiring.is_hook(curve):
+            continue
         given = _given_to(curve.driver)
         if given:
             return (
                 f"The driver of {_name(curve, block, kind)} runs Python with {given}, through which it may change what "
                 f"Sinew has read: write it without{where}"
             )
-        if _is_kept(curve.data_path, kind):
+        if _is_kept(curve.data_path, kind) and not (
+            _OF_BEND.match(curve.data_path) and _is_steady(curve.driver, sources)
+        ):
             return _sentence(curve, block, kind, "driven", f"remove its driver{where}")
     for curve in animation.keyed_curves(block):
         if _is_kept(curve.data_path, kind):
             return _sentence(curve, block, kind, "keyed", f"remove its keyframes{where}")
     return ""
+
+
+def _is_steady(driver: Any, sources: dict[Any, set[str]] | None) -> bool:
+    """Whether the value of a driver only changes by an edit: it reads nothing but custom properties that neither
+    keyframes nor drivers set. sources: the animated paths of data-blocks that were looked at; None: do not look."""
+    return driver.type != "SCRIPTED" and all(
+        variable.type == "SINGLE_PROP" and _is_custom_and_steady(variable.targets[0], sources)
+        for variable in driver.variables
+    )
+
+
+def _is_custom_and_steady(target: Any, sources: dict[Any, set[str]] | None) -> bool:
+    block, path = target.id, target.data_path
+    if block is None or sources is None:
+        return block is None or _CUSTOM.match(path) is not None
+    if block not in sources:
+        sources[block] = animation.animated_paths(block)
+    return _CUSTOM.match(path) is not None and path not in sources[block]
 
 
 def _is_kept(path: str, kind: str) -> bool:
@@ -85,7 +114,7 @@ def _given_to(driver: Any) -> str:
 MOST_KNOWN = 4096
 # By the address of an evaluated data-block: (addresses of its actions, what `why` and, of an object, its paths were).
 _known: dict[int, tuple[tuple[int, ...], Any]] = {}
-_lock = threading.Lock()
+_lock = threading.RLock()  # what a driver reads may be evaluated within it
 
 
 def of_copies(ob: Any, hook: Any) -> tuple[Any, ...]:

@@ -42,10 +42,10 @@ def path_of(modifier: bpy.types.Modifier, name: str = CARRIER) -> str:
 def hook_of(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> Any:
     """Returns the hook on that modifier, or None."""
     curve = animation.find_driver(ob, path_of(modifier))
-    return curve if curve is not None and _is_hook(curve) else None
+    return curve if curve is not None and is_hook(curve) else None
 
 
-def _is_hook(curve: bpy.types.FCurve) -> bool:
+def is_hook(curve: bpy.types.FCurve) -> bool:
     """Whether a driver is a hook."""
     return any(
         variable.type == "SINGLE_PROP" and variable.targets[0].data_path == HOOK for variable in curve.driver.variables
@@ -352,7 +352,7 @@ def unwire(ob: bpy.types.Object) -> None:
     for modifier in ob.modifiers:
         if modifier.type == "ARMATURE" and getattr(modifier, CARRIER):
             setattr(modifier, CARRIER, False)
-    for curve in [curve for curve in ob.animation_data.drivers if _is_hook(curve)] if ob.animation_data else ():
+    for curve in [curve for curve in ob.animation_data.drivers if is_hook(curve)] if ob.animation_data else ():
         animation.remove_curve(ob, curve)
 
 
