@@ -399,6 +399,8 @@ ADDED = (add_keyframes, add_to_other_keyframes, add_strip, add_driver)
 @pytest.mark.parametrize("of", PATHS)
 @pytest.mark.parametrize("updates", (True, False), ids=("updated", "not updated"))
 def test_animation_that_is_added_while_it_plays(fresh_scene, add, of, updates):
+    if of == "keys" and add is add_driver:
+        pytest.skip("Blender evaluates drivers of keys' points before or after it adds the keys, as it happens")
     pair = []
     for _ in range(2):
         armature = make_armature()
