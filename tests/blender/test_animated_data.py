@@ -36,6 +36,9 @@ NOT_HERE = re.compile(
     r"|attributes\[\"\.sinew)"
 )
 
+# Blender evaluates drivers of keys' points before or after it adds the keys, as it happens.
+BY_CHANCE = re.compile(r"key_blocks\[.*\]\.(data|points)\[")
+
 
 def numbers_of(struct, path="", depth=DEPTH):
     """Yields (path, value) of all numbers in a struct of Blender that can be animated, with those of its elements."""
@@ -142,18 +145,14 @@ def animated(pair, path, rna, values, animate):
 
 
 def error_of_plays(scene, check):
-    """Returns why the check failed each time that the frames were played, or "". Blender evaluates some drivers before
-    or after what they change, as it happens: of keys' points, and of the pose position."""
-    error = ""
-    for _ in range(4):
+    """Returns why the check failed on a frame, or ""."""
+    for frame in FRAMES:
+        scene.frame_set(frame)
         try:
-            for frame in FRAMES:
-                scene.frame_set(frame)
-                check()
-            return ""
+            check()
         except AssertionError as failed:
-            error = f"on frame {frame}: {failed}"[:120]
-    return error
+            return f"on frame {frame}: {failed}"[:120]
+    return ""
 
 
 class Scene:
@@ -247,7 +246,7 @@ def test_what_animation_sets_is_followed_or_left_to_blender(fresh_scene, kind, o
     pair = scene.blocks(of)
     followed, left, wrong = [], [], []
     for path, rna in list(numbers_of(pair[0])):
-        if NOT_HERE.match(path):
+        if NOT_HERE.match(path) or animate is drive and BY_CHANCE.match(path):
             continue
         values = other_values(pair[0], path, rna)
         if values is None:
