@@ -15,6 +15,7 @@ FACES = {"face_offsets": np.array([0, 3, 6]), "face_vertices": np.array([0, 1, 2
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.5]])
 WEIGHTS = np.array([[1, 0], [0.5, 0.5], [0.25, 0.75], [0, 1.0]])
 MATRICES = np.tile(np.eye(4, dtype=np.float32), (3, 2, 1, 1))
+FRAMES = np.array([1.0, 2.5])
 ENDS = {"heads": POINTS[:2], "tails": POINTS[1:3]}
 
 
@@ -52,6 +53,7 @@ def valid():
         "cage_positions": POINTS,
         "weights": group,
     }
+    program = sinew.RigProgram({"blender": 502})
     kept = mush.arrays()
     surface = {"positions": POINTS, **FACES}
     source = {f"source_{name}": array for name, array in surface.items()}
@@ -211,6 +213,8 @@ def valid():
             {"weights": WEIGHTS, **surface, "pairs": np.array([1, 0]), "axis": 0, "mask": group},
         ),
         "transfer_weights": (sinew.transfer_weights, {**source, "source_weights": WEIGHTS, **surface}),
+        **{f"RigProgram.{name}": (getattr(program, name), {"frames": FRAMES}) for name in ("evaluate", "segments")},
+        "RigProgram.values": (program.values, {"frames": FRAMES, "paths": []}),
     }
 
 
