@@ -11,7 +11,7 @@ from characters import accelerate, make_armature, make_mesh, pose
 from helpers import addon_module, assert_same_shape, import_rig, twin_of
 
 OTHERS = 300  # objects, meshes, materials and images in no scene
-MOST_CALLS_A_FRAME = 40  # of all handlers together
+MOST_CALLS_A_FRAME = 50  # of all handlers together
 
 
 class Watched:

@@ -359,13 +359,13 @@ def test_disabling_the_addon_leaves_nothing_running():
             if handler.__module__.startswith(package)
         ]
 
-    assert len(handlers()) == 12
+    assert len(handlers()) == 15
     try:
         bpy.ops.preferences.addon_disable(module=package)
         assert handlers() == [] and not hasattr(bpy.types.Object, "sinew")
     finally:
         bpy.ops.preferences.addon_enable(module=package)
-    assert len(handlers()) == 12
+    assert len(handlers()) == 15
     assert sys.modules[package]
 
 
