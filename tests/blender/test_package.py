@@ -55,7 +55,7 @@ print("MODULES", [part.__name__.rpartition(".")[2] for part in addon.MODULES])
 print("PROBLEM", addon.native.problem)
 """,
 }
-GONE, RUNNING = "False False False 0 -", "True True True 17 "
+GONE, RUNNING = "False False False 0 -", "True True True 21 "
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """A rig's program computes each bone with the bits that Blender computes."""
 
 import json
+import re
 from functools import partial
 
 import addon_utils
@@ -79,7 +80,8 @@ def test_random_rigs(first):
             outcomes["cycle"] += 1
             continue
         except ValueError as error:
-            assert "Blender switches such a driver off" in str(error)
+            # In 4.3 such a driver may have left a location that is not a number.
+            assert re.search("Blender switches such a driver off|has nan as a value of", str(error))
             outcomes["undefined driver"] += 1
             continue
         needed = random_rigs.shrunk(seed, features, partial(random_rigs.differs, seed)) if found else ()
@@ -184,6 +186,8 @@ def test_python_in_drivers_is_refused(armature):
     driver = armature.pose.bones["b"].driver_add("location", 0).driver
     driver.expression = "2 ** 3"
     bpy.context.view_layer.update()
+    if not driver.is_valid:
+        pytest.skip("this Blender has switched the driver off, since it runs no Python for it")
     assert 'the driver of pose.bones["b"].location: "2 ** 3" is not one of' in refusal(armature)
 
 

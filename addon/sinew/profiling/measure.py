@@ -14,7 +14,6 @@ from typing import Any
 import bpy
 
 from ..blender import animation, modifier_types, nodes, values
-from ..host import contract, switches
 from ..main import whole_frames
 from ..plan import bindable, survey, ways, wiring
 from ..run import characters
@@ -203,8 +202,9 @@ class _Subject:
     def _add_modifiers(self, evaluated):
         """Adds the modifiers that Blender runs."""
         shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
-        if not contract.trouble():
-            shown = [modifier for modifier in shown if not switches.is_aside(modifier)]
+        if self.is_deformed_by_sinew:  # after an evaluation the modifiers that Sinew replaces are on again
+            plan = characters.of(self.ob).plan
+            shown = [modifier for modifier in shown if modifier.name not in (*plan.way.front, *plan.replaced)]
         kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
         tail = costs.after_deforming(kinds, {"ARMATURE", *modifier_types.STAGES})
         for modifier in shown:

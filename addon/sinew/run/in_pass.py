@@ -75,7 +75,8 @@ def _may_be_left(ob: Any) -> bool:
     """Whether Blender's own modifiers, which are on, may deform an evaluated object if nobody restores its shape keys
     after the evaluation."""
     return (
-        ob.original.data.shape_keys is not None
+        ob.type == "MESH"  # any object has the property, and a script may read it
+        and ob.original.data.shape_keys is not None
         and not survey.wants_more(ob.original.sinew)
         and not afterwards.is_waiting(ob)
     )

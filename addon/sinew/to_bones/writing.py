@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..bake.frame_range import FrameRange
-from ..blender import meshes, weight_writing
+from ..blender import meshes, nodes, weight_writing
 from ..rigs import clip_keyframes, rig_import
 from . import joints as joint_motions
 from .joints import Joints, Keys
@@ -61,6 +61,7 @@ def _copied_mesh(context, ob, created):
     mesh = bpy.data.meshes.new_from_object(ob.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
     created.append(mesh)
     mesh.name = f"{ob.name}_baked"
+    meshes.remove_attribute(mesh, nodes.POSITION_ATTRIBUTE)  # of a bound mesh that Blender has deformed
     if ob.evaluated_get(graph).matrix_world.determinant() < 0:  # positions will be those of world space
         mesh.flip_normals()
     return mesh
