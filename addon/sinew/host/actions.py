@@ -22,7 +22,7 @@ def of(block: Any) -> list[Played]:
     found = [
         Played(data.action, getattr(data, "action_slot", None), data, "AnimData", "*action"),
         Played(
-            data.action_tweak_storage,
+            getattr(data, "action_tweak_storage", None),  # before 4.0 the API does not show it
             getattr(data, "action_slot_handle_tweak_storage", None),
             data,
             "AnimData",
