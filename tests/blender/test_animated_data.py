@@ -442,7 +442,7 @@ def test_animation_that_is_added_while_it_plays(fresh_scene, add, of, updates):
     for frame in (3, 4):
         fresh_scene.frame_set(frame)
         assert_same_shape(*pair)
-    assert is_deforming(pair[0])
+    assert is_deforming(pair[0]) or bpy.app.version < (4, 0, 0)  # Blender 3.4 does not tell that it is gone
 
 
 @pytest.mark.parametrize("is_keyed", (False, True))
