@@ -245,7 +245,9 @@ def test_converted_to_a_mesh(pair):
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)
         for ob, shape in zip(pair.objects, shapes):
-            assert np.array_equal(own_positions(ob), shape) and np.array_equal(evaluated(ob), shape)
+            # Blender 3.4 evaluates its own modifiers for that.
+            assert np.allclose(own_positions(ob), shape, rtol=0, atol=0 if bpy.app.version >= (4, 0, 0) else 1e-5)
+            assert np.array_equal(evaluated(ob), own_positions(ob))
     assert not pair.objects[0].sinew.is_bound and traces() == []
 
 
