@@ -42,7 +42,7 @@ def why(block: Any, kind: str, looks_at_sources: bool = True) -> str:
     sources: dict[Any, set[str]] | None = {} if looks_at_sources else None
     where = ", in the library" if block.library is not None else ""
     for curve in animation.drivers_of(block):
-        if wiring.is_hook(curve):
+        if kind == "OBJECT" and wiring.is_hook(curve):
             continue
         given = _given_to(curve.driver)
         if given:

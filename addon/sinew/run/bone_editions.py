@@ -53,9 +53,8 @@ def is_last(address: int, number: int) -> bool:
 
 
 def _number_of(armature: Any, known: list[tuple[int, bytes, Any]]) -> int:
-    trouble = animated.why(
-        armature.data, "ARMATURE", looks_at_sources=False
-    ).encode()  # then a plan leaves them to Blender
+    # With trouble, a plan leaves them to Blender.
+    trouble = animated.why(armature.data, "ARMATURE", looks_at_sources=False).encode()
     found = bones.read_bytes(armature.data) + trouble
     number = next((number for number, other, _signature in known if other == found), 0)
     if not number:
