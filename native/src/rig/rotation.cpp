@@ -28,12 +28,15 @@ Axes axes_of(EulerOrder order) {
   }
 }
 
+/// As hypotf of the C library, whose newer version would ask for a newer library.
+float hypotenuse(double a, double b) { return static_cast<float>(std::sqrt(a * a + b * b)); }
+
 /// The two triples of angles that give a matrix of unit columns.
 std::pair<Vec3, Vec3> both_eulers(const Mat3& m, EulerOrder order) {
   const auto [i, j, k, is_odd] = axes_of(order);
   Vec3 first;
   Vec3 second;
-  const float cosine = std::hypot(m[i][i], m[i][j]);
+  const float cosine = hypotenuse(m[i][i], m[i][j]);
   if (cosine > 0.0000375F) {
     first[i] = std::atan2(m[j][k], m[k][k]);
     first[j] = std::atan2(-m[i][k], cosine);
