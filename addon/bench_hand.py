@@ -51,7 +51,11 @@ def drag(rig, bone_name):
 
 
 def undo(rig):
-    """Moves a bone and undoes that. No reference outlives an undo."""
+    """Moves a bone and undoes that, to an earlier move: Blender evaluates again whatever was tagged before the step to
+    which it returns, and after binding that is all. No reference outlives an undo."""
+    bone_named(rig, DRAGGED["torso"]).location[0] += 0.0  # a move to return to
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="Move")
     times = []
     for step in range(UNDONE):
         bone_named(rig, DRAGGED["torso"]).location[0] += 0.01 * (step + 1)

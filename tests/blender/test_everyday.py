@@ -45,11 +45,11 @@ def test_modifiers_copied_to_another_mesh(character):
     assert_same_shape(other, ob)
 
 
-def assert_released(scene, ob, shape):
+def assert_released(scene, ob, shape, rounding=0.0):
     """It keeps that shape for good."""
     for frame in (2, 5):
         scene.frame_set(frame)
-        assert np.array_equal(evaluated(ob), shape)
+        assert np.allclose(evaluated(ob), shape, rtol=0, atol=rounding)
     assert not ob.sinew.is_bound and not traces()
 
 
@@ -69,7 +69,8 @@ def test_converted_to_a_mesh(fresh_scene, character):
     shape = evaluated(ob)
     select(ob)
     bpy.ops.object.convert(target="MESH")
-    assert_released(fresh_scene, ob, shape)
+    # Blender 3.4 converts what its own modifiers have deformed.
+    assert_released(fresh_scene, ob, shape, 1e-5 if bpy.app.version < (4, 0, 0) else 0.0)
     assert not ob.modifiers
 
 

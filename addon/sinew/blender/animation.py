@@ -34,18 +34,35 @@ def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     return list(found.values())
 
 
+def is_animated(block: bpy.types.ID, path: str) -> bool:
+    """Whether a driver or a keyframe of a data-block sets the property at that path, which is no array."""
+    data = block.animation_data
+    return data is not None and (
+        data.drivers.find(path) is not None
+        or any(
+            curves.find(path) is not None
+            for played in actions.of(block)
+            for curves in _collections_in(played.action, played.slot)
+        )
+    )
+
+
 def _curves_in(action: bpy.types.Action, slot: Any) -> list[bpy.types.FCurve]:
-    """Returns the F-curves of an action's slot. slot: the slot, its number, or None for none."""
+    """Returns the F-curves of an action's slot. slot: as below."""
+    return [curve for curves in _collections_in(action, slot) for curve in curves]
+
+
+def _collections_in(action: bpy.types.Action, slot: Any) -> list[Any]:
+    """Returns the collections of F-curves of an action's slot. slot: the slot, its number, or None for none."""
     if not hasattr(action, "layers"):  # before 4.4
-        return list(action.fcurves)
+        return [action.fcurves]
     number = getattr(slot, "handle", slot)
     return [
-        curve
+        bag.fcurves
         for layer in action.layers
         for strip in layer.strips
         for bag in strip.channelbags
         if bag.slot_handle == number
-        for curve in bag.fcurves
     ]
 
 

@@ -27,7 +27,7 @@ def _pointer(kind: str | None = None, offset: int | None = None) -> Member:
     return Member(kind, layout.POINTER, offset)
 
 
-_NAME = Member("char", 64)  # of a vertex group
+_NAME = Member("char", 64)
 
 # A pointer's name begins with "*". The type of a pointer is omitted if it differs between Blender versions.
 CONTRACT: dict[str, dict[str, Member]] = {
@@ -68,9 +68,26 @@ CONTRACT: dict[str, dict[str, Member]] = {
         "runtime": Member("bPoseChannel_Runtime", None),
     },
     "bPoseChannel_Runtime": {"bbone_segments": Member("int", 4), "*bbone_deform_mats": _pointer("Mat4")},
-    "DriverTarget": {"*id": _pointer("ID")},
-    "DriverVar": {"curval": Member("float", 4)},
-    "FCurve": {"flag": Member("short", 2)},
+    "DriverTarget": {"*id": _pointer("ID"), "*rna_path": _pointer("char")},
+    "DriverVar": {
+        "*next": _pointer("DriverVar", 0),
+        "name": _NAME,
+        "type": Member("char", 1),
+        "targets": Member("DriverTarget", None),
+        "curval": Member("float", 4),
+    },
+    "ChannelDriver": {
+        "variables": Member("ListBase", 16),
+        "expression": Member("char", 256),
+        "type": Member("int", 4),
+        "flag": Member("int", 4),
+    },
+    "FCurve": {
+        "*next": _pointer("FCurve", 0),
+        "*rna_path": _pointer("char"),
+        "*driver": _pointer("ChannelDriver"),
+        "flag": Member("short", 2),
+    },
     "ModifierData": {"mode": Member("int", 4)},
     "ArmatureModifierData": {
         "deformflag": Member("short", 2),

@@ -6,10 +6,10 @@ keyframes, NLA strips or drivers set in these data-blocks is taken to change wha
 
 import re
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..blender import animation
-from ..host import actions, marks
+from ..host import actions, contract, driver_bytes, marks
 from . import driver_variables, drivers, wiring
 
 _NAME = r'\["(?:[^"\\]|\\.)*"\]'
@@ -29,53 +29,88 @@ _OF_BEND = re.compile(rf"bones{_NAME}\.bbone_(ease|curve|roll|scale)\w+$")
 _CUSTOM = re.compile(rf".*{_NAME}$")
 # What is read of an object only when its plan is made.
 _OF_OBJECT = re.compile(r"modifiers\[|sinew\.|show_only_shape_key$")
+MOST_KNOWN = 4096  # data-blocks
 TITLES = {"MESH": "the mesh", "KEY": "the shape keys", "ARMATURE": "the armature", "OBJECT": "the object"}
 
 
 def why(block: Any, kind: str, looks_at_sources: bool = True) -> str:
     """Returns what animation may change without an edit of what Sinew has read of a data-block, and what to do, a
     sentence; "" for nothing. kind: "MESH", "KEY", "ARMATURE", or "OBJECT" for the object with the mesh;
-    looks_at_sources: whether to see if anything animates what drivers of B-bones read, for which all animation of a rig
-    has to be read."""
+    looks_at_sources: whether to see if anything animates what drivers of B-bones read, in another data-block."""
     if block is None or block.animation_data is None:
         return ""
-    sources: dict[Any, set[str]] | None = {} if looks_at_sources else None
     where = ", in the library" if block.library is not None else ""
-    for curve in animation.drivers_of(block):
-        if kind == "OBJECT" and wiring.is_hook(curve):
-            continue
-        given = _given_to(curve.driver)
-        if given:
-            return (
-                f"The driver of {_name(curve, block, kind)} runs Python with {given}, through which it may change what "
-                f"Sinew has read: write it without{where}"
-            )
-        if _is_kept(curve.data_path, kind) and not (
-            _OF_BEND.match(curve.data_path) and _is_steady(curve.driver, sources)
-        ):
-            return _sentence(curve, block, kind, "driven", f"remove its driver{where}")
+    own = block.animation_data.drivers
+    found = _found_in(own, block, kind)
+    if found.given:
+        return (
+            f"The driver of {_name(own[found.number], block, kind)} runs Python with {found.given}, through which "
+            f"it may change what Sinew has read: write it without{where}"
+        )
+    number = found.number
+    if looks_at_sources and number is None:
+        number = next((source[0] for source in found.sources if _is_source_animated(own, *source)), None)
+    if number is not None:
+        return _sentence(own[number], block, kind, "driven", f"remove its driver{where}")
     for curve in animation.keyed_curves(block):
         if _is_kept(curve.data_path, kind):
             return _sentence(curve, block, kind, "keyed", f"remove its keyframes{where}")
     return ""
 
 
-def _is_steady(driver: Any, sources: dict[Any, set[str]] | None) -> bool:
-    """Whether the value of a driver only changes by an edit: it reads nothing but custom properties that neither
-    keyframes nor drivers set. sources: the animated paths of data-blocks that were looked at; None: do not look."""
-    return driver.type != "SCRIPTED" and all(
-        variable.type == "SINGLE_PROP" and _is_custom_and_steady(variable.targets[0], sources)
-        for variable in driver.variables
-    )
+class _Found(NamedTuple):
+    """What drivers are, by their numbers: so it holds for whatever data-block has the same ones."""
+
+    number: int | None = None  # of the first that may change what was read
+    given: str = ""  # what that hands over to Python
+    sources: tuple[tuple[int, int], ...] = ()  # numbers of drivers of B-bones, and of variables that differ
+    runs_python: bool = False  # so that it depends on more than the drivers
 
 
-def _is_custom_and_steady(target: Any, sources: dict[Any, set[str]] | None) -> bool:
-    block, path = target.id, target.data_path
-    if block is None or sources is None:
-        return block is None or _CUSTOM.match(path) is not None
-    if block not in sources:
-        sources[block] = animation.animated_paths(block)
-    return _CUSTOM.match(path) is not None and path not in sources[block]
+_found: dict[tuple[int, str], tuple[bytes, _Found]] = {}  # by the address of a data-block and its kind
+
+
+def _found_in(own: Any, block: Any, kind: str) -> _Found:
+    """Looks at the drivers of a data-block again only if they have changed: a large rig has hundreds."""
+    if contract.is_broken():
+        return _look_at(own, kind)
+    key, now = (block.as_pointer(), kind), driver_bytes.read(own)
+    before, found = _found.get(key, (None, None))
+    if found is None or before != now:
+        found = _look_at(own, kind)
+        if len(_found) >= MOST_KNOWN:
+            _found.clear()
+        if not found.runs_python:
+            _found[key] = now, found
+    return found
+
+
+def _look_at(own: Any, kind: str) -> _Found:
+    sources: dict[tuple[Any, str], tuple[int, int]] = {}
+    runs_python = False
+    for number, curve in enumerate(own):
+        if kind == "OBJECT" and wiring.is_hook(curve):
+            continue
+        driver, path = curve.driver, curve.data_path
+        if _runs_python(driver):
+            runs_python = True
+            if given := _given_to(driver):
+                return _Found(number, given, runs_python=True)
+        if not _is_kept(path, kind):
+            continue
+        if not _OF_BEND.match(path) or driver.type == "SCRIPTED":
+            return _Found(number, runs_python=runs_python)
+        for place, variable in enumerate(driver.variables):
+            target = variable.targets[0]
+            if variable.type != "SINGLE_PROP" or target.id is not None and not _CUSTOM.match(target.data_path):
+                return _Found(number, runs_python=runs_python)
+            sources.setdefault((target.id, target.data_path), (number, place))
+    return _Found(sources=tuple(sources.values()), runs_python=runs_python)
+
+
+def _is_source_animated(own: Any, number: int, place: int) -> bool:
+    target = own[number].driver.variables[place].targets[0]
+    return target.id is not None and animation.is_animated(target.id, target.data_path)
 
 
 def _is_kept(path: str, kind: str) -> bool:
@@ -92,18 +127,21 @@ def _name(curve: Any, block: Any, kind: str) -> str:
     return f"{curve.data_path} of {TITLES[kind]} {block.name}"
 
 
+def _runs_python(driver: Any) -> bool:
+    if driver.type != "SCRIPTED":
+        return False
+    try:
+        drivers.compiled(driver.expression, [variable.name for variable in driver.variables])
+        return False
+    except ValueError:
+        return True
+
+
 def _given_to(driver: Any) -> str:
     """Returns what of Blender's data a driver hands over to Python, or "" if it gets numbers at most."""
-    if driver.type != "SCRIPTED":
-        return ""
-    names = [variable.name for variable in driver.variables]
-    try:
-        drivers.compiled(driver.expression, names)
-        return ""
-    except ValueError:
-        pass  # Blender runs Python for it
     if driver.use_self:
         return "the data itself (self)"
+    names = [variable.name for variable in driver.variables]
     if re.search(r"\bdepsgraph\b", driver.expression) and "depsgraph" not in names:
         return "all evaluated data (depsgraph)"
     return next((f"data ({each.name})" for each in driver.variables if driver_variables.is_data(each)), "")
@@ -111,7 +149,6 @@ def _given_to(driver: Any) -> str:
 
 # --- in evaluated copies --------------------------------------------------------------------------
 
-MOST_KNOWN = 4096
 # By the address of an evaluated data-block: (addresses of its actions, what `why` and, of an object, its paths were).
 _known: dict[int, tuple[tuple[int, ...], Any]] = {}
 _lock = threading.RLock()  # what a driver reads may be evaluated within it

@@ -150,23 +150,6 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
   return array_of(addresses);
 }
 
-/// Appends the regions of all structs of a list, each followed by those of its children, with the depth.
-void append_tree(Address first, std::ptrdiff_t children_at,
-                 const std::vector<std::pair<std::ptrdiff_t, std::size_t>>& regions, char depth, std::string& to) {
-  for (Address each = first; each != 0; each = read<Address>(each)) {
-    to.push_back(depth);
-    for (const auto& [offset, size] : regions) to.append(reinterpret_cast<const char*>(each + offset), size);
-    append_tree(read<Address>(each + children_at), children_at, regions, static_cast<char>(depth + 1), to);
-  }
-}
-
-py::bytes tree_bytes(Address first, std::ptrdiff_t children_at,
-                     const std::vector<std::pair<std::ptrdiff_t, std::size_t>>& regions) {
-  std::string found;
-  append_tree(first, children_at, regions, 0, found);
-  return found;
-}
-
 bool is_any_flat(const py::array_t<float, py::array::c_style>& motions,
                  const py::array_t<std::int32_t, py::array::c_style>& first_joints,
                  const py::array_t<std::int32_t, py::array::c_style>& joint_counts) {
@@ -197,6 +180,7 @@ void restore_silent_keys(const std::vector<Address>& keys, const std::array<std:
 
 }  // namespace
 
+void bind_described(py::module_& host);
 void bind_pose_record(py::module_& host);
 void bind_stored_curves(py::module_& host);
 void bind_frame_shape(py::module_& host);
@@ -238,12 +222,6 @@ void bind_host(py::module_& parent) {
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Returns the addresses, int64, of at most count structs of one of Blender's lists, in which each "
              "begins with the address of the next.");
-  module.def("tree_bytes", &tree_bytes, py::arg("first"), py::arg("children_at"), py::arg("regions"),
-             "Returns the bytes of all structs of one of Blender's lists and of the lists of their children, each with "
-             "its depth, as bytes.\n\n"
-             "first: address of the first struct, or 0. Each begins with the address of the next.\n"
-             "children_at: byte offset of the address of a struct's first child.\n"
-             "regions: [(offset, size)] in bytes, what to read of each struct.");
   module.def("silence_keys", &read_and_silence_keys, py::arg("keys"), py::arg("layout"),
              "Keeps Blender from adding evaluated shape keys to the reference key: makes them relative to a key that "
              "does not exist.\n\n"
@@ -254,6 +232,7 @@ void bind_host(py::module_& parent) {
              "Undoes silence_keys.\n\n"
              "numbers: for each key, that of the key to which it is relative.\n"
              "Raises ValueError if there is not one for each key.");
+  bind_described(module);
   bind_pose_record(module);
   bind_stored_curves(module);
   bind_frame_shape(module);

@@ -134,7 +134,7 @@ def state(ob):
         "shape keys": [(key.name, key.mute, round(key.value, 6), key.vertex_group) for key in keys.key_blocks]
         if keys
         else [],
-        "drivers": [curve.data_path for curve in drivers if not wiring()._is_hook(curve)],
+        "drivers": [curve.data_path for curve in drivers if not wiring().is_hook(curve)],
         "properties": [name for name in ob.keys() if not name.startswith("sinew")],
         "attributes": sorted(name for name in ob.data.attributes.keys() if name[0] != "."),
         "parent": (ob.parent and ob.parent.name, ob.parent_type),
