@@ -478,6 +478,59 @@ def test_b_bones_that_custom_properties_bend(fresh_scene, is_keyed):
     assert_same_shape(ob, twin)
 
 
+def other_settings(struct):
+    """Yields (property, another value) for all that can be set in a struct of Blender."""
+    for rna in struct.bl_rna.properties:
+        name, value = rna.identifier, getattr(struct, rna.identifier)
+        if rna.is_readonly or name == "rna_type":
+            continue
+        if rna.type == "ENUM" and not rna.is_enum_flag:
+            yield from ((name, item.identifier) for item in rna.enum_items if item.identifier != value)
+        elif rna.type == "STRING":
+            yield from ((name, text) for text in ("bbone_easeout", 'bones["bone2"].use_deform', "[x for x in ()]"))
+        elif rna.type == "BOOLEAN":
+            yield name, not value
+        elif rna.type == "POINTER":
+            yield name, None
+        elif rna.type in {"INT", "FLOAT"} and not rna.is_array:
+            yield name, value + 1
+
+
+def test_whatever_is_changed_in_a_driver_is_seen(fresh_scene):
+    """Drivers are only looked at again if their bytes differ."""
+    animated = addon_module("plan.animated")
+    armature = make_armature()
+    data = armature.data
+
+    def drive_again():
+        data.animation_data_clear()
+        curve = data.driver_add('bones["bone2"].bbone_easeout')
+        curve.driver.type = "SUM"
+        variable = curve.driver.variables.new()
+        variable.targets[0].id, variable.targets[0].data_path = armature, 'pose.bones["bone2"]["rubber"]'
+        return curve, curve.driver, variable, variable.targets[0]
+
+    seen = 0
+    for place in range(4):
+        for name, value in list(other_settings(drive_again()[place])):
+            struct = drive_again()[place]
+            assert animated.why(data, "ARMATURE") == ""
+            try:
+                setattr(struct, name, value)
+            except TypeError:  # no item of the enum here
+                continue
+            found = animated.why(data, "ARMATURE")
+            animated._found.clear()
+            assert found == animated.why(data, "ARMATURE"), (type(struct).__name__, name, value)
+            seen += found != ""
+    assert seen > 5  # of the driver: path, type; of the variable: type; of the target: path, ...
+    drive_again()
+    armature.pose.bones["bone2"]["rubber"] = 0.5
+    assert animated.why(data, "ARMATURE") == ""
+    armature.pose.bones["bone2"].keyframe_insert('["rubber"]', frame=1)
+    assert "is driven" in animated.why(data, "ARMATURE")
+
+
 def test_the_pose_position_is_keyed(fresh_scene):
     armature = make_armature()
     ob = make_mesh(armature, False)

@@ -176,7 +176,6 @@ def forget() -> None:
 
 def forget_what_was_seen() -> None:
     _bone_names.clear()
-    afterwards.forget()
     evaluations.forget()
     deformed_copies.forget()
     posing.forget()

@@ -51,6 +51,11 @@ def of_mesh(character: Any) -> list[GraphCopy]:
     return sorted(found, key=lambda copy: copy.used)
 
 
+def unrestored() -> list[tuple[int, GraphCopy]]:
+    """Returns (address, what is known) of the evaluated objects in which Sinew has set something."""
+    return [(address, copy) for address, copy in tuple(_copies.items()) if copy.unrestored is not None]
+
+
 def forget(character: Any = None) -> None:
     """Discards what is known of the evaluated copies of one object. None: of all objects."""
     for address, copy in tuple(_copies.items()):

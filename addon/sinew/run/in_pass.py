@@ -40,7 +40,7 @@ def deform_now(ob: Any) -> None:
             return
         known = graph_copies.at(ob.as_pointer())
         if known is not None and known.fast_path.run(ob):
-            afterwards.note(ob)
+            known.unrestored = ob.original
         elif ob.is_evaluated and ob.sinew.is_bound:
             entry = characters.of(ob)
             if not _skips(entry, ob):
@@ -51,7 +51,7 @@ def deform_now(ob: Any) -> None:
     except Exception as error:
         entry = characters.of(ob)
         copy = entry.copy_of(ob)
-        afterwards.note(ob)  # which the fast path has not done
+        copy.unrestored = ob.original  # which the fast path has not noted
         characters.keep_error(entry, error)
         _leave(entry, copy, ob)
 
@@ -66,7 +66,7 @@ def _run(entry: Character, copy: GraphCopy, ob: Any) -> None:
         _rest(copy, ob)
         return
     _compute(copy, ob, frame, start)
-    afterwards.note(ob)
+    copy.unrestored = ob.original
     copy.is_deforming = True
     switching.switch(ob, copy.plan, True)
 
@@ -125,7 +125,7 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     if copy.goes_through_keys():
         addresses = key_blocks.key_addresses(mesh.shape_keys)
         reading.read_keys(ob, mesh)
-        afterwards.note(ob)  # from here on, the keys are not what they were
+        copy.unrestored = ob.original  # from here on, the keys are not what they were
         key_values = key_blocks.silence_keys(addresses)
     elif is_fresh:
         reading.read_rest(mesh)
@@ -212,7 +212,7 @@ def _give_keys_back(copy: GraphCopy, ob: Any) -> None:
     original = ob.original.data
     if not keys or not marks.is_marked(keys, "KEY") or keys.original != original.shape_keys:
         return  # unchanged, or of a mesh that the object no longer has
-    if not afterwards.is_waiting(ob):
+    if copy.unrestored is None:
         marks.clear_mark(keys, "KEY")
         return
     shape_keys.give_back(keys, copy.reading.keys_of(keys, original))

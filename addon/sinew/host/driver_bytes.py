@@ -1,0 +1,43 @@
+"""Reads the bytes that tell what the drivers of a data-block set, and what they read."""
+
+import functools
+from typing import Any
+
+from ..native import sinew_native
+from . import contract
+
+
+@functools.cache
+def _drivers() -> Any:
+    """Returns what is read of a driver's F-curve."""
+
+    def at(kind: str, *names: str) -> list[int]:
+        return [contract.offset(kind, name) for name in names]
+
+    def plain(kind: str, *names: str) -> list[tuple[int, int]]:
+        return [(contract.offset(kind, name), contract.size(kind, name)) for name in names]
+
+    first, stride = contract.offset("DriverVar", "targets"), contract.struct_size("DriverTarget")
+    targets = range(first, first + contract.size("DriverVar", "targets"), stride)
+    block, size = *at("DriverTarget", "*id"), contract.size("DriverTarget", "*id")
+    path = contract.offset("DriverTarget", "*rna_path")
+    variable = sinew_native.host.Described(
+        plain("DriverVar", "name", "type") + [(target + block, size) for target in targets],
+        [target + path for target in targets],
+        [],
+        [],
+    )
+    variables = contract.offset("ChannelDriver", "variables") + contract.offset("ListBase", "*first")
+    driver = sinew_native.host.Described(
+        plain("ChannelDriver", "type", "flag", "expression"), [], [], [(variables, variable)]
+    )
+    return sinew_native.host.Described(
+        [], at("FCurve", "*rna_path"), [(contract.offset("FCurve", "*driver"), driver)], []
+    )
+
+
+def read(drivers: Any) -> bytes:
+    """Returns bytes that are equal for two collections of drivers if these set the same properties by the same types
+    and expressions, of variables with the same names and types that read the same properties of the same data-blocks.
+    """
+    return _drivers().bytes_of_list(drivers[0].as_pointer()) if len(drivers) else b""
