@@ -8,7 +8,7 @@ from ..clips.clip_store import has_poses
 from ..feedback import notice
 from ..plan import canvas_survey, runs, survey, wiring
 from ..plan.bindable import BindingError, check_bindable, modifiers_to_take
-from ..run import characters, mail, methods
+from ..run import characters, errors, mail, methods
 from . import canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from .deformed_copy import OutputError
 
@@ -234,7 +234,7 @@ def prepare_method(ob: bpy.types.Object) -> None:
         try:
             precomputing.start(ob)
         except precomputing.Impossible as error:
-            characters.report(ob, str(error))
+            errors.report(ob, str(error))
 
 
 def make_single_user(ob: bpy.types.Object) -> None:

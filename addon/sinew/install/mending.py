@@ -5,7 +5,7 @@ import bpy
 from ..blender import meshes, nodes, values
 from ..host import contract, switches
 from ..plan import mends, survey, ways, wiring
-from ..run import characters, switching
+from ..run import characters, errors, switching
 from . import canvases
 
 _adapting: set[int] = set()  # keys of objects; before 3.5, moving a modifier evaluates, which delivers mail
@@ -54,7 +54,7 @@ def _adapt(ob):
         for mend in entry.planning.mends:
             _apply(mend, plan, ob)
     except ValueError as error:
-        characters.report(ob, str(error))
+        errors.report(ob, str(error))
         return
     entry.planning.newcomers = frozenset()
     entry.look(ob)

@@ -9,7 +9,7 @@ import numpy as np
 from ..blender import kept_arrays, meshes, values
 from ..feedback import notice
 from ..native import sinew_native
-from ..run import characters, methods
+from ..run import characters, errors, methods
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.1
@@ -112,7 +112,7 @@ def _finish(job):
         return  # it was deleted or unbound meanwhile
     if job.error is not None:
         log.error("%s: %s", job.name, job.error, exc_info=job.error)
-        characters.report(ob, f"The skinning method of {job.name} could not be prepared: {job.error}")
+        errors.report(ob, f"The skinning method of {job.name} could not be prepared: {job.error}")
     elif job.arrays is not None:
         keep(ob, job.made_of, job.arrays)
         if not bpy.app.background:

@@ -18,7 +18,7 @@ from ..install import bind, deformed_copy
 from ..install.deformed_copy import OutputError
 from ..install.old_files import SinewReplacedModifier
 from ..plan import wiring
-from ..run import characters, in_pass, methods
+from ..run import characters, errors, in_pass, methods
 from .skinning_properties import SinewSkinningSettings
 
 METHODS = (
@@ -77,7 +77,7 @@ def _apply_output(settings, _context):
         try:
             bind.switch_output(settings.id_data)
         except OutputError as error:
-            characters.report(settings.id_data, str(error))
+            errors.report(settings.id_data, str(error))
 
 
 def _apply_show_shape(settings, _context):

@@ -13,6 +13,7 @@
     switching        which modifiers Blender evaluates in this pass: its own, or Sinew's
     leaving          LeaveToBlender, the exception by which any of these leaves the mesh to Blender
     standing_aside   leaves all meshes to Blender for a while
+    errors           what goes wrong with a mesh, for the panel and the log
     mail             what an evaluation asks the main thread for
 
 Of a chain:

@@ -1,4 +1,4 @@
-"""All bound meshes at run time, and the errors reported for them.
+"""All bound meshes at run time.
 
 Frames and updates must not look up an object by name or ask how many there are: for either, Blender walks through all
 objects of the file. So references to the objects are kept. When Blender frees an object, which happens after a
@@ -6,7 +6,6 @@ deletion, an undo, and when a library is reloaded or an override is recreated, i
 objects are known from the hook, which Blender calls with them, and from updates. The file is then walked through once.
 """
 
-import logging
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -14,13 +13,10 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..blender import animation, armatures, meshes, values
-from ..feedback import notice
 from ..native import sinew_native
 from ..plan import canvas_survey
 from . import bone_editions, graph_copies, mail
 from .character import Character
-
-log = logging.getLogger("sinew")
 
 
 @dataclass
@@ -291,28 +287,3 @@ def sweep() -> None:
     """Discards what was read in graphs that are gone. In the main thread, after an evaluation."""
     graphs = [layer.depsgraph for scene in bpy.data.scenes for layer in scene.view_layers]
     graph_copies.sweep({ob.evaluated_get(graph).as_pointer() for graph in filter(None, graphs) for ob in known()})
-
-
-# --- what the main thread does for them -----------------------------------------------------------
-
-
-def keep_error(entry: Character, error: Exception) -> None:
-    """Stores an error with its mesh and reports it once, until a frame succeeds or the error changes."""
-    sentence = str(error)
-    if sentence != entry.status.error:
-        entry.status.error = sentence
-        mail.post(_say, entry.name[0], error)
-    entry.status.note_failure()
-    entry.forget_shape()
-
-
-def _say(name: str, error: Exception) -> None:
-    log.error("Sinew cannot deform %s", name, exc_info=error)
-    notice.show(f"Sinew cannot deform {name}, so Blender's own modifier does: {error}")
-
-
-def report(ob: bpy.types.Object, message: str) -> None:
-    """Shows a sentence for the object in the panel until the object is edited."""
-    of(ob).status.error = message
-    log.error("%s: %s", ob.name, message)
-    notice.show(f"{ob.name}: {message}")

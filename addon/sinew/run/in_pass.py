@@ -14,7 +14,7 @@ from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
 from ..plan import survey, ways, wiring
-from . import afterwards, characters, frame_shapes, graph_copies, shape_keys, stages, switching
+from . import afterwards, characters, errors, frame_shapes, graph_copies, shape_keys, stages, switching
 from .character import Character
 from .graph_copy import GraphCopy
 from .leaving import LeaveToBlender
@@ -52,7 +52,7 @@ def deform_now(ob: Any) -> None:
         entry = characters.of(ob)
         copy = entry.copy_of(ob)
         copy.unrestored = ob.original  # which the fast path has not noted
-        characters.keep_error(entry, error)
+        errors.keep(entry, error)
         _leave(entry, copy, ob)
 
 
@@ -193,7 +193,7 @@ def _leave(entry: Character, copy: GraphCopy, ob: Any) -> None:
         switching.switch(ob, copy.plan, False)
         _give_keys_back(copy, ob)
     except Exception as error:
-        characters.keep_error(entry, error)
+        errors.keep(entry, error)
 
 
 def _rest(copy: GraphCopy, ob: Any) -> None:
