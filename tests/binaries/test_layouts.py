@@ -1,7 +1,7 @@
 """Blender's description of its structs, as official builds for each system hold it: the same everywhere, and what Sinew
 expects of it. Nothing is run.
 
-SINEW_BPY_WHEELS is a folder with wheels of bpy. `.ci/layouts` downloads them and runs this.
+SINEW_BPY_WHEELS lists wheels of bpy, one a line. `.ci/layouts` downloads them and runs this.
 """
 
 import functools
@@ -15,17 +15,17 @@ from pathlib import Path
 
 import pytest
 
-FOLDER = os.environ.get("SINEW_BPY_WHEELS")
-pytestmark = pytest.mark.skipif(not FOLDER, reason="SINEW_BPY_WHEELS names no folder with wheels of bpy")
-NAME = re.compile(r"bpy-(?P<version>(?P<series>\d+\.\d+)\.\d+)-\w+-\w+-(?P<system>\w+)\.whl")
-SERIES = os.environ.get("SINEW_BPY_SERIES", "").split()  # such as 4.2; none for all
-BEGIN, LENGTH = b"SDNANAME", 4 << 20  # of the description: it has 0.2 MB
+LISTED = os.environ.get("SINEW_BPY_WHEELS")
+pytestmark = pytest.mark.skipif(LISTED is None, reason="SINEW_BPY_WHEELS lists no wheels of bpy")
+NAME = re.compile(r"bpy-(?P<version>[^-]+)-\w+-\w+-(?P<system>\w+)\.whl")
+BEGIN, LENGTH = b"SDNANAME", 4 << 20  # of a description: it has 0.2 MB
+BLOCK = 32  # what may be between a block's name and its contents in a .blend file
 
 ADDON = Path(__file__).resolve().parents[2] / "addon" / "sinew"
 WHEELS = {
     (match["version"], match["system"]): path
-    for path in sorted(Path(FOLDER or os.devnull).glob("bpy-*.whl"))
-    if (match := NAME.fullmatch(path.name)) and (not SERIES or match["series"] in SERIES)
+    for path in map(Path, (LISTED or "").splitlines())
+    if (match := NAME.fullmatch(path.name))
 }
 VERSIONS = sorted({version for version, _system in WHEELS})
 
@@ -51,25 +51,39 @@ def description(wheel):
     """The bytes of the description, out of the compiled module, as they are in a .blend file."""
     with zipfile.ZipFile(wheel) as archive:
         (module,) = [name for name in archive.namelist() if re.fullmatch(r"bpy/__init__\.[\w.-]*(so|pyd)", name)]
-        with archive.open(module) as file:
-            seen = b""
-            while chunk := file.read(8 << 20):
-                seen += chunk
-                if (place := seen.find(BEGIN)) >= 0:
-                    return b"DNA1" + (seen[place:] + file.read(LENGTH))[:LENGTH]
-                seen = seen[-len(BEGIN) :]
-    raise ValueError(f"{wheel.name} has no description of its structs")
+        found = own_descriptions(archive.read(module))
+    assert len(found) == 1, f"{wheel.name} has {len(found)} descriptions of its structs"
+    return found[0]
+
+
+def own_descriptions(data):
+    """The descriptions of Blender's structs in a compiled module, without those in .blend files that are embedded in
+    it, which older Blenders have written, and that of the physics library."""
+    found = [
+        data[place : place + LENGTH]
+        for place in (match.start() for match in re.finditer(BEGIN, data))
+        if b"DNA1" not in data[max(place - BLOCK, 0) : place]
+    ]
+    return [b"DNA1" + each for each in found if b"\0bPoseChannel\0" in each[: each.find(b"TLEN")]]
 
 
 def test_there_are_wheels():
-    assert WHEELS, f"{FOLDER} has no wheels of bpy {' '.join(SERIES)}"
+    assert WHEELS
+
+
+def test_descriptions_in_embedded_files_do_not_count():
+    own, older = (BEGIN + text + b"\0TYPE\0bPoseChannel\0TLEN" for text in (b"own", b"older"))
+    block, physics = b"DNA1" + bytes(20), BEGIN + b"m_size\0TYPE\0btVector3FloatData\0TLEN"
+    data = block + older + bytes(LENGTH) + own + bytes(LENGTH) + physics + b"\0bPoseChannel\0"
+    assert [each.rstrip(b"\0") for each in own_descriptions(data)] == [b"DNA1" + own]
 
 
 @pytest.mark.parametrize("version, system", WHEELS)
 def test_the_contract_holds(host, version, system):
     structs = host.parse(description(WHEELS[version, system]))
     assert len(structs) > 800
-    assert host.differences(structs) == []
+    found = host.differences(structs)
+    assert not found, f"Blender {version}, {system}: {'; '.join(found)}"
 
 
 @pytest.mark.parametrize("version", VERSIONS)
