@@ -131,4 +131,14 @@ for_all() {
     .ci/blender "$version" >/dev/null
   done
   "$1" "${SYSTEMS[@]}"
+  compare_packages
+}
+
+# Whether Debian's packages are those that .ci/debian.txt lists.
+compare_packages() {
+  local found
+  found=$(.ci/pins) || {
+    say "what was made may differ from what others make of this commit:"
+    echo "$found"
+  }
 }
