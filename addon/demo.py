@@ -11,6 +11,7 @@ as keyframes.
 import importlib
 import math
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -105,6 +106,30 @@ def print_table(mesh_object):
     )
     if len(mesh.vertices) < SMALL:
         print("Small meshes gain nothing: most of the frame is Blender's own work.\n")
+
+
+def gains():
+    """Returns how many times faster whole frames of the ogre are in the newest Blender of docs/speed.md, for each of
+    METHODS."""
+    text = (Path(__file__).resolve().parents[1] / "docs" / "speed.md").read_text(encoding="utf-8")
+    rows = {}
+    for who in ("Sinew", "Armature modifier"):
+        cells = re.search(rf"^\| whole `scene\.frame_set`, {who} \| ([\d.]+) \| ([\d.]+) \|", text, re.MULTILINE)
+        rows[who] = [float(cell) for cell in cells.groups()]
+    return [theirs / ours for theirs, ours in zip(rows["Armature modifier"], rows["Sinew"])]
+
+
+def last_words(folder):
+    """Returns why the table shows a small gain, and what shows a large one; nothing if the gain need not be small."""
+    if bpy.app.version >= (4, 2):
+        return ""
+    linear, dual_quaternion = gains()
+    return (
+        f"\nMost of these frames is Blender's own work: {bpy.app.version_string} computes all normals of a mesh when "
+        "its shape changes, whoever deforms it.\n"
+        f"`BLENDER=$(./dev blender 5.2) ./dev demo {folder}` shows a Blender that does not: the ogre's whole frames "
+        f"are {linear:.1f} times faster there, and {dual_quaternion:.1f} times with dual quaternions (docs/speed.md).\n"
+    )
 
 
 def world_points(mesh_object, frames):
@@ -255,6 +280,9 @@ def main():
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     render_sheet(mesh_object, pictures, picture)
     print(f"{blend}\n{picture}")
+    if len(mesh_object.data.vertices) >= SMALL:
+        print(last_words(folder.name if folder.parent.name == "data" else folder))
 
 
-main()
+if __name__ == "__main__":
+    main()
