@@ -204,6 +204,43 @@ def test_a_shortcut_gives_the_deformers_bits(posed, mesh, armature):
     assert posed.shortcut.milliseconds.shape == (2,) and (posed.shortcut.milliseconds >= 0).all()
 
 
+def walking(posed):
+    """The same as posed.shortcut, for a pose without an array."""
+    address = ctypes.addressof(posed.owner)
+    places = [((address + Owner.mesh_place.offset, -1), (address + Owner.armature_place.offset, -1))]
+    layout = Pose.first.offset, -1, *BONE
+    return host.Shortcut(posed.deformer, [], [(address, [0, -1, 1], [1, 0, 3])], layout, places, [])
+
+
+def test_a_shortcut_finds_the_bones_of_a_pose_without_an_array(posed):
+    """The list is followed on each frame, wherever its bones were the last time."""
+    out, wanted = np.empty((2, 3, 3), np.float32)
+    shortcut = walking(posed)
+    posed.pose.array = None
+    posed.deformer.deform(as_poses(posed), wanted)
+    copy = type(posed.bones[0]).from_buffer_copy(posed.bones[0])
+    for first in (posed.bones[0], copy, posed.bones[0]):
+        posed.pose.first = ctypes.addressof(first)
+        out[:] = 0
+        assert shortcut.deform(out.ctypes.data) and np.array_equal(out, wanted)
+
+
+@pytest.mark.parametrize("spoil", ("no pose", "fewer bones", "more bones", "other segments"))
+def test_a_shortcut_through_another_pose_without_an_array(posed, spoil):
+    shortcut, out, more = walking(posed), np.zeros((3, 3), np.float32), type(posed.bones[0])()
+    if spoil == "no pose":
+        posed.owner.pose = None
+    elif spoil == "fewer bones":
+        posed.bones[1].next = None
+    elif spoil == "more bones":
+        posed.bones[2].next = ctypes.addressof(more)
+    else:
+        spoil_segments(posed)
+    with pytest.raises(ValueError, match=r"other (bones|segments) than the skin was made for"):
+        shortcut.deform(out.ctypes.data)
+    assert not out.any()
+
+
 def test_a_shortcut_poses_the_layers_of_stages(posed):
     """A second pose, read after the deformer's own: here from the same bones, in other places."""
     rest = np.random.default_rng(3).normal(size=(3, 3)).astype(np.float32)

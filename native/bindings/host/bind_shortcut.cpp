@@ -82,6 +82,7 @@ struct PoseSource {
   std::ptrdiff_t bone_count;
   std::vector<Bone> bones;
   std::vector<float> matrices;  ///< identity for bones that do not deform
+  std::vector<Address> seen;    ///< the bones' addresses when the list was last walked; they may be gone
   bool is_split = false;        ///< whether the layer splits its motions as Blender does
 
   /// Whether how a motion is split depends on how Blender has rounded.
@@ -99,7 +100,8 @@ struct PoseSource {
 
 /// Offsets of the members of a pose, in bytes.
 struct PoseLayout {
-  std::ptrdiff_t list, array;  ///< list of bones: first and last; array of their addresses, in the same order
+  std::ptrdiff_t list;   ///< of bones: first and last
+  std::ptrdiff_t array;  ///< of their addresses, in the same order; -1 if there is none
   PoseBoneLayout bone;
 };
 
@@ -339,20 +341,47 @@ class Shortcut {
 
   void gather(PoseSource& source) const {
     const auto pose = read<Address>(source.at);
+    if (layout_.array < 0) return walk(source, pose);
     const auto bones = pose == 0 ? 0 : read<Address>(pose + layout_.array);
     const auto bone = [&](std::ptrdiff_t number) { return read<Address>(bones + number * sizeof(Address)); };
     // If both ends of the list match, the array contains the same bones.
     if (bones == 0 || bone(0) != read<Address>(pose + layout_.list) ||
         bone(source.bone_count - 1) != read<Address>(pose + layout_.list + sizeof(Address))) {
-      throw InputError("the pose has other bones than the skin was made for; make the skin again");
+      refuse_pose();
     }
-    char* const matrices = reinterpret_cast<char*>(source.matrices.data());
-    for (const PoseSource::Bone& each : source.bones) {
-      char* const to = matrices + each.first_joint * kMatrix;
-      if (!copy_motions(bone(each.number), layout_.bone, each.joint_count, to)) {
-        throw InputError("a bone has other segments than the skin was made for; make the skin again");
+    auto* const matrices = reinterpret_cast<char*>(source.matrices.data());
+    for (const PoseSource::Bone& each : source.bones) copy(bone(each.number), each, matrices);
+  }
+
+  /// The same for a pose without an array. Bones are far apart in memory, so those that were next the last time are
+  /// fetched ahead; what is read is the list as it is now.
+  void walk(PoseSource& source, Address pose) const {
+    constexpr std::size_t kAhead = 16;
+    source.seen.resize(source.bone_count + kAhead, 0);
+    auto* const matrices = reinterpret_cast<char*>(source.matrices.data());
+    auto used = source.bones.begin();
+    Address bone = pose == 0 ? 0 : read<Address>(pose + layout_.list);
+    for (std::ptrdiff_t b = 0; b < source.bone_count; ++b, bone = read<Address>(bone + layout_.bone.next)) {
+      if (bone == 0) refuse_pose();
+      for (const std::ptrdiff_t member : {layout_.bone.next, layout_.bone.motion}) {
+        __builtin_prefetch(reinterpret_cast<const void*>(source.seen[b + kAhead] + member));
       }
+      source.seen[b] = bone;
+      if (used == source.bones.end() || used->number != b) continue;
+      copy(bone, *used, matrices);
+      ++used;
     }
+    if (bone != 0) refuse_pose();
+  }
+
+  void copy(Address bone, const PoseSource::Bone& of, char* matrices) const {
+    if (!copy_motions(bone, layout_.bone, of.joint_count, matrices + of.first_joint * kMatrix)) {
+      throw InputError("a bone has other segments than the skin was made for; make the skin again");
+    }
+  }
+
+  [[noreturn]] static void refuse_pose() {
+    throw InputError("the pose has other bones than the skin was made for; make the skin again");
   }
 
   py::object owner_;
@@ -401,7 +430,7 @@ void bind_shortcut(py::module_& host) {
           "The first struct has the parent -1.\n"
           "poses: for each layer of the deformer, then of each stage of layers, in order: (address at which the "
           "address of the pose is stored, first_joints, joint_counts), the last two as in read_pose.\n"
-          "layout: byte offsets in a pose of its list of bones and its array of their addresses, "
+          "layout: byte offsets in a pose of its list of bones and its array of their addresses, or -1 if it has none, "
           "then what read_pose takes.\n"
           "places: for each layer, where two matrices of 16 float32 are, column by column: from mesh space to world "
           "space and from armature space to world space. Each is (address, -1), or the address at which the address of "
