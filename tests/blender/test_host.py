@@ -1,36 +1,23 @@
-"""What Sinew knows of Blender's memory: read from a file that the running Blender writes, checked, and compared with
-Blender's API when it is first used. Where it does not hold, Blender's own modifiers deform."""
+"""What Sinew knows of Blender's memory: read from a file that the running Blender writes, and compared with Blender's
+API when it is first used. What is lost where it does not hold: test_memory.py."""
 
-import dataclasses
-import re
 import sys
 
 import bpy
 import pytest
 
-from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, with_bendy_bones
+from characters import accelerate, make_armature, make_mesh, pose, with_bendy_bones
 from helpers import addon_module, assert_same_shape, twin_of, way
-
-says_errors = pytest.mark.says_errors
+from zoo import forget_memory
 
 
 @pytest.fixture
 def host():
     """The room's modules by name. Afterwards all is looked at again."""
-    names = ("contract", "layout", "proof", "deform_verts", "motions", "key_blocks", "vector_arrays", "switches")
-    modules = {name: addon_module(f"host.{name}") for name in names}
-    forget(modules)
-    yield modules
-    forget(modules)
-
-
-def forget(modules):
-    modules["contract"].forget()
-    modules["proof"].forget()
-    modules["motions"]._bone_layout.cache_clear()
-    modules["motions"].pose_layout.cache_clear()
-    modules["key_blocks"].key_layout.cache_clear()
-    addon_module("host.places").place_layout.cache_clear()
+    names = ("contract", "proof", "deform_verts")
+    forget_memory()
+    yield {name: addon_module(f"host.{name}") for name in names}
+    forget_memory()
 
 
 def test_temporary_data_are_not_freed_while_a_name_stands_for_them():
@@ -54,11 +41,6 @@ def test_reading_the_layout_changes_nothing_in_the_open_file():
 # --- the contract ---------------------------------------------------------------------------------
 
 
-def test_the_running_blender_keeps_the_contract(host):
-    assert host["contract"].differences(host["layout"].structs()) == []
-    assert host["contract"].trouble() == ""
-
-
 def test_what_is_not_in_the_contract_cannot_be_asked_for(host):
     with pytest.raises(KeyError):
         host["contract"].offset("Object", "parent")
@@ -66,185 +48,12 @@ def test_what_is_not_in_the_contract_cannot_be_asked_for(host):
         host["contract"].unused_byte("Scene")
 
 
-def changed(structs, kind, change):
-    return {**structs, kind: change(structs[kind])}
-
-
-def without(name):
-    def change(struct):
-        return dataclasses.replace(struct, members={k: v for k, v in struct.members.items() if k != name})
-
-    return change
-
-
-def with_member(name, **changes):
-    def change(struct):
-        offset, kind, size = struct.members[name]
-        new = changes.get("offset", offset), changes.get("kind", kind), changes.get("size", size)
-        return dataclasses.replace(struct, members={**struct.members, name: new})
-
-    return change
-
-
-def without_unused_bytes(struct):
-    members = {name: found for name, found in struct.members.items() if not name.lstrip("*").startswith("_pad")}
-    return dataclasses.replace(struct, members=members)
-
-
-def wider(struct):
-    return dataclasses.replace(struct, size=struct.size + 8)
-
-
-SPOILED = {
-    "gone": ("Mesh", without("vdata"), "Mesh has no vdata"),
-    "wider": ("KeyBlock", with_member("curval", kind="double", size=8), "KeyBlock.curval is double of 8 bytes"),
-    "moved in a list": ("bPoseChannel", with_member("*next", offset=8), r"bPoseChannel.\*next is at byte 8"),
-    "an array's stride": ("MDeformVert", wider, "MDeformVert has 24 bytes instead of 16"),
-    "without unused bytes": ("Mesh", without_unused_bytes, "Mesh has no unused byte"),
-    "another type": ("bPoseChannel_Runtime", with_member("bbone_segments", kind="float"), "is float of 4 bytes"),
-    "no place": (
-        "Object",
-        lambda struct: without("*runtime")(without("object_to_world")(without("obmat")(struct))),
-        "Object has no matrix",
-    ),
-}
-
-
-@pytest.mark.parametrize("spoil", SPOILED)
-def test_another_layout_is_named_and_blender_deforms(host, monkeypatch, spoil, fresh_scene):
-    kind, change, clause = SPOILED[spoil]
-    structs = changed(host["layout"].structs(), kind, change)
-    monkeypatch.setattr(host["layout"], "structs", lambda: structs)
-    assert re.search(clause, "; ".join(host["contract"].differences(structs)))
-    assert_blender_deforms(fresh_scene, bpy.app.version_string)
-
-
-def test_a_struct_that_is_gone_is_named(host):
-    structs = {k: v for k, v in host["layout"].structs().items() if k != "KeyBlock"}
-    assert "there is no struct KeyBlock" in host["contract"].differences(structs)
-
-
-def test_a_layout_that_cannot_be_read_is_asked_for_once(host, monkeypatch, fresh_scene):
-    asked = []
-
-    def fail():
-        asked.append(1)
-        raise OSError("no space")
-
-    monkeypatch.setattr(host["layout"], "structs", fail)
-    assert_blender_deforms(fresh_scene, "cannot be read: no space")
-    assert_blender_deforms(fresh_scene, "cannot be read: no space")
-    assert asked == [1]
-
-
-def assert_blender_deforms(scene, reason):
-    """A bound character has the right shape on each frame, and says why Blender makes it."""
-    armature = make_armature()
-    ob = make_mesh(armature, False)
-    twin = twin_of(ob)
-    for frame in (1, 4, 7):
-        pose(armature, frame, False)
-    accelerate(ob)
-    for frame in (2, 3, 5):
-        scene.frame_set(frame)
-        assert_same_shape(ob, twin)
-    assert way(ob) == "BLENDER"
-    assert reason in addon_module("run.characters").character(ob).way.reason
-    ob.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")  # everything else works
-    twin.vertex_groups["bone1"].add(range(300), 0.8, "REPLACE")
-    scene.frame_set(6)
-    assert_same_shape(ob, twin)
-    with bpy.context.temp_override(object=ob, active_object=ob, selected_objects=[ob]):
-        assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
-    assert_same_shape(ob, twin)
-
-
-# --- what is read is compared with what the API says ------------------------------------------------
-
-
-def spoil_motions(host, monkeypatch):
-    place = host["motions"]._bone_layout()
-    monkeypatch.setattr(host["motions"], "_bone_layout", lambda: (place[0], place[1] + 64, *place[2:]))  # pose_mat
-
-
-def spoil_segments(host, monkeypatch):
-    contract = host["contract"]
-    other = contract.offset("bPoseChannel_Runtime", "*bbone_deform_mats") - 8  # pose or rest matrices
-    place = host["motions"]._bone_layout()
-    start = contract.offset("bPoseChannel", "runtime")
-    monkeypatch.setattr(host["motions"], "_bone_layout", lambda: (*place[:3], start + other))
-
-
-def spoil_keys(host, monkeypatch):
-    flag, value, *rest = host["key_blocks"].key_layout()
-    monkeypatch.setattr(host["key_blocks"], "key_layout", lambda: (flag, value - 4, *rest))  # its place in time
-
-
-def spoil_attributes(host, monkeypatch):
-    vectors_at = host["vector_arrays"].vectors_at
-    monkeypatch.setattr(host["vector_arrays"], "vectors_at", lambda address, count: vectors_at(address + 4, count))
-
-
-def spoil_switches(host, monkeypatch):
-    monkeypatch.setattr(host["switches"], "_VIEWPORT", 4)
-
-
-def spoil_setting_aside(host, monkeypatch):
-    monkeypatch.setattr(host["switches"], "_ASIDE", 1 << 30)
-
-
-def spoil_muting(host, monkeypatch):
-    monkeypatch.setattr(host["switches"], "_MUTED", 1 << 5)
-    monkeypatch.setattr(addon_module("plan.ways"), "FEWEST_VERTICES", {"ATTRIBUTE": 10_000, "KEYS": 10_000})
-
-
-def plain(ob):
-    pass
-
-
-@says_errors
-@pytest.mark.parametrize(
-    ("spoil", "prepare", "clause"),
-    (
-        (spoil_motions, plain, "the motions of bones are not where they were"),
-        (spoil_segments, with_bendy_bones, "the motions of segments are not where they were"),
-        (spoil_keys, add_shape_keys, "shape keys are not where they were"),
-        (spoil_attributes, plain, "attributes are not where they were"),
-        (spoil_switches, plain, "the bits of switches of modifiers have another meaning"),
-        (spoil_muting, plain, "the bits of muted drivers have another meaning"),
-        (spoil_setting_aside, plain, "the bit that disables modifiers has another meaning"),
-    ),
-)
-def test_another_meaning_is_noticed_before_it_makes_a_wrong_shape(
-    host, monkeypatch, fresh_scene, spoil, prepare, clause
-):
-    armature = make_armature()
-    obs = [make_mesh(armature, False) for _ in range(2)]
-    for ob in obs:
-        prepare(ob)
-    twin = twin_of(obs[0])
-    for frame in (1, 4, 7):
-        pose(armature, frame, False)
-    spoil(host, monkeypatch)
-    for ob in obs:
-        accelerate(ob)
-    for frame in (2, 3, 5, 6):
-        fresh_scene.frame_set(frame)
-        for ob in obs:
-            assert_same_shape(ob, twin)
-    assert clause in host["contract"].trouble()
-    for ob in obs:
-        ob.data.update()
-    fresh_scene.frame_set(7)
-    for ob in obs:
-        assert way(ob) == "BLENDER"
-        assert_same_shape(ob, twin)
+# --- what is read is compared with what the API says: see also test_memory.py -----------------------
 
 
 def test_weights_in_another_storage_are_read_through_the_api(host, monkeypatch, fresh_scene):
     """The character would stay in its rest pose otherwise, without a word."""
     monkeypatch.setattr(host["deform_verts"], "_DEFORM_VERTICES", 9999)
-    monkeypatch.setattr(host["deform_verts"], "_weights_are_known", False)
     armature = make_armature()
     ob = make_mesh(armature, False)
     twin = twin_of(ob)

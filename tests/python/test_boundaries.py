@@ -58,6 +58,8 @@ PURE = {
     "deform.influences",
     "frozen.records",
     "frozen.stored_keys",
+    "host.features",
+    "host.members",
     "native",
     "plan.mends",
     "plan.plans",

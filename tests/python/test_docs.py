@@ -15,8 +15,8 @@ PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.glob("*.md"))]
 CODE = re.compile(r"^ *```.*?^ *```$|`[^`\n]+`", re.MULTILINE | re.DOTALL)
 
 
-def generator():
-    spec = importlib.util.spec_from_file_location("make_python_api", DOCS / "make_python_api.py")
+def generator(name="make_python_api"):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -34,6 +34,15 @@ def test_an_old_reference_is_noticed(tmp_path):
     maker.PAGE.write_text(API.read_text(encoding="utf-8").replace(maker.MARK, ""), encoding="utf-8")
     with pytest.raises(ValueError, match="has lost its line"):
         maker.check(sinew)
+
+
+def test_the_tables_of_blenders_memory_are_up_to_date(tmp_path):
+    maker = generator("make_memory_table")
+    assert maker.check() is None
+    old = tmp_path / "page.md"
+    old.write_text(maker.PAGE.read_text(encoding="utf-8").replace("Blender's own modifiers deform", "all is well"))
+    maker.PAGE = old
+    assert "run docs/make_memory_table.py" in maker.check()
 
 
 def python_of(page):

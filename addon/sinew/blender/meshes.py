@@ -237,6 +237,19 @@ def read_object_weights(ob: bpy.types.Object) -> tuple[np.ndarray, np.ndarray, n
     return offsets, groups, weights
 
 
+def has_weights(mesh: bpy.types.Mesh) -> bool:
+    """Whether the mesh has an array of weights, even an empty one."""
+    address = deform_verts.deform_vertices(mesh)
+    if address is not None:
+        return address != 0
+    bm = bmesh.new()
+    try:
+        bm.from_mesh(mesh, face_normals=False, vertex_normals=False)
+        return bm.verts.layers.deform.active is not None
+    finally:
+        bm.free()
+
+
 def _weights_by_bmesh(mesh):
     bm = bmesh.new()
     try:

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..host import contract
 from ..plan import bindable
 from ..profiling import costs
 from ..rigs import rig_import
@@ -46,6 +47,8 @@ def report_rig(path: str, options: rig_import.ImportOptions) -> tuple[dict[str, 
 
 
 def report_meshes(path: str, objects: Iterable[bpy.types.Object]) -> tuple[dict[str, Any], str]:
+    """Returns the meshes that something deforms, and in `unknown` what Sinew does without in this version of
+    Blender."""
     meshes = [describe_mesh(ob) for ob in objects]
     rows: list[tuple] = [("mesh", "vertices", "bones", "deformed by", "method", "pose", "output")]
     rows += [
@@ -57,7 +60,8 @@ def report_meshes(path: str, objects: Iterable[bpy.types.Object]) -> tuple[dict[
     ]
     problems = [f"Sinew cannot deform {mesh['name']}: {mesh['problem']}" for mesh in meshes if mesh["problem"]]
     text = table(rows) if meshes else "No mesh is deformed by an armature, shape keys or smoothing."
-    return {"path": path, "meshes": meshes}, "\n".join([path, "", text, *problems])
+    unknown = contract.sentences()
+    return {"path": path, "meshes": meshes, "unknown": unknown}, "\n".join([path, "", text, *problems, *unknown])
 
 
 def describe_mesh(ob: bpy.types.Object) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, values
-from ..host import contract, poses, relations
+from ..host import contract, features, poses, relations
 from . import changes, followers, reasons, rigs, watch
 from .followers import Followers
 from .rigs import State
@@ -41,11 +41,21 @@ def is_building() -> bool:
 def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes armatures, and keeps those frozen that already are. `reason` of those that cannot be frozen says why.
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
-    if contract.freezing_trouble():
+    wanted = list(wanted)
+    try:
+        _freeze(wanted, scene, layer)
+    except contract.Broken as broken:
+        layer.update()
+        settle(layer.depsgraph)
         for rig in wanted:
             want(rig)
-            rig.reason = contract.freezing_trouble()
-        return
+            rig.reason = str(broken)
+
+
+def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
+    """Does what freeze says. Raises contract.Broken."""
+    if not contract.has(features.FREEZING):
+        raise contract.Broken(contract.why_not(features.FREEZING))
     layer.update()
     settle(layer.depsgraph)
     own = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
@@ -73,7 +83,10 @@ def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Thaws armatures, on this frame, and keeps the others frozen. Call it in the main thread, outside an
     evaluation."""
     chosen = list(chosen)
-    _build([rig for rig in rigs.frozen() if rig not in chosen], scene, layer)
+    if contract.has(features.FREEZING):
+        _build([rig for rig in rigs.frozen() if rig not in chosen], scene, layer)
+    else:
+        melt_all()
     for rig in chosen:
         rig.state, rig.reason = State.LIVE, ""
 

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..host import relations
+from ..host import contract, relations
 from ..main import callbacks
 from . import freezing, ghosts, playing, rigs
 
@@ -20,6 +20,8 @@ def _guarded(function: Any, *arguments: Any) -> None:
     """Calls a function. If it fails, everything is live again."""
     try:
         function(*arguments)
+    except contract.Broken:  # the panel says so
+        freezing.melt_all()
     except Exception:
         log.exception("what is frozen cannot be played, so it is live again")
         freezing.melt_all()

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..host import contract
+from ..host import contract, features
 from . import changes, freezing, rigs, watch
 
 
@@ -16,7 +16,13 @@ def is_busy() -> bool:
 
 
 def _has_work() -> bool:
-    return rigs.has_any() and not is_busy() and not contract.freezing_trouble()
+    if not rigs.has_any() or is_busy():
+        return False
+    if not contract.has(features.FREEZING):  # which may have been found out by something else
+        if rigs.frozen():
+            freezing.melt_all()
+        return False
+    return True
 
 
 def before_evaluation(scene: Any, is_new_frame: bool) -> None:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..native import sinew_native
-from . import contract
+from . import contract, features, proof
 
 _SURFACE, _MESH = "SurfaceDeformModifierData", "MeshDeformModifierData"
 _IS_BOUND = 1  # a bit of the flags; without it, Blender drops the binding at the next evaluation
@@ -33,11 +33,21 @@ def _matrix(modifier: Any, struct: str, name: str) -> np.ndarray:
     return np.array((ctypes.c_float * 16).from_address(address), np.float32).reshape(4, 4).T.copy()
 
 
+def _prove(feature: str, modifier: Any, address: int) -> bool:
+    """Compares with the API whether a modifier is bound. address: of its binding, 0 for none. Returns whether there is
+    one. Raises contract.Broken."""
+    if proof.is_due(feature) and modifier.is_bound != bool(address):
+        raise contract.distrust(feature, f"what {feature} was bound with is not where it was")
+    if address:
+        proof.give(feature)
+    return address != 0
+
+
 def surface_counts(modifier: Any) -> Counts | None:
     """Returns with how many vertices a Surface Deform modifier was bound; None if it is not bound, or no longer. The
     target's count is 0 if it was bound by Blender 2.93 or before."""
-    is_bound = _address(modifier, _SURFACE, "*verts") and _integer(modifier, _SURFACE, "flags") & _IS_BOUND
-    if not is_bound:
+    has_binding = _prove(features.SURFACE, modifier, _address(modifier, _SURFACE, "*verts"))
+    if not has_binding or not _integer(modifier, _SURFACE, "flags") & _IS_BOUND:
         return None
     return Counts(*(_integer(modifier, _SURFACE, name) for name in ("num_mesh_verts", "target_verts_num")))
 
@@ -56,7 +66,9 @@ def surface_matrix(modifier: Any) -> np.ndarray:
 
 def mesh_counts(modifier: Any) -> Counts | None:
     """Returns with how many vertices a Mesh Deform modifier was bound; None if it is not bound, or with Dynamic."""
-    if not all(_address(modifier, _MESH, name) for name in ("*bindcagecos", "*bindoffsets")):
+    if not _prove(features.CAGE, modifier, _address(modifier, _MESH, "*bindcagecos")):
+        return None
+    if not _address(modifier, _MESH, "*bindoffsets"):
         return None
     return Counts(*(_integer(modifier, _MESH, name) for name in ("totvert", "totcagevert")))
 

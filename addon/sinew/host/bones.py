@@ -4,7 +4,7 @@ import functools
 from typing import Any
 
 from ..native import sinew_native
-from . import contract
+from . import contract, features
 
 
 @functools.cache
@@ -13,6 +13,11 @@ def _layout() -> tuple[int, Any]:
     children = contract.offset("Bone", "childbase") + contract.offset("ListBase", "*first")
     bones = sinew_native.host.Described(contract.plain_regions("Bone"), [], [], [(children, None)])
     return contract.offset("bArmature", "bonebase") + contract.offset("ListBase", "*first"), bones
+
+
+def can_read() -> bool:
+    """Whether read_bytes works in this Blender."""
+    return contract.has(features.EDITIONS)
 
 
 def read_bytes(data: Any) -> bytes:

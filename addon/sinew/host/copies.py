@@ -7,7 +7,7 @@ drivers set, they set in place. So only time has changed a copy that still has i
 import ctypes
 from typing import Any
 
-from . import contract, proof
+from . import contract, features, proof
 
 _MARK = 0x53
 
@@ -21,7 +21,7 @@ def mark(copy: Any) -> None:
     if proof.is_due("users"):
         original = copy.original
         if _users(original).value != original.users or _users(copy).value not in (0, _MARK):
-            raise contract.distrust_freezing("the number of users is not where it was")
+            raise contract.distrust(features.FREEZING, "the number of users is not where it was")
         proof.give("users")
     _users(copy).value = _MARK
 

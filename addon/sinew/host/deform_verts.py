@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..native import sinew_native
-from . import contract
+from . import contract, features
 
 _DEFORM_VERTICES = 2  # CD_MDEFORMVERT, Blender's number for weights in CustomDataLayer.type
 _MOST_GROUPS = 1 << 20
@@ -23,7 +23,7 @@ def group_names(data: Any, struct: str = "Mesh") -> tuple[str, ...]:
 
 def deform_vertices(mesh: Any) -> int | None:
     """Returns the address of the mesh's array of weights; 0 if it has none, None if it cannot be found."""
-    if contract.trouble():
+    if not contract.has(features.WEIGHTS):
         return None
     vertex_data = contract.region(mesh, "Mesh", "vdata")[0]
     layers = contract.address_at(vertex_data + contract.offset("CustomData", "*layers"))
@@ -32,8 +32,13 @@ def deform_vertices(mesh: Any) -> int | None:
         at = layers + number * contract.struct_size("CustomDataLayer")
         if ctypes.c_int32.from_address(at + contract.offset("CustomDataLayer", "type")).value == _DEFORM_VERTICES:
             address = contract.address_at(at + contract.offset("CustomDataLayer", "*data"))
-            return address if _is_where_the_api_says(mesh, address) else None
-    return None if _lacks_what_the_api_says(mesh) else 0
+            return address if _is_where_the_api_says(mesh, address) else _distrusted()
+    return _distrusted() if _lacks_what_the_api_says(mesh) else 0
+
+
+def _distrusted() -> int | None:
+    contract.distrust(features.WEIGHTS, "weights are not where they were")
+    return None
 
 
 def read(address: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

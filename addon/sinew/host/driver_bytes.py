@@ -4,7 +4,7 @@ import functools
 from typing import Any
 
 from ..native import sinew_native
-from . import contract
+from . import contract, features, proof
 
 
 @functools.cache
@@ -36,8 +36,19 @@ def _drivers() -> Any:
     )
 
 
+def can_read() -> bool:
+    """Whether `read` works in this Blender."""
+    return contract.has(features.DRIVERS)
+
+
 def read(drivers: Any) -> bytes:
     """Returns bytes that are equal for two collections of drivers if these set the same properties by the same types
     and expressions, of variables with the same names and types that read the same properties of the same data-blocks.
-    """
-    return _drivers().bytes_of_list(drivers[0].as_pointer()) if len(drivers) else b""
+    Raises contract.Broken."""
+    if not len(drivers):
+        return b""
+    found = _drivers().bytes_of_list(drivers[0].as_pointer())
+    if proof.is_due("drivers"):
+        has_path = found.startswith(b"+" + drivers[0].data_path.encode() + b"\0")
+        proof.give("drivers", has_path, "a driver's path is not where it was", features.DRIVERS)
+    return found

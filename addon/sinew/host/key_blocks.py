@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..native import sinew_native
-from . import contract, proof, vector_arrays
+from . import contract, features, proof, vector_arrays
 
 
 @functools.cache
@@ -99,4 +99,4 @@ def _prove(blocks: Any, addresses: np.ndarray) -> None:
         blocks[-1].data.foreach_get("co", said)
         found = key_positions(addresses[-1], count)
         is_same = found is not None and np.array_equal(found.reshape(-1), said, equal_nan=True)
-    proof.give("keys", is_same, "shape keys are not where they were")
+    proof.give("keys", is_same, "shape keys are not where they were", features.KEYS)

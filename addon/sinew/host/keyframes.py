@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..native import sinew_native
-from . import contract, proof
+from . import contract, features, proof
 
 _MEMBERS = ("vec", "ipo", "easing", "back", "amplitude", "period")  # all that values between keyframes depend on
 _SETTINGS = ("extend", "array_index")
@@ -48,6 +48,6 @@ def read(curves: Sequence[Any]) -> Any:
             curve.keyframe_points.foreach_get("co", wanted)
             path = curve.data_path.encode() + b"\0"
             if not (np.array_equal(wanted[::2], found.frames(number)) and found.settings(number).startswith(path)):
-                raise contract.distrust_freezing("keyframes are not where they were")
+                raise contract.distrust(features.FREEZING, "keyframes are not where they were")
             proof.give("keyframes")
     return found

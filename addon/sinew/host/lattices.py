@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from . import contract, deform_verts, proof
+from . import contract, deform_verts, features, proof
 
 _FIRST, _STEP = ("fu", "fv", "fw"), ("du", "dv", "dw")
 
@@ -18,7 +18,7 @@ def rest_grid(lattice: Any) -> tuple[list[float], list[float]]:
     )
     if proof.is_due("lattices"):
         is_same = list(lattice.points[0].co) == first
-        proof.give("lattices", is_same, "the points of a lattice at rest are not where they were")
+        proof.give("lattices", is_same, "the points of a lattice at rest are not where they were", features.LATTICES)
     return first, step
 
 

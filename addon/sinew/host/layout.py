@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import bpy
 
-POINTER = 8  # bytes
+from .members import POINTER
 
 
 @dataclass(frozen=True)

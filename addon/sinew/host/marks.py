@@ -4,16 +4,21 @@ the block again, so a copy without one has been edited since it was last seen.""
 import ctypes
 from typing import Any
 
-from . import contract
+from . import contract, members
 
 _SEEN = 0x53  # the value of a mark
 _STRUCT_OF = {"OBJECT": "Object", "MESH": "Mesh", "KEY": "Key", "ARMATURE": "bArmature", "ACTION": "bAction"}
 
 
 def mark_region(block: Any, kind: str) -> tuple[int, int]:
-    """Returns the address of a data-block's mark and its size in bytes. kind: one of
-    _STRUCT_OF."""
+    """Returns the address of a data-block's mark and its size in bytes. kind: one of _STRUCT_OF. Raises
+    contract.Broken if there is no room for a mark."""
     return block.as_pointer() + contract.unused_byte(_STRUCT_OF[kind]), 1
+
+
+def has_room(kind: str) -> bool:
+    """Whether data-blocks of a kind can be marked. Otherwise all count as never seen."""
+    return contract.holds(_STRUCT_OF[kind], members.UNUSED)
 
 
 def _mark(block: Any, kind: str) -> ctypes.c_uint8:
@@ -27,6 +32,8 @@ def test_and_mark(block: Any, kind: str, original: Any = None) -> bool:
     An original has no mark, unless it was made from an evaluated copy (`evaluated.data.copy()`) or loaded from a file.
     Then all its copies would be marked from the beginning, so its mark is cleared. original: that of a result of
     modifiers, which does not know it."""
+    if not has_room(kind):
+        return False
     byte, of_original = _mark(block, kind), _mark(original or block.original, kind)
     seen = byte.value == _SEEN and of_original.value == 0
     of_original.value = 0
@@ -35,8 +42,9 @@ def test_and_mark(block: Any, kind: str, original: Any = None) -> bool:
 
 
 def is_marked(block: Any, kind: str) -> bool:
-    return not contract.trouble() and _mark(block, kind).value == _SEEN
+    return has_room(kind) and _mark(block, kind).value == _SEEN
 
 
 def clear_mark(block: Any, kind: str) -> None:
-    _mark(block, kind).value = 0
+    if has_room(kind):
+        _mark(block, kind).value = 0

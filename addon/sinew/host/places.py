@@ -6,7 +6,7 @@ from typing import Any
 
 from mathutils import Matrix
 
-from . import contract, layout
+from . import contract, features, layout
 
 
 @functools.lru_cache(maxsize=1)
@@ -14,18 +14,19 @@ def place_layout() -> tuple[int | None, int] | None:
     """Returns two byte offsets: of the pointer in an object that leads to its matrix to world space, or None if the
     object itself contains the matrix; and of the matrix, from the pointer's target or from the object. Returns None if
     the matrix cannot be found. The first call must come from the main thread."""
-    if contract.trouble():
+    if not contract.has(features.FAST_ARMATURES):
         return None
     name, offset = contract.place()
-    if not name.startswith("*"):
-        return None, offset
-    # The pointer leads to a struct that Blender's description does not contain. The matrix should be its first member;
-    # an object with a distinctive matrix shows whether it is.
+    # A pointer leads to a struct that Blender's description does not contain. The matrix should be its first member; an
+    # object with a distinctive matrix shows whether it is.
+    place = (offset, 0) if name.startswith("*") else (None, offset)
     with layout.temporary_data() as data:
         probe = data.objects.new("", None)
         probe.matrix_world = Matrix.Translation((3, 5, 7)) @ Matrix.Diagonal((11, 13, 17, 1))
-        place = offset, 0
-        return place if _matrix_at(_place_address(probe, place)) == _columns(probe.matrix_world) else None
+        if _matrix_at(_place_address(probe, place)) == _columns(probe.matrix_world):
+            return place
+    contract.distrust(features.FAST_ARMATURES, "the matrices of objects to the world are not where they were")
+    return None
 
 
 def place_at(ob: Any) -> tuple[int, int]:

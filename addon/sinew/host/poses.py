@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ..native import sinew_native
-from . import contract, proof
+from . import contract, features, proof
+from .members import CHANNELS, SIZES
 
 _BONE = "bPoseChannel"
 # In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
-_MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *contract.CHANNELS)
+_MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *CHANNELS)
 # What Blender's API calls those that keyframes and drivers can set.
 RECORDED = (
     *("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale", "bbone_rollin"),
@@ -43,10 +44,7 @@ def _layout() -> Any:
         else:
             members.append((start_of, size))
     computed = [(within("deform_dual_quat"), contract.size("bPoseChannel_Runtime", "deform_dual_quat"))]
-    segments = [
-        (within(member), contract.FREEZING_SIZES[kind], more, int(is_compared))
-        for member, kind, more, is_compared in _SEGMENTS
-    ]
+    segments = [(within(member), SIZES[kind], more, int(is_compared)) for member, kind, more, is_compared in _SEGMENTS]
     return sinew_native.host.PoseRecordLayout(
         contract.offset(_BONE, "*next"), within("bbone_segments"), members, computed, segments
     )
@@ -113,7 +111,7 @@ def _prove(armature: Any) -> None:
         address = contract.address_at(bent.as_pointer() + start) if bent is not None else 0
         if address:
             last = bent.bone.bbone_segments
-            found = _floats(address + last * contract.FREEZING_SIZES["Mat4"], 16)
+            found = _floats(address + last * SIZES["Mat4"], 16)
             wanted = _columns(bent.bbone_segment_matrix(last))
             near = np.allclose(found, wanted, rtol=0, atol=1e-6, equal_nan=True)
             _give("segments of poses", near, "the segments of poses are not where they were")
@@ -121,7 +119,7 @@ def _prove(armature: Any) -> None:
 
 def _give(what: str, is_equal: bool, difference: str) -> None:
     if not is_equal:
-        raise contract.distrust_freezing(difference)
+        raise contract.distrust(features.FREEZING, difference)
     proof.give(what)
 
 

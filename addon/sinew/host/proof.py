@@ -6,7 +6,7 @@ If a version of Blender has moved its data or changed the meaning of a bit, this
 import threading
 from collections.abc import Hashable
 
-from . import contract
+from . import contract, features
 
 _proved: set[Hashable] = set()  # what was compared and found equal
 _lock = threading.Lock()
@@ -17,11 +17,11 @@ def is_due(what: Hashable) -> bool:
     return what not in _proved
 
 
-def give(what: Hashable, is_equal: bool = True, difference: str = "") -> None:
-    """Records the result of a comparison. difference: a clause that describes what differs. Raises contract.Broken if
-    it is not equal."""
+def give(what: Hashable, is_equal: bool = True, difference: str = "", feature: str = features.DEFORMING) -> None:
+    """Records the result of a comparison. difference: a clause that describes what differs; feature: what is lost
+    then. Raises contract.Broken if it is not equal."""
     if not is_equal:
-        raise contract.distrust(difference)
+        raise contract.distrust(feature, difference)
     with _lock:
         _proved.add(what)
 

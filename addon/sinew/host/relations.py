@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from . import contract, layout, proof
+from . import contract, features, layout, proof
 
 ON_EACH_FRAME = "deform + 0 * frame"  # simple expression of a hook's variable; "frame" makes it depend on the frame
 _SCRIPTED, _SUM = 1, 2  # types of drivers
@@ -40,8 +40,8 @@ class Rebuilding:
         self._early_handlers: list[Any] = []
 
     def __enter__(self) -> "Rebuilding":
-        if contract.freezing_trouble():
-            raise contract.Broken(contract.freezing_trouble())
+        if not contract.has(features.FREEZING):
+            raise contract.Broken(contract.why_not(features.FREEZING))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -60,7 +60,7 @@ class Rebuilding:
         strips, strips_size = contract.region(data, "AnimData", "nla_tracks")
         found = [contract.address_at(each) for each in (action, strips, strips + size)]
         if found != wanted:
-            raise contract.distrust_freezing("actions are not where they were")
+            raise contract.distrust(features.FREEZING, "actions are not where they were")
         self._change(action, bytes(size))
         self._change(strips, bytes(strips_size))
 
@@ -71,7 +71,7 @@ class Rebuilding:
         if driver.type == "SCRIPTED":
             return
         if ctypes.c_int32.from_address(kind).value != _SUM or driver.type != "SUM":
-            raise contract.distrust_freezing("drivers have other types")
+            raise contract.distrust(features.FREEZING, "drivers have other types")
         parsed, _size = contract.region(driver, "ChannelDriver", "*expr_simple")
         text, length = contract.region(driver, "ChannelDriver", "expression")
         self._change(text, ON_EACH_FRAME.encode().ljust(length, b"\0"))
@@ -80,7 +80,7 @@ class Rebuilding:
             self._change(parsed, _parsed(driver, parsed).to_bytes(8, "little"))
         if proof.is_due("drivers on each frame"):
             if (driver.type, driver.expression) != ("SCRIPTED", ON_EACH_FRAME):
-                raise contract.distrust_freezing("drivers are not where they were")
+                raise contract.distrust(features.FREEZING, "drivers are not where they were")
             proof.give("drivers on each frame")
 
     def build(self, view_layer: bpy.types.ViewLayer, then: Callable[[], None]) -> None:
@@ -129,7 +129,7 @@ def _parsed(driver: Any, place: int) -> int:
         _parsed_address = contract.address_at(place)
         ctypes.c_uint64.from_address(place).value = own
         if not is_simple or not _parsed_address:
-            raise contract.distrust_freezing("expressions are not parsed where they were")
+            raise contract.distrust(features.FREEZING, "expressions are not parsed where they were")
     return _parsed_address
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from . import contract, layout, proof
+from . import contract, features, layout, proof
 
 _VIEWPORT, _RENDER = 1, 2  # bits of a modifier's mode
 SWITCHES = _VIEWPORT | _RENDER
@@ -21,9 +21,12 @@ _MUTED = 1 << 4  # a bit of an F-curve's flag
 
 
 def mute_driver(curve: Any) -> None:
-    """Mutes a driver of an evaluated object, until Blender copies the object again. Also from that driver."""
+    """Mutes a driver of an evaluated object, until Blender copies the object again. Also from that driver. Does nothing
+    if that is not known to work."""
+    if not contract.has(features.MUTING):
+        return
     flag = ctypes.c_int16.from_address(contract.region(curve, "FCurve", "flag")[0])
-    _write("muted drivers", flag, flag.value | _MUTED, (True,), lambda: (curve.mute,))
+    _write("muted drivers", flag, flag.value | _MUTED, (True,), lambda: (curve.mute,), features.MUTING)
 
 
 def mode_switch(modifier: Any, viewport: bool, render: bool) -> tuple[int, int, int]:
@@ -101,10 +104,12 @@ def _write(
     value: int,
     wanted: tuple[bool, ...],
     shown: Callable[[], tuple[bool, ...]],
+    feature: str = features.DEFORMING,
 ) -> None:
     """Writes a number whose bits are switches. Compares the result with the API until each bit was seen to change.
 
-    wanted: the values that the bits stand for; shown: a function that returns these values from Blender's API."""
+    wanted: the values that the bits stand for; shown: a function that returns these values from Blender's API; feature:
+    what is lost if they differ. Raises contract.Broken then."""
     before = number.value
     if before == value:
         return
@@ -116,6 +121,6 @@ def _write(
     is_done = shown() == wanted
     if not is_done:
         number.value = before
-        raise contract.distrust(f"the bits of {what} have another meaning")
+        raise contract.distrust(feature, f"the bits of {what} have another meaning")
     if all(old != new for old, new in zip(shown_before, wanted)):
         proof.give((what, wanted))

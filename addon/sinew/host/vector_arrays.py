@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from . import contract, proof
+from . import contract, features, proof
 
 
 @functools.lru_cache(maxsize=64)
@@ -20,12 +20,13 @@ def vectors_at(address: int, count: int) -> np.ndarray:
 
 
 def attribute_vectors(attribute: Any, count: int) -> np.ndarray | None:
-    """Returns a view of the values of a vector attribute, (count, 3) float32, or None if they are not available.
+    """Returns a view of the values of a vector attribute, (count, 3) float32, or None if it has another number of
+    values or they cannot be found.
 
     Getting their address makes Blender give the mesh its own values, no longer shared with other copies, as any write
     through its API does. But Blender does not notice what is written into the view."""
     data = attribute.data
-    if count == 0 or len(data) != count:
+    if count == 0 or len(data) != count or not contract.has(features.ATTRIBUTES):
         return None
     address = data[0].as_pointer()
     if data[count - 1].as_pointer() != address + 12 * (count - 1):
@@ -34,8 +35,10 @@ def attribute_vectors(attribute: Any, count: int) -> np.ndarray | None:
     if proof.is_due("attributes"):
         said = np.empty(3 * count, np.float32)
         data.foreach_get("vector", said)
-        is_same = np.array_equal(found.reshape(-1), said, equal_nan=True)
-        proof.give("attributes", is_same, "attributes are not where they were")
+        if not np.array_equal(found.reshape(-1), said, equal_nan=True):
+            contract.distrust(features.ATTRIBUTES, "attributes are not where they were")
+            return None
+        proof.give("attributes")
     return found
 
 
@@ -51,4 +54,7 @@ def bound_positions(modifier: Any) -> np.ndarray | None:
     """Returns a copy of the positions that a Corrective Smooth modifier was bound with, (N, 3) float32; None if there
     are none. The API does not show them."""
     address = contract.address_at(contract.region(modifier, _SMOOTH, "(*bind_coords)()")[0])
+    if proof.is_due("bound positions"):
+        is_same = modifier.is_bind == bool(address)
+        proof.give("bound positions", is_same, "bound positions are not where they were", features.BOUND)
     return vectors_at(address, bound_count(modifier)).copy() if address else None

@@ -3,27 +3,22 @@
 from collections.abc import Sequence
 from typing import Any
 
-from . import actions, contract, key_blocks, marks
+from . import actions, contract, features, key_blocks, marks
 
 _ARMATURE_MODIFIER = "*object", "deformflag", "multi", "defgrp_name"
-# For each type of modifier: its struct, and the members that its stage depends on.
-_STAGES = {
-    "CORRECTIVE_SMOOTH": (
-        "CorrectiveSmoothModifierData",
-        ("lambda", "scale", "repeat", "flag", "smooth_type", "rest_source", "defgrp_name"),
-    ),
-    "SMOOTH": ("SmoothModifierData", ("fac", "repeat", "flag", "defgrp_name")),
-}
+# For each type of modifier: the feature that needs the members on which its stage depends.
+_STAGES = {"CORRECTIVE_SMOOTH": features.FAST_CORRECTIVE, "SMOOTH": features.FAST_SMOOTH}
 
 
 def can_watch(modifier_type: str) -> bool:
     """Whether everything that the stage of a modifier of this type depends on can be watched."""
-    return modifier_type in _STAGES or modifier_type == "ARMATURE"
+    return modifier_type == "ARMATURE" or modifier_type in _STAGES and contract.has(_STAGES[modifier_type])
 
 
 class Tree:
     """The structs of Blender that a shortcut depends on. A struct is read only after something in an earlier one was
-    found unchanged: the pointer that leads to it, or the mark of the data-block that owns it."""
+    found unchanged: the pointer that leads to it, or the mark of the data-block that owns it. Whatever adds to the tree
+    raises contract.Broken if a part of Blender's memory is not what Sinew expects."""
 
     def __init__(self, ob: Any) -> None:
         """ob: an evaluated object, which exists whenever Blender calls for it."""
@@ -79,8 +74,8 @@ class Tree:
         if modifier.type == "ARMATURE":
             self._add_armature(modifier)
             return
-        struct, members = _STAGES[modifier.type]
-        self._add_owned(modifier, [contract.region(modifier, struct, name) for name in members])
+        needed = features.needs(_STAGES[modifier.type])
+        self._add_owned(modifier, [contract.region(modifier, kind, name) for kind, name in needed])
 
     def _add_armature(self, modifier: Any) -> None:
         armature, data = modifier.object, modifier.object.data

@@ -9,7 +9,7 @@ import threading
 from typing import Any, NamedTuple
 
 from ..blender import animation
-from ..host import actions, contract, driver_bytes, marks
+from ..host import actions, driver_bytes, marks
 from . import driver_variables, drivers, wiring
 
 _NAME = r'\["(?:[^"\\]|\\.)*"\]'
@@ -72,7 +72,7 @@ _found: dict[tuple[int, str], tuple[bytes, _Found]] = {}  # by the address of a 
 
 def _found_in(own: Any, block: Any, kind: str) -> _Found:
     """Looks at the drivers of a data-block again only if they have changed: a large rig has hundreds."""
-    if contract.is_broken():
+    if not driver_bytes.can_read():
         return _look_at(own, kind)
     key, now = (block.as_pointer(), kind), driver_bytes.read(own)
     before, found = _found.get(key, (None, None))

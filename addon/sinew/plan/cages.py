@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..host import bindings, contract
+from ..host import bindings, contract, features
 from . import runs, wiring
 
 
@@ -11,9 +11,22 @@ def why_not_followed(ob: Any, modifier: Any) -> str:
     target = wiring.cage_of(modifier)
     if target is None or contract.trouble():
         return ""
+    for feature in _features_of(modifier, target):
+        if not contract.has(feature):
+            return contract.why_not(feature)
     if any(_points_to(each, ob) for each in target.modifiers):
         return f"{target.name}, which it follows, depends on {ob.name} itself: remove one of the two"
-    return _why_not_bound(ob, modifier) if modifier.type in COUNTS else ""
+    try:
+        return _why_not_bound(ob, modifier) if modifier.type in COUNTS else ""
+    except contract.Broken as broken:
+        return str(broken)
+
+
+def _features_of(modifier: Any, target: Any) -> list[str]:
+    """Returns what has to be read by address for a modifier with that target."""
+    if modifier.type != "LATTICE":
+        return [{"MESH_DEFORM": features.CAGE, "SURFACE_DEFORM": features.SURFACE}[modifier.type]]
+    return [features.LATTICES, *([features.WEIGHTED_LATTICES] if target.data.vertex_group else [])]
 
 
 def _points_to(modifier: Any, ob: Any) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ..blender import values
+from ..host import contract, features
 from . import driver_variables, drivers
 from .situation import Driven
 
@@ -39,7 +40,9 @@ def _why_not_evaluated(modifier: Any, name: str, curve: bpy.types.FCurve) -> str
             drivers.compiled(driver.expression, [each.name for each in driver.variables])
         except ValueError as error:
             return str(error)
-    return "" if is_plain(curve) else "the driver's curve has modifiers"
+    if not is_plain(curve):
+        return "the driver's curve has modifiers"
+    return contract.why_not(features.DRIVEN)
 
 
 def is_plain(curve: bpy.types.FCurve) -> bool:

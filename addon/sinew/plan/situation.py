@@ -121,6 +121,8 @@ class Situation:
     is_canvas_slow: bool = False  # in this version of Blender, slower than the Armature modifier
     may_be_single_user: bool = True  # it can be given its own copy of its mesh
     trouble: str = ""  # why this version of Blender cannot be read, a sentence
+    key_trouble: str = ""  # the same of shape keys
+    attribute_trouble: str = ""  # the same of attributes
     animation_trouble: str = ""  # what animation may change unseen of the object, its mesh and its keys, a sentence
     tells_renders: bool = True  # an evaluation can tell whether it is for a render
 

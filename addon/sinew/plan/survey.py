@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
-from ..host import contract, graph_modes, vector_arrays
+from ..host import contract, features, graph_modes, vector_arrays
 from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
@@ -95,6 +95,8 @@ def _read(
         is_canvas_slow=values.VERSION < (4, 0, 0),
         may_be_single_user=may_be_single_user(original),
         trouble=contract.trouble(),
+        key_trouble=contract.why_not(features.KEYS),
+        attribute_trouble=contract.why_not(features.ATTRIBUTES),
         animation_trouble=_animation_trouble(original),
         tells_renders=graph_modes.is_known(),
         **more,
@@ -257,6 +259,8 @@ def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
         return runs.why_not_bound(None, len(ob.data.vertices))
     if modifier.use_only_smooth:
         return ""
+    if not contract.has(features.BOUND):
+        return contract.why_not(features.BOUND)
     return runs.why_not_bound(vector_arrays.bound_count(modifier), len(ob.data.vertices))
 
 

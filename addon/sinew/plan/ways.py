@@ -85,6 +85,9 @@ def whatever_its_size(situation: Situation) -> Way:
         what = "Its shape keys move vertices" if situation.keys else "Mesh and armature move against each other"
         reason = f"{what}, so the weights from envelopes or curved B-bones change on each frame"
         return Way(BLENDER, reason, is_of_bones=True)
+    reason = situation.attribute_trouble if situation.keys is None else situation.key_trouble
+    if reason:
+        return Way(BLENDER, reason)
     return _through_keys(situation) if situation.keys is not None else _through_attribute(situation)
 
 

@@ -55,8 +55,8 @@ def is_last(address: int, number: int) -> bool:
 def _number_of(armature: Any, known: list[tuple[int, bytes, Any]]) -> int:
     # With trouble, a plan leaves them to Blender.
     trouble = animated.why(armature.data, "ARMATURE", looks_at_sources=False).encode()
-    found = bones.read_bytes(armature.data) + trouble
-    number = next((number for number, other, _signature in known if other == found), 0)
+    found = bones.read_bytes(armature.data) + trouble if bones.can_read() else b""
+    number = next((number for number, other, _signature in known if other == found), 0) if found else 0
     if not number:
         # Other bones, or other bytes that do not matter, such as which bones are selected.
         signature = [*armatures.bone_signature(armature), trouble]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import meshes, values
-from ..host import bindings, lattices
+from ..host import bindings, contract, features, lattices
 from ..native import sinew_native
 from . import layers
 from .leaving import LeaveToBlender
@@ -99,7 +99,9 @@ def was_unbound_late(modifier: Any) -> bool:
     """Whether a modifier of an evaluated object has been unbound, but this copy still has its binding. Blender frees a
     Surface Deform's when it next evaluates the modifier, which is during the operator unless Sinew replaces it. With
     the old binding in the evaluated copy, binding it again would go wrong."""
-    return modifier.type == "SURFACE_DEFORM" and modifier.is_bound and bindings.surface_counts(modifier) is None
+    if modifier.type != "SURFACE_DEFORM" or not contract.has(features.SURFACE):
+        return False
+    return modifier.is_bound and bindings.surface_counts(modifier) is None
 
 
 def _point_weights(lattice: Any) -> np.ndarray | None:

@@ -10,7 +10,7 @@ Posing by hand has Blender copy the armature again, with its bones. If these are
 from typing import Any
 
 from ..blender import nodes
-from ..host import contract, motions, places, switches, watch
+from ..host import contract, features, motions, places, switches, watch
 from ..native import sinew_native
 from ..plan import wiring
 from . import bone_editions, frame_shapes, layers, living, standing_aside, switching
@@ -28,6 +28,7 @@ class FastPath:
         self._patience = LEAST_PATIENCE  # how many equal frames in a row there must be before there is one
         self._alike = 0  # how many equal frames in a row there were
         self._has_failed = False  # the last shortcut could not be used
+        self._is_refused = False  # this Blender keeps some of what would be watched in another way
         self._frame_before: tuple[Any, Any] = (None, None)  # the deformer and the plan of the last frame
 
     def run(self, ob: Any) -> bool:
@@ -59,13 +60,16 @@ class FastPath:
         before, self._frame_before = self._frame_before, (copy.chain.deformer, copy.plan)
         is_edited = any(a is not b for a, b in zip(before, self._frame_before))
         if is_edited:
-            self._patience = LEAST_PATIENCE
+            self._patience, self._is_refused = LEAST_PATIENCE, False
         elif self._has_failed:
             self._patience = min(2 * self._patience, MOST_PATIENCE)
         self._alike = 1 if is_edited or self._has_failed else self._alike + 1
         self._has_failed = False
-        if self._alike >= self._patience and _is_plain(copy, ob):
-            self.shortcut = Shortcut(copy, ob)
+        if self._alike >= self._patience and not self._is_refused and _is_plain(copy, ob):
+            try:
+                self.shortcut = Shortcut(copy, ob)
+            except contract.Broken:
+                self._is_refused = True
         return self._alike > 1
 
 
@@ -73,7 +77,8 @@ class Shortcut:
     """What is watched of one evaluated object, and what deforms it while that is unchanged."""
 
     def __init__(self, copy: Any, ob: Any) -> None:
-        """ob: an evaluated object that the full path has just deformed; copy: its GraphCopy."""
+        """ob: an evaluated object that the full path has just deformed; copy: its GraphCopy. Raises
+        contract.Broken."""
         plan, chain = copy.plan, copy.chain
         self._copy = copy
         replaced = [ob.modifiers[name] for name in plan.replaced]
@@ -111,7 +116,7 @@ class Shortcut:
             chain.deformer,
             watched.structs,
             poses,
-            motions.pose_layout(),
+            motions.pose_layout(_has_segments(own)) if own else motions.NO_LAYOUT,
             [(places.place_at(ob), places.place_at(armature)) for armature in armatures],
             modes,
             chain.stages_at(ob),
@@ -175,7 +180,13 @@ def _is_plain(copy: Any, ob: Any) -> bool:
         and all(not layer.influences.depend_on_shape for layer in own)
         and all(layers.is_posed(armature) for armature in armatures)
         and (not armatures or all(map(places.is_found, (ob, *armatures))))
+        and contract.has(features.FAST)
     )
+
+
+def _has_segments(own: list[layers.Layer]) -> bool:
+    """Whether any of the bones that move the layers is a B-bone."""
+    return any((layer.bones.joint_counts[layer.first_joint >= 0] > 1).any() for layer in own)
 
 
 def _live_stages(copy: Any, ob: Any) -> list[tuple[int, str]]:

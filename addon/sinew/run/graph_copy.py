@@ -87,6 +87,11 @@ class GraphCopy:
         """Returns the hook of the object, or None."""
         return self.plan.hook_of(ob)
 
+    def has_all_modifiers(self, ob: Any) -> bool:
+        """Whether an evaluated object has all modifiers that are in the plan."""
+        names = *self.plan.replaced, *self.plan.way.front, *filter(None, [self.plan.own])
+        return all(name in ob.modifiers for name in names)
+
     def goes_through_canvas(self) -> bool:
         """Whether the mesh is read from a canvas, and the deformed shape goes there."""
         return self.plan.way.kind == ways.CANVAS
@@ -120,7 +125,7 @@ class GraphCopy:
             return False
         return (
             self.has_current_plan
-            and all(name in ob.modifiers for name in (*plan.replaced, *filter(None, [plan.own])))
+            and self.has_all_modifiers(ob)
             and ob.sinew.installed_output != "MESH"  # which takes the shape that Sinew has written
             and not self.reading.method.kind
             and {name for mix in plan.run.mixes for name in mix}.issuperset(self.chain.stage_names(ob))

@@ -45,7 +45,7 @@ def deform_now(ob: Any) -> None:
             entry = characters.of(ob)
             if not _skips(entry, ob):
                 _run(entry, entry.copy_of(ob), ob)
-    except (LeaveToBlender, values.Flat):  # flat: versions of Blender differ in what they do
+    except (LeaveToBlender, values.Flat, contract.Broken):  # flat: versions of Blender differ in what they do
         entry = characters.of(ob)
         _leave(entry, entry.copy_of(ob), ob)
     except Exception as error:
@@ -141,8 +141,10 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
         out = key_blocks.key_positions(addresses[0], count)
     else:
         out = vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+    if out is None and count:
+        raise LeaveToBlender("there is nowhere to write the shape to")
     if out is None:
-        out = np.empty((count, 3), np.float32)  # no vertex
+        out = np.empty((0, 3), np.float32)
 
     def source() -> stages.Source:
         return stages.Source(mesh, meshes.read_positions(mesh), reading.weights)
@@ -187,7 +189,7 @@ def _test_and_mark(hook: Any, mesh: Any) -> bool:
 def _leave(entry: Character, copy: GraphCopy, ob: Any) -> None:
     """Has Blender's own modifiers deform the mesh."""
     copy.is_deforming = False
-    if copy.plan is None:
+    if copy.plan is None or not copy.has_all_modifiers(ob):  # Blender has copied the object again, as it is in the file
         return
     try:
         switching.switch(ob, copy.plan, False)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import bpy
 
 from ..blender import meshes
+from ..host import contract
 from ..plan import canvas_survey, mends, plans, survey
 from . import mail
 from .leaving import LeaveToBlender
@@ -22,7 +23,7 @@ class Planning:
         self._key = key
         self.plan = plans.Plan()
         self.mends: tuple[mends.Mend, ...] = ()  # what the file lacks for that plan
-        self.looks = 0  # how many times a new plan was asked for, see look_again
+        self._looks = 0  # how many times a new plan was asked for, see look_again
         self.newcomers: frozenset[int] = frozenset()  # nodes.identity of modifiers added since mends were last applied
         # What the main thread has last read of the rest of the file; None: to be read
         self.surroundings: canvas_survey.Surroundings | None = None
@@ -64,9 +65,15 @@ class Planning:
     def has_looked(self) -> bool:
         return self._modifiers is not None
 
+    @property
+    def looks(self) -> int:
+        """A number that changes when a new plan is asked for, or needed because a part of Blender's memory is not what
+        Sinew expects."""
+        return self._looks + contract.losses()
+
     def look_again(self) -> None:
         """Has the next evaluation make a new plan. The caller has Blender evaluate."""
-        self.looks += 1
+        self._looks += 1
 
     def follow_undo(self) -> None:
         """Has the next question about the object, which an undo may have changed, look at it again. A graph copy asks
@@ -113,5 +120,5 @@ class Planning:
             return
         self.surroundings = canvas_survey.surroundings_of(original, count)
         if self.has_looked:
-            self.looks += 1
+            self._looks += 1
             self.ask_to_rewire()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import meshes, values
-from ..host import deform_verts, vector_arrays
+from ..host import vector_arrays
 from ..native import sinew_native
 from . import cage_stages, living
 from .leaving import LeaveToBlender
@@ -31,7 +31,7 @@ class Source:
 
     def group(self, modifier: Any) -> np.ndarray | None:
         """Returns the weights of the modifier's vertex group, (V,), or None."""
-        if deform_verts.deform_vertices(self.mesh) == 0:  # the mesh has no array of weights, not even an empty one
+        if not meshes.has_weights(self.mesh):
             return None
         return self.weights.of_group(modifier.vertex_group)
 

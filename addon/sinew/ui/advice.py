@@ -8,6 +8,7 @@ import bpy
 from ..bake import mesh_cache
 from ..blender import materials, meshes
 from ..clips import clip_store
+from ..host import contract
 from ..install import bind, deformed_copies
 from ..plan import survey
 from ..run import characters
@@ -27,6 +28,7 @@ def warnings(ob: bpy.types.Object) -> list[Advice]:
     entry = characters.looked_at(ob)
     return [
         *_about_evaluation(ob, entry),
+        *_about_blender(entry),
         *_about_copy(ob),
         *about_generated(ob),
         *_about_doubles(ob),
@@ -46,6 +48,12 @@ def _about_evaluation(ob: bpy.types.Object, entry: Any) -> list[Advice]:
         return [Advice(entry.way.reason, (), True)]
     fixes = ((cures.KeepGenerated.bl_idname, "Add a Basis"),) if entry.way.wants_keys else ()
     return [Advice(f"Blender's own modifier deforms it: {_lower(entry.way.reason)}", fixes)]
+
+
+def _about_blender(entry: Any) -> list[Advice]:
+    """What Sinew does without in this version of Blender, besides what keeps it from deforming the mesh."""
+    said = "" if entry is None else f"{entry.way.reason} {entry.run.reason}"
+    return [Advice(sentence, ()) for sentence in contract.sentences() if sentence not in said]
 
 
 def _about_copy(ob):
