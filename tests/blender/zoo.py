@@ -23,7 +23,7 @@ from characters import (
 )
 from helpers import addon_module, diagonal, evaluated, is_deforming, select, shortcut_of
 
-FRAMES = range(2, 8)
+FRAMES = range(2, 6)
 ACTIONS = "Fast path of animated data"
 
 
