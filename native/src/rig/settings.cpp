@@ -1,67 +1,69 @@
+#include <algorithm>
 #include <array>
 #include <span>
 
 #include "rig/constraints/constraint.h"
+#include "rig/constraints/kind.h"
 #include "sinew/rig_description.h"
 
 namespace sinew {
 namespace {
 
-constexpr float kTurns = 3.4e38F;
-
-constexpr RigSetting number(std::string_view name, float initial = 0, float low = -kTurns, float high = kTurns) {
-  return {name, 1, ValueKind::real, low, high, initial};
-}
-constexpr RigSetting numbers(std::string_view name, int count, float initial = 0, float low = -kTurns) {
-  return {name, count, ValueKind::real, low, kTurns, initial};
-}
-constexpr RigSetting flag(std::string_view name) { return {name, 1, ValueKind::boolean, 0, 1, 0}; }
+using rig::flag_setting;
+using rig::real_setting;
 
 constexpr float kPi = 3.14159274F;
 
-constexpr std::array kBoneSettings = {
-    numbers("location", 3),
-    numbers("rotation_quaternion", 4),
-    numbers("rotation_axis_angle", 4),
-    numbers("rotation_euler", 3),
-    numbers("scale", 3, 1),
-    number("bbone_curveinx"),
-    number("bbone_curveinz"),
-    number("bbone_curveoutx"),
-    number("bbone_curveoutz"),
-    number("bbone_rollin"),
-    number("bbone_rollout"),
-    number("bbone_easein"),
-    number("bbone_easeout"),
-    numbers("bbone_scalein", 3, 1),
-    numbers("bbone_scaleout", 3, 1),
-    number("ik_stretch", 0, 0, 1),
-    number("ik_stiffness_x", 0, 0, 0.99F),
-    number("ik_stiffness_y", 0, 0, 0.99F),
-    number("ik_stiffness_z", 0, 0, 0.99F),
-    number("ik_min_x", -kPi, -kPi, 0),
-    number("ik_max_x", kPi, 0, kPi),
-    number("ik_min_y", -kPi, -kPi, 0),
-    number("ik_max_y", kPi, 0, kPi),
-    number("ik_min_z", -kPi, -kPi, 0),
-    number("ik_max_z", kPi, 0, kPi),
-    flag("lock_ik_x"),
-    flag("lock_ik_y"),
-    flag("lock_ik_z"),
-    flag("use_ik_limit_x"),
-    flag("use_ik_limit_y"),
-    flag("use_ik_limit_z"),
-    number("bbone_curveinx"),
-    number("bbone_curveinz"),
-    number("bbone_curveoutx"),
-    number("bbone_curveoutz"),
-    number("bbone_rollin"),
-    number("bbone_rollout"),
-    number("bbone_easein", 1),
-    number("bbone_easeout", 1),
-    numbers("bbone_scalein", 3, 1),
-    numbers("bbone_scaleout", 3, 1),
+constexpr RigSetting several(std::string_view name, int count, float initial = 0) {
+  return real_setting(name, initial, -rig::kUnlimited, rig::kUnlimited, count);
+}
+
+/// In the order of BendValue. ease  at rest; a pose's is added to it.
+constexpr auto bend_settings(float ease) {
+  return std::array{
+      real_setting("bbone_curveinx"),     real_setting("bbone_curveinz"),      real_setting("bbone_curveoutx"),
+      real_setting("bbone_curveoutz"),    real_setting("bbone_rollin"),        real_setting("bbone_rollout"),
+      real_setting("bbone_easein", ease), real_setting("bbone_easeout", ease), several("bbone_scalein", 3, 1),
+      several("bbone_scaleout", 3, 1),
+  };
+}
+
+constexpr std::array kChannelSettings = {
+    several("location", 3),
+    several("rotation_quaternion", 4),
+    several("rotation_axis_angle", 4),
+    several("rotation_euler", 3),
+    several("scale", 3, 1),
 };
+
+constexpr std::array kIkSettings = {
+    real_setting("ik_stretch", 0, 0, 1),
+    real_setting("ik_stiffness_x", 0, 0, 0.99F),
+    real_setting("ik_stiffness_y", 0, 0, 0.99F),
+    real_setting("ik_stiffness_z", 0, 0, 0.99F),
+    real_setting("ik_min_x", -kPi, -kPi, 0),
+    real_setting("ik_max_x", kPi, 0, kPi),
+    real_setting("ik_min_y", -kPi, -kPi, 0),
+    real_setting("ik_max_y", kPi, 0, kPi),
+    real_setting("ik_min_z", -kPi, -kPi, 0),
+    real_setting("ik_max_z", kPi, 0, kPi),
+    flag_setting("lock_ik_x"),
+    flag_setting("lock_ik_y"),
+    flag_setting("lock_ik_z"),
+    flag_setting("use_ik_limit_x"),
+    flag_setting("use_ik_limit_y"),
+    flag_setting("use_ik_limit_z"),
+};
+
+template <std::size_t... N>
+constexpr auto joined(const std::array<RigSetting, N>&... parts) {
+  std::array<RigSetting, (N + ...)> all{};
+  auto* at = all.data();
+  ((at = std::copy(parts.begin(), parts.end(), at)), ...);
+  return all;
+}
+
+constexpr auto kBoneSettings = joined(kChannelSettings, bend_settings(0), kIkSettings, bend_settings(1));
 
 }  // namespace
 
