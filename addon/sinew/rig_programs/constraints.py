@@ -10,6 +10,7 @@ import bpy
 from . import curves, tables, targets
 
 # The channels of a bone that an Action constraint sets: where they begin among a bone's numbers.
+CUSTOM = 5  # the space, as Blender numbers it
 CHANNELS = {"location": 0, "rotation_quaternion": 3, "rotation_axis_angle": 7, "rotation_euler": 11, "scale": 14}
 
 
@@ -66,12 +67,8 @@ def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
 
 def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: targets.Targets) -> dict[str, Any]:
     kind = constraint.type
-    row: dict[str, Any] = {
-        "bone": bone.name,
-        "name": constraint.name,
-        "type": kind,
-        "settings": reader_of(kind, type(constraint))(constraint),  # type: ignore[arg-type] # a type is hashable
-    }
+    settings = reader_of(kind, type(constraint))(constraint)  # type: ignore[arg-type] # a type is hashable
+    row: dict[str, Any] = {"bone": bone.name, "name": constraint.name, "type": kind, "settings": settings}
     if kind == "ARMATURE":
         if constraint.use_bone_envelopes:
             raise curves.Refused("bone envelopes are not covered: turn them off")
@@ -79,14 +76,14 @@ def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: ta
         row["weights"] = [target.weight for target in constraint.targets]
     elif hasattr(constraint, "target"):
         target = found.of(constraint.target, getattr(constraint, "subtarget", ""))
-        if target and "outside" in target and getattr(constraint, "head_tail", 0) > 0:
+        if target and "outside" in target and settings.get("head_tail", 0) > 0:
             raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
         row["targets"] = [target]
     if kind == "IK":
         if constraint.target is None:
             raise curves.Refused("IK without a target is not covered")
         row["targets"].append(found.of(constraint.pole_target, constraint.pole_subtarget))
-    if "CUSTOM" in (constraint.owner_space, constraint.target_space):
+    if CUSTOM in (settings["owner_space"], settings["target_space"]):
         row["space"] = found.of(constraint.space_object, constraint.space_subtarget)
     if kind == "ACTION":
         row["action"] = list(action_channels(bone, constraint, found))

@@ -9,6 +9,8 @@ import numpy as np
 KEY_NUMBERS = (
     11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
 )
+# Interpolations as Blender numbers them: up to LINEAR handles have no effect, up to BEZIER easings have none.
+LINEAR, BEZIER = 1, 2
 
 
 class Refused(ValueError):
@@ -33,19 +35,23 @@ def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
     count = len(points)
     if not count and len(curve.sampled_points):
         raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")
-    keys = np.empty((count, KEY_NUMBERS), np.float32)
+    keys = np.zeros((count, KEY_NUMBERS), np.float32)
     if not count:
         return keys
     pair, single, choice = np.empty(2 * count, np.float32), np.empty(count, np.float32), np.empty(count, np.int32)
+    points.foreach_get("interpolation", choice)
+    keys[:, 9] = choice
+    highest = choice.max()
     for column, name in enumerate(("handle_left", "co", "handle_right")):
-        points.foreach_get(name, pair)
-        keys[:, 2 * column : 2 * column + 2] = pair.reshape(count, 2)
-    for column, name in enumerate(("amplitude", "period", "back"), 6):
-        points.foreach_get(name, single)
-        keys[:, column] = single
-    for column, name in enumerate(("interpolation", "easing"), 9):
-        points.foreach_get(name, choice)
-        keys[:, column] = choice
+        if name == "co" or highest > LINEAR:
+            points.foreach_get(name, pair)
+            keys[:, 2 * column : 2 * column + 2] = pair.reshape(count, 2)
+    if highest > BEZIER:
+        points.foreach_get("easing", choice)
+        keys[:, 10] = choice
+        for column, name in enumerate(("amplitude", "period", "back"), 6):
+            points.foreach_get(name, single)
+            keys[:, column] = single
     return keys
 
 
