@@ -114,6 +114,21 @@ py::array py_values(const RigProgram& program, const py::array& frames, const st
   return values;
 }
 
+py::dict py_profile(const RigProgram& program, const py::array& frames, const py::dict& set) {
+  const std::vector<float> times = list_of<float>("frames", frames);
+  const Inputs inputs(program, set, static_cast<py::ssize_t>(times.size()));
+  std::array<double, kRigPartCount> seconds{};
+  {
+    const py::gil_scoped_release release;
+    seconds = program.profile(times, inputs.given());
+  }
+  py::dict parts;
+  const char* const names[] = {"curves", "drivers", "bones", "ik", "segments"};
+  static_assert(std::size(names) == kRigPartCount);
+  for (int i = 0; i < kRigPartCount; ++i) parts[names[i]] = seconds[i];
+  return parts;
+}
+
 py::dict settings_dict(std::span<const RigSetting> settings) {
   py::dict counts;
   for (const RigSetting& setting : settings) counts[py::str(std::string(setting.name))] = setting.count;
@@ -162,7 +177,10 @@ void bind_rigs(py::module_& module) {
       .def(
           "values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
           "Returns what properties hold, (F, N) float32, all numbers of each path one after the other. Other arguments "
-          "and errors: see evaluate().");
+          "and errors: see evaluate().")
+      .def("profile", &py_profile, py::arg("frames"), py::arg("set") = py::dict(),
+           "Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves', "
+           "'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones. Arguments: see evaluate().");
   module.def(
       "rig_bone_settings",
       [] {

@@ -128,6 +128,18 @@ TEST(FCurve, AOneToOneLineOfBezierKeysKeepsTheTime) {
   EXPECT_NEAR(FCurve(data).value(4), 4, 1e-6);
 }
 
+TEST(FCurve, ARootThatIsKnownFromAnotherCurveIsTheSame) {
+  const FCurve first(curve({key(0, 1, KeyInterpolation::bezier), key(10, 3)}));
+  const FCurve alike(curve({key(0, -2, KeyInterpolation::bezier), key(10, 8)}));
+  const FCurve later(curve({key(1, -2, KeyInterpolation::bezier), key(12, 8)}));
+  FCurve::KnownRoot known;
+  for (const float time : {2.0F, 2.0F, 7.5F}) {
+    for (const FCurve* each : {&first, &alike, &later, &alike, &first}) {
+      EXPECT_EQ(each->value(time, 0, &known), each->value(time));
+    }
+  }
+}
+
 TEST(FCurve, HandlesThatAreTooLongAreShortened) {
   CurveDescription data = curve({key(0, 0, KeyInterpolation::bezier), key(10, 1, KeyInterpolation::bezier)});
   set(data.keys[0].right, 40, 4);

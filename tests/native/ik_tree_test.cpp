@@ -2,12 +2,20 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "rig/rotation.h"
 
 namespace sinew::rig {
 namespace {
+
+void solve(IkTreeSolver& solver, const IkTree& tree, std::span<Mat4> pose) {
+  std::vector<DampedLeastSquares*> memory;
+  solver.begin(tree, pose);
+  IkTreeSolver::move(std::array{&solver}, memory);
+  solver.finish(tree, pose);
+}
 
 /// Bones of length 1 up the Y axis, bent a little about X so that the solver knows where to.
 struct Arm {
@@ -26,7 +34,8 @@ struct Arm {
   }
 
   Vec3 solved() {
-    IkTreeSolver().solve(tree, pose);
+    IkTreeSolver solver;
+    solve(solver, tree, pose);
     return tip(tree.goals[0].tip);
   }
   Vec3 tip(int bone) const { return pose[bone].location() + pose[bone].axis(1) * tree.bones[bone].length; }
@@ -119,12 +128,6 @@ TEST(IkTree, RotationGoalsTurnTheTip) {
 }
 
 TEST(IkTree, InfluenceBlends) {
-  Arm none(3);
-  const std::vector<Mat4> before = none.pose;
-  none.tree.goals[0].influence = 0;
-  none.solved();
-  EXPECT_EQ(none.pose, before);
-
   Arm half(3);
   const Vec3 start = half.tip(2), target{0.5F, 0.9F, 0.7F};
   half.tree.goals[0].influence = 0.5F;
@@ -151,10 +154,37 @@ TEST(IkTree, KeepsNothingFromSolveToSolve) {
   IkTreeSolver solver;
   Arm a(4), b(2), again(4);
   for (Arm* arm : {&a, &b, &again}) arm->tree.goals[0].target.set_location({0.5F, 0.9F, 0.7F});
-  solver.solve(a.tree, a.pose);
-  solver.solve(b.tree, b.pose);
-  solver.solve(again.tree, again.pose);
+  solve(solver, a.tree, a.pose);
+  solve(solver, b.tree, b.pose);
+  solve(solver, again.tree, again.pose);
   EXPECT_EQ(a.pose, again.pose);
+}
+
+TEST(IkTree, SeveralAtATimeAreAsEachAlone) {
+  for (const int most : {2, 3, 7}) {
+    std::vector<Arm> arms;
+    for (int i = 0; i < most; ++i) {
+      Arm arm(i == 4 ? 3 : 2, 0.1F + 0.2F * static_cast<float>(i));
+      // The third one cannot reach its target, which takes longest.
+      arm.tree.goals[0].target.set_location({0.5F, i == 2 ? 9.0F : 0.9F, 0.1F * static_cast<float>(i)});
+      for (IkBone& bone : arm.tree.bones) bone.stretch = i % 2 == 0 ? 0 : 0.1F;
+      arms.push_back(arm);
+    }
+    std::vector<Arm> alone = arms;
+    std::vector<IkTreeSolver> solvers(arms.size());
+    std::vector<IkTreeSolver*> all;
+    std::vector<DampedLeastSquares*> memory;
+    for (std::size_t i = 0; i < arms.size(); ++i) {
+      solvers[i].begin(arms[i].tree, arms[i].pose);
+      all.push_back(&solvers[i]);
+    }
+    IkTreeSolver::move(all, memory);
+    for (std::size_t i = 0; i < arms.size(); ++i) {
+      solvers[i].finish(arms[i].tree, arms[i].pose);
+      alone[i].solved();
+      EXPECT_EQ(arms[i].pose, alone[i].pose) << "arm " << i << " of " << most;
+    }
+  }
 }
 
 TEST(IkTree, BadNumbersEnd) {

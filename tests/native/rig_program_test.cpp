@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "failures.h"
+#include "memory.h"
 #include "rig_descriptions.h"
 #include "sinew/threads.h"
 
@@ -161,18 +162,91 @@ TEST(RigProgram, BendsBBonesTowardsTheirHandles) {
   EXPECT_GT(segments[2](0, 3), 0.01F);
 }
 
-TEST(RigProgram, ReachesWithIk) {
-  RigDescription rig = two_bones();
-  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
-  ConstraintDescription& ik = add_constraint(rig, ConstraintType::ik, 1, 2);
+ConstraintDescription& add_ik(RigDescription& rig, int bone, int goal) {
+  ConstraintDescription& ik = add_constraint(rig, ConstraintType::ik, bone, goal);
   ik.targets.push_back({});
   set(ik, "use_tail", 1);
   set(ik, "use_location", 1);
   set(ik, "iterations", 500);
+  return ik;
+}
+
+TEST(RigProgram, ReachesWithIk) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  add_ik(rig, 1, 2);
   const std::vector<Mat4> poses = poses_of(rig);
   const Vec3 tail = poses[1].location() + poses[1].axis(1);
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[2].location()[k], 1e-3F);
 }
+
+TEST(RigProgram, OfSeveralIkConstraintsOfABoneTheFirstThatActsCounts) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  add_bone(rig, "other", -1, {-0.5F, 1.2F, 0.3F});
+  add_ik(rig, 1, 2).name = "first";
+  add_ik(rig, 1, 3).name = "second";
+  const RigProgram program(rig);
+  const int influence = program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
+  const float off = 0;
+  const GivenInputs without_first{{{influence, 1, &off, 0}}, {}};
+  const std::vector<Mat4> before = poses_of(program);
+  const auto reached = [](const std::vector<Mat4>& poses) { return poses[1].location() + poses[1].axis(1); };
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(reached(before)[k], before[2].location()[k], 1e-3F);
+  const std::vector<Mat4> second = poses_of(program, 1, without_first);
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(reached(second)[k], second[3].location()[k], 1e-3F);
+  EXPECT_EQ(poses_of(program), before) << "what was solved before has no effect";
+}
+
+TEST(RigProgram, ChainsThatDoNotNeedEachOtherAreAsEachAlone) {
+  const auto arms = [](int first, int last) {
+    RigDescription rig;
+    for (int i = first; i < last; ++i) {
+      const std::string number = std::to_string(i);
+      const auto x = static_cast<float>(3 * i);
+      const int root = add_bone(rig, "root" + number, -1, {x, 0, 0});
+      const int tip = add_bone(rig, "tip" + number, root, {x, 1, 0});
+      const int goal = add_bone(rig, "goal" + number, -1, {x + 0.5F, 1.2F + 0.2F * static_cast<float>(i), 0.3F});
+      add_ik(rig, tip, goal);
+    }
+    return rig;
+  };
+  const std::vector<Mat4> all = poses_of(arms(0, 6));
+  for (int i = 0; i < 6; ++i) {
+    const std::vector<Mat4> alone = poses_of(arms(i, i + 1));
+    for (int k = 0; k < 3; ++k) EXPECT_EQ(all[3 * i + k], alone[k]) << "arm " << i;
+  }
+}
+
+TEST(RigProgram, RefusesTooManyCombinationsOfIk) {
+  RigDescription rig;
+  constexpr int kBones = 13;
+  for (int i = 0; i < kBones; ++i) add_bone(rig, "b" + std::to_string(i), i - 1, {0, static_cast<float>(i), 0});
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  for (int i = 0; i < 2 * kBones; ++i) add_ik(rig, i / 2, kBones);
+  EXPECT_EQ(
+      failure_of(rig),
+      "the IK constraints of 13 bones that are solved together, the last of them pose.bones[\"b12\"].location[0], "
+      "act in more than 4,096 combinations; remove those that are not needed");
+}
+
+#ifdef SINEW_COUNTS_MEMORY
+TEST(RigProgram, EvaluatingTakesNoMoreMemoryAfterTheFirstFrame) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
+  add_bone(rig, "other", -1, {-0.5F, 1.2F, 0.3F});
+  add_ik(rig, 1, 2).name = "first";
+  add_ik(rig, 1, 3).name = "second";
+  const RigProgram program(rig);
+  const int influence = program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
+  const float frame = 1;
+  for (const float share : {1.0F, 0.0F}) {
+    const GivenInputs given{{{influence, 1, &share, 0}}, {}};
+    const std::size_t bytes = bytes_allocated_by([&] { program.profile({&frame, 1}, given); });
+    if (share == 0) EXPECT_EQ(bytes, 0U);
+  }
+}
+#endif
 
 TEST(RigProgram, FindsValuesByPath) {
   RigDescription rig = two_bones();

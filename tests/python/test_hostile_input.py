@@ -213,7 +213,10 @@ def valid():
             {"weights": WEIGHTS, **surface, "pairs": np.array([1, 0]), "axis": 0, "mask": group},
         ),
         "transfer_weights": (sinew.transfer_weights, {**source, "source_weights": WEIGHTS, **surface}),
-        **{f"RigProgram.{name}": (getattr(program, name), {"frames": FRAMES}) for name in ("evaluate", "segments")},
+        **{
+            f"RigProgram.{name}": (getattr(program, name), {"frames": FRAMES})
+            for name in ("evaluate", "segments", "profile")
+        },
         "RigProgram.values": (program.values, {"frames": FRAMES, "paths": []}),
     }
 

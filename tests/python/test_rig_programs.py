@@ -167,6 +167,12 @@ def test_mistakes(rig, change, message):
     assert str(error.value).startswith(message)
 
 
+def test_the_parts_of_an_evaluation_are_timed(rig):
+    parts = sinew.RigProgram(rig).profile(np.arange(5))
+    assert list(parts) == ["curves", "drivers", "bones", "ik", "segments"]
+    assert parts["bones"] > 0 and parts["curves"] > 0 and parts["ik"] == parts["segments"] == 0
+
+
 def test_mistakes_of_a_call(rig):
     program = sinew.RigProgram(rig)
     with pytest.raises(ValueError, match=r'the rig has no property \["gone"\]'):

@@ -5,6 +5,7 @@
 #include "base/check.h"
 #include "rig/constraints/constraint.h"
 #include "rig/constraints/ik.h"
+#include "rig/ik_plan.h"
 #include "rig/order.h"
 #include "rig/program.h"
 
@@ -359,6 +360,7 @@ Program build_program(const RigDescription& rig) {
   check_settings(rig, program);
   assign_constraints(program);
   program.trees = find_trees(program.bones, program.constraints, program.map);
+  for (Tree& tree : program.trees) add_plans(program, tree);
   program.order = put_in_order(program);
   return program;
 }

@@ -55,8 +55,12 @@ void update_tail(const Program& program, State& state, int index) {
   state.tails[index] = pose.location() + pose.axis(1) * program.bones[index].length;
 }
 
-void update_channel(const Program& program, State& state, int index) {
-  state.channels[index] = state.poses[index] * program.bones[index].inverse_rest;
+const Mat4& channel_of(const Program& program, State& state, int index) {
+  if (state.lazy[index].channel != state.pass) {
+    state.channels[index] = state.poses[index] * program.bones[index].inverse_rest;
+    state.lazy[index].channel = state.pass;
+  }
+  return state.channels[index];
 }
 
 void pose_bone(const Program& program, State& state, int index) {

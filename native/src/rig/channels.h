@@ -14,8 +14,10 @@ Mat4 channels_of(const Program& program, const State& state, int bone);
 /// Computes a bone, its parent and all that it depends on being done: channels, parent, then constraints other than IK.
 void pose_bone(const Program& program, State& state, int bone);
 
-/// Notes what others read of a bone whose pose has changed.
+/// Notes where a bone whose pose has changed ends.
 void update_tail(const Program& program, State& state, int bone);
-void update_channel(const Program& program, State& state, int bone);
+
+/// A bone's pose relative to its rest; computed once in a frame.
+const Mat4& channel_of(const Program& program, State& state, int bone);
 
 }  // namespace sinew::rig

@@ -21,9 +21,18 @@ constexpr double kSmallestSingularValue = 1e-10;
 /// Decompositions with more columns are left to Eigen; no usual rig has them.
 constexpr int kThinColumns = 12;
 
+/// Those of one location to reach, with up to this many degrees of freedom, have sizes that the compiler knows.
+constexpr int kUnrolledRows = 9;
+
 double length_of(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 }  // namespace
+
+void DampedLeastSquares::reserve(std::size_t rows, std::size_t dofs) {
+  jacobian_.reserve(rows * dofs);
+  residual_.reserve(rows);
+  for (auto* each : {&step_, &one_step_, &column_norm_, &weight_, &weight_root_, &end_factor_}) each->reserve(dofs);
+}
 
 void DampedLeastSquares::reset(int rows, int dofs, bool eigen_5) {
   rows_ = rows;
@@ -96,9 +105,9 @@ void DampedLeastSquares::add_damped(double singular_value, const double* u, cons
   for (int j = 0; j < dofs_; ++j) step_[j] += 0.80 * std::min(damping / weight_[j], 1.0) * one_step_[j];
 }
 
-template <int C>
+template <int C, int N>
 void DampedLeastSquares::solve_thin() {
-  ThinSvd<C> svd;
+  ThinSvd<C, N> svd;
   const bool is_wide = rows_ < dofs_;
   for (int i = 0; i < dofs_; ++i) {
     for (int j = 0; j < rows_; ++j) (is_wide ? svd.a[j][i] : svd.a[i][j]) = jacobian_[i * rows_ + j];
@@ -124,15 +133,7 @@ void DampedLeastSquares::solve_with_eigen() {
   }
 }
 
-void DampedLeastSquares::solve() {
-  using Way = void (DampedLeastSquares::*)();
-  static constexpr auto kWays = []<std::size_t... I>(std::index_sequence<I...>) {
-    return std::array<Way, sizeof...(I)>{&DampedLeastSquares::solve_thin<I + 1>...};
-  }
-  (std::make_index_sequence<kThinColumns>{});
-  const int columns = std::min(rows_, dofs_);
-  const bool is_thin = columns <= kThinColumns && std::max(rows_, dofs_) <= kSvdRows;
-  (this->*(is_thin ? kWays[columns - 1] : &DampedLeastSquares::solve_with_eigen))();
+void DampedLeastSquares::end_step() {
   double largest = 0;
   for (int j = 0; j < dofs_; ++j) {
     step_[j] *= weight_[j];
@@ -141,6 +142,90 @@ void DampedLeastSquares::solve() {
   if (largest <= kLargestTurn) return;
   const double damping = kLargestTurn / (kLargestTurn + largest);
   for (int j = 0; j < dofs_; ++j) step_[j] *= damping;
+}
+
+void DampedLeastSquares::solve() {
+  using Way = void (DampedLeastSquares::*)();
+  static constexpr auto kWays = []<std::size_t... I>(std::index_sequence<I...>) {
+    return std::array<Way, sizeof...(I)>{&DampedLeastSquares::solve_thin<I + 1>...};
+  }
+  (std::make_index_sequence<kThinColumns>{});
+  static constexpr auto kWaysOfOneGoal = []<std::size_t... I>(std::index_sequence<I...>) {
+    return std::array<Way, sizeof...(I)>{&DampedLeastSquares::solve_thin<3, I + 3>...};
+  }
+  (std::make_index_sequence<kUnrolledRows - 2>{});
+  const int columns = short_side(), rows = long_side();
+  const bool is_thin = columns <= kThinColumns && rows <= kSvdRows;
+  const bool is_unrolled = columns == 3 && rows <= kUnrolledRows;
+  (this->*(is_unrolled ? kWaysOfOneGoal[rows - 3]
+           : is_thin   ? kWays[columns - 1]
+                       : &DampedLeastSquares::solve_with_eigen))();
+  end_step();
+}
+
+/// N  the long side. P  pairs of lanes; those without a system compute what the first one does.
+template <int N, int P>
+void DampedLeastSquares::solve_side_by_side(std::span<DampedLeastSquares* const> systems) {
+  using Numbers = Lanes<P>;
+  constexpr int kLanes = Numbers::kCount;
+  const bool is_wide = systems[0]->rows_ < systems[0]->dofs_;
+  ThinSvd<3, N, Numbers> svd;
+  double lanes[kLanes];
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < N; ++i) {
+      for (std::size_t k = 0; k < kLanes; ++k) {
+        const DampedLeastSquares& system = *systems[k < systems.size() ? k : 0];
+        lanes[k] = system.jacobian_[is_wide ? i * system.rows_ + j : j * system.rows_ + i];
+      }
+      svd.a[j][i] = Numbers::read(lanes);
+    }
+  }
+  svd.decompose(N, systems[0]->eigen_5_);
+  double w[3][kLanes], u[kLanes][3][N], v[kLanes][3][3];
+  for (int j = 0; j < 3; ++j) {
+    svd.w[j].write(w[j]);
+    for (int i = 0; i < N; ++i) {
+      svd.u[j][i].write(lanes);
+      for (int k = 0; k < kLanes; ++k) u[k][j][i] = lanes[k];
+    }
+    for (int i = 0; i < 3; ++i) {
+      svd.v[j][i].write(lanes);
+      for (int k = 0; k < kLanes; ++k) v[k][j][i] = lanes[k];
+    }
+  }
+  for (std::size_t k = 0; k < systems.size(); ++k) {
+    systems[k]->begin_step();
+    for (int j = 0; j < 3; ++j) {
+      systems[k]->add_damped(w[j][k], is_wide ? v[k][j] : u[k][j], is_wide ? u[k][j] : v[k][j]);
+    }
+    systems[k]->end_step();
+  }
+}
+
+void DampedLeastSquares::solve(std::span<DampedLeastSquares*> systems) {
+  constexpr std::size_t kMost = 4;
+  using Way = void (*)(std::span<DampedLeastSquares* const>);
+  static constexpr auto kWays = []<std::size_t... I>(std::index_sequence<I...>) {
+    return std::array<std::array<Way, 2>, sizeof...(I)>{
+        {{&solve_side_by_side<I + 3, 1>, &solve_side_by_side<I + 3, 2>}...}};
+  }
+  (std::make_index_sequence<kUnrolledRows - 2>{});
+  while (!systems.empty()) {
+    const DampedLeastSquares& first = *systems[0];
+    const int rows = first.long_side();
+    std::size_t count = 1;
+    for (std::size_t i = 1; i < systems.size() && count < kMost; ++i) {
+      const bool is_like_first = systems[i]->rows_ == first.rows_ && systems[i]->dofs_ == first.dofs_ &&
+                                 systems[i]->eigen_5_ == first.eigen_5_;
+      if (is_like_first) std::swap(systems[count++], systems[i]);
+    }
+    if (count > 1 && first.short_side() == 3 && rows <= kUnrolledRows) {
+      kWays[rows - 3][count > 2 ? 1 : 0](systems.first(count));
+    } else {
+      for (std::size_t i = 0; i < count; ++i) systems[i]->solve();
+    }
+    systems = systems.subspan(count);
+  }
 }
 
 }  // namespace sinew::rig

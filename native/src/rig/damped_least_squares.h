@@ -5,6 +5,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <span>
 #include <vector>
 
 namespace sinew::rig {
@@ -12,6 +14,8 @@ namespace sinew::rig {
 /// R rows, three for each task, and D degrees of freedom. Memory is kept from solve to solve.
 class DampedLeastSquares {
  public:
+  void reserve(std::size_t rows, std::size_t dofs);
+
   /// eigen_5  see ThinSvd.
   void reset(int rows, int dofs, bool eigen_5);
 
@@ -27,14 +31,24 @@ class DampedLeastSquares {
 
   void solve();
 
+  /// Solves several systems, those of one size side by side, with the bits that solve() gives. Their order changes.
+  static void solve(std::span<DampedLeastSquares*> systems);
+
   double step(int dof) const { return step_[dof]; }
   double largest_step() const;
 
  private:
-  template <int C>
+  /// The numbers of rows and of columns of what is decomposed.
+  int long_side() const { return std::max(rows_, dofs_); }
+  int short_side() const { return std::min(rows_, dofs_); }
+
+  template <int C, int N = 0>
   void solve_thin();
+  template <int N, int P>
+  static void solve_side_by_side(std::span<DampedLeastSquares* const> systems);
   void solve_with_eigen();
   void begin_step();
+  void end_step();
   void add_damped(double singular_value, const double* u, const double* v);
 
   int rows_ = 0;

@@ -31,22 +31,33 @@ void evaluate(const Program& program, State& state, float frame) {
   state.frame = frame;
   state.undefined_driver = -1;
   ++state.pass;
+  state.enter(RigPart::curves);
   std::copy(state.base.begin(), state.base.end(), state.values.begin());
-  for (const ProgramCurve& curve : program.curves) store(program, state, curve.value, curve.curve.value(frame));
+  FCurve::KnownRoot known;
+  for (const ProgramCurve& curve : program.curves) {
+    store(program, state, curve.value, curve.curve.value(frame, 0, &known));
+  }
   for (const GivenNumber& given : state.given) state.values[given.value] = given.number;
-  for (const Operation& operation : program.order) {
+  for (std::size_t i = 0; i < program.order.size(); ++i) {
+    const Operation& operation = program.order[i];
     switch (operation.type) {
       case Operation::Type::bone:
+        state.enter(RigPart::bones);
         pose_bone(program, state, operation.index);
-        update_channel(program, state, operation.index);
         break;
       case Operation::Type::driver:
+        state.enter(RigPart::drivers);
         drive(program, state, operation.index);
         break;
-      case Operation::Type::tree:
-        solve_tree(program, state, operation.index);
+      case Operation::Type::tree: {
+        state.enter(RigPart::bones);
+        const std::span<const Operation> trees = trees_from(program, i);
+        solve_trees(program, state, trees);
+        i += trees.size() - 1;
         break;
+      }
       case Operation::Type::segments:
+        state.enter(RigPart::segments);
         bend_bone(program, state, operation.index);
         break;
     }

@@ -171,34 +171,39 @@ FCurve::Part FCurve::part_of(const CurveKey& key, const CurveKey& next) {
   return part;
 }
 
-/// negative_time  the part's first frame minus the time.
-float FCurve::bezier(const Part& part, float negative_time) {
-  if (part.is_flat) return part.begin;
-  const double c0 = negative_time;
-  std::optional<float> found;
-  if (part.cubic == 0) {
-    found = root_of_square(part.square, part.slope, c0);
-  } else {
-    // Cardano's formula.
-    const double a = part.a, q = (part.q_base + c0 / part.cubic) / 2, d = q * q + part.p_cubed;
-    if (d > 0) {
-      const double t = std::sqrt(d);
-      found = first_inside(cube_root(-q + t) + cube_root(-q - t) - a);
-    } else if (d == 0) {
-      const double t = cube_root(-q);
-      found = first_inside(2 * t - a, -t - a);
-    } else {
-      const double phi = std::acos(-q / std::sqrt(-part.p_cubed)), t = std::sqrt(-part.p);
-      const double p = std::cos(phi / 3), r = std::sqrt(3 - 3 * p * p);
-      found = first_inside(2 * t * p - a, -t * (p + r) - a, -t * (p - r) - a);
-    }
+/// Where between the keys a time is, 0 to 1. constant  the polynomial's constant term.
+std::optional<float> FCurve::root_of(const Part& part, double constant) {
+  if (part.cubic == 0) return root_of_square(part.square, part.slope, constant);
+  // Cardano's formula.
+  const double a = part.a, q = (part.q_base + constant / part.cubic) / 2, d = q * q + part.p_cubed;
+  if (d > 0) {
+    const double t = std::sqrt(d);
+    return first_inside(cube_root(-q + t) + cube_root(-q - t) - a);
   }
-  if (!found) return 0;
-  const float t = *found;
+  if (d == 0) {
+    const double t = cube_root(-q);
+    return first_inside(2 * t - a, -t - a);
+  }
+  const double phi = std::acos(-q / std::sqrt(-part.p_cubed)), t = std::sqrt(-part.p);
+  const double p = std::cos(phi / 3), r = std::sqrt(3 - 3 * p * p);
+  return first_inside(2 * t * p - a, -t * (p + r) - a, -t * (p - r) - a);
+}
+
+/// negative_time  the part's first frame minus the time.
+float FCurve::bezier(const Part& part, float negative_time, KnownRoot* known) {
+  if (part.is_flat) return part.begin;
+  KnownRoot own;
+  KnownRoot& last = known != nullptr ? *known : own;
+  const double constant = negative_time;
+  const bool is_known = last.is_known && last.constant == constant && last.cubic == part.cubic &&
+                        last.square == part.square && last.slope == part.slope;
+  if (!is_known) last = {part.cubic, part.square, part.slope, constant, true, root_of(part, constant)};
+  if (!last.root) return 0;
+  const float t = *last.root;
   return part.begin + t * part.height[0] + t * t * part.height[1] + t * t * t * part.height[2];
 }
 
-float FCurve::inside(std::size_t index, float time) const {
+float FCurve::inside(std::size_t index, float time, KnownRoot* known) const {
   const Part& part = parts_[index];
   if (has_steps_) return part.begin;
   const float since = time - frames_[index];
@@ -208,7 +213,7 @@ float FCurve::inside(std::size_t index, float time) const {
     case KeyInterpolation::linear:
       return part.change * since / part.duration + part.begin;
     case KeyInterpolation::bezier:
-      return bezier(part, frames_[index] - time);
+      return bezier(part, frames_[index] - time, known);
     default:
       return eased(part.interpolation, part.easing, since,
                    {part.begin, part.change, part.duration, part.amplitude, part.period, part.back});
@@ -222,7 +227,7 @@ float FCurve::outside(float time, bool is_before) const {
   return end - slope * ((is_before ? frames_.front() : frames_.back()) - time);
 }
 
-float FCurve::of_keys(float time) const {
+float FCurve::of_keys(float time, KnownRoot* known) const {
   if (time <= frames_.front()) return outside(time, true);
   if (frames_.back() <= time) return outside(time, false);
   if (is_same_frame(time, frames_.front())) return values_.front();
@@ -244,7 +249,7 @@ float FCurve::of_keys(float time) const {
     }
   }
   // A time that is not a number is before the first key.
-  return begin == 0 ? values_.front() : inside(begin - 1, time);
+  return begin == 0 ? values_.front() : inside(begin - 1, time, known);
 }
 
 /// Returns the time within the keys, and what is added to the value there.
@@ -279,14 +284,14 @@ std::pair<float, float> FCurve::cycled(float time) const {
   return {found, offset};
 }
 
-float FCurve::value(float time, float without_keys) const {
+float FCurve::value(float time, float without_keys, KnownRoot* known) const {
   float value = without_keys;
   if (!frames_.empty() && cycles_) {
     float offset = 0;
     std::tie(time, offset) = cycled(time);
-    value = of_keys(time) + offset;
+    value = of_keys(time, known) + offset;
   } else if (!frames_.empty()) {
-    value = of_keys(time);
+    value = of_keys(time, known);
   }
   for (const CurveModifier& generator : generators_) {
     float sum = 0, power = 1;

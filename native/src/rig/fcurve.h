@@ -23,8 +23,17 @@ class FCurve {
   /// modifier.
   explicit FCurve(const CurveDescription& data, ValueKind kind = ValueKind::real);
 
+  /// The last polynomial of a time that was solved. Channels that are keyed together have the same ones.
+  struct KnownRoot {
+    double cubic = 0, square = 0, slope = 0, constant = 0;
+    bool is_known = false;
+    std::optional<float> root;
+  };
+
   /// Returns the value at a time in frames. A curve without keys is `without_keys`, then the generators act.
-  float value(float time, float without_keys = 0) const;
+  ///
+  /// known  of the curve before, or null.
+  float value(float time, float without_keys = 0, KnownRoot* known = nullptr) const;
 
   bool has_keys() const { return !frames_.empty(); }
 
@@ -47,12 +56,13 @@ class FCurve {
     double cubic, square, slope, a, p, p_cubed, q_base;
   };
 
-  float of_keys(float time) const;
+  float of_keys(float time, KnownRoot* known) const;
   float outside(float time, bool is_before) const;
-  float inside(std::size_t part, float time) const;
+  float inside(std::size_t part, float time, KnownRoot* known) const;
   std::pair<float, float> cycled(float time) const;
   static Part part_of(const CurveKey& key, const CurveKey& next);
-  static float bezier(const Part& part, float time_left);
+  static std::optional<float> root_of(const Part& part, double constant);
+  static float bezier(const Part& part, float time_left, KnownRoot* known);
 
   std::vector<float> frames_;
   std::vector<Part> parts_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/check.h"
 #include "rig/constraints/ik.h"
 
 namespace sinew::rig {
@@ -24,8 +25,8 @@ IkPlan plan_of_chain(const Program& program, const std::vector<int>& chain, int 
   for (int i = 0; i < static_cast<int>(chain.size()); ++i) plan.parents.push_back(i - 1);
   plan.tips.push_back(static_cast<int>(chain.size()) - 1);
   plan.constraints.push_back(constraint);
-  plan.tree.iterations = setting(program, constraint, kIkIterations);
-  plan.tree.is_stretching = setting(program, constraint, kIkUseStretch) != 0;
+  plan.iterations = setting(program, constraint, kIkIterations);
+  plan.is_stretching = setting(program, constraint, kIkUseStretch) != 0;
   return plan;
 }
 
@@ -59,9 +60,9 @@ int shared_bones(const IkPlan& plan, const std::vector<int>& down) {
 }
 
 void join(const Program& program, IkPlan& plan, const std::vector<int>& chain, int constraint) {
-  plan.tree.iterations = std::max(plan.tree.iterations, setting(program, constraint, kIkIterations));
+  plan.iterations = std::max(plan.iterations, setting(program, constraint, kIkIterations));
   // The later constraint turns stretching off or on like this, whatever it is meant to be.
-  plan.tree.is_stretching = plan.tree.is_stretching && setting(program, constraint, kIkUseStretch) == 0;
+  plan.is_stretching = plan.is_stretching && setting(program, constraint, kIkUseStretch) == 0;
   const std::vector<int> down(chain.rbegin(), chain.rend());
   const int shared = shared_bones(plan, down);
   const int before = static_cast<int>(plan.bones.size());
@@ -94,6 +95,33 @@ void add_chain(const Program& program, std::vector<Root>& roots, const std::vect
   root->plans.push_back(std::move(plan));
 }
 
+/// combination  of each owner, which of its constraints is the last that counts, as the digits of a number.
+std::vector<IkPlan> plans_of_combination(const Program& program, const Tree& tree, std::size_t combination) {
+  std::vector<int> ends(tree.owners.size());
+  for (std::size_t i = tree.owners.size(); i-- > 0;) {
+    const int begin = i == 0 ? 0 : tree.owners[i - 1];
+    const std::size_t count = tree.owners[i] - begin;
+    ends[i] = begin + static_cast<int>(combination % count) + 1;
+    combination /= count;
+  }
+  std::vector<Root> roots;
+  for (std::size_t owner = 0; owner < ends.size(); ++owner) {
+    const int begin = owner == 0 ? 0 : tree.owners[owner - 1];
+    int tip = program.constraints[tree.constraints[begin]].bone;
+    for (int i = begin; i < ends[owner]; ++i) {
+      const int number = tree.constraints[i];
+      // A second constraint without "use tail" begins one bone further up.
+      if (setting(program, number, kIkUseTail) == 0 && program.bones[tip].parent >= 0) tip = program.bones[tip].parent;
+      add_chain(program, roots, ik_chain(program.bones, tip, setting(program, number, kIkChainLength)), number);
+    }
+  }
+  std::vector<IkPlan> plans;
+  for (Root& root : roots) {
+    for (IkPlan& plan : root.plans) plans.push_back(std::move(plan));
+  }
+  return plans;
+}
+
 }  // namespace
 
 std::vector<int> ik_chain(const std::vector<Bone>& bones, int tip, int count) {
@@ -106,35 +134,23 @@ std::vector<int> ik_chain(const std::vector<Bone>& bones, int tip, int count) {
   return chain;
 }
 
-std::vector<IkPlan> plan_ik(const Program& program, const Tree& tree, const std::vector<char>& acts) {
-  std::vector<Root> roots;
-  int owner = -1;
-  int tip = -1;
-  bool is_over = false;
-  for (std::size_t i = 0; i < tree.constraints.size(); ++i) {
-    const int number = tree.constraints[i];
-    const Constraint& constraint = program.constraints[number];
-    if (constraint.bone != owner) {
-      owner = tip = constraint.bone;
-      is_over = false;
+void add_plans(const Program& program, Tree& tree) {
+  constexpr std::size_t kMostCombinations = 4096;
+  std::size_t combinations = 1;
+  for (std::size_t i = 0, begin = 0; i < tree.constraints.size(); ++i) {
+    const int owner = program.constraints[tree.constraints[i]].bone;
+    const bool is_last = i + 1 == tree.constraints.size() || program.constraints[tree.constraints[i + 1]].bone != owner;
+    if (!is_last) continue;
+    tree.owners.push_back(static_cast<int>(i + 1));
+    combinations *= i + 1 - begin;
+    begin = i + 1;
+    if (combinations > kMostCombinations) {
+      fail("the IK constraints of ", plural(tree.owners.size(), "bone"), " that are solved together, the last of them ",
+           program.map.name(program.bones[owner].values), ", act in more than ", grouped(kMostCombinations),
+           " combinations; remove those that are not needed");
     }
-    if (is_over) continue;
-    // A second constraint without "use tail" begins one bone further up.
-    if (setting(program, number, kIkUseTail) == 0 && program.bones[tip].parent >= 0) tip = program.bones[tip].parent;
-    add_chain(program, roots, ik_chain(program.bones, tip, setting(program, number, kIkChainLength)), number);
-    is_over = acts[i] != 0;
   }
-  std::vector<IkPlan> plans;
-  for (Root& root : roots) {
-    for (IkPlan& plan : root.plans) plans.push_back(std::move(plan));
-  }
-  for (IkPlan& plan : plans) {
-    plan.tree.bones.resize(plan.bones.size());
-    plan.tree.goals.resize(plan.constraints.size());
-    plan.tree.object = program.world;
-    plan.tree.blender = program.blender;
-  }
-  return plans;
+  for (std::size_t i = 0; i < combinations; ++i) tree.plans.push_back(plans_of_combination(program, tree, i));
 }
 
 }  // namespace sinew::rig

@@ -3,19 +3,9 @@
 
 #include <vector>
 
-#include "rig/ik_tree.h"
 #include "rig/program.h"
 
 namespace sinew::rig {
-
-/// A tree that is solved at once: its bones, parents first, and its goals.
-struct IkPlan {
-  std::vector<int> bones;        ///< of the rig
-  std::vector<int> parents;      ///< of each bone, in the tree
-  std::vector<int> tips;         ///< of each goal, in the tree
-  std::vector<int> constraints;  ///< of each goal
-  IkTree tree;                   ///< filled for each solve
-};
 
 /// Whether there is something to reach for. The armature's own object does not count.
 inline bool has_ik_target(const Constraint& constraint) {
@@ -26,10 +16,22 @@ inline bool has_ik_target(const Constraint& constraint) {
 /// The bones from a tip to its chain's root. count  0: all.
 std::vector<int> ik_chain(const std::vector<Bone>& bones, int tip, int count);
 
-/// The plans in the order in which they are solved, parents first. Of each bone the IK constraints up to the first that
-/// acts count. Chains with the same root are joined.
-///
-/// acts  of each constraint of the tree, whether it has influence in this frame.
-std::vector<IkPlan> plan_ik(const Program& program, const Tree& tree, const std::vector<char>& acts);
+/// Makes the plans for all combinations. Of each bone the IK constraints up to the first that acts count, all if none
+/// does. Chains with the same root are joined. Throws InputError if there are too many combinations.
+void add_plans(const Program& program, Tree& tree);
+
+/// The combination of a frame. acts(number) tells whether a constraint has influence.
+template <class Acts>
+const std::vector<IkPlan>& plans_of(const Tree& tree, const Acts& acts) {
+  std::size_t combination = 0;
+  int begin = 0;
+  for (const int end : tree.owners) {
+    int first = begin;
+    while (first + 1 < end && !acts(tree.constraints[first])) ++first;
+    combination = combination * (end - begin) + (first - begin);
+    begin = end;
+  }
+  return tree.plans[combination];
+}
 
 }  // namespace sinew::rig

@@ -33,6 +33,14 @@ Matrix3d view(const Vector3d& direction, const Vector3d& up) {
 
 }  // namespace
 
+void IkSolver::reserve(std::size_t joints, std::size_t tasks) {
+  joints_.reserve(joints);
+  order_.reserve(joints);
+  tasks_.reserve(tasks);
+  constexpr std::size_t kMostAxes = 3;
+  system_.reserve(3 * tasks, kMostAxes * joints);
+}
+
 void IkSolver::clear() {
   joints_.clear();
   order_.clear();
@@ -151,8 +159,8 @@ void IkSolver::linearise(const Task& task, int row) {
 }
 
 /// Makes the step unless a limit is in the way. Then the joint that is nearest to its limit is held there, together with
-/// those that are at theirs, and the system has to be solved again. moved  the farthest way to such a limit.
-bool IkSolver::step_is_complete(double& moved) {
+/// those that are at theirs, and the system has to be solved again.
+bool IkSolver::step_is_complete() {
   int nearest_joint = -1, nearest_dof = 0;
   double nearest = 1e10;
   Vector3d nearest_moved(0, 0, 0);
@@ -178,7 +186,7 @@ bool IkSolver::step_is_complete(double& moved) {
   if (nearest_joint >= 0) {
     joints_[nearest_joint].hold(nearest_dof, system_, nearest_moved);
     is_complete = false;
-    moved = std::max(moved, nearest);
+    moved_ = std::max(moved_, nearest);
   }
   if (is_complete) {
     for (IkJoint& joint : joints_) joint.accept();
@@ -186,28 +194,47 @@ bool IkSolver::step_is_complete(double& moved) {
   return is_complete;
 }
 
-void IkSolver::solve(int iterations, bool eigen_5) {
+void IkSolver::begin(int iterations, bool eigen_5) {
+  iterations_left_ = 0;
   if (!prepare(eigen_5)) return;
   double size = 0;
   for (const int j : order_) size += joints_[j].reach;
-  const auto factor = static_cast<float>(size == 0 ? 1.0 : 1.0 / size);
-  scale(factor);
+  factor_ = static_cast<float>(size == 0 ? 1.0 : 1.0 / size);
+  scale(factor_);
   turn_to_pole();
-  for (int k = 0; k < iterations; ++k) {
+  iterations_left_ = iterations;
+  iteration_ = 0;
+  is_half_ = false;
+  if (iterations == 0) finish();
+}
+
+DampedLeastSquares* IkSolver::next_system() {
+  if (iterations_left_ == 0) return nullptr;
+  if (!is_half_) {
     update(0, root_);
     for (std::size_t t = 0; t < tasks_.size(); ++t) linearise(tasks_[t], 3 * static_cast<int>(t));
-    double moved = 0;
-    do {
-      system_.solve();
-    } while (!step_is_complete(moved));
-    for (IkJoint& joint : joints_) joint.release();
-    if (std::max(moved, system_.largest_step()) < kStill && k + 1 >= kLeastIterations) break;
+    moved_ = 0;
   }
+  return &system_;
+}
+
+void IkSolver::make_step() {
+  is_half_ = !step_is_complete();
+  if (is_half_) return;
+  for (IkJoint& joint : joints_) joint.release();
+  ++iteration_;
+  --iterations_left_;
+  const bool is_still = std::max(moved_, system_.largest_step()) < kStill && iteration_ >= kLeastIterations;
+  if (is_still) iterations_left_ = 0;
+  if (iterations_left_ == 0) finish();
+}
+
+void IkSolver::finish() {
   if (has_pole_) {
     IkJoint& root = joints_[0];
     root.basis = root.rest.inverse() * root_.linear() * root.rest * root.basis;
   }
-  scale(1.0f / factor);
+  scale(1.0f / factor_);
 }
 
 }  // namespace sinew::rig

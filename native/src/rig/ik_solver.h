@@ -12,6 +12,8 @@ namespace sinew::rig {
 /// Memory is kept from solve to solve. Everything is in the root's space.
 class IkSolver {
  public:
+  void reserve(std::size_t joints, std::size_t tasks);
+
   /// Removes all joints and tasks.
   void clear();
 
@@ -34,8 +36,12 @@ class IkSolver {
     has_pole_ = true;
   }
 
-  /// Moves the joints. eigen_5  see ThinSvd.
-  void solve(int iterations, bool eigen_5);
+  /// Begins to move the joints. eigen_5  see ThinSvd.
+  void begin(int iterations, bool eigen_5);
+
+  /// The linear system of the next step, or null after the last one. When it is solved, make_step() follows.
+  DampedLeastSquares* next_system();
+  void make_step();
 
  private:
   struct Task {
@@ -53,7 +59,8 @@ class IkSolver {
   void update(int joint, const Eigen::Affine3d& parent_end);
   void turn_to_pole();
   void linearise(const Task& task, int row);
-  bool step_is_complete(double& moved);
+  bool step_is_complete();
+  void finish();
 
   std::vector<IkJoint> joints_;
   std::vector<int> order_;  // depth first
@@ -62,6 +69,11 @@ class IkSolver {
   Pole pole_;
   bool has_pole_ = false;
   DampedLeastSquares system_;
+  int iterations_left_ = 0;
+  int iteration_ = 0;
+  bool is_half_ = false;  // some joints are held at their limits, and the step is looked for again
+  double moved_ = 0;      // in this step, the farthest way to a limit
+  float factor_ = 1;
 };
 
 }  // namespace sinew::rig

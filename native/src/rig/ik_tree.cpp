@@ -216,8 +216,15 @@ void IkTreeSolver::read_changes(const IkTree& tree) {
   }
 }
 
-void IkTreeSolver::solve(const IkTree& tree, std::span<Mat4> pose) {
-  if (std::ranges::all_of(tree.goals, [](const IkGoal& goal) { return goal.influence == 0; })) return;
+void IkTreeSolver::reserve(std::size_t bones, std::size_t goals) {
+  parts_.reserve(bones);
+  changes_.reserve(bones);
+  stretched_.reserve(bones);
+  local_.reserve(bones);
+  solver_.reserve(2 * bones, 2 * goals);  // a turn and a slide, a position and a rotation
+}
+
+void IkTreeSolver::begin(const IkTree& tree, std::span<const Mat4> pose) {
   solver_.clear();
   parts_.clear();
   changes_.clear();
@@ -225,7 +232,26 @@ void IkTreeSolver::solve(const IkTree& tree, std::span<Mat4> pose) {
   local_.clear();
   add_joints(tree, pose);
   add_goals(tree, pose);
-  solver_.solve(tree.iterations, tree.blender >= 500);
+  solver_.begin(tree.iterations, tree.blender >= 500);
+}
+
+void IkTreeSolver::move(std::span<IkTreeSolver* const> solvers, std::vector<DampedLeastSquares*>& memory) {
+  for (;;) {
+    memory.clear();
+    for (IkTreeSolver* solver : solvers) {
+      DampedLeastSquares* const system = solver->solver_.next_system();
+      solver->is_moving_ = system != nullptr;
+      if (system) memory.push_back(system);
+    }
+    if (memory.empty()) return;
+    DampedLeastSquares::solve(memory);
+    for (IkTreeSolver* solver : solvers) {
+      if (solver->is_moving_) solver->solver_.make_step();
+    }
+  }
+}
+
+void IkTreeSolver::finish(const IkTree& tree, std::span<Mat4> pose) {
   read_changes(tree);
 
   const auto parent_of = [&](std::size_t i) -> const Mat4* {

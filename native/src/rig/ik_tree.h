@@ -51,8 +51,16 @@ struct IkTree {
 /// Solves trees. Keeps memory only.
 class IkTreeSolver {
  public:
-  /// pose  the bones' poses, in armature space: before and after. Nothing changes if no goal has influence.
-  void solve(const IkTree& tree, std::span<Mat4> pose);
+  void reserve(std::size_t bones, std::size_t goals);
+
+  /// Begins a solve; move() and finish() have to follow. pose  the bones' poses, in armature space.
+  void begin(const IkTree& tree, std::span<const Mat4> pose);
+
+  /// Moves the joints of several trees at the same time. memory  is used and kept.
+  static void move(std::span<IkTreeSolver* const> solvers, std::vector<DampedLeastSquares*>& memory);
+
+  /// pose  before and after.
+  void finish(const IkTree& tree, std::span<Mat4> pose);
 
  private:
   /// What a bone became in the solver.
@@ -74,6 +82,7 @@ class IkTreeSolver {
   std::vector<Mat3> changes_;
   std::vector<float> stretched_;
   std::vector<Mat4> local_;
+  bool is_moving_ = false;
   bool is_blended_ = false;  // the result, rather than each goal
   float result_influence_ = 1;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 #include <unordered_map>
+#include <utility>
 
 #include "base/check.h"
 #include "rig/constraints/constraint.h"
@@ -43,8 +44,9 @@ class Graph {
         trees_(static_cast<int>(program.trees.size())),
         needs_(2 * bones_ + drivers_ + trees_) {
     note_owners();
+    writers_.assign(owners_.size(), -1);
     for (int i = 0; i < drivers_; ++i) {
-      writers_[program.drivers[i].value].push_back(i);
+      next_writer_.push_back(std::exchange(writers_[program.drivers[i].value], i));
       const int owner = owners_[program.drivers[i].value];
       if (owner >= 0) drivers_of_bones_[owner].push_back(i);
     }
@@ -69,9 +71,7 @@ class Graph {
   void need(int node, int other) { needs_[node].push_back(other); }
   void need_values(int node, int first, int count) {
     for (int value = first; value < first + count; ++value) {
-      const auto found = writers_.find(value);
-      if (found == writers_.end()) continue;
-      for (const int driver : found->second) need(node, driver_node(driver));
+      for (int driver = writers_[value]; driver >= 0; driver = next_writer_[driver]) need(node, driver_node(driver));
     }
   }
 
@@ -101,7 +101,8 @@ class Graph {
   int drivers_;
   int trees_;
   std::vector<std::vector<int>> needs_;
-  std::unordered_map<int, std::vector<int>> writers_;
+  std::vector<int> writers_;      // of each number, the last driver that sets it, or -1
+  std::vector<int> next_writer_;  // of each driver, the one before it that sets the same number
   std::unordered_map<int, std::vector<int>> drivers_of_bones_;
   std::vector<int> owners_;  // of each number, the bone whose pose it belongs to, itself or by a constraint; or -1
 };
@@ -221,15 +222,20 @@ std::vector<Operation> Graph::sorted() {
   std::vector<Mark> marks(needs_.size(), Mark::unseen);
   std::vector<int> path;
   std::vector<std::size_t> next(needs_.size(), 0);
+  std::vector<int> levels(needs_.size(), 0);
   const auto write = [&](int node) {
+    for (const int other : needs_[node]) {
+      const bool is_tree = other >= tree_node(0) && other < segments_node(0);
+      levels[node] = std::max(levels[node], levels[other] + (is_tree ? 1 : 0));
+    }
     if (node < bones_) {
-      order.push_back({Operation::Type::bone, node});
+      order.push_back({Operation::Type::bone, node, levels[node]});
     } else if (node < tree_node(0)) {
-      order.push_back({Operation::Type::driver, node - bones_});
+      order.push_back({Operation::Type::driver, node - bones_, levels[node]});
     } else if (node < segments_node(0)) {
-      order.push_back({Operation::Type::tree, node - tree_node(0)});
+      order.push_back({Operation::Type::tree, node - tree_node(0), levels[node]});
     } else {
-      order.push_back({Operation::Type::segments, node - segments_node(0)});
+      order.push_back({Operation::Type::segments, node - segments_node(0), levels[node]});
     }
   };
   for (int start = 0; start < static_cast<int>(needs_.size()); ++start) {
@@ -254,6 +260,10 @@ std::vector<Operation> Graph::sorted() {
       path.push_back(other);
     }
   }
+  // Trees that do not need each other are solved at the same time.
+  std::ranges::stable_sort(order, {}, [](const Operation& operation) {
+    return std::pair(operation.level, operation.type == Operation::Type::tree);
+  });
   return order;
 }
 
@@ -274,7 +284,7 @@ std::vector<Tree> find_trees(std::vector<Bone>& bones, const std::vector<Constra
     // A chain that would begin above a root has no bones: Blender leaves the root alone.
     if (setting(kIkUseTail) == 0 && bones[constraint.bone].parent < 0) continue;
     if (constraint.bone != owner) owner = tip = constraint.bone;
-    if (setting(kIkUseTail) == 0 && bones[tip].parent >= 0) tip = bones[tip].parent;  // see plan_ik
+    if (setting(kIkUseTail) == 0 && bones[tip].parent >= 0) tip = bones[tip].parent;  // see ik_plan.cpp
     const int count = static_cast<int>(clamped(setting(kIkChainLength), 0, 255));
     for (const int bone : ik_chain(bones, tip, count)) {
       is_in_chain[bone] = 1;

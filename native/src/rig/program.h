@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -92,16 +93,30 @@ struct ProgramCurve {
   FCurve curve;
 };
 
+/// Bones that IK solves at once, parents first, and their goals.
+struct IkPlan {
+  std::vector<int> bones;        ///< of the rig
+  std::vector<int> parents;      ///< of each bone, in the plan
+  std::vector<int> tips;         ///< of each goal, in the plan
+  std::vector<int> constraints;  ///< of each goal
+  int iterations = 0;
+  bool is_stretching = false;
+};
+
 /// Bones that IK may solve together, parents first, and the IK constraints among them.
 struct Tree {
   std::vector<int> bones;
-  std::vector<int> constraints;
+  std::vector<int> constraints;  ///< bone after bone
+  std::vector<int> owners;       ///< of each bone that has some, where they end in `constraints`
+  /// What is solved one after the other, for each combination of constraints that act: see ik_plan.h.
+  std::vector<std::vector<IkPlan>> plans;
 };
 
 struct Operation {
   enum class Type : std::uint8_t { bone, driver, tree, segments };
   Type type;
   int index;
+  int level = 0;  ///< how many trees come before it, one needing the other
 };
 
 struct Program {
@@ -121,6 +136,16 @@ struct Program {
   int bendy_count = 0;
   int binding_count = 0;
 };
+
+/// The trees from an operation on that do not need each other; none if it is no tree.
+inline std::span<const Operation> trees_from(const Program& program, std::size_t begin) {
+  std::size_t end = begin;
+  while (end < program.order.size() && program.order[end].type == Operation::Type::tree &&
+         program.order[end].level == program.order[begin].level) {
+    ++end;
+  }
+  return {program.order.data() + begin, end - begin};
+}
 
 /// Checks a description and puts it in order. Throws InputError.
 Program build_program(const RigDescription& description);

@@ -11,9 +11,25 @@
 namespace sinew {
 namespace {
 
+/// A state for a while.
+class Borrowed {
+ public:
+  Borrowed(rig::States& states, const rig::Program& program) : states_(states), state_(states.borrow(program)) {}
+  Borrowed(const Borrowed&) = delete;
+  Borrowed& operator=(const Borrowed&) = delete;
+  ~Borrowed() { states_.give_back(std::move(state_)); }
+
+  rig::State& operator*() const { return *state_; }
+
+ private:
+  rig::States& states_;
+  std::unique_ptr<rig::State> state_;
+};
+
 /// Puts what the caller gives for a frame into a state.
 void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptrdiff_t frame, rig::State& state) {
   state.given.clear();
+  std::ranges::copy(program.outside, state.outside.begin());
   for (const GivenValues& values : given.values) {
     const float* numbers = values.numbers + frame * values.frame_stride;
     for (int i = 0; i < values.count; ++i) {
@@ -37,7 +53,8 @@ void write_matrices(const std::vector<rig::Mat4>& matrices, const MatrixStack<fl
 }  // namespace
 
 RigProgram::RigProgram(const RigDescription& description)
-    : program_(std::make_unique<const rig::Program>(rig::build_program(description))) {
+    : program_(std::make_unique<const rig::Program>(rig::build_program(description))),
+      states_(std::make_unique<rig::States>()) {
   for (const BoneDescription& bone : description.bones) {
     bone_names_.push_back(bone.name);
     parents_.push_back(bone.parent);
@@ -64,11 +81,12 @@ RigProgram::Place RigProgram::find_value(std::string_view path) const {
 float RigProgram::value(int place) const { return program_->map.values()[place].initial; }
 
 void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const {
-  // Enough frames for each thread that making its state does not count.
+  // Enough frames for each thread that starting it does not count.
   constexpr std::size_t kGrain = 4;
   parallel_for(frames.size(), std::max(kGrain, frames.size() / (8 * static_cast<std::size_t>(thread_count()) + 1)),
                [&](std::size_t begin, std::size_t end) {
-                 rig::State state(*program_);
+                 const Borrowed borrowed(*states_, *program_);
+                 rig::State& state = *borrowed;
                  for (std::size_t f = begin; f < end; ++f) {
                    const auto frame = static_cast<std::ptrdiff_t>(f);
                    take_inputs(given, *program_, frame, state);
@@ -85,6 +103,19 @@ void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& give
                    }
                  }
                });
+}
+
+std::array<double, kRigPartCount> RigProgram::profile(std::span<const float> frames, const GivenInputs& given) const {
+  const Borrowed borrowed(*states_, *program_);
+  rig::State& state = *borrowed;
+  rig::PartClock clock;
+  for (std::size_t f = 0; f < frames.size(); ++f) {
+    take_inputs(given, *program_, static_cast<std::ptrdiff_t>(f), state);
+    state.clock = &clock;
+    rig::evaluate(*program_, state, frames[f]);
+    state.clock = nullptr;
+  }
+  return clock.seconds;
 }
 
 }  // namespace sinew

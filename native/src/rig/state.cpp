@@ -7,10 +7,10 @@ namespace sinew::rig {
 State::State(const Program& program)
     : outside(program.outside),
       poses(program.bones.size(), kIdentity4),
-      channels(program.bones.size(), kIdentity4),
       tails(program.bones.size()),
       segments(program.segment_count, kIdentity4),
       lazy(program.bones.size()),
+      channels(program.bones.size()),
       parents(program.bones.size()),
       parent_inverses(program.bones.size()),
       locals(program.bones.size()),
@@ -18,19 +18,33 @@ State::State(const Program& program)
       kept_channels(program.bones.size()),
       rest_shapes(program.bendy_count),
       bindings(program.binding_count),
-      is_posed(program.bones.size()),
-      plans(program.trees.size()) {
+      is_posed(program.bones.size()) {
   for (const ValueInfo& value : program.map.values()) base.push_back(value.initial);
   values = base;
   std::size_t most = 0;
   for (const ProgramDriver& driver : program.drivers) most = std::max(most, driver.variables.size());
   variables.resize(most);
   std::size_t most_bones = 0;
-  for (std::size_t i = 0; i < program.trees.size(); ++i) {
-    plans[i].acts.resize(program.trees[i].constraints.size());
-    most_bones = std::max(most_bones, program.trees[i].bones.size());
+  std::size_t most_goals = 0;
+  for (const Tree& tree : program.trees) {
+    most_bones = std::max(most_bones, tree.bones.size());
+    most_goals = std::max(most_goals, tree.constraints.size());
   }
-  ik_poses.resize(most_bones);
+  std::size_t most_trees = 0;
+  for (std::size_t i = 0; i < program.order.size(); ++i) {
+    most_trees = std::max(most_trees, trees_from(program, i).size());
+  }
+  tree_work.resize(most_trees);
+  ik_solvers.reserve(most_trees);
+  ik_systems.reserve(most_trees);
+  for (TreeWork& work : tree_work) {
+    work.poses.resize(most_bones);
+    work.settings.bones.reserve(most_bones);
+    work.settings.goals.reserve(most_goals);
+    work.settings.object = program.world;
+    work.settings.blender = program.blender;
+    work.solver.reserve(most_bones, most_goals);
+  }
   for (const Bone& bone : program.bones) {
     if (!bone.is_bendy()) continue;
     RestShape& shape = rest_shapes[bone.bend.number];
@@ -44,6 +58,19 @@ State::State(const Program& program)
       shape.slopes.resize(count);
     }
   }
+}
+
+std::unique_ptr<State> States::borrow(const Program& program) {
+  const std::lock_guard lock(mutex_);
+  if (idle_.empty()) return std::make_unique<State>(program);
+  std::unique_ptr<State> state = std::move(idle_.back());
+  idle_.pop_back();
+  return state;
+}
+
+void States::give_back(std::unique_ptr<State> state) {
+  const std::lock_guard lock(mutex_);
+  idle_.push_back(std::move(state));
 }
 
 }  // namespace sinew::rig

@@ -3,11 +3,15 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <vector>
 
-#include "rig/ik_plan.h"
+#include "rig/ik_tree.h"
 #include "rig/program.h"
+#include "sinew/rig_program.h"
 
 namespace sinew::rig {
 
@@ -46,16 +50,38 @@ struct Binding {
   Place place;
 };
 
-/// A tree's plans by which of its constraints act.
-struct KeptPlans {
-  std::vector<char> acts;
-  std::vector<std::pair<std::vector<char>, std::vector<IkPlan>>> plans;
+/// A tree that is being solved.
+struct TreeWork {
+  const std::vector<IkPlan>* plans = nullptr;
+  std::size_t next = 0;  ///< plan
+  bool is_solving = false;
+  IkTree settings;
+  IkTreeSolver solver;
+  std::vector<Mat4> poses;
 };
 
 /// A number that the caller gives, as the property holds it.
 struct GivenNumber {
   int value;
   float number;
+};
+
+/// Measures how long each part of an evaluation takes.
+class PartClock {
+ public:
+  std::array<double, kRigPartCount> seconds{};
+
+  void enter(RigPart part) {
+    if (part == part_) return;
+    const auto now = std::chrono::steady_clock::now();
+    seconds[static_cast<int>(part_)] += std::chrono::duration<double>(now - since_).count();
+    part_ = part;
+    since_ = now;
+  }
+
+ private:
+  RigPart part_ = RigPart::curves;
+  std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
 };
 
 struct State {
@@ -69,19 +95,20 @@ struct State {
   std::vector<GivenNumber> given;  ///< replace what curves set
   std::vector<Mat4> outside;       ///< world matrices from outside
   std::vector<Mat4> poses;         ///< of each bone, in armature space
-  std::vector<Mat4> channels;      ///< of each bone: pose relative to rest
   std::vector<Vec3> tails;
   std::vector<Mat4> segments;  ///< of each B-bone, relative to its pose
   std::vector<float> variables;
 
   // Of each bone, while `pass` is that of this evaluation.
   struct Lazy {
+    std::uint32_t channel = 0;
     std::uint32_t inverse = 0;
     std::uint32_t local = 0;
     std::uint32_t local_sizes = 0;
   };
   std::vector<Lazy> lazy;
-  std::vector<Mat4> parents;  ///< of a plain bone: parent's pose * offset
+  std::vector<Mat4> channels;  ///< pose relative to rest
+  std::vector<Mat4> parents;   ///< of a plain bone: parent's pose * offset
   std::vector<Mat4> parent_inverses;
   std::vector<Mat4> locals;
   std::vector<Vec3> local_sizes;
@@ -89,10 +116,26 @@ struct State {
   std::vector<KeptChannels> kept_channels;
   std::vector<RestShape> rest_shapes;
   std::vector<Binding> bindings;
-  std::vector<char> is_posed;  ///< of the bones of the tree that is being solved
-  std::vector<KeptPlans> plans;
-  IkTreeSolver ik;
-  std::vector<Mat4> ik_poses;
+  std::vector<char> is_posed;       ///< of the bones of the tree that is being solved
+  std::vector<TreeWork> tree_work;  ///< of trees that are solved at the same time
+  std::vector<IkTreeSolver*> ik_solvers;
+  std::vector<DampedLeastSquares*> ik_systems;
+
+  PartClock* clock = nullptr;
+  void enter(RigPart part) const {
+    if (clock) clock->enter(part);
+  }
+};
+
+/// States between evaluations: as many as have been used at the same time.
+class States {
+ public:
+  std::unique_ptr<State> borrow(const Program& program);
+  void give_back(std::unique_ptr<State> state);
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<State>> idle_;
 };
 
 /// Computes a frame from state.base, state.outside and the program.

@@ -4,51 +4,51 @@
 /// The last bit matters: where a chain of bones cannot reach its target, inverse kinematics amplifies it to what is seen.
 #pragma once
 
-#include <cmath>
 #include <limits>
 #include <utility>
 
 #include "rig/column_sums.h"
+#include "rig/lanes.h"
 
 namespace sinew::rig {
 
 /// The most rows of a decomposed matrix.
 constexpr int kSvdRows = 128;
 
-/// A = U W V^T of a matrix with C columns and at least as many rows. Matrices are column after column.
-template <int C>
+/// A = U W V^T of a matrix with C columns and at least as many rows: N, or if that is 0 any number. Matrices are column
+/// after column. R is a double, or Lanes to decompose several matrices at once: nearly all time is waiting for roots and
+/// quotients.
+template <int C, int N = 0, class R = double>
 class ThinSvd {
  public:
-  double a[C][kSvdRows];  ///< in; used up
-  double u[C][kSvdRows];
-  double v[C][C];
-  double w[C];  ///< descending
+  static constexpr int kRows = N > 0 ? N : kSvdRows;
 
-  /// rows     n <= kSvdRows.
+  R a[C][kRows];  ///< in; used up
+  R u[C][kRows];
+  R v[C][C];
+  R w[C];  ///< descending
+
+  /// rows     N, or if that is 0 at most kSvdRows.
   /// eigen_5  whether products of two vectors are added up as from Eigen 5 on.
   void decompose(int rows, bool eigen_5) {
-    n_ = rows;
+    count_ = rows;
     eigen_5_ = eigen_5;
-    const double scale = scaled_down();
-    for (auto& column : v) std::fill(column, column + C, 0.0);
-    if (n_ > C) {
+    const R scale = scaled_down();
+    if (n() > C) {
       triangularise();
     } else {
       for (int j = 0; j < C; ++j) {
-        for (int i = 0; i < n_; ++i) {
-          u[j][i] = i == j;
+        for (int i = 0; i < n(); ++i) {
+          u[j][i] = v[j][i] = i == j;
           r_[j][i] = a[j][i];
         }
-        v[j][j] = 1;
       }
     }
     diagonalise();
     for (int j = 0; j < C; ++j) {
-      w[j] = std::fabs(r_[j][j]);
-      if (r_[j][j] < 0) {
-        for (int i = 0; i < n_; ++i) u[j][i] = -u[j][i];
-      }
-      w[j] *= scale;
+      const auto is_negative = r_[j][j] < R(0);
+      for (int i = 0; i < n(); ++i) u[j][i] = either(is_negative, -u[j][i], u[j][i]);
+      w[j] = magnitude(r_[j][j]) * scale;
     }
     sort();
   }
@@ -57,172 +57,209 @@ class ThinSvd {
   static constexpr double kSmallest = std::numeric_limits<double>::min();
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
+  using Condition = decltype(R() < R());
+
   struct Rotation {
-    double cosine, sine;
+    R cosine, sine;
   };
 
   /// Divides by the largest element and returns it.
-  double scaled_down() {
-    double scale = 0;
+  R scaled_down() {
+    R scale = 0;
     for (int j = 0; j < C; ++j) {
-      for (int i = 0; i < n_; ++i) scale = std::max(scale, std::fabs(a[j][i]));
+      for (int i = 0; i < n(); ++i) scale = larger(scale, magnitude(a[j][i]));
     }
-    if (scale == 0) scale = 1;
+    scale = either(scale == R(0), 1, scale);
     for (int j = 0; j < C; ++j) {
-      for (int i = 0; i < n_; ++i) a[j][i] /= scale;
+      for (int i = 0; i < n(); ++i) a[j][i] = a[j][i] / scale;
     }
     return scale;
   }
 
+  static void exchange_if(const Condition& condition, R& a, R& b) {
+    const R before = a;
+    a = either(condition, b, a);
+    b = either(condition, before, b);
+  }
+
+  /// Brings the largest of values[k] and what is behind it to the front. exchange(condition, other) exchanges the rest.
+  template <class Exchange>
+  static void bring_largest(R* values, int k, const Exchange& exchange) {
+    R largest = values[k], place = k;
+    for (int j = k + 1; j < C; ++j) {
+      const auto is_larger = largest < values[j];
+      largest = either(is_larger, values[j], largest);
+      place = either(is_larger, j, place);
+    }
+    for (int j = k + 1; j < C; ++j) {
+      const auto is_largest = place == R(j);
+      if (!is_any(is_largest)) continue;
+      exchange_if(is_largest, values[k], values[j]);
+      exchange(is_largest, j);
+    }
+  }
+
   /// A P = U R by Householder's reflections, with columns exchanged so that the longest comes first.
   void triangularise() {
-    double norms[C], direct_norms[C], taus[C], scaled[C][kSvdRows];
-    int order[C];
+    R norms[C], direct_norms[C], taus[C], scaled[C][kRows], order[C];
     for (int j = 0; j < C; ++j) {
-      norms[j] = direct_norms[j] = std::sqrt(two_register_product(a[j], a[j], n_));
+      norms[j] = direct_norms[j] = root(two_register_product(a[j], a[j], n()));
       order[j] = j;
     }
     for (int k = 0; k < C; ++k) {
-      const int longest = static_cast<int>(std::max_element(norms + k, norms + C) - norms);
-      if (longest != k) {
-        std::swap_ranges(a[k], a[k] + n_, a[longest]);
-        std::swap(norms[k], norms[longest]);
-        std::swap(direct_norms[k], direct_norms[longest]);
-        std::swap(order[k], order[longest]);
-      }
-      const int left = n_ - k;
+      bring_largest(norms, k, [&](const Condition& condition, int other) {
+        for (int i = 0; i < n(); ++i) exchange_if(condition, a[k][i], a[other][i]);
+        exchange_if(condition, direct_norms[k], direct_norms[other]);
+        exchange_if(condition, order[k], order[other]);
+      });
+      const int left = n() - k;
       taus[k] = make_reflection(a[k] + k, left);
       for (int i = 1; i < left; ++i) scaled[k][i - 1] = taus[k] * a[k][k + i];
       for (int j = k + 1; j < C; ++j) {
         reflect(a[j] + k, a[k] + k + 1, scaled[k], taus[k], left, k + 2 == C);
-        if (norms[j] != 0) update_norm(norms[j], direct_norms[j], a[j] + k, left);
+        update_norm(norms[j], direct_norms[j], a[j] + k, left);
       }
     }
     for (int j = 0; j < C; ++j) {
-      for (int i = 0; i < n_; ++i) u[j][i] = i == j;
-      for (int i = 0; i < C; ++i) r_[j][i] = i <= j ? a[j][i] : 0;
-      v[j][order[j]] = 1;
+      for (int i = 0; i < n(); ++i) u[j][i] = i == j;
+      for (int i = 0; i < C; ++i) r_[j][i] = i <= j ? a[j][i] : R(0);
+      for (int i = 0; i < C; ++i) v[j][i] = either(order[j] == R(i), 1, 0);
     }
     for (int k = C - 1; k >= 0; --k) {
-      for (int j = k; j < C; ++j) reflect(u[j] + k, a[k] + k + 1, scaled[k], taus[k], n_ - k, C == 1);
+      for (int j = k; j < C; ++j) reflect(u[j] + k, a[k] + k + 1, scaled[k], taus[k], n() - k, C == 1);
     }
   }
 
   /// Replaces x by the reflection's vector, whose first element is 1, with what x becomes in its place. Returns tau.
-  static double make_reflection(double* x, int n) {
-    const double rest = n == 1 ? 0 : two_register_product(x + 1, x + 1, n - 1);
-    if (rest <= kSmallest) {
-      std::fill(x + 1, x + n, 0.0);
-      return 0;
-    }
-    double beta = std::sqrt(x[0] * x[0] + rest);
-    if (x[0] >= 0) beta = -beta;
-    const double divisor = x[0] - beta;
-    for (int i = 1; i < n; ++i) x[i] /= divisor;
-    const double tau = (beta - x[0]) / beta;
-    x[0] = beta;
+  static R make_reflection(R* x, int n) {
+    const R rest = n == 1 ? R(0) : two_register_product(x + 1, x + 1, n - 1);
+    const auto is_short = rest <= R(kSmallest);
+    const R length = root(x[0] * x[0] + rest);
+    const R beta = either(R(0) <= x[0], -length, length);
+    const R divisor = x[0] - beta;
+    for (int i = 1; i < n; ++i) x[i] = either(is_short, 0, x[i] / divisor);
+    const R tau = either(is_short, 0, (beta - x[0]) / beta);
+    x[0] = either(is_short, x[0], beta);
     return tau;
   }
 
   /// essential, scaled  the reflection's vector without its first element, and tau times that.
   /// is_last            whether one column is left, which Eigen computes as a product of two vectors.
-  void reflect(double* x, const double* essential, const double* scaled, double tau, int n, bool is_last) const {
+  void reflect(R* x, const R* essential, const R* scaled, const R& tau, int n, bool is_last) const {
     if (n == 1) {
-      x[0] *= 1 - tau;
+      x[0] = x[0] * (R(1) - tau);
       return;
     }
-    if (tau == 0) return;
-    double t = !is_last   ? row_product(x + 1, essential, n - 1)
-               : eigen_5_ ? four_register_product(essential, x + 1, n - 1)
-                          : two_register_product(essential, x + 1, n - 1);
-    t += x[0];
-    x[0] -= tau * t;
-    for (int i = 1; i < n; ++i) x[i] -= t * scaled[i - 1];
+    const auto is_nothing = tau == R(0);
+    if (is_every(is_nothing)) return;
+    R t = !is_last   ? row_product(x + 1, essential, n - 1)
+          : eigen_5_ ? four_register_product(essential, x + 1, n - 1)
+                     : two_register_product(essential, x + 1, n - 1);
+    t = t + x[0];
+    x[0] = either(is_nothing, x[0], x[0] - tau * t);
+    for (int i = 1; i < n; ++i) x[i] = either(is_nothing, x[i], x[i] - t * scaled[i - 1]);
   }
 
   /// Takes the first of n elements off a column's length; computes it again where too little is left.
-  static void update_norm(double& norm, double& direct, const double* x, int n) {
-    double t = std::fabs(x[0]) / norm;
-    t = std::max((1 + t) * (1 - t), 0.0);
-    const double ratio = norm / direct;
-    if (t * (ratio * ratio) <= std::sqrt(kEpsilon)) {
-      norm = direct = std::sqrt(two_register_product(x + 1, x + 1, n - 1));
-    } else {
-      norm *= std::sqrt(t);
+  static void update_norm(R& norm, R& direct, const R* x, int n) {
+    R t = magnitude(x[0]) / norm;
+    t = larger((R(1) + t) * (R(1) - t), R(0));
+    const R ratio = norm / direct;
+    const auto is_zero = norm == R(0);
+    const auto is_lost = t * (ratio * ratio) <= R(kRootOfEpsilon);
+    R updated = norm * root(t);
+    if (is_any(is_lost)) {
+      const R computed = root(two_register_product(x + 1, x + 1, n - 1));
+      updated = either(is_lost, computed, updated);
+      direct = either(is_zero, direct, either(is_lost, computed, direct));
     }
+    norm = either(is_zero, norm, updated);
   }
 
   /// Turns two columns into each other.
-  static void turn(double* x, double* y, int n, const Rotation& by) {
+  static void turn(R* x, R* y, int n, const Rotation& by, const Condition& where) {
+    if (is_every(where)) {
+      for (int i = 0; i < n; ++i) {
+        const R xi = x[i], yi = y[i];
+        x[i] = by.cosine * xi + by.sine * yi;
+        y[i] = -by.sine * xi + by.cosine * yi;
+      }
+      return;
+    }
     for (int i = 0; i < n; ++i) {
-      const double xi = x[i], yi = y[i];
-      x[i] = by.cosine * xi + by.sine * yi;
-      y[i] = -by.sine * xi + by.cosine * yi;
+      const R xi = x[i], yi = y[i];
+      x[i] = either(where, by.cosine * xi + by.sine * yi, xi);
+      y[i] = either(where, -by.sine * xi + by.cosine * yi, yi);
     }
   }
 
   /// Jacobi's rotations from both sides, until what is beside the diagonal is lost in rounding.
   void diagonalise() {
-    double largest = 0;
-    for (int j = 0; j < C; ++j) largest = std::max(largest, std::fabs(r_[j][j]));
+    R largest = 0;
+    for (int j = 0; j < C; ++j) largest = larger(largest, magnitude(r_[j][j]));
     for (bool is_finished = false; !is_finished;) {
       is_finished = true;
       for (int p = 1; p < C; ++p) {
         for (int q = 0; q < p; ++q) {
-          const double threshold = std::max(kSmallest, 2 * kEpsilon * largest);
-          if (!(std::fabs(r_[q][p]) > threshold || std::fabs(r_[p][q]) > threshold)) continue;
+          const R threshold = larger(R(kSmallest), R(2 * kEpsilon) * largest);
+          const auto is_wanted = is_either(threshold < magnitude(r_[q][p]), threshold < magnitude(r_[p][q]));
+          if (!is_any(is_wanted)) continue;
           is_finished = false;
-          rotate(p, q);
-          largest = std::max({largest, std::fabs(r_[p][p]), std::fabs(r_[q][q])});
+          rotate(p, q, is_wanted);
+          const R on_diagonal = larger(magnitude(r_[p][p]), magnitude(r_[q][q]));
+          largest = either(is_wanted, larger(largest, on_diagonal), largest);
         }
       }
     }
   }
 
-  void rotate(int p, int q) {
-    const double pp = r_[p][p], pq = r_[q][p], qp = r_[p][q], qq = r_[q][q];
+  void rotate(int p, int q, const Condition& where) {
+    const R pp = r_[p][p], pq = r_[q][p], qp = r_[p][q], qq = r_[q][q];
     // One rotation makes the 2 x 2 part symmetric, ...
-    Rotation first{1, 0};
-    if (const double d = qp - pq; !(std::fabs(d) < kSmallest)) {
-      const double ratio = (pp + qq) / d, length = std::sqrt(1 + ratio * ratio);
-      first = {ratio / length, 1 / length};
-    }
-    const double x = first.cosine * pp + first.sine * qp, y = first.cosine * pq + first.sine * qq,
-                 z = -first.sine * pq + first.cosine * qq;
+    const R d = qp - pq;
+    const R ratio = (pp + qq) / d, ratio_length = root(R(1) + ratio * ratio);
+    const auto is_symmetric = magnitude(d) < R(kSmallest);
+    const Rotation first{either(is_symmetric, 1, ratio / ratio_length), either(is_symmetric, 0, R(1) / ratio_length)};
+    const R x = first.cosine * pp + first.sine * qp, y = first.cosine * pq + first.sine * qq,
+            z = -first.sine * pq + first.cosine * qq;
     // ... another one diagonal.
-    Rotation right{1, 0};
-    if (const double twice = 2 * std::fabs(y); !(twice < kSmallest)) {
-      const double e = (x - z) / twice, length = std::sqrt(e * e + 1);
-      const double g = e > 0 ? 1 / (e + length) : 1 / (e - length), sign = g > 0 ? 1 : -1;
-      right.cosine = 1 / std::sqrt(g * g + 1);
-      right.sine = -sign * (y / std::fabs(y)) * std::fabs(g) * right.cosine;
-    }
+    const R twice = R(2) * magnitude(y);
+    const R e = (x - z) / twice, e_length = root(e * e + R(1));
+    const auto is_positive = R(0) < e;
+    const R g = R(1) / either(is_positive, e + e_length, e - e_length);
+    const R sign = either(is_positive, 1, -1);
+    const auto is_diagonal = twice < R(kSmallest);
+    const R cosine = R(1) / root(g * g + R(1));
+    const Rotation right{either(is_diagonal, 1, cosine),
+                         either(is_diagonal, 0, -sign * (y / magnitude(y)) * magnitude(g) * cosine)};
     const Rotation left{first.cosine * right.cosine + first.sine * right.sine,
                         first.sine * right.cosine - first.cosine * right.sine};
     for (auto& column : r_) {
-      const double up = column[p], down = column[q];
-      column[p] = left.cosine * up + left.sine * down;
-      column[q] = -left.sine * up + left.cosine * down;
+      const R up = column[p], down = column[q];
+      column[p] = either(where, left.cosine * up + left.sine * down, up);
+      column[q] = either(where, -left.sine * up + left.cosine * down, down);
     }
-    turn(u[p], u[q], n_, left);
-    turn(r_[p], r_[q], C, {right.cosine, -right.sine});
-    turn(v[p], v[q], C, {right.cosine, -right.sine});
+    turn(u[p], u[q], n(), left, where);
+    turn(r_[p], r_[q], C, {right.cosine, -right.sine}, where);
+    turn(v[p], v[q], C, {right.cosine, -right.sine}, where);
   }
 
   void sort() {
     for (int k = 0; k < C; ++k) {
-      const int largest = static_cast<int>(std::max_element(w + k, w + C) - w);
-      if (w[largest] == 0) return;
-      if (largest == k) continue;
-      std::swap(w[k], w[largest]);
-      std::swap_ranges(u[k], u[k] + n_, u[largest]);
-      std::swap_ranges(v[k], v[k] + C, v[largest]);
+      bring_largest(w, k, [&](const Condition& condition, int other) {
+        for (int i = 0; i < n(); ++i) exchange_if(condition, u[k][i], u[other][i]);
+        for (int i = 0; i < C; ++i) exchange_if(condition, v[k][i], v[other][i]);
+      });
     }
   }
 
-  int n_ = 0;
+  static constexpr double kRootOfEpsilon = 0x1p-26;  // of kEpsilon
+
+  int n() const { return N > 0 ? N : count_; }
+
+  int count_ = 0;
   bool eigen_5_ = true;
-  double r_[C][C] = {};
+  R r_[C][C] = {};
 };
 
 }  // namespace sinew::rig

@@ -4,6 +4,7 @@
 
 #include "rig/channels.h"
 #include "rig/constraints/ik.h"
+#include "rig/ik_plan.h"
 #include "rig/spaces.h"
 
 namespace sinew::rig {
@@ -11,20 +12,6 @@ namespace {
 
 bool is_acting(const State& state, const Constraint& constraint) {
   return state.values[constraint.values + kInfluence] != 0 && state.values[constraint.values + kMuted] == 0;
-}
-
-/// The plans for what acts in this frame; made when a combination occurs for the first time.
-std::vector<IkPlan>& plans_of(const Program& program, State& state, int index) {
-  const Tree& tree = program.trees[index];
-  KeptPlans& kept = state.plans[index];
-  for (std::size_t i = 0; i < tree.constraints.size(); ++i) {
-    kept.acts[i] = is_acting(state, program.constraints[tree.constraints[i]]) ? 1 : 0;
-  }
-  for (auto& [acts, plans] : kept.plans) {
-    if (acts == kept.acts) return plans;
-  }
-  kept.plans.emplace_back(kept.acts, plan_ik(program, tree, kept.acts));
-  return kept.plans.back().second;
 }
 
 /// Computes a bone of the tree after its parents in the tree, once.
@@ -66,40 +53,82 @@ void fill_goal(const Program& program, State& state, int constraint, int tip, Ik
   for (int k = 0; pole && k < 4; ++k) goal.pole[k] = (*pole)[3][k];
 }
 
-void solve(const Program& program, State& state, IkPlan& plan) {
+void begin(const Program& program, State& state, const IkPlan& plan, TreeWork& work) {
+  IkTree& tree = work.settings;
+  tree.iterations = plan.iterations;
+  tree.is_stretching = plan.is_stretching;
+  tree.bones.resize(plan.bones.size());
   for (std::size_t i = 0; i < plan.bones.size(); ++i) {
-    plan.tree.bones[i].parent = plan.parents[i];
-    fill_bone(program, state, plan.bones[i], plan.tree.bones[i]);
-    state.ik_poses[i] = state.poses[plan.bones[i]];
+    tree.bones[i].parent = plan.parents[i];
+    fill_bone(program, state, plan.bones[i], tree.bones[i]);
+    work.poses[i] = state.poses[plan.bones[i]];
   }
+  tree.goals.resize(plan.constraints.size());
   for (std::size_t i = 0; i < plan.constraints.size(); ++i) {
-    fill_goal(program, state, plan.constraints[i], plan.tips[i], plan.tree.goals[i]);
+    fill_goal(program, state, plan.constraints[i], plan.tips[i], tree.goals[i]);
   }
   const int parent = program.bones[plan.bones.front()].parent;
-  plan.tree.has_parent = parent >= 0;
-  if (parent >= 0) plan.tree.parent = state.poses[parent];
-  state.ik.solve(plan.tree, {state.ik_poses.data(), plan.bones.size()});
+  tree.has_parent = parent >= 0;
+  if (parent >= 0) tree.parent = state.poses[parent];
+  work.solver.begin(tree, {work.poses.data(), plan.bones.size()});
+}
+
+void finish(const Program& program, State& state, TreeWork& work) {
+  const IkPlan& plan = (*work.plans)[work.next - 1];
+  work.solver.finish(work.settings, {work.poses.data(), plan.bones.size()});
   for (std::size_t i = 0; i < plan.bones.size(); ++i) {
-    state.poses[plan.bones[i]] = state.ik_poses[i];
+    state.poses[plan.bones[i]] = work.poses[i];
     update_tail(program, state, plan.bones[i]);
   }
 }
 
+/// Begins the tree's next plan in which a constraint acts. Returns whether there is one.
+bool begin_next(const Program& program, State& state, TreeWork& work) {
+  while (work.next < work.plans->size()) {
+    const IkPlan& plan = (*work.plans)[work.next++];
+    for (const int bone : plan.bones) ensure_posed(program, state, bone);
+    const bool acts = std::ranges::any_of(
+        plan.constraints, [&](int constraint) { return is_acting(state, program.constraints[constraint]); });
+    if (!acts) continue;
+    state.enter(RigPart::ik);
+    begin(program, state, plan, work);
+    state.enter(RigPart::bones);
+    return true;
+  }
+  return false;
+}
+
 }  // namespace
 
-void solve_tree(const Program& program, State& state, int index) {
-  const Tree& tree = program.trees[index];
-  for (const int bone : tree.bones) state.is_posed[bone] = 0;
-  for (IkPlan& plan : plans_of(program, state, index)) {
-    for (const int bone : plan.bones) ensure_posed(program, state, bone);
-    const bool acts = std::any_of(plan.constraints.begin(), plan.constraints.end(),
-                                  [&](int c) { return is_acting(state, program.constraints[c]); });
-    if (acts) solve(program, state, plan);
+void solve_trees(const Program& program, State& state, std::span<const Operation> trees) {
+  const std::span<TreeWork> all(state.tree_work.data(), trees.size());
+  for (std::size_t i = 0; i < trees.size(); ++i) {
+    const Tree& tree = program.trees[trees[i].index];
+    const auto& plans =
+        plans_of(tree, [&](int constraint) { return is_acting(state, program.constraints[constraint]); });
+    all[i].plans = &plans;
+    all[i].next = 0;
+    for (const int bone : tree.bones) state.is_posed[bone] = 0;
   }
-  for (const int bone : tree.bones) ensure_posed(program, state, bone);
-  for (const int bone : tree.bones) {
-    posed_parent(program, state, bone);  // what it was before IK does not count any more
-    update_channel(program, state, bone);
+  for (;;) {
+    state.ik_solvers.clear();
+    for (TreeWork& work : all) {
+      work.is_solving = begin_next(program, state, work);
+      if (work.is_solving) state.ik_solvers.push_back(&work.solver);
+    }
+    if (state.ik_solvers.empty()) break;
+    state.enter(RigPart::ik);
+    IkTreeSolver::move(state.ik_solvers, state.ik_systems);
+    for (TreeWork& work : all) {
+      if (work.is_solving) finish(program, state, work);
+    }
+    state.enter(RigPart::bones);
+  }
+  for (const Operation& operation : trees) {
+    const Tree& tree = program.trees[operation.index];
+    for (const int bone : tree.bones) ensure_posed(program, state, bone);
+    // What it was before IK does not count any more.
+    for (const int bone : tree.bones) posed_parent(program, state, bone);
   }
 }
 

@@ -1,4 +1,5 @@
 #include "rig/bend.h"
+#include "rig/channels.h"
 #include "rig/constraints/kind.h"
 #include "rig/dual_quaternion.h"
 
@@ -65,12 +66,13 @@ Place place_of(const Acting& acting, int target, const Vec3& point) {
 }
 
 void add_bendy(const Acting& acting, Sum& sum, int target, const Vec3& point, float weight) {
-  const State& state = acting.state();
+  const Program& program = acting.program();
+  State& state = acting.state();
   const int index = acting.constraint().targets[target].index;
-  const Bone& bone = acting.program().bones[index];
+  const Bone& bone = program.bones[index];
   const RestShape& shape = state.rest_shapes[bone.bend.number];
   const Place place = place_of(acting, target, point);
-  const Mat4 pose = state.channels[index] * bone.rest;
+  const Mat4 pose = channel_of(program, state, index) * bone.rest;
   for (int end = 0; end < 2; ++end) {
     const int at = place.segment + end;
     const Mat4 movement = ((pose * state.segments[bone.bend.first + at]) * shape.inverses[at]) * bone.inverse_rest;
@@ -97,7 +99,7 @@ void apply(const Acting& acting, Mat4& owner) {
     if (bone.is_bendy()) {
       add_bendy(acting, sum, static_cast<int>(i), point, weight);
     } else {
-      sum.add(bone.rest, acting.state().channels[index], weight);
+      sum.add(bone.rest, channel_of(program, acting.state(), index), weight);
     }
     total += weight;
   }
