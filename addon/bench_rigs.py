@@ -112,12 +112,12 @@ def make_generated(rig):
     return armature
 
 
-def animate(armature, seed):
-    """Rotates all bones of a chain; rotates and moves some controls of a generated rig."""
+def animate(armature, seed, controls=CONTROLS):
+    """Rotates all bones of a chain; rotates and moves some controls of a generated rig, with controls=None all."""
     random = np.random.default_rng(seed)
     bones = [bone for bone in armature.pose.bones if bone.custom_shape]
     if bones:
-        bones = [bones[i] for i in sorted(random.permutation(len(bones))[:CONTROLS])]
+        bones = [bones[i] for i in sorted(random.permutation(len(bones))[:controls])]
     moves = bool(bones)
     for bone in bones or armature.pose.bones:
         if not moves:
