@@ -72,9 +72,10 @@ _found: dict[tuple[int, str], tuple[bytes, _Found]] = {}  # by the address of a 
 
 def _found_in(own: Any, block: Any, kind: str) -> _Found:
     """Looks at the drivers of a data-block again only if they have changed: a large rig has hundreds."""
-    if not driver_bytes.can_read():
+    now = driver_bytes.read(own)
+    if now is None:
         return _look_at(own, kind)
-    key, now = (block.as_pointer(), kind), driver_bytes.read(own)
+    key = block.as_pointer(), kind
     before, found = _found.get(key, (None, None))
     if found is None or before != now:
         found = _look_at(own, kind)
