@@ -5,8 +5,8 @@
 Each rig is alone in its scene, and all its controls have keys: small moves and turns. Frames alternate between
 `scene.frame_set`, with as many threads as Blender takes, and the program on one thread, whose results are compared with
 `==`. Times are those of the fastest tenth, because other programs slow Blender's threads down more than one thread; for
-the same reason the time on the processors is measured too, of all threads together. `--folder` measures the rigs of your
-own .blend files too: armatures of at least 150 bones whose name begins with "RIG". Without options: five of
+the same reason the time on the processors is measured too, of all threads together. `--folder` measures the rigs of
+your own .blend files too: armatures of at least 150 bones whose name begins with "RIG". Without options: five of
 Rigify's rigs.
 """
 
