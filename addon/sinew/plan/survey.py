@@ -166,7 +166,9 @@ def _modifier(ob: bpy.types.Object, modifier: Any, paths: list[str], is_taken: b
             "trouble": cages.why_not_followed(ob, modifier),
         }
     elif kind == "CORRECTIVE_SMOOTH":
-        more = {"trouble": why_not_bound(ob, modifier)}
+        reads_binding = modifier.rest_source == "BIND" and not modifier.use_only_smooth
+        unread = contract.why_not(features.BOUND) if reads_binding else ""
+        more = {"trouble": why_not_bound(ob, modifier) or unread}
     elif kind in modifier_types.BESIDE_SHAPE | modifier_types.READING_SHAPE:
         more = _beside_shape(ob, modifier)
     return Modifier(
@@ -249,7 +251,8 @@ def awaited_by(modifier: Any) -> tuple[int, str] | None:
 
 
 def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
-    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or "".
+    """Returns why a Corrective Smooth with rest source Bind has no bound positions of this mesh, or "", also if that
+    cannot be told in this Blender.
 
     With Only Smooth it needs none, but Blender can only bind what it evaluates itself.
     """
@@ -260,7 +263,7 @@ def why_not_bound(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> str:
     if modifier.use_only_smooth:
         return ""
     if not contract.has(features.BOUND):
-        return contract.why_not(features.BOUND)
+        return ""
     return runs.why_not_bound(vector_arrays.bound_count(modifier), len(ob.data.vertices))
 
 

@@ -189,10 +189,11 @@ def _test_and_mark(hook: Any, mesh: Any) -> bool:
 def _leave(entry: Character, copy: GraphCopy, ob: Any) -> None:
     """Has Blender's own modifiers deform the mesh."""
     copy.is_deforming = False
-    if copy.plan is None or not copy.has_all_modifiers(ob):  # Blender has copied the object again, as it is in the file
+    if copy.plan is None:
         return
     try:
-        switching.switch(ob, copy.plan, False)
+        if copy.has_all_modifiers(ob):  # otherwise Blender has copied the object again, with the switches of the file
+            switching.switch(ob, copy.plan, False)
         _give_keys_back(copy, ob)
     except Exception as error:
         errors.keep(entry, error)
