@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "failures.h"
 
@@ -36,7 +37,7 @@ TEST(Expression, ComputesAsPythonDoes) {
       {"(1 + 2) * a", 9},
       {"1.5e2 + .5 + 2. + 1E-1", 152.6},
       {"frame + var_2", 24.5},
-      {"pi", M_PI},
+      {"pi", std::numbers::pi},
       {"True + True - False", 2},
       {"a == 3", 1},
       {"a != 3", 0},
@@ -60,7 +61,7 @@ TEST(Expression, ComputesAsPythonDoes) {
       {"min(a, b, 7)", -2},
       {"max(a, b, 7, 1)", 7},
       {"max(a)", 3},
-      {"radians(180)", M_PI},
+      {"radians(180)", std::numbers::pi},
       {"degrees(pi)", 180},
       {"abs(b) + fabs(b)", 4},
       {"floor(-1.5) * 100 + ceil(-1.5) * 10 + trunc(-1.7)", -211},
