@@ -37,7 +37,7 @@ NOT_HERE = re.compile(
 )
 
 # Blender evaluates drivers of keys' points before or after it adds the keys, as it happens.
-BY_CHANCE = re.compile(r"key_blocks\[.*\]\.(data|points)\[")
+BY_CHANCE = re.compile(r"(key_blocks\[.*\]|reference_key)\.(data|points)\[")
 
 
 def numbers_of(struct, path="", depth=DEPTH):

@@ -35,14 +35,14 @@ def learn(graph: Any) -> bool:
     """Finds where the mode is, in a graph that has been evaluated. Call it in the main thread. Returns whether it is
     known since this call. If it was known, but is wrong for this graph, it is not used any more."""
     global _place
-    if contract.trouble() or graph.mode not in _MODES:
+    if contract.is_broken() or graph.mode not in _MODES:
         return False
     if _place is not None:
         if is_render(graph.scene_eval) is not (graph.mode == "RENDER"):
             _place = None
             _given_up.append(graph.mode)
         return False
-    if _given_up:
+    if _given_up or contract.trouble():
         return False
     found = _find(graph)
     if found is None:
