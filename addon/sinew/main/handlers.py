@@ -26,6 +26,7 @@ SECONDS_WHILE_ASKED = 0.005  # the same, while a render asks for poses
 SECONDS_TO_WAIT = 5.0  # for the main thread, at most
 HAS_EVENT_LOOP = not bpy.app.background
 _seen_gathering = None  # characters.gathering() at the last update
+_seen_members: frozenset[int] | None = None  # characters.members() at the last update
 _said: set[str] = set()  # errors of the timer that were logged
 _bone_names: dict[Any, list[str]] = {}  # key of an armature's data -> names of its bones
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
@@ -119,7 +120,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     if has_gathered:
         shared_group.follow()
         mail.post(canvases.remove_unused)
-    may_lack = has_gathered or has_other_bones
+    may_lack = _has_other_members() or has_other_bones
     objects = characters.known() if may_lack or edits.of_collections else affected.values()
     _note_edits(objects, affected, edits, may_lack)
     _note_animation(characters.known() if edits.of_actions else affected.values())
@@ -171,11 +172,13 @@ def on_undo_redo(*_: Any) -> None:
 
 def forget() -> None:
     characters.forget()
+    _bone_names.clear()
     forget_what_was_seen()
 
 
 def forget_what_was_seen() -> None:
-    _bone_names.clear()
+    if not values.KEYS_OUTLIVE_UNDO:
+        _bone_names.clear()
     evaluations.forget()
     deformed_copies.forget()
     posing.forget()
@@ -226,6 +229,13 @@ def _has_gathered():
     return last != _seen_gathering
 
 
+def _has_other_members():
+    """Whether there are other bound meshes than at the last update."""
+    global _seen_members
+    last, _seen_members = _seen_members, characters.members()
+    return last != _seen_members
+
+
 def _has_other_bones(armatures):
     """Whether the bones of an armature have changed since its last update. armatures: their data."""
     has_others = False
@@ -259,8 +269,11 @@ def _note_edits(objects, affected, edits, may_lack):
             entry.look(ob)
         elif entry.is_wired and (
             entry.planning.should_revive(ob)
-            or (may_lack or is_updated and edits.of_collections)
+            or may_lack
             and not survey.waits_for_targets(ob, entry.plan)
+            or is_updated
+            and edits.of_collections
+            and not entry.planning.waits_for_targets(ob)
             or key in affected
             and survey.may_go_on(ob, entry.plan)
         ):

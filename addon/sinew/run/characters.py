@@ -47,6 +47,7 @@ _file = _File()
 _is_stale = True  # bound meshes were added or removed since the walk
 _through_canvas: set[int] = set()  # keys of the mesh objects whose shape goes through a canvas
 _gathering_number = 0
+_members: frozenset[int] = frozenset()  # keys of the bound mesh objects at the last walk
 _gathering = threading.Lock()  # held while _characters gets entries or is replaced
 
 
@@ -184,6 +185,11 @@ def gathering() -> int:
     return _gathering_number
 
 
+def members() -> frozenset[int]:
+    """Returns the keys of the bound mesh objects at the last walk through the file."""
+    return _members
+
+
 def see(ob: bpy.types.Object, is_edited: bool = True) -> None:
     """Updates what is known of a bound object after an update. is_edited: more than its name or place may differ."""
     key = values.key_of(ob)
@@ -220,7 +226,7 @@ def _is_alive(ob: bpy.types.Object | None) -> bool:
 
 def _gather() -> None:
     """Walks through the file. Entries that evaluations in other threads add in the meantime are kept."""
-    global _characters, _file, _gathering_number, _is_stale
+    global _characters, _file, _gathering_number, _is_stale, _members
     before, _is_stale = set(_characters), False
     sharers: dict[int, list[bpy.types.Object]]  # by the key of their mesh
     file, sharers = _File(), {}
@@ -242,7 +248,7 @@ def _gather() -> None:
         entries[key].name = _name(ob)
         sharer_count = meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ()))
         entries[key].planning.see_sharers(ob, sharer_count)
-    _file = file
+    _file, _members = file, frozenset(file.objects)
     _gathering_number += 1
     graph_copies.expect_strays()
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import bpy
 
 from ..blender import meshes
-from ..host import contract
+from ..host import contract, driver_bytes
 from ..plan import canvas_survey, mends, plans, survey
 from . import mail
 from .leaving import LeaveToBlender
@@ -34,6 +34,7 @@ class Planning:
         self._lacks: tuple | None = None  # the situation in which the file lacks something
         self._given_up: tuple | None = None  # the situation that cannot be mended
         self._revivals = 0  # of the hook
+        self._waiting: tuple | None = None  # the drivers and modifiers with which it was seen to wait for all
 
     def look(self, ob: bpy.types.Object) -> plans.Plan:
         """Makes a plan for the object, original or evaluated, and returns it. The main thread is asked for the mends
@@ -107,6 +108,19 @@ class Planning:
         if hook is None or hook.driver.is_valid or self._revivals >= MOST_REVIVALS or not original.data.vertices:
             return False
         self._revivals += 1
+        return True
+
+    def waits_for_targets(self, original: bpy.types.Object) -> bool:
+        """Whether the hook still waits for everything that the modifiers follow. Looks only if drivers or modifiers
+        have changed since the last look; not if bones have."""
+        data, names = original.animation_data, self.plan.replaced
+        drivers = driver_bytes.read(data.drivers) if data is not None else b""
+        awaited = [survey.awaited_by(original.modifiers[name]) for name in names if name in original.modifiers]
+        now = drivers, awaited, self.plan.hook_path
+        if drivers is None or now != self._waiting:
+            is_waiting = survey.waits_for_targets(original, self.plan)
+            self._waiting = now if is_waiting else None
+            return is_waiting
         return True
 
     def see_surroundings(self, original: bpy.types.Object, file: canvas_survey.File | None = None) -> None:
