@@ -243,7 +243,9 @@ TEST(RigProgram, EvaluatingTakesNoMoreMemoryAfterTheFirstFrame) {
   for (const float share : {1.0F, 0.0F}) {
     const GivenInputs given{{{influence, 1, &share, 0}}, {}};
     const std::size_t bytes = bytes_allocated_by([&] { program.profile({&frame, 1}, given); });
-    if (share == 0) EXPECT_EQ(bytes, 0U);
+    if (share == 0) {
+      EXPECT_EQ(bytes, 0U);
+    }
   }
 }
 #endif
