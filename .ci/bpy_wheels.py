@@ -19,6 +19,7 @@ import urllib.request
 from pathlib import Path
 from typing import NamedTuple
 
+from pip._internal.models.index import PyPI
 from pip._vendor.packaging.version import InvalidVersion, Version
 
 # Those for which there are zips: the ends of wheels' names.
@@ -30,7 +31,6 @@ SYSTEMS = {
 }
 NAME = re.compile(r"bpy-(?P<version>[^-]+)-cp3(?P<minor>\d+)-[^-]+-(?P<platform>\w+)\.whl")
 LINK = re.compile(r"""<a\s[^>]*?href=["']([^"']+)["']""")
-PYPI = "https://pypi.org/simple"
 
 
 class Wheel(NamedTuple):
@@ -76,7 +76,7 @@ def index_page():
     if page := os.environ.get("SINEW_BPY_INDEX"):
         return page
     asked = subprocess.run([sys.executable, "-m", "pip", "config", "get", "global.index-url"], capture_output=True)
-    index = os.environ.get("PIP_INDEX_URL") or asked.stdout.decode().strip() or PYPI
+    index = os.environ.get("PIP_INDEX_URL") or asked.stdout.decode().strip() or PyPI.simple_url
     return f"{index.rstrip('/')}/bpy/"
 
 

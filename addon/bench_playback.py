@@ -238,13 +238,17 @@ def main(arguments):
 def table(options):
     """Prints a line for each row, and returns all rows."""
     print(f"\nBlender {bpy.app.version_string}, milliseconds per frame, medians of {len(FRAMES)} frames\n")
-    print(
-        "| rig (bones) | vertices | with | rig alone | modifier | Sinew | output Mesh "
-        "| modifier adds | Sinew adds | less | accelerate, s |"
-    )
-    print("|" + "---|" * 11)
+    columns = "rig (bones)", "vertices", "with", "rig alone", "modifier", "Sinew", "output Mesh"
+    return print_rows((*columns, "modifier adds", "Sinew adds", "less", "accelerate, s"), rows(options), line)
+
+
+def print_rows(columns, measured, line):
+    """Prints a table, each line as soon as its row is measured, and returns the rows. columns: their titles; line: a
+    function that returns the line of a row."""
+    print(f"| {' | '.join(columns)} |")
+    print("|" + "---|" * len(columns))
     results = []
-    for row in rows(options):
+    for row in measured:
         results.append(row)
         print(line(row), flush=True)
     return results

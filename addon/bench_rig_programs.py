@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_playback import number, without_handlers
+from bench_playback import number, print_rows, without_handlers
 from bench_rigs import ADDON, METARIGS, animate, make_generated, sinew
 
 RIGS = ("human", "cat", "horse", "bird", "shark")
@@ -155,16 +155,10 @@ def main(arguments):
     parser.add_argument("--json")
     options = parser.parse_args(arguments)
     print(f"\nBlender {bpy.app.version_string}, milliseconds per frame, {ROUNDS} x {len(FRAMES)} frames\n")
-    print(
-        "| rig | Blender | program, one thread | faster | Blender's processor time | less "
-        "| curves | drivers | bones | IK | B-bones "
-        "| frames/s, one thread | two | reading + building |"
-    )
-    print("|" + "---|" * 14)
-    results = []
-    for row in rows(options):
-        results.append(row)
-        print(line(row), flush=True)
+    columns = "rig", "Blender", "program, one thread", "faster", "Blender's processor time", "less"
+    parts = "curves", "drivers", "bones", "IK", "B-bones"
+    batches = "frames/s, one thread", "two", "reading + building"
+    results = print_rows((*columns, *parts, *batches), rows(options), line)
     if options.json:
         Path(options.json).write_text(
             json.dumps({"blender": bpy.app.version_string, "results": results}, indent=1) + "\n"

@@ -180,14 +180,24 @@ TEST(RigProgram, ReachesWithIk) {
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[2].location()[k], 1e-3F);
 }
 
-TEST(RigProgram, OfSeveralIkConstraintsOfABoneTheFirstThatActsCounts) {
+/// Two bones, the last with two IK constraints.
+RigDescription two_goals() {
   RigDescription rig = two_bones();
   add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
   add_bone(rig, "other", -1, {-0.5F, 1.2F, 0.3F});
   add_ik(rig, 1, 2).name = "first";
   add_ik(rig, 1, 3).name = "second";
-  const RigProgram program(rig);
-  const int influence = program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
+  return rig;
+}
+
+/// The influence of the first one.
+int first_influence(const RigProgram& program) {
+  return program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
+}
+
+TEST(RigProgram, OfSeveralIkConstraintsOfABoneTheFirstThatActsCounts) {
+  const RigProgram program(two_goals());
+  const int influence = first_influence(program);
   const float off = 0;
   const GivenInputs without_first{{{influence, 1, &off, 0}}, {}};
   const std::vector<Mat4> before = poses_of(program);
@@ -232,13 +242,8 @@ TEST(RigProgram, RefusesTooManyCombinationsOfIk) {
 
 #ifdef SINEW_COUNTS_MEMORY
 TEST(RigProgram, EvaluatingTakesNoMoreMemoryAfterTheFirstFrame) {
-  RigDescription rig = two_bones();
-  add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
-  add_bone(rig, "other", -1, {-0.5F, 1.2F, 0.3F});
-  add_ik(rig, 1, 2).name = "first";
-  add_ik(rig, 1, 3).name = "second";
-  const RigProgram program(rig);
-  const int influence = program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
+  const RigProgram program(two_goals());
+  const int influence = first_influence(program);
   const float frame = 1;
   for (const float share : {1.0F, 0.0F}) {
     const GivenInputs given{{{influence, 1, &share, 0}}, {}};

@@ -80,10 +80,7 @@ def slot_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     data = block.animation_data
     if data is None or data.action is None:
         return []
-    if not hasattr(data.action, "layers"):  # before 4.4
-        return list(data.action.fcurves)
-    bags = [bag for layer in data.action.layers for strip in layer.strips for bag in strip.channelbags]
-    return [curve for bag in bags if bag.slot == data.action_slot for curve in bag.fcurves]
+    return _curves_in(data.action, getattr(data, "action_slot", None))
 
 
 def unkeyed_path(block: bpy.types.ID, time: float) -> str:
@@ -114,18 +111,7 @@ def find_curve(block: bpy.types.ID, path: str) -> bpy.types.FCurve | None:
         return None
     if not hasattr(data, "action_slot"):  # before 4.4
         return data.action.fcurves.find(path)
-    return next(
-        (
-            curve
-            for layer in data.action.layers
-            for strip in layer.strips
-            for bag in strip.channelbags
-            if bag.slot == data.action_slot
-            for curve in bag.fcurves
-            if curve.data_path == path
-        ),
-        None,
-    )
+    return next((curve for curve in slot_curves(block) if curve.data_path == path), None)
 
 
 def find_driver(ob: bpy.types.Object, path: str) -> bpy.types.FCurve | None:

@@ -44,7 +44,7 @@ def shape_in_keys(ob: Any) -> np.ndarray | None:
     """Returns a view of the shape, (V, 3), that Sinew has written into the keys of an evaluated object with the output
     Mesh, or None. Use it at once and do not keep it."""
     copy = characters.of(ob).copy_of(ob)
-    keys = _keys_of(ob, copy) if is_waiting(ob) else None
+    keys = _keys_of(ob, copy) if copy.unrestored is not None else None
     if keys is None:
         return copy.written
     return key_blocks.key_positions(key_blocks.key_addresses(keys)[0], len(copy.reading.keys.base))

@@ -47,7 +47,6 @@ _file = _File()
 _is_stale = True  # bound meshes were added or removed since the walk
 _through_canvas: set[int] = set()  # keys of the mesh objects whose shape goes through a canvas
 _gathering_number = 0
-_members: frozenset[int] = frozenset()  # keys of the bound mesh objects at the last walk
 _gathering = threading.Lock()  # held while _characters gets entries or is replaced
 
 
@@ -187,7 +186,7 @@ def gathering() -> int:
 
 def members() -> frozenset[int]:
     """Returns the keys of the bound mesh objects at the last walk through the file."""
-    return _members
+    return frozenset(_file.objects)
 
 
 def see(ob: bpy.types.Object, is_edited: bool = True) -> None:
@@ -226,7 +225,7 @@ def _is_alive(ob: bpy.types.Object | None) -> bool:
 
 def _gather() -> None:
     """Walks through the file. Entries that evaluations in other threads add in the meantime are kept."""
-    global _characters, _file, _gathering_number, _is_stale, _members
+    global _characters, _file, _gathering_number, _is_stale
     before, _is_stale = set(_characters), False
     sharers: dict[int, list[bpy.types.Object]]  # by the key of their mesh
     file, sharers = _File(), {}
@@ -248,7 +247,7 @@ def _gather() -> None:
         entries[key].name = _name(ob)
         sharer_count = meshes.count_sharers(ob, sharers.get(values.key_of(ob.data), ()))
         entries[key].planning.see_sharers(ob, sharer_count)
-    _file, _members = file, frozenset(file.objects)
+    _file = file
     _gathering_number += 1
     graph_copies.expect_strays()
 
