@@ -30,11 +30,13 @@ install_compiler() {
   esac
 }
 
+PYTHONS=() # for which there are modules for another system, if not for all
+
 # SYSTEM [CMake options]: its modules, and what else TARGET names, in build/SYSTEM.
 build_for() {
   install_compiler "$1"
   local pythons
-  pythons=$(.ci/pythons "$1") || return 1
+  pythons=$(.ci/pythons "$1" "${PYTHONS[@]}") || return 1
   CROSS=$1 configure_and_build "$BUILD/$1" -DSINEW_PYTHON=ON -DSINEW_CROSS_PYTHONS="$pythons" \
     -DCMAKE_TOOLCHAIN_FILE="$PWD/.ci/toolchains/$1.cmake" "${@:2}"
 }

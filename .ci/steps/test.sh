@@ -2,9 +2,13 @@
 # ./dev test: everything once. The build uses both cores; then come jobs side by side, and at the end, one at a time,
 # what nothing may run beside.
 
-# For the time that it takes, only a release runs all tests in the Blenders for Windows. Otherwise they run these.
-WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,package,panel,render,safety}.py
+# For the time that it takes, only a release runs all tests in the official builds. Otherwise they run these.
+WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,package,panel,render,safety}.py
   tests/blender/test_{same_as_modifier,same_pass,shortcuts}.py)
+
+# And with Python for Windows these: results do not depend on the system, and the native tests compare them there.
+WHAT_SYSTEMS_DIFFER_IN=(tests/python/test_{bake_files,bake_leftovers,bake_systems,boundaries,faults,files,host}.py
+  tests/python/test_{hostile_input,instruction_sets,interrupts,stub,threads,unmade_objects}.py)
 
 # What a person does in a window. They take five minutes in each program, so that only a release runs all of them in all;
 # otherwise the others than the newest run the first.
@@ -13,6 +17,7 @@ WINDOW_TESTS=(in_window frozen_in_window in_weight_paint first_ogre profiled bak
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
   local versions=(own) missing=() systems=() pythons=(3.13) part=() packaged=(tests/wheel tests/python) version kind=
+  local in_python=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
   declare -A blenders=([own]=$BLENDER)
   trap 'kill 0' INT # which a command in the background does not hear
   if [ "${1:-}" = --blender ]; then
@@ -22,6 +27,7 @@ run_tests() {
   else
     [ "$BLENDER" != blender ] || install_packages blender
   fi
+  [ "$kind" != all ] || PYTHONS=(3.11 3.13) # of the Blenders for Windows that are tested
   build
   package_and_wheel "${systems[@]}"
   start "lint" check_format_and_types
@@ -30,11 +36,10 @@ run_tests() {
   start "thread sanitizer" sanitize thread
   start "Python tests" python_tests # with Debian 12's numpy 1; the Python package's are run with 2, too
   start "Windows" cross windows
-  start "ARM" cross aarch64
   if [[ " ${systems[*]} " = *" windows "* ]]; then
-    [ "$kind" != release ] || pythons=(3.11 3.13 3.14)
+    [ "$kind" != release ] || pythons=(3.11 3.13 3.14) in_python=(tests/python)
     for version in "${pythons[@]}"; do
-      start "Python $version for Windows" windows_python_tests "$version"
+      start "Python $version for Windows" windows_python_tests "$version" "${in_python[@]}"
     done
   fi
   if [[ " ${systems[*]} " = *" aarch64 "* ]]; then
@@ -45,6 +50,7 @@ run_tests() {
   fi
   if [ "$kind" = release ]; then
     start "Blender's structs" .ci/layouts
+    start "ARM" cross aarch64
     start "Clang" cross clang # which also makes the modules for macOS
     start "clang-tidy" tidy
     start "fuzzing" fuzz
@@ -54,8 +60,11 @@ run_tests() {
   install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
   for version in "${versions[@]}"; do
     part=()
-    [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
+    [[ ! "$kind $version" =~ ^all\ (4.2|windows-.*)$ ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
     start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
+  done
+  for version in "${versions[@]}"; do
+    [[ ! $version =~ ^(own|3.4|5.2)$ ]] || start "farm with Blender $version" farm_tests "$version"
   done
   await_all
   for version in "${versions[@]}"; do # one at a time: a window that waits for a core is late
@@ -63,7 +72,6 @@ run_tests() {
     part=("${WINDOW_TESTS[@]}")
     [[ ! "$kind $version" =~ ^all\ (3.4|4.3)$ ]] || part=("${WINDOW_TESTS[0]}")
     is_module || alone "window of Blender $version" window_tests "${part[@]}"
-    [[ ! $version =~ ^(own|3.4|5.2)$ ]] || alone "farm with Blender $version" farm_tests
   done
   report
 }
@@ -90,25 +98,26 @@ python_tests() {
   PYTHONPATH=$scipy SINEW_BUILD=$BUILD $PYTHON -m pytest -q --durations=8 -p no:cacheprovider tests/python
 }
 
-# VERSION of Python
+# VERSION of Python, WHAT...
 windows_python_tests() {
   local original
-  original=$(.ci/windows_python "$1") && tests_with_wheel Windows "$original" "$BUILD/windows-python-$1" "cp${1/./}-*-win_amd64"
+  original=$(.ci/windows_python "$1") &&
+    tests_with_wheel Windows "$original" "$BUILD/windows-python-$1" "cp${1/./}-*-win_amd64" "${@:2}"
 }
 
 arm_python_tests() {
   local original
-  original=$(.ci/arm_python) && tests_with_wheel "64-bit ARM" "$original" "$BUILD/arm-python" "cp311-*_aarch64"
+  original=$(.ci/arm_python) && tests_with_wheel "64-bit ARM" "$original" "$BUILD/arm-python" "cp311-*_aarch64" tests/python
 }
 
-# SYSTEM PYTHON FOLDER WHEEL: with the wheel, as pip installs it into FOLDER, a copy of PYTHON; all but the tests that read
-# machine code.
+# SYSTEM PYTHON FOLDER WHEEL WHAT...: with the wheel, as pip installs it into FOLDER, a copy of PYTHON; all but the tests
+# that read machine code.
 tests_with_wheel() {
   say "Python tests, $("$2/run" --version) for $1"
   # shellcheck disable=SC2086 # a pattern
   rm -rf "$3" && cp -r "$2" "$3" &&
     "$3/run" -m pip install -q --no-index --no-deps "$BUILD"/wheels/sinew_native-*-$4.whl &&
-    SINEW_BUILD='' SINEW_ZIP=$ZIP "$3/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel tests/python \
+    SINEW_BUILD='' SINEW_ZIP=$ZIP "$3/run" -m pytest -q --durations=8 -p no:cacheprovider tests/wheel "${@:5}" \
       --ignore tests/python/test_vectorisation.py
 }
 
@@ -194,8 +203,9 @@ window_tests() {
   done
 }
 
-# Render farms' job descriptions.
+# VERSION: render farms' job descriptions.
 farm_tests() {
+  pick "$1"
   say "farm tests"
   install_packages nodejs
   local openjd

@@ -35,7 +35,7 @@ bool take(std::string_view& text, std::string_view prefix) {
   return true;
 }
 
-std::string quoted(std::string_view name) {
+std::string as_key(std::string_view name) {
   std::string text = "[\"";
   for (const char c : name) {
     if (c == '"' || c == '\\') text += '\\';
@@ -230,7 +230,7 @@ std::string ValueMap::name(int value) const {
   const int bone_values = static_cast<int>(bone_names_.size()) * kBoneValueCount;
   if (value < bone_values) {
     const int place = value % kBoneValueCount;
-    return (place < kArmatureValues ? "pose.bones" : "data.bones") + quoted(bone_names_[value / kBoneValueCount]) +
+    return (place < kArmatureValues ? "pose.bones" : "data.bones") + as_key(bone_names_[value / kBoneValueCount]) +
            "." + setting_name(bone_settings(), place);
   }
   const auto property = std::upper_bound(properties_.begin(), properties_.end(), value,
@@ -243,8 +243,8 @@ std::string ValueMap::name(int value) const {
   }
   const auto next = std::upper_bound(constraints_.begin(), constraints_.end(), value);
   const auto constraint = static_cast<std::size_t>(next - constraints_.begin() - 1);
-  const std::string owner = "pose.bones" + quoted(bone_names_[constraint_bones_[constraint]]) + ".constraints" +
-                            quoted(constraint_names_[constraint]) + ".";
+  const std::string owner = "pose.bones" + as_key(bone_names_[constraint_bones_[constraint]]) + ".constraints" +
+                            as_key(constraint_names_[constraint]) + ".";
   if (value >= weights_[constraint]) {
     return owner + "targets[" + std::to_string(value - weights_[constraint]) + "].weight";
   }
