@@ -308,7 +308,7 @@ def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene
             play(what)
             for each, value in zip(places, before):
                 setattr(now(each), name, value)
-            if kind is strips:  # Blender leaves out a track that was muted when it built relations, until it does so again
+            if kind is strips:  # Blender leaves out a track that was muted when it last built relations
                 ours.rig.hide_viewport = ours.rig.hide_viewport
     print(f"\n{kind.__name__}: {flipped} properties flipped, {frozen} of them of a frozen character")
     assert flipped and (kind.__name__ in TIMED or frozen > 0.7 * flipped)
