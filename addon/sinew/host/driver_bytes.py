@@ -7,39 +7,40 @@ from ..native import sinew_native
 from . import contract, features, proof
 
 
+def _region(kind: str, name: str, start: int = 0) -> tuple[int, int]:
+    return start + contract.offset(kind, name), contract.size(kind, name)
+
+
+@functools.cache
+def _variable() -> Any:
+    """Returns what is read of a driver's variable."""
+    first, stride = contract.offset("DriverVar", "targets"), contract.struct_size("DriverTarget")
+    targets = range(first, first + contract.size("DriverVar", "targets"), stride)
+    regions = [_region("DriverTarget", name, target) for target in targets for name in ("*id", "pchan_name")]
+    path = contract.offset("DriverTarget", "*rna_path")
+    own = [_region("DriverVar", name) for name in ("name", "type")]
+    return sinew_native.host.Described(own + regions, [target + path for target in targets], [], [])
+
+
+@functools.cache
+def _variables() -> int:
+    """Returns where a driver has the address of its first variable."""
+    return contract.offset("ChannelDriver", "variables") + contract.offset("ListBase", "*first")
+
+
 @functools.cache
 def _drivers() -> Any:
     """Returns what is read of a driver's F-curve."""
-
-    def at(kind: str, *names: str) -> list[int]:
-        return [contract.offset(kind, name) for name in names]
-
-    def plain(kind: str, *names: str) -> list[tuple[int, int]]:
-        return [(contract.offset(kind, name), contract.size(kind, name)) for name in names]
-
-    first, stride = contract.offset("DriverVar", "targets"), contract.struct_size("DriverTarget")
-    targets = range(first, first + contract.size("DriverVar", "targets"), stride)
-    block, size = *at("DriverTarget", "*id"), contract.size("DriverTarget", "*id")
-    path = contract.offset("DriverTarget", "*rna_path")
-    variable = sinew_native.host.Described(
-        plain("DriverVar", "name", "type") + [(target + block, size) for target in targets],
-        [target + path for target in targets],
-        [],
-        [],
-    )
-    variables = contract.offset("ChannelDriver", "variables") + contract.offset("ListBase", "*first")
-    driver = sinew_native.host.Described(
-        plain("ChannelDriver", "type", "flag", "expression"), [], [], [(variables, variable)]
-    )
-    return sinew_native.host.Described(
-        [], at("FCurve", "*rna_path"), [(contract.offset("FCurve", "*driver"), driver)], []
-    )
+    own = [_region("ChannelDriver", name) for name in ("type", "flag", "expression")]
+    driver = sinew_native.host.Described(own, [], [], [(_variables(), _variable())])
+    place = contract.offset("FCurve", "*driver")
+    return sinew_native.host.Described([], [contract.offset("FCurve", "*rna_path")], [(place, driver)], [])
 
 
 def read(drivers: Any) -> bytes | None:
     """Returns bytes that are equal for two collections of drivers if these set the same properties by the same types
-    and expressions, of variables with the same names and types that read the same properties of the same data-blocks.
-    None if this Blender's drivers cannot be read."""
+    and expressions, of variables with the same names and types that read the same properties and bones of the same
+    data-blocks. None if this Blender's drivers cannot be read."""
     if not len(drivers):
         return b""
     if not contract.has(features.DRIVERS):
@@ -51,3 +52,11 @@ def read(drivers: Any) -> bytes | None:
             return None
         proof.give("drivers")
     return found
+
+
+def read_variables(driver: Any) -> bytes | None:
+    """Returns bytes that are equal for the same driver at two times if its variables had the same names and types, and
+    read the same properties and bones of data-blocks at the same addresses. None if they cannot be read."""
+    if proof.is_due("drivers") or not contract.has(features.DRIVERS):
+        return None
+    return _variable().bytes_of_list(contract.address_at(driver.as_pointer() + _variables()))

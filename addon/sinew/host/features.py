@@ -118,7 +118,7 @@ FEATURES = {
         "the drivers of meshes and bones' data are looked at one by one after edits, which takes longer",
         "FCurve.*next FCurve.*driver FCurve.*rna_path ListBase.*first ChannelDriver.variables ChannelDriver.expression "
         "ChannelDriver.type ChannelDriver.flag DriverVar.*next DriverVar.name DriverVar.type DriverVar.targets "
-        "DriverTarget.*id DriverTarget.*rna_path",
+        "DriverTarget.*id DriverTarget.*rna_path DriverTarget.pchan_name",
         compared="the path of the first driver",
     ),
     MUTING: Feature(

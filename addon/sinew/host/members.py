@@ -117,7 +117,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "*bbone_pose_mats": _pointer("Mat4"),
         "*bbone_dual_quats": _pointer("DualQuat"),
     },
-    "DriverTarget": {"*id": _pointer("ID", shown="id"), "*rna_path": _pointer("char")},
+    "DriverTarget": {"*id": _pointer("ID", shown="id"), "*rna_path": _pointer("char"), "pchan_name": _name()},
     "DriverVar": {
         "*next": _pointer("DriverVar", 0),
         "name": _name(),

@@ -19,6 +19,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, meshes, values
+from ..host import driver_bytes
 from . import driver_variables
 
 HOOK = "sinew.deform_now"
@@ -250,28 +251,68 @@ class Waits(NamedTuple):
     driven: tuple[Any, ...]  # descriptions of its copies of other drivers' variables, in order
 
 
+class _Variables(NamedTuple):
+    """What the variables of a hook are. A large rig has hundreds, so they are read again only if they have changed."""
+
+    blocks: dict[int, int]  # {key of a data-block: number of the first variable that reads it}
+    targets: frozenset[tuple[int, str]]
+    awaited: frozenset[tuple[int, str]]
+    bones: dict[int, list[str]]  # {key of an object: bones that are waited for}
+    copies: list[int]  # numbers of its copies of other drivers' variables
+    lacks_block: bool
+
+
+_variables: dict[int, tuple[bytes, _Variables]] = {}  # by the address of a hook
+MOST_KNOWN = 4096  # hooks
+
+
 def waits_of(hook: bpy.types.FCurve) -> Waits:
-    """Reads the variables of a hook. A large rig has hundreds, so each is looked at once."""
-    awaited, targets, driven, has_lost_target = set(), set(), [], False
+    """Reads the variables of a hook."""
+    variables = hook.driver.variables
+    now = driver_bytes.read_variables(hook.driver)
+    before, found = _variables.get(hook.as_pointer(), (None, None))
+    blocks = {}
+    if found is not None and now is not None and before == now:
+        blocks = {key: variables[number].targets[0].id for key, number in found.blocks.items()}
+    if found is None or not blocks or any(key != values.key_of(block) for key, block in blocks.items()):
+        found = _read_variables(variables)
+        blocks = {key: variables[number].targets[0].id for key, number in found.blocks.items()}
+        if now is not None:
+            if len(_variables) >= MOST_KNOWN:
+                _variables.clear()
+            _variables[hook.as_pointer()] = now, found
+    has_lost_target = found.lacks_block or any(
+        name not in blocks[key].data.bones for key, names in found.bones.items() for name in names
+    )
+    driven = tuple(driver_variables.description(variables[number]) for number in found.copies)
+    return Waits(found.targets, has_lost_target, found.awaited, driven)
+
+
+def _read_variables(variables: Any) -> _Variables:
+    blocks: dict[int, int] = {}
+    bones: dict[int, list[str]] = {}
     keys: dict[Any, int] = {}
-    for variable in hook.driver.variables:
+    awaited, targets, copies, lacks_block = set(), set(), [], False
+    for number, variable in enumerate(variables):
         if driver_variables.is_copy(variable):
-            driven.append(driver_variables.description(variable))
+            copies.append(number)
             continue
         target = variable.targets[0]
         block, bone, path = target.id, target.bone_target, target.data_path
         is_object = variable.type == "TRANSFORMS" or path in SHAPES.values()
         if block is None:
-            has_lost_target |= is_object
+            lacks_block |= is_object
             continue
         if block not in keys:
             keys[block] = values.key_of(block)
+            blocks[keys[block]] = number
         waited = keys[block], bone or path
         awaited.add(waited)
         if is_object:
             targets.add(waited)
-            has_lost_target |= bool(bone) and bone not in block.data.bones
-    return Waits(frozenset(targets), has_lost_target, frozenset(awaited), tuple(driven))
+            if bone:
+                bones.setdefault(keys[block], []).append(bone)
+    return _Variables(blocks, frozenset(targets), frozenset(awaited), bones, copies, lacks_block)
 
 
 def is_waiting_for(

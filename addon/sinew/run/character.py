@@ -78,7 +78,7 @@ class Character:
         """Whether Sinew deforms an evaluated object that has such a plan, if any modifier that it replaces is on."""
         if plan.way.takes_all and ob.mode not in WITHOUT_INDICES:
             return False
-        return plan.is_wired and not standing_aside.is_on() and ob.mode not in EDITING and switches.can_put_aside()
+        return plan.is_wired and not standing_aside.is_on() and switches.can_put_aside()
 
     # --- its evaluated copies ---------------------------------------------------------------------
 

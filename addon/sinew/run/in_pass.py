@@ -15,7 +15,7 @@ from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
 from ..plan import survey, ways, wiring
 from . import afterwards, characters, errors, frame_shapes, graph_copies, shape_keys, stages, switching
-from .character import Character
+from .character import EDITING, Character
 from .graph_copy import GraphCopy
 from .leaving import LeaveToBlender
 
@@ -96,6 +96,8 @@ def _is_at_work(copy: GraphCopy, ob: Any) -> bool:
         if copy.character.way.in_pass:
             copy.character.look(ob)
         raise LeaveToBlender(contract.trouble())
+    if ob.mode in EDITING:
+        return False  # it is looked at again afterwards: Blender copies it then
     if copy.leaves_dabs(ob) and _is_dab(copy, ob):
         raise LeaveToBlender("somebody paints on it")
     copy.follow_edits(ob)
@@ -202,7 +204,7 @@ def _leave(entry: Character, copy: GraphCopy, ob: Any) -> None:
 def _rest(copy: GraphCopy, ob: Any) -> None:
     """Has Blender no longer call the hook of a mesh that is left to Blender, until it copies the object again. That it
     does at the latest when Sinew takes another path, for which the hook has to wait for more."""
-    hook = copy.hook_of(ob)
+    hook = copy.hook_of(ob) if copy.plan is not None else None
     if hook is not None and copy.plan.way.kind == ways.BLENDER and wiring.waits_for_nothing(hook):
         switches.mute_driver(hook)
 
