@@ -531,6 +531,70 @@ def test_whatever_is_changed_in_a_driver_is_seen(fresh_scene):
     assert "is driven" in animated.why(data, "ARMATURE")
 
 
+def test_whatever_is_changed_in_a_hook_is_seen(fresh_scene):
+    """Its variables are only read again if their bytes differ."""
+    wiring, driver_bytes = addon_module("plan.wiring"), addon_module("host.driver_bytes")
+    armature = make_armature()
+    driven, other = (bpy.data.objects.new(name, None) for name in ("Driven", "Other"))
+    for each in (driven, other):
+        fresh_scene.collection.objects.link(each)
+
+    def hook_again():
+        driven.animation_data_clear()
+        curve = driven.driver_add("show_in_front")
+        curve.driver.type = "SUM"
+        wanted = (
+            ("calls", "SINGLE_PROP", armature, "", wiring.HOOK),
+            ("bone", "TRANSFORMS", armature, "bone2", ""),
+            ("other", "TRANSFORMS", other, "", ""),
+            ("property", "SINGLE_PROP", armature, "", "location[0]"),
+            ("driven_0", "SINGLE_PROP", other, "", "location[1]"),
+        )
+        for name, kind, block, bone, path in wanted:
+            variable = curve.driver.variables.new()
+            variable.name, variable.type, target = name, kind, variable.targets[0]
+            target.id, target.bone_target, target.data_path = block, bone, path
+        assert driver_bytes.read(driven.animation_data.drivers)
+        return curve
+
+    def found_at(curve, *what):
+        found = wiring.waits_of(curve)
+        wiring._variables.clear()
+        assert found == wiring.waits_of(curve), what
+        return found
+
+    first, seen = found_at(hook_again()), 0
+    assert len(first.awaited) == 4 and len(first.targets) == 2 and len(first.driven) == 1 and not first.has_lost_target
+    for number in range(5):
+        for place in (lambda variable: variable, lambda variable: variable.targets[0]):
+            for name, value in list(other_settings(place(hook_again().driver.variables[number]))):
+                curve = hook_again()
+                wiring.waits_of(curve)
+                try:
+                    setattr(place(curve.driver.variables[number]), name, value)
+                except (TypeError, AttributeError):  # no item of the enum here, or only for other types
+                    continue
+                seen += found_at(curve, number, name, value) != first
+    assert seen > 10
+    curve = hook_again()
+    wiring.waits_of(curve)
+    curve.driver.variables[1].targets[0].id = other
+    assert found_at(curve, "another object") != first
+    curve = hook_again()
+    wiring.waits_of(curve)
+    curve.driver.variables.remove(curve.driver.variables[3])
+    assert found_at(curve, "a variable less").awaited < first.awaited
+    curve = hook_again()
+    wiring.waits_of(curve)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    armature.data.edit_bones.remove(armature.data.edit_bones["bone2"])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert found_at(driven.animation_data.drivers[0], "no bone").has_lost_target
+    bpy.data.objects.remove(other)
+    assert found_at(driven.animation_data.drivers[0], "no object").has_lost_target
+
+
 def test_the_pose_position_is_keyed(fresh_scene):
     armature = make_armature()
     ob = make_mesh(armature, False)

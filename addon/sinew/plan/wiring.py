@@ -282,7 +282,7 @@ def waits_of(hook: bpy.types.FCurve) -> Waits:
                 _variables.clear()
             _variables[hook.as_pointer()] = now, found
     has_lost_target = found.lacks_block or any(
-        name not in blocks[key].data.bones for key, names in found.bones.items() for name in names
+        name not in getattr(blocks[key].data, "bones", ()) for key, names in found.bones.items() for name in names
     )
     driven = tuple(driver_variables.description(variables[number]) for number in found.copies)
     return Waits(found.targets, has_lost_target, found.awaited, driven)
