@@ -2,22 +2,24 @@
 # ./dev test: everything once. The build uses both cores; then come jobs side by side, and at the end, one at a time,
 # what nothing may run beside.
 
-# For the time that it takes, only a release runs all tests in the official builds. Otherwise they run these.
-WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,package,panel,render,safety}.py
-  tests/blender/test_{same_as_modifier,same_pass,shortcuts}.py)
+# For the time that it takes, only a release runs all tests in all builds. Otherwise the newest and the oldest Blender run
+# all, and the others these,
+WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,memory,package,panel,render}.py
+  tests/blender/test_{safety,same_as_modifier,same_pass,shortcuts}.py)
 
-# And with Python for Windows these: results do not depend on the system, and the native tests compare them there.
-WHAT_SYSTEMS_DIFFER_IN=(tests/python/test_{bake_files,bake_leftovers,bake_systems,boundaries,faults,files,host}.py
+# by Wine these, and with Python for Windows those: the native tests compare the results there.
+WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,graphs,host,package,safety,same_as_modifier}.py)
+PYTHON_TESTS_OF_SYSTEMS=(tests/python/test_{bake_files,bake_leftovers,bake_systems,boundaries,faults,files,host}.py
   tests/python/test_{hostile_input,instruction_sets,interrupts,stub,threads,unmade_objects}.py)
 
 # What a person does in a window. They take five minutes in each program, so that only a release runs all of them in all;
-# otherwise the others than the newest run the first.
-WINDOW_TESTS=(in_window frozen_in_window in_weight_paint first_ogre profiled baked weighted reduced each_method)
+# otherwise the newest runs the first four, and the others the first.
+WINDOW_TESTS=(in_window frozen_in_window in_weight_paint weighted first_ogre profiled baked reduced each_method)
 
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
   local versions=(own) missing=() systems=() pythons=(3.13) part=() packaged=(tests/wheel tests/python) version kind=
-  local in_python=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
+  local in_python=("${PYTHON_TESTS_OF_SYSTEMS[@]}")
   declare -A blenders=([own]=$BLENDER)
   trap 'kill 0' INT # which a command in the background does not hear
   if [ "${1:-}" = --blender ]; then
@@ -60,7 +62,8 @@ run_tests() {
   install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
   for version in "${versions[@]}"; do
     part=()
-    [[ ! "$kind $version" =~ ^all\ (4.2|windows-.*)$ ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
+    [[ ! "$kind $version" =~ ^all\ 4 ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
+    [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
     start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
   done
   for version in "${versions[@]}"; do
@@ -70,6 +73,7 @@ run_tests() {
   for version in "${versions[@]}"; do # one at a time: a window that waits for a core is late
     pick "$version"
     part=("${WINDOW_TESTS[@]}")
+    [ "$kind" != all ] || part=("${WINDOW_TESTS[@]:0:4}")
     [[ ! "$kind $version" =~ ^all\ (3.4|4.3)$ ]] || part=("${WINDOW_TESTS[0]}")
     is_module || alone "window of Blender $version" window_tests "${part[@]}"
   done
@@ -175,7 +179,7 @@ test_in_blender() {
     install_in_profile &&
     SINEW_USD=$(usd_core "$1") SINEW_ZIP=$ZIP \
       isolated_blender -b --python-exit-code 1 --python tests/blender/run.py -- "${@:2}" &&
-    { is_module || walk_at_random --seed gate --steps 300; }
+    { is_module || walk_at_random --seed gate --steps 200; }
 }
 
 # VERSION of Blender: the folder of USD for its Python, or nothing where a test may do without.
