@@ -1,6 +1,7 @@
 """Reads the bytes that tell what the drivers of a data-block set, and what they read."""
 
 import functools
+import hashlib
 from typing import Any
 
 from ..native import sinew_native
@@ -16,10 +17,11 @@ def _variable() -> Any:
     """Returns what is read of a driver's variable."""
     first, stride = contract.offset("DriverVar", "targets"), contract.struct_size("DriverTarget")
     targets = range(first, first + contract.size("DriverVar", "targets"), stride)
-    regions = [_region("DriverTarget", name, target) for target in targets for name in ("*id", "pchan_name")]
-    path = contract.offset("DriverTarget", "*rna_path")
     own = [_region("DriverVar", name) for name in ("name", "type")]
-    return sinew_native.host.Described(own + regions, [target + path for target in targets], [], [])
+    own += [_region("DriverTarget", "*id", target) for target in targets]
+    own.append(_region("DriverTarget", "pchan_name", first))  # of variables of one bone
+    path = contract.offset("DriverTarget", "*rna_path")
+    return sinew_native.host.Described(own, [target + path for target in targets], [], [])
 
 
 @functools.cache
@@ -39,8 +41,8 @@ def _drivers() -> Any:
 
 def read(drivers: Any) -> bytes | None:
     """Returns bytes that are equal for two collections of drivers if these set the same properties by the same types
-    and expressions, of variables with the same names and types that read the same properties and bones of the same
-    data-blocks. None if this Blender's drivers cannot be read."""
+    and expressions, of variables with the same names and types that read the same properties of the same data-blocks.
+    None if this Blender's drivers cannot be read."""
     if not len(drivers):
         return b""
     if not contract.has(features.DRIVERS):
@@ -54,9 +56,11 @@ def read(drivers: Any) -> bytes | None:
     return found
 
 
-def read_variables(driver: Any) -> bytes | None:
+def digest_of_variables(driver: Any) -> bytes | None:
     """Returns bytes that are equal for the same driver at two times if its variables had the same names and types, and
-    read the same properties and bones of data-blocks at the same addresses. None if they cannot be read."""
+    read the same properties, or by their first target the same bones, of data-blocks at the same addresses. None if
+    they cannot be read."""
     if proof.is_due("drivers") or not contract.has(features.DRIVERS):
         return None
-    return _variable().bytes_of_list(contract.address_at(driver.as_pointer() + _variables()))
+    found = _variable().bytes_of_list(contract.address_at(driver.as_pointer() + _variables()))
+    return hashlib.blake2b(found, digest_size=16).digest()

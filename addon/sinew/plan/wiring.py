@@ -262,15 +262,15 @@ class _Variables(NamedTuple):
     lacks_block: bool
 
 
-_variables: dict[int, tuple[bytes, _Variables]] = {}  # by the address of a hook
-MOST_KNOWN = 4096  # hooks
+_variables: dict[int, tuple[bytes, _Variables]] = {}  # by the address of the object, which outlives copies of its hook
+MOST_KNOWN = 4096  # objects
 
 
 def waits_of(hook: bpy.types.FCurve) -> Waits:
     """Reads the variables of a hook."""
-    variables = hook.driver.variables
-    now = driver_bytes.read_variables(hook.driver)
-    before, found = _variables.get(hook.as_pointer(), (None, None))
+    variables, owner = hook.driver.variables, hook.id_data.as_pointer()
+    now = driver_bytes.digest_of_variables(hook.driver)
+    before, found = _variables.get(owner, (None, None))
     blocks = {}
     if found is not None and now is not None and before == now:
         blocks = {key: variables[number].targets[0].id for key, number in found.blocks.items()}
@@ -280,7 +280,7 @@ def waits_of(hook: bpy.types.FCurve) -> Waits:
         if now is not None:
             if len(_variables) >= MOST_KNOWN:
                 _variables.clear()
-            _variables[hook.as_pointer()] = now, found
+            _variables[owner] = now, found
     has_lost_target = found.lacks_block or any(
         name not in getattr(blocks[key].data, "bones", ()) for key, names in found.bones.items() for name in names
     )
