@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from ..blender import values
-from ..run import frame_shapes
+from ..run import characters, frame_shapes, graph_copies
 from . import records
 
 _BYTES_OF_PLACE = 200  # of a matrix of Blender's
@@ -46,13 +46,17 @@ class Mesh:
 
     def ask_in(self, graph: Any) -> None:
         """Asks for the shapes of its copy in a graph from now on."""
-        address = self.ob.evaluated_get(graph).as_pointer()
-        if address != self.address:
+        evaluated = self.ob.evaluated_get(graph)
+        copy = characters.of(self.ob).copy_of(evaluated)
+        if copy.keeper is not self.keeper:
             self.let_go()
-            self.address, self.keeper = address, frame_shapes.keep(address)
+            self.address, self.keeper = evaluated.as_pointer(), frame_shapes.Keeper()
+            copy.keeper = self.keeper
 
     def let_go(self) -> None:
-        frame_shapes.drop(self.address)
+        copy = graph_copies.at(self.address)
+        if copy is not None and copy.keeper is self.keeper:
+            copy.keeper = None
         self.address = 0
 
     def note(self, frame: int, graph: Any) -> None:

@@ -13,7 +13,7 @@ from ..blender import nodes
 from ..host import contract, features, motions, places, switches, watch
 from ..native import sinew_native
 from ..plan import wiring
-from . import bone_editions, frame_shapes, layers, living, standing_aside, switching
+from . import bone_editions, layers, living, standing_aside, switching
 
 LEAST_PATIENCE, MOST_PATIENCE = 2, 16
 
@@ -162,7 +162,7 @@ class Shortcut:
             self._native.set_stage(number, stage)
         # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
         out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
-        keeper = frame_shapes.of(ob)
+        keeper = self._copy.keeper
         if keeper is None:
             return self._native.deform(out)
         has_run = self._native.deform(out, keeper.known, keeper.is_keeping)

@@ -14,7 +14,7 @@ from ..blender import meshes, nodes, values
 from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
 from ..plan import survey, ways, wiring
-from . import afterwards, characters, errors, frame_shapes, graph_copies, shape_keys, stages, switching
+from . import afterwards, characters, errors, graph_copies, shape_keys, stages, switching
 from .character import EDITING, Character
 from .graph_copy import GraphCopy
 from .leaving import LeaveToBlender
@@ -164,7 +164,8 @@ def _compute(copy: GraphCopy, ob: Any, frame: Frame, start: float) -> None:
     copy.chain.deformer.deform(poses, out, key_values, rest, in_order, milliseconds[1:])
     status = copy.character.status
     status.note_success()
-    frame_shapes.note(ob, copy.chain.identity(ob), poses, key_values, in_order, out)
+    if copy.keeper is not None:
+        copy.keeper.note(copy.chain.identity(ob), poses, key_values, in_order, out)
     if copy.fast_path.learn(ob):
         status.timings.add(milliseconds)
     else:
