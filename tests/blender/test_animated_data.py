@@ -24,6 +24,7 @@ from characters import (
     with_bendy_bones,
 )
 from helpers import addon_module, assert_same_shape, diagonal, evaluated, is_deforming, select, twin_of, way
+from test_frozen import freezing, recorded
 
 FRAMES = (1, 2, 3, 4)
 DEPTH = 2  # of structs in structs; of a collection, the first and the last element
@@ -242,13 +243,26 @@ KINDS = (
 CRASHES = pytest.mark.skipif(bpy.app.version < (4, 0, 0), reason="Blender 3.4 crashes on some of it, bound or not")
 
 
+def error_while_frozen(scene, stand):
+    """Freezes the armature of the bound mesh. Returns what error_of_plays returns, and whether it was frozen. stand: a
+    Scene whose frames were played."""
+    rig = recorded().learn(stand.armatures[0])
+    freezing().freeze([rig], scene, bpy.context.view_layer)
+    was_frozen = rig.is_frozen
+    error = error_of_plays(scene, stand.check)
+    freezing().thaw([rig], scene, bpy.context.view_layer)
+    rig.restless = rig.to_skip = 0
+    return error, was_frozen
+
+
 @CRASHES
+@pytest.mark.parametrize("is_frozen", (False, True), ids=("live", "frozen"))
 @pytest.mark.parametrize("animate", (key, drive), ids=("keyframes", "drivers"))
 @pytest.mark.parametrize("kind, of", KINDS)
-def test_what_animation_sets_is_followed_or_left_to_blender(fresh_scene, kind, of, animate):
+def test_what_animation_sets_is_followed_or_left_to_blender(fresh_scene, kind, of, animate, is_frozen):
     scene = Scene(kind, preserve_volume=of == "armature" and kind == "mesh")
     pair = scene.blocks(of)
-    followed, left, wrong = [], [], []
+    followed, left, wrong, frozen = [], [], [], 0
     for path, rna in list(numbers_of(pair[0])):
         if NOT_HERE.match(path) or animate is drive and BY_CHANCE.match(path):
             continue
@@ -259,16 +273,23 @@ def test_what_animation_sets_is_followed_or_left_to_blender(fresh_scene, kind, o
             if not is_animated:
                 continue
             error = error_of_plays(fresh_scene, scene.check)
+            if is_frozen and not error:
+                error, was_frozen = error_while_frozen(fresh_scene, scene)
+                frozen += was_frozen
             if error:
                 wrong.append((path, error))
             else:
                 (followed if is_deforming(scene.ob) else left).append(path)
         bpy.context.view_layer.update()
-    print(f"\n{kind} {of} {animate.__name__}: {len(followed)} followed, {len(left)} left to Blender")
+    print(f"\n{kind} {of} {animate.__name__}: {len(followed)} followed, {len(left)} left to Blender, {frozen} frozen")
     print("  followed:", followed)
     print("  left:", left)
     assert not wrong, wrong
     assert followed or left
+    if is_frozen and of == "armature":
+        assert frozen == 0  # bones whose own data is animated are never frozen
+    elif is_frozen:
+        assert frozen > 0.7 * (len(followed) + len(left))
 
 
 # --- modifiers ----------------------------------------------------------------------------------------
