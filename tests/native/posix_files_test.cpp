@@ -6,6 +6,7 @@
 #include "base/text.h"
 #include "failures.h"
 #include "files.h"
+#include "files/write_files.h"
 
 namespace sinew {
 namespace {
@@ -31,6 +32,16 @@ TEST(PosixFiles, ReadFileRefusesAFileThatEndsEarly) {
   const char* path = "/sys/devices/system/cpu/online";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
   EXPECT_EQ(complaint([&] { read_file(path); }), std::string(path) + " cannot be read to its end");
+}
+
+TEST(PosixFiles, WriteFileLeavesPipesAndDevicesAlone) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path("a");
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  EXPECT_EQ(complaint([&] { write_file(path, "new"); }),
+            path + " cannot be written: it is a device or a pipe; name a file");
+  EXPECT_TRUE(std::filesystem::is_fifo(path));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
 }
 
 }  // namespace

@@ -21,8 +21,13 @@ using Path = std::filesystem::path;
 
 void FilesToWrite::add(const Path& path, std::string_view bytes) {
   std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) {
+  const auto there = std::filesystem::status(path, ignored);
+  if (std::filesystem::is_directory(there)) {
     cannot_be_written(path, std::make_error_code(std::errc::is_a_directory));
+  }
+  // A new file would take the place of the device: whoever may do that, such as root, would have no /dev/null any more.
+  if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
+    fail(shown(path), " cannot be written: it is a device or a pipe; name a file");
   }
   Path neighbour = path;
   neighbour += ".partial-" + std::to_string(std::random_device()());
