@@ -194,8 +194,21 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
             rig.state = State.SUSPECT
             _evaluate_keys(rig)
             watch.expect_thaw(graph, rig)
+    _tag_relations(graph)
+
+
+def _tag_relations(graph: Any) -> None:
     tagged = relations.tag()
     watch.expect(graph, [tagged, *bpy.data.collections, *bpy.data.scenes])
+
+
+def follow_tracks() -> None:
+    """Has Blender build relations if NLA tracks were muted or are no longer, from a handler. Those that it has built
+    while a track was muted, as after a thaw, lack its strips (5.2): their bones would be evaluated before them."""
+    for rig in rigs.known():
+        before, rig.tracks = rig.tracks, rigs.tracks_of(rig.ob)
+        if before != rig.tracks and rig.graph() is not None:
+            _tag_relations(rig.graph())
 
 
 def melt_all() -> None:

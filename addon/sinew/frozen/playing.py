@@ -29,6 +29,7 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     """Writes the recorded poses of the scene's frame, or thaws what cannot be shown from its record."""
     if not _has_work():
         return
+    freezing.follow_tracks()
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
     new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():

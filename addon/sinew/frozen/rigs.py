@@ -52,6 +52,7 @@ class Rig:
     to_skip: int = 0  # frames that are not recorded now
     shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
+    tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
 
     @property
     def is_frozen(self) -> bool:
@@ -128,7 +129,14 @@ def learn(ob: Any) -> Rig:
     found = get(ob)
     if found is None:
         found = _rigs[values.key_of(ob)] = Rig(ob, values.key_of(ob), ob.name, records.Record(store))
+        found.tracks = tracks_of(ob)
     return found
+
+
+def tracks_of(ob: Any) -> list[tuple[bool, bool]]:
+    """Returns which NLA tracks of an object are on: whether each is muted, and whether it is the only one played."""
+    data = ob.animation_data
+    return [(track.mute, track.is_solo) for track in data.nla_tracks] if data is not None else []
 
 
 def forget() -> None:
