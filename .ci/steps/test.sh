@@ -2,8 +2,8 @@
 # ./dev test: everything once. The build uses both cores; then come jobs side by side, and at the end, one at a time,
 # what nothing may run beside.
 
-# For the time that it takes, only a release runs all tests in all builds. Otherwise the newest and the oldest Blender run
-# all, and the others these,
+# For the time that it takes, only a release runs all tests in all builds. Otherwise the newest Blender runs all, and the
+# others these,
 WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,memory,package,panel,render}.py
   tests/blender/test_{safety,same_as_modifier,same_pass,shortcuts}.py)
 
@@ -18,7 +18,7 @@ WINDOW_TESTS=(in_window frozen_in_window in_weight_paint weighted first_ogre pro
 
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
 run_tests() {
-  local versions=(own) missing=() systems=() pythons=(3.13) part=() packaged=(tests/wheel tests/python) version kind=
+  local versions=(own) missing=() systems=() pythons=(3.13) part=() packaged=(--source tests/wheel tests/python) version kind=
   local in_python=("${PYTHON_TESTS_OF_SYSTEMS[@]}")
   declare -A blenders=([own]=$BLENDER)
   trap 'kill 0' INT # which a command in the background does not hear
@@ -62,7 +62,7 @@ run_tests() {
   install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
   for version in "${versions[@]}"; do
     part=()
-    [[ ! "$kind $version" =~ ^all\ 4 ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
+    [[ ! "$kind $version" =~ ^all\ [34] ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
     [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
     start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
   done
