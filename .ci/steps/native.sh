@@ -35,7 +35,9 @@ sanitize_thread() {
       ctest --test-dir "$folder" --output-on-failure -E '/(SSE2|EMU128|SCALAR)( |$)'
 }
 
+# [WHAT...]: of the Python tests; without, all
 sanitize_address() {
+  [ $# -gt 0 ] || set -- tests/python
   say "native tests under the address,undefined sanitizer"
   local folder=$BUILD/sanitize-address runtime='' library
   # SSE2 has vectors of the same size as these two.
@@ -47,7 +49,7 @@ sanitize_address() {
   done
   # Without leaks, of which Python itself has many, and without the test that reads the machine code.
   LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0:$NO_MEMORY_IS_NO_FAULT SINEW_BUILD=$folder $PYTHON -m pytest -q --durations=8 -p no:cacheprovider \
-    tests/python --ignore tests/python/test_vectorisation.py
+    "$@" --ignore tests/python/test_vectorisation.py
 }
 
 # [--seconds N]; two at a time
