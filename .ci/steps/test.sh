@@ -2,12 +2,12 @@
 # ./dev test: everything once. The build uses both cores; then come jobs side by side, and at the end, one at a time,
 # what nothing may run beside.
 
-# For the time that it takes, only a release runs all tests in all builds. Otherwise the newest Blender runs all, and the
-# others these,
+# For the time that it takes, only a release runs all tests in all builds. Otherwise the newest Blender runs all. The others
+# run these,
 WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,memory,package,panel,render}.py
   tests/blender/test_{safety,same_as_modifier,same_pass,shortcuts}.py)
 
-# by Wine these, and with Python for Windows those: the native tests compare the results there.
+# and those for Windows these. The native tests compare the results there, so Python for Windows runs what follows.
 WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,graphs,host,package,safety,same_as_modifier}.py)
 PYTHON_TESTS_OF_SYSTEMS=(tests/python/test_{bake_files,bake_leftovers,bake_systems,boundaries,faults,files,host}.py
   tests/python/test_{hostile_input,instruction_sets,interrupts,stub,threads,unmade_objects}.py)

@@ -268,24 +268,34 @@ MOST_KNOWN = 4096  # objects
 
 def waits_of(hook: bpy.types.FCurve) -> Waits:
     """Reads the variables of a hook."""
+    variables, found = hook.driver.variables, _variables_of(hook)
+
+    def lacks_any(key: int, names: list[str]) -> bool:
+        bones = getattr(variables[found.blocks[key]].targets[0].id.data, "bones", ())
+        return any(name not in bones for name in names)
+
+    has_lost_target = found.lacks_block or any(lacks_any(*each) for each in found.bones.items())
+    driven = tuple(driver_variables.description(variables[number]) for number in found.copies)
+    return Waits(found.targets, has_lost_target, found.awaited, driven)
+
+
+def _variables_of(hook: bpy.types.FCurve) -> _Variables:
     variables, owner = hook.driver.variables, hook.id_data.as_pointer()
     now = driver_bytes.digest_of_variables(hook.driver)
     before, found = _variables.get(owner, (None, None))
-    blocks = {}
-    if found is not None and now is not None and before == now:
-        blocks = {key: variables[number].targets[0].id for key, number in found.blocks.items()}
-    if found is None or not blocks or any(key != values.key_of(block) for key, block in blocks.items()):
+    # The addresses of data-blocks are in the digest, but another one may be at the same address by now.
+    if now is None or found is None or before != now or not _are_read(found.blocks, variables):
         found = _read_variables(variables)
-        blocks = {key: variables[number].targets[0].id for key, number in found.blocks.items()}
         if now is not None:
             if len(_variables) >= MOST_KNOWN:
                 _variables.clear()
             _variables[owner] = now, found
-    has_lost_target = found.lacks_block or any(
-        name not in getattr(blocks[key].data, "bones", ()) for key, names in found.bones.items() for name in names
-    )
-    driven = tuple(driver_variables.description(variables[number]) for number in found.copies)
-    return Waits(found.targets, has_lost_target, found.awaited, driven)
+    return found
+
+
+def _are_read(blocks: dict[int, int], variables: Any) -> bool:
+    """Whether these variables read these data-blocks, as in _Variables."""
+    return all(key == values.key_of(variables[number].targets[0].id) for key, number in blocks.items())
 
 
 def _read_variables(variables: Any) -> _Variables:
