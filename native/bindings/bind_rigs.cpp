@@ -1,8 +1,12 @@
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <tuple>
+
 #include "arrays.h"
 #include "rig_description_of.h"
 #include "sinew/rig_program.h"
+#include "sinew/threads.h"
 
 namespace sinew::bindings {
 namespace {
@@ -96,13 +100,19 @@ py::array py_segments(const RigProgram& program, const py::array& frames, const 
   return segments;
 }
 
-py::array py_values(const RigProgram& program, const py::array& frames, const std::vector<std::string>& paths,
-                    const py::dict& set) {
+/// The places of all numbers of each path.
+std::vector<int> places_of(const RigProgram& program, const std::vector<std::string>& paths) {
   std::vector<int> places;
   for (const std::string& path : paths) {
     const RigProgram::Place place = program.find_value(path);
     for (int i = 0; i < place.count; ++i) places.push_back(place.first + i);
   }
+  return places;
+}
+
+py::array py_values(const RigProgram& program, const py::array& frames, const std::vector<std::string>& paths,
+                    const py::dict& set) {
+  const std::vector<int> places = places_of(program, paths);
   py::array_t<float> values;
   evaluate(program, frames, set, [&](py::ssize_t count) {
     values = py::array_t<float>({count, static_cast<py::ssize_t>(places.size())});
@@ -112,6 +122,75 @@ py::array py_values(const RigProgram& program, const py::array& frames, const st
     return outputs;
   });
   return values;
+}
+
+using FieldTuple = std::tuple<std::string, int, int>;
+
+std::vector<RecordField> fields_of(const std::vector<FieldTuple>& given) {
+  using enum RecordField::Part;
+  constexpr std::pair<std::string_view, RecordField::Part> kParts[] = {{"channel_matrix", channel_matrix},
+                                                                       {"pose_matrix", pose_matrix},
+                                                                       {"head", head},
+                                                                       {"tail", tail},
+                                                                       {"values", values}};
+  std::vector<RecordField> fields;
+  for (const auto& [name, first, count] : given) {
+    const auto* const part = std::ranges::find(kParts, name, [](const auto& each) { return each.first; });
+    if (part == std::end(kParts))
+      throw InputError("a field is named \"" + name + "\"; expected pose_matrix or another");
+    fields.push_back({part->second, first, count});
+  }
+  return fields;
+}
+
+/// What is computed of one rig, and where it goes.
+struct Computed {
+  const RigProgram* program;
+  std::vector<float> times;
+  std::vector<int> places;
+  py::array_t<std::uint8_t> records;
+  py::array_t<float> values;
+  RigOutputs outputs;
+  std::string error;
+};
+
+py::list py_records(const std::vector<std::tuple<const RigProgram*, py::array, std::vector<std::string>>>& rigs,
+                    const std::vector<FieldTuple>& given) {
+  const std::vector<RecordField> fields = fields_of(given);
+  std::vector<Computed> all;
+  all.reserve(rigs.size());
+  for (const auto& [program, frames, paths] : rigs) {
+    Computed& each = all.emplace_back();
+    each.program = program;
+    each.times = list_of<float>("frames", frames);
+    each.places = places_of(*program, paths);
+    const auto count = static_cast<py::ssize_t>(each.times.size());
+    const std::ptrdiff_t size = program->record_size(fields);
+    each.records = py::array_t<std::uint8_t>({count, size});
+    each.values = py::array_t<float>({count, static_cast<py::ssize_t>(each.places.size())});
+    each.outputs.values = each.places;
+    each.outputs.numbers = each.values.mutable_data();
+    each.outputs.records = {fields, reinterpret_cast<std::byte*>(each.records.mutable_data()), size};
+  }
+  {
+    const py::gil_scoped_release release;
+    run_parallel(all.size(), [&](std::size_t i) {
+      try {
+        all[i].program->evaluate(all[i].times, {}, all[i].outputs);
+      } catch (const InputError& error) {
+        all[i].error = error.what();
+      }
+    });
+  }
+  py::list found;
+  for (const Computed& each : all) {
+    if (each.error.empty()) {
+      found.append(py::make_tuple(each.records, each.values));
+    } else {
+      found.append(each.error);
+    }
+  }
+  return found;
 }
 
 py::dict py_profile(const RigProgram& program, const py::array& frames, const py::dict& set) {
@@ -181,6 +260,15 @@ void bind_rigs(py::module_& module) {
       .def("profile", &py_profile, py::arg("frames"), py::arg("set") = py::dict(),
            "Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves', "
            "'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones. Arguments: see evaluate().");
+  module.def(
+      "rig_records", &py_records, py::arg("rigs"), py::arg("fields"),
+      "Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at "
+      "the same time.\n\n"
+      "rigs: of each (program, (F,) times, paths of P numbers). fields: (name, first, count) of what a bone holds, in "
+      "this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are `count` of the bone's numbers from "
+      "`first` on, in the order of rig_bone_settings().\n"
+      "Returns of each rig a tuple of its records, (F, N) uint8, and the values of the paths, (F, P) float32; or a "
+      "sentence if a driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.");
   module.def(
       "rig_bone_settings",
       [] {

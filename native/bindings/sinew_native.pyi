@@ -1000,6 +1000,20 @@ class RigProgram:
         Arguments and errors: see evaluate().
         """
 
+def rig_records(
+    rigs: list[tuple[RigProgram, _Reals, list[str]]], fields: list[tuple[str, int, int]]
+) -> list[tuple[_UInt8, _Float32] | str]:
+    """Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at
+    the same time.
+
+    rigs: of each (program, (F,) times, paths of P numbers). fields: (name, first, count) of what a bone holds, in this
+    order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are `count` of the bone's numbers from `first`
+    on, in the order of rig_bone_settings().
+    Returns of each rig a tuple of its records, (F, N), and the values of the paths, (F, P); or a sentence if a driver
+    divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions. Raises ValueError for an
+    unknown path or field.
+    """
+
 def rig_bone_settings() -> list[tuple[str, int]]:
     """Returns the settings of a bone in the order of its `values`, and how many numbers each has."""
 

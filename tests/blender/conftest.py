@@ -67,3 +67,9 @@ def nothing_went_wrong(request, caplog):
     if request.node.get_closest_marker("says_errors") is None:
         errors = [record.getMessage() for record in caplog.get_records("call") if record.name == "sinew"]
         assert errors == []
+
+
+@pytest.fixture
+def no_program(monkeypatch):
+    """Frozen characters are recorded, as those are that cannot be programs."""
+    monkeypatch.setattr(addon_module("frozen.computing"), "can_be", lambda _rig: False)

@@ -155,6 +155,7 @@ def test_thawing_on_another_frame_restores_the_channels(cast):
         assert ours.rotation_quaternion == theirs.rotation_quaternion
 
 
+@pytest.mark.usefixtures("no_program")
 def test_frames_that_are_not_recorded_are_live(cast):
     cast.freeze()
     cast.scene.frame_set(12)

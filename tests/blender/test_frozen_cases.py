@@ -393,6 +393,7 @@ def test_posing_another_thaws_nobody(cast):
         assert cast.rig.is_frozen
 
 
+@pytest.mark.usefixtures("no_program")
 def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
     """What it depends on would be found again on each frame."""
     count = 0
@@ -431,6 +432,7 @@ def test_one_that_is_edited_on_each_frame_is_not_recorded(cast):
 # --- states ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("no_program")
 def test_the_states(cast):
     rig = cast.rig
     assert rig.state is state("LIVE")
@@ -480,6 +482,7 @@ def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
     cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_while_the_scene_plays_those_freeze_again_that_were_thawed_with_another(cast):
     rigs = [recorded().learn(each[0]) for each in both(cast)]
     cast.play()

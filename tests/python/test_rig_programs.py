@@ -181,3 +181,59 @@ def test_mistakes_of_a_call(rig):
         program.evaluate(np.zeros(5), {'pose.bones["owner"].scale': [1, 2]})
     with pytest.raises(ValueError, match=r"frames has shape \(1, 1\); expected one axis"):
         program.evaluate(np.zeros((1, 1)))
+
+
+FIELDS = [("pose_matrix", 0, 0), ("tail", 0, 0), ("values", 0, 3), ("channel_matrix", 0, 0), ("head", 0, 0)]
+
+
+def test_records_hold_what_blender_keeps_of_each_bone(rig):
+    rig["bones"][1]["matrix_local"][:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]  # a quarter turn
+    rig["bones"][0]["bbone_segments"] = 3
+    program, frames = sinew.RigProgram(rig), np.array([0, 5, 7.5])
+    ((records, values),) = sinew.rig_records([(program, frames, ['["share"]'])], FIELDS)
+    assert values.tolist() == [[0.5]] * 3
+    poses, segments = program.evaluate(frames), program.segments(frames)
+    heads = records[:, :12].copy().view(np.int32)
+    assert heads.tolist() == [[2, 3, 0]] * 3
+    bones = records[:, 12:].copy().view(np.float32)
+    width = 16 + 3 + 3 + 16 + 3 + 25
+    assert bones.shape == (3, 2 * width + 4 * 16 + 5 * 16 + 4 * 25)
+    bent = bones[:, width:-width]
+    for number, part in enumerate((bones[:, :width], bones[:, -width:])):
+        pose = poses[:, number]
+        assert (part[:, :16].reshape(-1, 4, 4).swapaxes(1, 2) == pose).all()
+        assert (part[:, 16:19] == pose[:, :3, 3] + pose[:, :3, 1]).all()
+        assert part[:, 19:22].tolist() == ([[0, 0, 1], [10, 0, 1], [15, 0, 1]] if number == 0 else [[0, 0, 0]] * 3)
+        channel = part[:, 22:38].reshape(-1, 4, 4).swapaxes(1, 2)
+        np.testing.assert_allclose(channel @ rig["bones"][number]["matrix_local"], pose, atol=1e-6)
+        assert (part[:, 38:41] == pose[:, :3, 3]).all()
+        # A dual quaternion of a movement without rotation: its translation is twice the second half.
+        quaternion = part[:, 41:]
+        assert quaternion[:, :4].tolist() == [[1, 0, 0, 0]] * 3 and quaternion[:, 24].tolist() == [0] * 3
+        np.testing.assert_allclose(2 * quaternion[:, 5:8], channel[:, :3, 3], atol=1e-6)
+    assert (bent[:, :64].reshape(3, 4, 4, 4).swapaxes(2, 3) == segments).all()
+    deforming = bent[:, 64:144].reshape(3, 5, 4, 4).swapaxes(2, 3)
+    assert (deforming[:, 0] == np.linalg.inv(rig["bones"][0]["matrix_local"])).all()
+    # At rest the segments are straight, so that all of them move as the bone does.
+    np.testing.assert_allclose(deforming[:, 1:], np.repeat(poses[:, :1], 4, axis=1), atol=1e-6)
+
+
+def test_records_of_several_rigs(rig):
+    other = copy.deepcopy(rig)
+    other["drivers"][0]["expression"] = "share / 0"
+    rigs = [(sinew.RigProgram(each), np.array([1, 2]), []) for each in (rig, other)]
+    (records, values), error = sinew.rig_records(rigs, FIELDS)
+    assert records.shape[0] == 2 and values.shape == (2, 0)
+    assert "divides by 0" in error
+
+
+@pytest.mark.parametrize("field", [("pose", 0, 0), ("values", -1, 3), ("values", 0, 0), ("values", 60, 2**31 - 1)])
+def test_unknown_fields(rig, field):
+    with pytest.raises(ValueError, match="a field"):
+        sinew.rig_records([(sinew.RigProgram(rig), np.array([1]), [])], [field])
+
+
+@pytest.mark.parametrize("frames", [np.array(["a"]), np.ones((2, 2)), np.array([1j]), np.array([None])])
+def test_records_of_frames_that_are_no_numbers(rig, frames):
+    with pytest.raises(ValueError, match="frames"):
+        sinew.rig_records([(sinew.RigProgram(rig), frames, [])], FIELDS)

@@ -86,8 +86,11 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
     for rig in own:
         compare_keys(rig, graph)
         moment = rigs.now(rig, scene)
-        if rig.tempo != tempo_of(scene) or moment is not None and not rigs.shows(rig, graph, moment):
-            drop_all(rig)  # or something has changed that was not noticed
+        if rig.tempo != tempo_of(scene):
+            drop_all(rig)
+        elif moment is not None and not rigs.shows(rig, graph, moment):  # something has changed that was not noticed
+            rig.is_distrusted |= rig.source.is_proven
+            drop_all(rig)
     begin([rig for rig in own if rig.watch is None], scene, graph)
     frame: Any = rigs.whole_frame(scene)
     for rig in own:
@@ -171,6 +174,7 @@ def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
     for each in reached:
         each.record.drop_within(ranges)
         each.shapes.drop_within(ranges)
+        each.source = rigs.Source()
         reached += [
             other
             for other in rigs.known()

@@ -25,7 +25,7 @@ import bpy
 
 from ..blender import animation, values
 from ..host import contract, features, poses, relations
-from . import changes, followers, reasons, rigs, watch
+from . import changes, computing, followers, reasons, rigs, watch
 from .followers import Followers
 from .rigs import State
 
@@ -257,7 +257,7 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         if rig.state is State.WANTED
         and not rig.is_selected
         and not (is_playing and (rig.reason or rig.shown is None))
-        and rigs.now(rig, scene) is not None
+        and (rigs.now(rig, scene) is not None or not is_playing and computing.can_be(rig))
         and rig.ob.mode == "OBJECT"
     ]
     if waiting:

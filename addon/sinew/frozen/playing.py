@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..host import contract, features
-from . import changes, freezing, rigs, watch
+from . import changes, computing, freezing, rigs, watch
 
 
 def is_busy() -> bool:
@@ -57,18 +57,20 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
 def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     reasons = {}
     changes.look(own, graph)
+    frame = rigs.whole_frame(own[0].scene)
     for rig in own:
-        frame = rigs.whole_frame(rig.scene)
         changes.compare_keys(rig, graph)
         if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
             changes.drop_all(rig)
             reasons[rig.key] = f"{rig.name} was edited"
         elif rig.tempo != changes.tempo_of(rig.scene):
             reasons[rig.key] = f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
-        elif frame is None or frame not in rig.record:
+    if frame is not None and not reasons:
+        computing.fill(own, [frame])
+    for rig in own:
+        if frame is None or frame not in rig.record:
             at = rig.scene.frame_current + rig.scene.frame_subframe
-            reasons[rig.key] = f"frame {at:g} of {rig.name} is not recorded: it is live there"
-    frame = rigs.whole_frame(own[0].scene)
+            reasons.setdefault(rig.key, f"frame {at:g} of {rig.name} is not recorded: it is live there")
     if frame is not None and not reasons:
         for rig in _play_frame(own, graph, frame):
             reasons[rig.key] = _moved_by_others(rig)

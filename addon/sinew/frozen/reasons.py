@@ -9,7 +9,7 @@ import bpy
 from ..blender import animation, dependencies, values
 from ..clips import clip_store
 from ..run import characters
-from . import changes, followers, rigs
+from . import changes, computing, followers, rigs
 from .followers import NotFreezable
 
 MOST_NAMES = 3  # that a reason lists
@@ -31,6 +31,7 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
                 rig.reason = f"{rig.name} cannot be frozen: {own}"
                 continue
             _drop_what_is_wrong(rig, scene, layer)
+            computing.prove(rig, own, users, scene, layer.depsgraph)
             rig.reason = why_live(rig, scene, layer)
             if not rig.reason:
                 changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
@@ -107,11 +108,15 @@ def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
 
 
 def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
-    """Drops from the records of armatures what was edited, so that it can be played again in a view layer."""
+    """Drops from the records of armatures what was edited, so that it can be played again in a view layer, or
+    computed."""
+    own, users = list(own), bpy.data.user_map()
+    found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     for rig in own:
         rig.restless = rig.to_skip = 0
         _drop_what_is_wrong(rig, scene, layer)
+        computing.prove(rig, found[rig.ob], users, scene, layer.depsgraph)
 
 
 # --- the armature itself --------------------------------------------------------------------------

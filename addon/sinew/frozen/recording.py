@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import freezing, reasons, rigs
+from . import computing, freezing, reasons, rigs
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -59,6 +59,8 @@ def steps(
     for rig in own:
         rig.reason = reasons.why_live(rig, scene, layer) if reasons.unkeyed_bone(rig, scene) else ""
     own = [rig for rig in own if not rig.reason]
+    first, last = frame_range(scene)
+    computing.fill(own, range(first, last + 1))
     wanted = [rig for rig in own if rig.is_wanted]
     lacking = {rig.key: missing(rig, scene) for rig in own}
     for rig in own:

@@ -29,6 +29,17 @@ class State(enum.Enum):
 
 
 @dataclass
+class Source:
+    """What the moments of one armature are computed from, see computing.py."""
+
+    program: Any = None  # sinew_native.RigProgram
+    paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
+    counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
+    is_proven: bool = False  # it has computed what Blender has
+    refusal: str = ""  # why there is no program
+
+
+@dataclass
 class Rig:
     """An armature that is recorded, and may be frozen, with all that follows it."""
 
@@ -52,6 +63,8 @@ class Rig:
     to_skip: int = 0  # frames that are not recorded now
     shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
+    source: Source = field(default_factory=Source)
+    is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
 
     @property
@@ -67,7 +80,7 @@ class Rig:
         """Drops all that is recorded."""
         self.record.clear()
         self.shapes.clear()
-        self.watch = None
+        self.watch, self.source = None, Source()
         if self.skins is not None:
             self.skins.clear()
 

@@ -12,14 +12,30 @@ from . import contract, features, proof
 from .members import CHANNELS, SIZES
 
 _BONE = "bPoseChannel"
+_FLOAT = 4  # bytes
 # In each bone: its channels, where it is, and what it does to vertices. Blender writes these into originals too.
 _MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *CHANNELS)
-# What Blender's API calls those that keyframes and drivers can set.
-RECORDED = (
-    *("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale", "bbone_rollin"),
-    *("bbone_rollout", "bbone_curveinx", "bbone_curveinz", "bbone_curveoutx", "bbone_curveoutz", "bbone_easein"),
-    *("bbone_easeout", "bbone_scalein", "bbone_scaleout"),
-)
+_COMPUTED = {"chan_mat": "channel_matrix", "pose_mat": "pose_matrix", "pose_head": "head", "pose_tail": "tail"}
+# What Blender's API calls those that keyframes and drivers can set, and how many numbers come before them.
+_NAMES = {
+    "loc": ("location", 0),
+    "eul": ("rotation_euler", 0),
+    "quat": ("rotation_quaternion", 0),
+    "rotAngle": ("rotation_axis_angle", 0),
+    "rotAxis": ("rotation_axis_angle", 1),
+    "size": ("scale", 0),
+    "roll1": ("bbone_rollin", 0),
+    "roll2": ("bbone_rollout", 0),
+    "curveInX": ("bbone_curveinx", 0),
+    "curveInY": ("bbone_curveinz", 0),
+    "curveOutX": ("bbone_curveoutx", 0),
+    "curveOutY": ("bbone_curveoutz", 0),
+    "ease1": ("bbone_easein", 0),
+    "ease2": ("bbone_easeout", 0),
+    "scale_in": ("bbone_scalein", 0),
+    "scale_out": ("bbone_scaleout", 0),
+}
+RECORDED = tuple(dict.fromkeys(name for name, _skipped in _NAMES.values()))
 # For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
 # of a dual quaternion undefined if there is no scale.
 _SEGMENTS = (
@@ -50,8 +66,27 @@ def _layout() -> Any:
     )
 
 
+@functools.cache
+def fields() -> list[tuple[str, int, int]]:
+    """Returns what a record holds of each bone, in order, as sinew_native.rig_records takes it."""
+    places: dict[str, int] = {}
+    first = 0
+    for name, count in sinew_native.rig_bone_settings():
+        places.setdefault(name, first)  # those of the pose come first
+        first += count
+
+    def field(member: str) -> tuple[str, int, int]:
+        if member in _COMPUTED:
+            return _COMPUTED[member], 0, 0
+        name, skipped = _NAMES[member]
+        return "values", places[name] + skipped, CHANNELS[member] // _FLOAT
+
+    return [field(member) for member in sorted(_MEMBERS, key=lambda member: contract.offset(_BONE, member))]
+
+
 def forget() -> None:
     """Discards the layout. For tests."""
+    fields.cache_clear()
     _layout.cache_clear()
 
 

@@ -1,11 +1,12 @@
 """Reads an armature into a description for sinew_native.RigProgram."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
-from . import bones, constraints, drivers, properties, targets
+from . import bones, constraints, driven_keys, drivers, properties, targets
 
 
 @dataclass
@@ -17,12 +18,16 @@ class Reading:
     outside: drivers.Outside
 
 
-def read(ob: bpy.types.Object) -> Reading:
-    """Reads an armature object with its animation. What the description cannot say is in its `refused`, by name and
-    reason. Raises ValueError for another type of object."""
+def read(
+    ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph | None = None, keyed: Iterable[driven_keys.Keyed] = ()
+) -> Reading:
+    """Reads an armature object with its animation, and values of shape keys that it drives. What the description cannot
+    say is in its `refused`, by name and reason. Raises ValueError for another type of object.
+
+    depsgraph: in which what comes from outside is evaluated; None: that of the context."""
     if ob.type != "ARMATURE":
         raise ValueError(f"{ob.name} is no armature: choose one")
-    depsgraph = bpy.context.evaluated_depsgraph_get()
+    depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
     found, outside = targets.Targets(ob), drivers.Outside()
     if ob.data.pose_position != "POSE":
         found.refused.append(f"{ob.data.name} shows its rest position: switch it to Pose Position")
@@ -40,6 +45,9 @@ def read(ob: bpy.types.Object) -> Reading:
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }
+    for property_row, driver_row in driven_keys.rows_of(ob, keyed, found, outside):
+        description["properties"].append(property_row)
+        description["drivers"].append(driver_row)
     description["values"] = [{"name": name, "value": value} for name, value in outside.values(depsgraph).items()]
     description["matrices"] = [
         {"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices(depsgraph).items()

@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <tuple>
@@ -118,15 +119,26 @@ bool play_pose(Address bone, const RecordLayout& layout, const Record& record) {
   return true;
 }
 
+/// Whether two regions of floats are equal. A zero may have another sign: a computed pose's may differ from Blender's.
+bool are_equal(const void* a, const void* b, std::size_t size) {
+  if (std::memcmp(a, b, size) == 0) return true;
+  for (std::size_t at = 0; at < size; at += sizeof(float)) {
+    float x;
+    float y;
+    std::memcpy(&x, static_cast<const char*>(a) + at, sizeof x);
+    std::memcpy(&y, static_cast<const char*>(b) + at, sizeof y);
+    if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
+  }
+  return true;
+}
+
 bool is_pose(Address bone, const RecordLayout& layout, const Record& record) {
   const Pose pose = pose_at(bone, layout);
   const auto body = body_of(pose, record);
   if (!body) return false;
   const char* from = *body;
   for (const Region& region : pose.regions) {
-    if (region.is_compared && std::memcmp(reinterpret_cast<const void*>(region.start), from, region.size) != 0) {
-      return false;
-    }
+    if (region.is_compared && !are_equal(reinterpret_cast<const void*>(region.start), from, region.size)) return false;
     from += region.size;
   }
   return true;
@@ -174,7 +186,7 @@ void prefetch(Address bone, const RecordLayout& layout) {
 /// Compares a region with one record and writes another one. Returns false, and writes nothing, if it differs.
 bool step_region(Address at, std::size_t size, bool is_compared, const char* before, const char* next) {
   auto* const to = reinterpret_cast<void*>(at);
-  if (is_compared && std::memcmp(to, before, size) != 0) return false;
+  if (is_compared && !are_equal(to, before, size)) return false;
   std::memcpy(to, next, size);
   return true;
 }
@@ -280,10 +292,10 @@ void bind_pose_record(py::module_& host) {
       "of its original, or 0; the record that the pose must hold, and the one to write, both (N,) uint8.\n"
       "Returns for each pose False if it does not hold the first record. Then some of its bones may have been "
       "written.");
-  host.def(
-      "is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
-      "Whether the bones of one of Blender's poses hold exactly what is in a record, see play_pose. What the layout "
-      "excepts is not compared.");
+  host.def("is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
+           "Whether the bones of one of Blender's poses hold the numbers that are in a record, see play_pose. What the "
+           "layout "
+           "excepts is not compared.");
 }
 
 }  // namespace sinew::bindings

@@ -1,6 +1,7 @@
 /// Blender's evaluation of an armature, without Blender.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <span>
@@ -39,12 +40,36 @@ struct GivenInputs {
   std::vector<GivenMatrix> matrices;
 };
 
+/// A part of what Blender's evaluation leaves in the memory of each bone.
+struct RecordField {
+  enum class Part : std::uint8_t {
+    channel_matrix,  ///< pose relative to rest, 16 floats, column after column
+    pose_matrix,     ///< in armature space, 16 floats
+    head,            ///< 3 floats
+    tail,            ///< 3 floats
+    values,          ///< `count` of the bone's numbers from `first` on, see rig_values.h
+  } part = Part::pose_matrix;
+  int first = 0;
+  int count = 0;
+};
+
+/// All that Blender's evaluation leaves in the memory of the bones, one frame after the other. A record is the number of
+/// bones and the number of segments of each, 0 for those that are no B-bones, as 32-bit integers; then of each bone its
+/// fields and a dual quaternion of 25 floats; and of each B-bone with S segments S + 1 poses of their ends and S + 2
+/// matrices for deforming, 16 floats each, and S + 1 dual quaternions.
+struct RigRecords {
+  std::span<const RecordField> fields;
+  std::byte* bytes = nullptr;       ///< of any alignment
+  std::ptrdiff_t frame_stride = 0;  ///< in bytes; at least RigProgram::record_size(fields)
+};
+
 /// What an evaluation writes. Empty parts are not written.
 struct RigOutputs {
   std::optional<MatrixStack<float>> poses;     ///< F x B: each bone in armature space
   std::optional<MatrixStack<float>> segments;  ///< F x S: see RigProgram::segment_begin
   std::span<const int> values = {};            ///< which numbers
   float* numbers = nullptr;                    ///< F x the count of `values`
+  std::optional<RigRecords> records;           ///< F
 };
 
 /// What the time of an evaluation is spent on. Bones include their constraints other than IK.
@@ -79,6 +104,9 @@ class RigProgram {
 
   /// The value of a number in the description.
   float value(int place) const;
+
+  /// The size of a record in bytes. Throws InputError for a field that bones do not have.
+  std::ptrdiff_t record_size(std::span<const RecordField> fields) const;
 
   /// Evaluates frames, in parallel if there are several. Throws InputError if a driver divides by 0 or takes the root of
   /// a negative number, for which Blender switches it off.

@@ -4,6 +4,7 @@
 
 #include "base/check.h"
 #include "base/parallel.h"
+#include "rig/pose_record.h"
 #include "rig/program.h"
 #include "rig/state.h"
 #include "sinew/threads.h"
@@ -80,6 +81,10 @@ RigProgram::Place RigProgram::find_value(std::string_view path) const {
 
 float RigProgram::value(int place) const { return program_->map.values()[place].initial; }
 
+std::ptrdiff_t RigProgram::record_size(std::span<const RecordField> fields) const {
+  return rig::record_size(*program_, fields);
+}
+
 void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& given, const RigOutputs& out) const {
   // Enough frames for each thread that starting it does not count.
   constexpr std::size_t kGrain = 4;
@@ -100,6 +105,10 @@ void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& give
                    if (out.segments) write_matrices(state.segments, *out.segments, frame);
                    for (std::size_t i = 0; i < out.values.size(); ++i) {
                      out.numbers[f * out.values.size() + i] = state.values[out.values[i]];
+                   }
+                   if (out.records) {
+                     rig::write_record(*program_, state, out.records->fields,
+                                       out.records->bytes + frame * out.records->frame_stride);
                    }
                  }
                });

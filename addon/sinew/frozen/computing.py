@@ -1,0 +1,103 @@
+"""Computes moments of armatures that Blender has not evaluated, if they can be programs (rig_programs/).
+
+A program is read from an armature that is live, and dies with the record: whatever drops a part of that drops it. It
+is used once it has computed exactly what Blender shows on a frame. If it ever differs, the armature is recorded
+instead."""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..blender import dependencies
+from ..host import poses
+from ..native import sinew_native
+from ..rig_programs import curves, driven_keys, reading
+from . import changes, rigs
+from .followers import Followers
+from .rigs import Source
+
+
+def can_be(rig: rigs.Rig) -> bool:
+    """Whether moments of an armature can be computed, as far as is known."""
+    return not (rig.is_distrusted or rig.source.refusal)
+
+
+def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None:
+    """Reads the program of a live armature, and records the scene's frame by it if that is what Blender shows.
+    Otherwise no frame is computed. found: what follows it, as followers.find returns it; users: as bpy.data.user_map
+    returns them."""
+    frame = rigs.whole_frame(scene)
+    is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.has_animation(rig.ob)
+    if frame is None or rig.source.is_proven or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
+        return
+    changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
+    if rig.source.program is None:
+        rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
+    for moment in _moments([rig], [[frame]])[0]:
+        if rigs.shows(rig, graph, moment):
+            rig.source.is_proven = True
+            rig.record.put(frame, moment)
+
+
+def fill(own: Iterable[rigs.Rig], frames: Sequence[int]) -> None:
+    """Records those of these frames that are missing, of the armatures that have a proven program."""
+    able = [rig for rig in own if rig.source.is_proven]
+    lacking = [[frame for frame in frames if frame not in rig.record] for rig in able]
+    for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
+        for frame, moment in zip(missing, moments):
+            rig.record.put(frame, moment)
+
+
+def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
+    keyed = rigs.keyed(rig, graph)
+    try:
+        old, new = changes.tempo_of(scene)
+        if old != new:
+            raise curves.Refused(f"{scene.name} maps its frames to other times")
+        read = reading.read(rig.ob, graph, keyed)
+        for block in (*(target for target, _bone in read.targets.outside.values()), *_read_by(read)):
+            if _may_move(block):
+                raise curves.Refused(f"{rig.name} follows {block.name}, which may move")
+        program = sinew_native.RigProgram(read.description)
+    except ValueError as reason:
+        return Source(refusal=str(reason))
+    counts = tuple(len(numbers) for _keys, numbers in keyed)
+    return Source(program, tuple(map(driven_keys.path_of, range(sum(counts)))), counts)
+
+
+def _read_by(read: reading.Reading) -> list[Any]:
+    return [block for block, _path in read.outside.read.values()]
+
+
+def _may_move(block: Any, seen: tuple[Any, ...] = ()) -> bool:
+    """Whether time, or the pose of an armature, may change a data-block that nobody edits."""
+    if block in seen:
+        return False
+    data = getattr(block, "animation_data", None)
+    is_animated = data is not None and (data.action is not None or data.nla_tracks or data.drivers)
+    if is_animated or isinstance(block, bpy.types.Scene):
+        return True
+    if not isinstance(block, bpy.types.Object):
+        return False
+    followed = dependencies.followed_by(block)
+    return block.type == "ARMATURE" or any(_may_move(each, (*seen, block)) for each in followed)
+
+
+def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[int]]) -> list[list[rigs.Moment]]:
+    """Returns the moments of each armature on its frames; none of those without a program."""
+    able = [(rig, each) for rig, each in zip(own, frames) if rig.source.program is not None and each]
+    wanted = [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in able]
+    found: dict[int, list[rigs.Moment]] = {}
+    for (rig, _frames), result in zip(able, sinew_native.rig_records(wanted, poses.fields())):
+        if isinstance(result, str):
+            rig.source = Source(refusal=result)
+            continue
+        ends = list(itertools.accumulate(rig.source.counts, initial=0))
+        found[rig.key] = [
+            rigs.Moment(record.copy(), tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends)))
+            for record, numbers in zip(result[0], result[1].tolist())
+        ]
+    return [found.get(rig.key, []) for rig in own]
