@@ -195,6 +195,7 @@ def test_adding_an_object_thaws_it(cast):
     cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_moving_a_key_drops_only_the_frames_that_it_changes(cast):
     cast.freeze()
     cast.scene.frame_set(5)
@@ -344,6 +345,7 @@ def test_an_edit_of_a_mesh_shows_while_its_armature_is_frozen(cast, edit):
     assert cast.rig.is_frozen
 
 
+@pytest.mark.usefixtures("no_program")
 def test_selecting_it_thaws_it(cast):
     cast.freeze()
     cast.scene.frame_set(6)

@@ -80,21 +80,227 @@ def test_an_edit_is_never_missed(cast, edit, is_updated):
     cast.play()
 
 
-def test_it_freezes_again_without_playing(cast):
+# --- posed: Blender evaluates an edit, and the next frame is computed again -----------------------
+
+
+def state(name):
+    return recorded().State[name]
+
+
+def move(cast, distance, bone="bone1"):
+    """Moves a bone of both by hand."""
+    for armature, *_ in both(cast):
+        armature.pose.bones[bone].location.x += distance
+    layer().update()
+
+
+def key(cast, frame, bone="bone1"):
+    for armature, *_ in both(cast):
+        armature.pose.bones[bone].keyframe_insert("location", frame=frame)
+    layer().update()
+
+
+def test_it_is_posed_while_it_is_frozen(cast):
     freeze_unplayed(cast)
+    cast.scene.frame_set(3)
     select(cast.frozen[0])
     layer().update()
-    assert not cast.rig.is_frozen
+    bpy.ops.object.mode_set(mode="POSE")
+    layer().update()
+    for distance in (0.5, 0.2, -1.7):
+        move(cast, distance)
+        cast.assert_same()
+        assert cast.rig.state is state("POSED")
+    layer().update()
+    cast.assert_same()
+    key(cast, 3)
+    cast.assert_same()
+    cast.scene.frame_set(4)
+    cast.assert_same()
+    assert cast.rig.state is state("FROZEN")
+    cast.play()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    cast.play([5, 2])
+    assert cast.rig.state is state("FROZEN")
+    key(cast, 2)
+    cast.thaw()
+    cast.play()
+    assert not cast.rig.is_distrusted
+
+
+def test_a_pose_that_is_not_keyed_is_lost_on_another_frame_as_ever(cast):
+    freeze_unplayed(cast)
+    move(cast, 2)
     for armature, *_ in both(cast):
-        armature.pose.bones["bone1"].location.x += 0.7
-        armature.pose.bones["bone1"].keyframe_insert("location", frame=1)
+        armature.pose.bones["bone2"].bbone_rollin = 0.4  # which nothing animates
+    cast.play([1, 2, 1])
+    assert cast.rig.state is state("FROZEN")
+    assert cast.frozen[0].pose.bones["bone2"].bbone_rollin == pytest.approx(0.4)
+
+
+def test_an_edit_and_a_new_frame_at_once(cast):
+    freeze_unplayed(cast)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].location.x += 2
+        armature.pose.bones["bone1"].keyframe_insert("location", frame=4)
+        armature.pose.bones["side"].constraints.new("LIMIT_SCALE").use_max_x = True
+    cast.play([4, 5, 1])
+
+
+def move_key(armature):
+    curve = addon_module("blender.animation").action_curves(armature.animation_data.action)[0]
+    for point in curve.keyframe_points:
+        point.co.y += 0.5
+    curve.update()
+
+
+@pytest.mark.parametrize("is_posed", [False, True])
+def test_a_key_that_is_moved_is_seen_at_once(cast, is_posed):
+    freeze_unplayed(cast)
+    cast.scene.frame_set(3)
+    if is_posed:
+        move(cast, 2, "bone2")
+    for armature, *_ in both(cast):
+        move_key(armature)
     layer().update()
-    select()
+    cast.assert_same()
+    assert cast.rig.is_idle
+    cast.play()
+
+
+@pytest.mark.parametrize("is_posed", [False, True])
+def test_what_makes_blender_build_relations_keeps_the_pose(cast, is_posed):
+    freeze_unplayed(cast)
+    cast.scene.frame_set(3)
+    if is_posed:
+        move(cast, 2, "bone2")
+    cast.scene.collection.objects.link(bpy.data.objects.new("New", None))
     layer().update()
+    cast.assert_same()
+    layer().update()
+    cast.assert_same()
+    freezing().freeze_again(cast.scene, layer())
+    cast.assert_same()
+    cast.play()
     freezing().freeze_again(cast.scene, layer())
     assert cast.rig.is_frozen
     cast.play()
-    assert cast.rig.is_frozen
+
+
+def test_custom_properties_that_are_keyed(cast):
+    """Blender reads them when it evaluates the edit."""
+    for armature, *_ in both(cast):
+        for owner, name, values in (
+            (armature, 'a "quoted" one', (0.1, 0.9)),
+            (armature.pose.bones["bone0"], "whole", (1, 3)),
+            (armature.pose.bones["bone0"], "yes", (False, True)),
+        ):
+            path = f'["{bpy.utils.escape_identifier(name)}"]'
+            for frame, value in zip((1, 10), values):
+                owner[name] = value
+                owner.keyframe_insert(path, frame=frame)
+        curve = armature.pose.bones["side"].driver_add("scale", 0)
+        curve.driver.type, curve.driver.expression = "SCRIPTED", "1 + a * b + c"
+        for letter, path in zip(
+            "abc", (r'["a \"quoted\" one"]', 'pose.bones["bone0"]["whole"]', 'pose.bones["bone0"]["yes"]')
+        ):
+            variable = curve.driver.variables.new()
+            variable.name, variable.targets[0].id, variable.targets[0].data_path = letter, armature, path
+    cast.scene.frame_set(2)
+    freeze_unplayed(cast)
+    for frame in (7, 10, 4):
+        cast.scene.frame_set(frame)
+        cast.assert_same()
+        move(cast, 0.5)
+        cast.assert_same()
+        assert cast.rig.state is state("POSED")
+        ours, theirs = (each[0] for each in both(cast))
+        assert ours['a "quoted" one'] == theirs['a "quoted" one']
+        for name in ("whole", "yes"):
+            values = [each.pose.bones["bone0"][name] for each in (ours, theirs)]
+            assert values[0] == values[1] and type(values[0]) is type(values[1])
+    cast.play()
+
+
+def test_one_whose_keyframes_set_other_things_is_thawed_to_be_edited(cast):
+    for armature, *_ in both(cast):
+        constraint = armature.pose.bones["side"].constraints.new("COPY_SCALE")
+        constraint.target, constraint.subtarget = armature, "bone2"
+        for frame, value in ((1, 0), (10, 1)):
+            constraint.influence = value
+            constraint.keyframe_insert("influence", frame=frame)
+    cast.scene.frame_set(2)
+    freeze_unplayed(cast)
+    cast.play([5])
+    select(cast.frozen[0])
+    layer().update()
+    assert not cast.rig.is_idle
+    move(cast, 2)
+    cast.assert_same()
+    cast.play()
+
+
+def test_half_a_frame_after_an_edit(cast):
+    freeze_unplayed(cast)
+    move(cast, 2)
+    cast.scene.frame_set(4, subframe=0.5)
+    cast.assert_same()
+    cast.play()
+
+
+def test_undo_of_a_pose(cast):
+    freeze_unplayed(cast)
+    bpy.ops.ed.undo_push(message="before")
+    move(cast, 2)
+    bpy.ops.ed.undo_push(message="posed")
+    cast.undo()
+    cast.assert_same()
+    freezing().freeze_again(cast.scene, layer())
+    cast.play()
+
+
+def test_it_becomes_something_else_while_it_is_posed(cast):
+    freeze_unplayed(cast)
+    move(cast, 2)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
+    layer().update()
+    cast.assert_same()
+    cast.play()
+    assert not cast.rig.is_idle
+
+
+def test_edit_mode(cast):
+    freeze_unplayed(cast)
+    for armature, *_ in both(cast):
+        select(armature)
+        bpy.context.view_layer.objects.active = armature
+        bpy.ops.object.mode_set(mode="EDIT")
+        armature.data.edit_bones["bone2"].tail.x += 0.3
+        cast.scene.frame_set(5)
+        bpy.ops.object.mode_set(mode="OBJECT")
+    cast.play([4, 6])
+    select()
+    freezing().freeze_again(cast.scene, layer())
+    cast.play()
+
+
+def test_a_handler_that_poses_on_each_frame(cast):
+    def pose(scene, *_):
+        for armature, *_ in both(cast):
+            armature.pose.bones["side"].location.x = 0.1 * scene.frame_current
+
+    freeze_unplayed(cast)
+    for handlers in (bpy.app.handlers.frame_change_pre, bpy.app.handlers.frame_change_post):
+        handlers.append(pose)
+        try:
+            cast.play()
+        finally:
+            handlers.remove(pose)
+    cast.play()
+
+
+# --- trust ----------------------------------------------------------------------------------------
 
 
 def test_what_is_computed_otherwise_than_by_blender_is_recorded(cast):

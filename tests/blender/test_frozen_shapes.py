@@ -138,6 +138,7 @@ def test_an_edit_of_a_mesh_drops_its_shapes(cast, edit, is_frozen):
                 assert np.array_equal(positions, shape)
 
 
+@pytest.mark.usefixtures("no_program")
 def test_moving_a_key_drops_the_shapes_of_the_frames_that_it_changes(cast):
     cast.freeze()
     cast.scene.frame_set(2)

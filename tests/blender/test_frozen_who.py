@@ -249,6 +249,7 @@ def in_pose_mode(cast, armature, _ob, _prop):
 REASONS = [value for name, value in list(globals().items()) if name.startswith(("with_", "without_", "in_pose"))]
 
 
+@pytest.mark.usefixtures("no_program")
 @pytest.mark.parametrize("prepare", REASONS)
 def test_who_cannot_be_frozen_says_why(cast, prepare):
     clause = prepare(cast, cast.frozen[0], cast.frozen[1], cast.frozen[3])
@@ -338,6 +339,7 @@ def test_the_operator_says_why_not(cast):
         bpy.ops.object.sinew_freeze()
 
 
+@pytest.mark.usefixtures("no_program")
 def test_what_is_not_selected_is_frozen_and_what_is_picked_is_live(cast):
     cast.scene.sinew_freezes_others = True
     select(cast.live[0])

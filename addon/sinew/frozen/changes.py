@@ -62,6 +62,15 @@ def look(own: Iterable[rigs.Rig], graph: Any) -> list[rigs.Rig]:
     return edited
 
 
+def settle(own: Iterable[rigs.Rig], graph: Any) -> None:
+    """Called before an evaluation: what was expected of the last one is expected no more."""
+    if watch.has_happened(graph):
+        for rig in own:
+            if rig.watch is not None:
+                rig.watch.mark_expected(graph)
+        watch.expect_no_more(graph)
+
+
 def compare_keys(rig: rigs.Rig, graph: Any) -> None:
     """Drops those frames of a record on which edited keyframes matter."""
     if rig.watch is None or not rig.has_edited_keys:
@@ -89,7 +98,8 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
         if rig.tempo != tempo_of(scene):
             drop_all(rig)
         elif moment is not None and not rigs.shows(rig, graph, moment):  # something has changed that was not noticed
-            rig.is_distrusted |= rig.source.is_proven
+            if rig.source.is_proven:
+                rig.is_distrusted, rig.is_posable = True, False
             drop_all(rig)
     begin([rig for rig in own if rig.watch is None], scene, graph)
     frame: Any = rigs.whole_frame(scene)
@@ -138,7 +148,7 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
         follow = [keys for keys, _numbers in found.keyed]
         shapes = {bone.custom_shape for bone in rig.ob.pose.bones} - set(dependencies.outside_of(rig.ob))
         action = watch.own_action(rig.ob)
-        rig.watch = watch.Watch(dependencies.used([rig.ob, *follow], users, shapes), action, found.keyed, graph)
+        rig.watch = watch.Watch(rig.ob, dependencies.used([rig.ob, *follow], users, shapes), action, found.keyed, graph)
         rig.keys = keys_of(action) if action is not None else None
         rig.has_edited_keys = False
 

@@ -11,10 +11,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import dependencies
+from ..blender import animation, dependencies
 from ..host import poses
 from ..native import sinew_native
-from ..rig_programs import curves, driven_keys, reading
+from ..rig_programs import curves, driven_keys, paths, reading
 from . import changes, rigs
 from .followers import Followers
 from .rigs import Source
@@ -35,10 +35,10 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         return
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None:
-        rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
+        read(rig, scene, graph)
     for moment in _moments([rig], [[frame]])[0]:
         if rigs.shows(rig, graph, moment):
-            rig.source.is_proven = True
+            rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
             rig.record.put(frame, moment)
 
 
@@ -49,6 +49,14 @@ def fill(own: Iterable[rigs.Rig], frames: Sequence[int]) -> None:
     for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
         for frame, moment in zip(missing, moments):
             rig.record.put(frame, moment)
+
+
+def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
+    """Reads the program of an armature, or why there is none."""
+    rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
+    rig.is_posable &= rig.source.is_posable
+    if rig.source.properties:
+        rig.record.clear()  # it was recorded without them
 
 
 def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
@@ -65,7 +73,26 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     except ValueError as reason:
         return Source(refusal=str(reason))
     counts = tuple(len(numbers) for _keys, numbers in keyed)
-    return Source(program, tuple(map(driven_keys.path_of, range(sum(counts)))), counts)
+    wanted = list(map(driven_keys.path_of, range(sum(counts))))
+    properties = _keyed_properties(rig.ob, read.description)
+    wanted += [f'{path}["{bpy.utils.escape_identifier(name)}"]' for path, name in properties or ()]
+    is_posable = properties is not None
+    return Source(program, tuple(wanted), counts, tuple(properties or ()), is_posable=is_posable)
+
+
+def _keyed_properties(ob: Any, description: dict[str, Any]) -> list[tuple[str, str]] | None:
+    """Returns the custom properties that keyframes set, as in Source. None if they set anything but these and what a
+    record of a pose has."""
+    single = {row["path"] for row in description["properties"] if len(row["value"]) == 1}
+    found = []
+    for path in {paths.normalised(curve.data_path) for curve in animation.keyed_curves(ob)}:
+        bone = paths.BONE.match(path)
+        if path in single:
+            owner, name = path[:-2].rsplit('["', 1)
+            found.append((owner, bpy.utils.unescape_identifier(name)))
+        elif bone is None or path[bone.end() + 1 :] not in poses.RECORDED:
+            return None
+    return found
 
 
 def _read_by(read: reading.Reading) -> list[Any]:
@@ -97,7 +124,11 @@ def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[int]]) -> list[l
             continue
         ends = list(itertools.accumulate(rig.source.counts, initial=0))
         found[rig.key] = [
-            rigs.Moment(record.copy(), tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends)))
+            rigs.Moment(
+                record.copy(),
+                tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends)),
+                tuple(numbers[ends[-1] :]),
+            )
             for record, numbers in zip(result[0], result[1].tolist())
         ]
     return [found.get(rig.key, []) for rig in own]

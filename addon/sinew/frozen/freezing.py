@@ -3,6 +3,8 @@
     LIVE     Blender evaluates it, and nobody wants it frozen.
     WANTED   Blender evaluates it. It is to be frozen; `reason` says why it is not.
     FROZEN   Blender does not evaluate it: its relations were built without its keyframes. It plays its record.
+    POSED    The same, but it was edited: Blender has evaluated its bones on this frame, from their channels. Only one
+             whose frames are computed: before the next frame its program is read again, and it is FROZEN.
     SUSPECT  Relations may still be those of FROZEN, but something is in doubt, so its record is not played. They are
              tagged: Blender builds them anew in its next evaluation, with the keyframes.
 
@@ -24,7 +26,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, values
-from ..host import contract, features, poses, relations
+from ..host import contract, evaluations, features, poses, relations
 from . import changes, computing, followers, reasons, rigs, watch
 from .followers import Followers
 from .rigs import State
@@ -93,7 +95,7 @@ def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes exactly these armatures. All others are evaluated on this frame."""
-    graph, before = layer.depsgraph, rigs.frozen()
+    graph, before = layer.depsgraph, rigs.idle()
     at_home = rigs.at_home(graph)
     lost = changes.look(at_home, graph)
     chosen = [rig for rig in chosen if rig not in lost and rigs.now(rig, scene) is not None]
@@ -169,12 +171,53 @@ def settle(graph: Any) -> None:
             rig.state = State.WANTED
 
 
+def pose(rig: rigs.Rig) -> bool:
+    """Lets Blender evaluate the bones of a frozen armature that was edited, from a handler. Returns whether it may."""
+    changes.drop_all(rig)
+    if rig.is_posable:
+        rig.state, rig.pose = State.POSED, None
+    return rig.is_posable
+
+
+def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
+    """Has an armature that is POSED shown from its keyframes, if Blender would evaluate these now."""
+    action = rig.ob.animation_data.action if rig.ob.animation_data is not None else None
+    copy = rigs.evaluated_copy(rig, graph)
+    if is_new_frame or any(each is not None and evaluations.is_animation_tagged(each) for each in (action, copy)):
+        rig.shown = None
+
+
+def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
+    """Reads the programs of edited armatures again, from a handler, and has them frozen. Returns why others cannot be,
+    by key."""
+    posed, users, found = list(posed), bpy.data.user_map(), {}
+    each_followers = followers.find([rig.ob for rig in posed], users, graph)
+    for rig in posed:
+        own = each_followers[rig.ob]
+        try:
+            if isinstance(own, followers.NotFreezable):
+                raise own
+            reasons.check(rig.ob)
+            changes.meet(rig, own, users, graph)
+            computing.read(rig, rig.scene, graph)
+            if not rig.is_posable:
+                raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
+        except followers.NotFreezable as reason:
+            found[rig.key] = str(reason)
+            continue
+        rig.watch.expect_edited(graph)
+        rig.source.is_proven = True
+        rig.state, rig.shown = State.FROZEN, None
+    return found
+
+
 def select(graph: Any) -> None:
-    """Thaws what has been selected since the last look, before anybody can edit it. Call it in a handler."""
+    """Thaws what has been selected since the last look, before anybody can edit it, unless it can be POSED. Call it in
+    a handler."""
     selected, reasons = _selected(graph.view_layer), {}
     for rig in rigs.known():
         was, rig.is_selected = rig.is_selected, rig.key in selected or not selected.isdisjoint(rig.followers.keys)
-        if rig.is_frozen and rig.is_selected and not was:
+        if rig.is_frozen and rig.is_selected and not was and not rig.is_posable:
             reasons[rig.key] = f"{rig.name} is selected"
     if reasons:
         melt(graph, reasons)
@@ -188,11 +231,12 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     """Thaws all armatures that are frozen in a graph, from a handler: Blender evaluates them in the evaluation that
     follows, or once more in the one that has called the handler. reasons: {key of an armature: why}; the others may be
     frozen again at once."""
-    for rig in rigs.frozen():
+    for rig in rigs.idle():
         if rig.graph() in (graph, None):
             rig.reason = reasons.get(rig.key, "")
+            if rig.is_frozen or rig.shown is None:
+                _evaluate_keys(rig)
             rig.state = State.SUSPECT
-            _evaluate_keys(rig)
             watch.expect_thaw(graph, rig)
     _tag_relations(graph)
 
@@ -200,6 +244,7 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
 def _tag_relations(graph: Any) -> None:
     tagged = relations.tag()
     watch.expect(graph, [tagged, *bpy.data.collections, *bpy.data.scenes])
+    watch.wait_for(graph, tagged)
 
 
 def follow_tracks() -> None:
@@ -215,10 +260,10 @@ def melt_all() -> None:
     """Thaws everything, as after an error or an undo step, from a handler. Records are kept and checked again."""
     for rig in rigs.known():
         rig.reason = ""
-    for graph in {rig.layer: rig.graph() for rig in rigs.frozen()}.values():
+    for graph in {rig.layer: rig.graph() for rig in rigs.idle()}.values():
         if graph is not None:
             melt(graph, {})
-    for rig in rigs.frozen():  # the view layer is gone
+    for rig in rigs.idle():  # the view layer is gone
         rig.state = State.SUSPECT
         relations.tag()
 
@@ -227,7 +272,7 @@ def _evaluate_keys(rig: rigs.Rig) -> None:
     """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
     frame, they are left as they are: somebody may just have edited them. If its keyframes were edited so that they
     have to be evaluated, Blender knows."""
-    is_here = rigs.is_alive(rig.scene) and rig.shown == rigs.whole_frame(rig.scene)
+    is_here = rig.shown is not None and rigs.is_alive(rig.scene) and rig.shown == rigs.whole_frame(rig.scene)
     if not is_here or _has_other_keys(rig.ob):
         rig.ob.update_tag(refresh={"TIME"})
 
@@ -255,10 +300,10 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         rig
         for rig in rigs.known()
         if rig.state is State.WANTED
-        and not rig.is_selected
+        and (not rig.is_selected or rig.is_posable)
         and not (is_playing and (rig.reason or rig.shown is None))
         and (rigs.now(rig, scene) is not None or not is_playing and computing.can_be(rig))
-        and rig.ob.mode == "OBJECT"
+        and (rig.ob.mode == "OBJECT" or rig.is_posable and rig.ob.mode == "POSE")
     ]
     if waiting:
         freeze(waiting, scene, layer)

@@ -19,7 +19,7 @@ def _has_work() -> bool:
     if not rigs.has_any() or is_busy():
         return False
     if not contract.has(features.FREEZING):  # which may have been found out by something else
-        if rigs.frozen():
+        if rigs.idle():
             freezing.melt_all()
         return False
     return True
@@ -30,10 +30,13 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     if not _has_work():
         return
     freezing.follow_tracks()
+    for graph in {rig.layer: rig.graph() for rig in rigs.known()}.values():
+        if graph is not None:
+            changes.settle(rigs.at_home(graph), graph)
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
     new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():
-        if rig.is_frozen:
+        if rig.is_idle:
             frozen.setdefault(rig.layer, []).append(rig)
         elif rig.watch is None and is_new_frame:
             if rig.graph() is None:
@@ -59,23 +62,37 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     changes.look(own, graph)
     frame = rigs.whole_frame(own[0].scene)
     for rig in own:
-        changes.compare_keys(rig, graph)
-        if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
-            changes.drop_all(rig)
-            reasons[rig.key] = f"{rig.name} was edited"
-        elif rig.tempo != changes.tempo_of(rig.scene):
-            reasons[rig.key] = f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
+        if rig.is_frozen:
+            why = _look(rig, graph, frame, is_new_frame)
+            if why:
+                reasons[rig.key] = why
+        if not rig.is_frozen:
+            freezing.look_at_keys(rig, graph, is_new_frame)
+    own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
     if frame is not None and not reasons:
+        reasons = freezing.resume([rig for rig in own if not rig.is_frozen], graph)
         computing.fill(own, [frame])
     for rig in own:
         if frame is None or frame not in rig.record:
             at = rig.scene.frame_current + rig.scene.frame_subframe
             reasons.setdefault(rig.key, f"frame {at:g} of {rig.name} is not recorded: it is live there")
-    if frame is not None and not reasons:
-        for rig in _play_frame(own, graph, frame):
+    if not reasons:
+        for rig in _play_frame(own, graph, frame, is_new_frame):
             reasons[rig.key] = _moved_by_others(rig)
     if reasons:
         freezing.melt(graph, reasons)
+
+
+def _look(rig: rigs.Rig, graph: Any, frame: int | None, is_new_frame: bool) -> str:
+    """Finds out whether a frozen armature was edited. Returns why it cannot stay frozen, or POSED, or ""."""
+    changes.compare_keys(rig, graph)
+    if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
+        return "" if freezing.pose(rig) else f"{rig.name} was edited"
+    if rig.tempo != changes.tempo_of(rig.scene):
+        return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
+    if frame not in rig.record and not rig.source.is_proven and freezing.pose(rig):  # its keyframes were edited
+        rig.shown = None
+    return ""
 
 
 def _moved_by_others(rig: rigs.Rig) -> str:
@@ -83,9 +100,17 @@ def _moved_by_others(rig: rigs.Rig) -> str:
     return f"something besides its keyframes moves the bones of {rig.name}"
 
 
-def _play_frame(own: list[rigs.Rig], graph: Any, frame: int) -> list[rigs.Rig]:
+def _play_frame(own: list[rigs.Rig], graph: Any, frame: int, is_new_frame: bool) -> list[rigs.Rig]:
     """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
     lacking = [rig for rig in own if rig.shown == frame and not rigs.shows(rig, graph, rig.pose)]
+    for rig in own:
+        if rig.pose is None:  # Blender has evaluated it
+            rig.shown, rig.pose = frame, rig.record.at(frame)
+            if not rigs.show(rig, graph, rig.pose):
+                lacking.append(rig)
+            _tag_followers(rig, graph)
+            for ob in rig.followers.hooked if not is_new_frame else ():
+                ob.update_tag()
     steps = [(rig, rig.record.at(frame)) for rig in own if rig.shown != frame]
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:
@@ -116,16 +141,22 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     freezing.settle(graph)
     own, frame, reasons = rigs.at_home(graph), rigs.whole_frame(scene), {}
     for rig in own:
-        if rig.is_frozen and not rigs.is_without_keys(rig, graph):  # Blender has built relations, and copied it
+        if rig.is_idle and not rigs.is_without_keys(rig, graph):  # Blender has built relations, and copied it
             reasons[rig.key] = ""
-            watch.expect_thaw(graph, rig)
+            if rig.is_posable:  # or edited it may be
+                changes.drop_all(rig)
+            else:
+                watch.expect_thaw(graph, rig)
     changes.look(own, graph)
     watch.expect_no_more(graph)
     for rig in own:
         if not rig.is_frozen or rig.key in reasons:
             continue
         if rig.watch is None:
-            reasons[rig.key] = f"{rig.name} was edited"
+            if is_new_frame:  # by a handler, before Blender would have evaluated its keyframes: these win
+                rig.shown = None
+            if is_new_frame or not freezing.pose(rig):
+                reasons[rig.key] = f"{rig.name} was edited"
         elif rig.shown != frame or rigs.was_evaluated(rig, graph) and not rigs.shows(rig, graph, rig.pose):
             reasons[rig.key] = _moved_by_others(rig)
         else:
@@ -136,7 +167,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     if reasons:
         return
     if is_new_frame:
-        changes.record([rig for rig in own if not rig.is_frozen], scene, graph)
+        changes.record([rig for rig in own if not rig.is_idle], scene, graph)
     for rig in own:
         if rig.is_frozen and frame is not None:
             rig.shapes.note(frame, graph)

@@ -33,6 +33,8 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
             _drop_what_is_wrong(rig, scene, layer)
             computing.prove(rig, own, users, scene, layer.depsgraph)
             rig.reason = why_live(rig, scene, layer)
+            if rig.ob.mode == "POSE" and not rig.is_posable:
+                rig.reason = being_edited(rig.ob)
             if not rig.reason:
                 changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
                 rig.reason = why_live(rig, scene, layer)
@@ -70,6 +72,10 @@ def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
     if rig.restless > 1:
         return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
     return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
+
+
+def being_edited(rig: Any) -> str:
+    return f"{rig.name} is being edited: go back to Object Mode first"
 
 
 def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
@@ -136,8 +142,8 @@ def check(rig: Any) -> list[Any]:
         raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
     if data.use_tweak_mode:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
-    if rig.mode != "OBJECT" or rig.data.is_editmode:
-        raise NotFreezable(f"{rig.name} is being edited: go back to Object Mode first")
+    if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
+        raise NotFreezable(being_edited(rig))
     own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
     if own:
         raise NotFreezable(

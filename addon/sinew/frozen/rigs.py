@@ -25,6 +25,7 @@ class State(enum.Enum):
     LIVE = enum.auto()
     WANTED = enum.auto()
     FROZEN = enum.auto()
+    POSED = enum.auto()
     SUSPECT = enum.auto()
 
 
@@ -35,7 +36,9 @@ class Source:
     program: Any = None  # sinew_native.RigProgram
     paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
+    properties: tuple[tuple[str, str], ...] = ()  # custom ones that keyframes set: path of the owner, and name
     is_proven: bool = False  # it has computed what Blender has
+    is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
 
 
@@ -65,11 +68,17 @@ class Rig:
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
     source: Source = field(default_factory=Source)
     is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
+    is_posable: bool = False  # it may be POSED: such a program was proven
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
 
     @property
     def is_frozen(self) -> bool:
         return self.state is State.FROZEN
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether Blender has built relations without its keyframes."""
+        return self.state in (State.FROZEN, State.POSED)
 
     @property
     def is_wanted(self) -> bool:
@@ -131,6 +140,11 @@ def frozen() -> list[Rig]:
     return [rig for rig in known() if rig.is_frozen]
 
 
+def idle() -> list[Rig]:
+    """Returns the armatures without whose keyframes Blender has built relations."""
+    return [rig for rig in known() if rig.is_idle]
+
+
 def get(ob: Any) -> Rig | None:
     """Returns what is known of an armature object, or None."""
     found = _rigs.get(values.key_of(ob))
@@ -168,10 +182,14 @@ def evaluated_copy(rig: Rig, graph: Any) -> Any:
 
 
 def is_without_keys(rig: Rig, graph: Any) -> bool:
-    """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built."""
+    """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built. A copy
+    that Blender has made since has the action, but the graph does not."""
     evaluated = evaluated_copy(rig, graph)
     data = evaluated.animation_data if evaluated is not None else None
-    return data is not None and data.action is None and not len(data.nla_tracks)
+    if data is None or len(data.nla_tracks):
+        return False
+    own = rig.ob.animation_data
+    return data.action is None or own.action is not None and not own.action.evaluated_get(graph).is_evaluated
 
 
 class Moment(NamedTuple):
@@ -179,6 +197,7 @@ class Moment(NamedTuple):
 
     pose: np.ndarray  # (N,) uint8, see host/poses.py
     keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
+    properties: tuple[float, ...] = ()  # the values of those that source.properties lists
 
     @property
     def nbytes(self) -> int:
@@ -188,7 +207,20 @@ class Moment(NamedTuple):
 def moment_of(rig: Rig, graph: Any) -> Moment:
     """Returns what an evaluation has made of an armature."""
     values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in keyed(rig, graph))
-    return Moment(poses.record(evaluated_copy(rig, graph)), values_now)
+    copy = evaluated_copy(rig, graph)
+    properties = tuple(float(_owner(copy, path)[name]) for path, name in rig.source.properties)
+    return Moment(poses.record(copy), values_now, properties)
+
+
+def _owner(ob: Any, path: str) -> Any:
+    return ob.path_resolve(path) if path else ob
+
+
+def _write_properties(rig: Rig, moment: Moment) -> None:
+    """Writes custom properties into an original, from which Blender copies them when it is edited."""
+    for (path, name), number in zip(rig.source.properties, moment.properties):
+        owner = _owner(rig.ob, path)
+        owner[name] = type(owner[name])(number)
 
 
 def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
@@ -216,13 +248,16 @@ def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:
     return evaluated_copy(rig, graph) is not None and shows(rig, graph, moment)
 
 
-def show(rig: Rig, graph: Any, moment: Any) -> None:
-    """Writes what is recorded into the evaluated copies, and into the originals as Blender does."""
-    poses.play(evaluated_copy(rig, graph), moment.pose)
+def show(rig: Rig, graph: Any, moment: Any) -> bool:
+    """Writes what is recorded into the evaluated copies, and into the originals as Blender does. Returns False if the
+    bones are others than those that were recorded."""
+    is_shown = poses.play(evaluated_copy(rig, graph), moment.pose)
     poses.play_original(rig.ob, moment.pose)
+    _write_properties(rig, moment)
     for (keys, numbers), recorded in zip(keyed(rig, graph), moment.keys):
         key_blocks.set_values(keys.evaluated_get(graph), numbers, recorded)
         key_blocks.set_values(keys, numbers, recorded)
+    return is_shown
 
 
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
@@ -246,7 +281,9 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
         )
     )
     results = [is_left and next(stepped) for _rig, _moment, _follow, is_left in found]
-    for (_rig, moment, follow, _is_left), is_shown in zip(found, results):
+    for (rig, moment, follow, _is_left), is_shown in zip(found, results):
+        if is_shown:
+            _write_properties(rig, moment)
         for (evaluated, keys, numbers), recorded in zip(follow, moment.keys) if is_shown else ():
             key_blocks.set_values(evaluated, numbers, recorded)
             key_blocks.set_values(keys, numbers, recorded)

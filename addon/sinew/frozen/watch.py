@@ -12,15 +12,17 @@ import bpy
 
 from ..blender import animation, dependencies, values
 from ..host import copies, evaluations, keyframes
+from .shapes import is_alive
 
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
+_awaited: dict[int, Any] = {}  # by view layer: see wait_for
 
 
 class Watch:
     """The marks on what the pose of one armature depends on, in one dependency graph."""
 
-    def __init__(self, blocks: Iterable[Any], action: Any, follow: Sequence[Any], graph: Any) -> None:
-        """Marks the copies of these original data-blocks. action: the armature's own, whose edits are told apart from
+    def __init__(self, rig: Any, blocks: Iterable[Any], action: Any, follow: Sequence[Any], graph: Any) -> None:
+        """Marks the copies of these original data-blocks, among them those of the armature object. action: the armature's own, whose edits are told apart from
         others, or None. follow: (data-block of shape keys, numbers) as in Followers.keyed. Blender copies these after
         an edit of the mesh too: then all but the points is compared."""
         self.action = action
@@ -28,7 +30,8 @@ class Watch:
         self._states = {values.key_of(keys): _state_of(keys) for keys, _numbers in follow}
         self.blocks = [each for each in blocks if each != action and each.evaluated_get(graph).is_evaluated]
         self.keys = [values.key_of(each) for each in self.blocks]
-        self._busy: set[int] = set()  # keys of the blocks that the last evaluation has changed
+        self._own = {values.key_of(rig), values.key_of(rig.data)}
+        self._busy: set[int] = set()  # keys of the other blocks that the last evaluation has changed
         self.mark(graph)
 
     def mark(self, graph: Any) -> None:
@@ -86,10 +89,24 @@ class Watch:
         except ReferenceError:
             return True
 
+    def mark_expected(self, graph: Any) -> None:
+        """Marks those that were expected to be copied."""
+        expected = _expected.get(graph.view_layer.as_pointer(), ())
+        for key, block in zip(self.keys, self.blocks):
+            if key in expected and is_alive(block):
+                _mark(block, graph)
+
+    def expect_edited(self, graph: Any) -> None:
+        """Says that what has been edited until now is known. Blender copies it in the next evaluation."""
+        expect(graph, (block for block in self.blocks if evaluations.is_tagged(block.evaluated_get(graph))))
+
     def note(self, graph: Any) -> None:
-        """Notes what the evaluation whose handlers run has changed."""
+        """Notes what the evaluation whose handlers run has changed. It evaluates a frozen armature only if somebody has
+        edited it."""
         self._busy = {
-            key for key, block in zip(self.keys, self.blocks) if evaluations.is_tagged(block.evaluated_get(graph))
+            key
+            for key, block in zip(self.keys, self.blocks)
+            if key not in self._own and evaluations.is_tagged(block.evaluated_get(graph))
         }
 
 
@@ -122,9 +139,22 @@ def expect_thaw(graph: Any, rig: Any) -> None:
     expect(graph, [rig.ob, rig.ob.data, *actions])
 
 
+def wait_for(graph: Any, tagged: Any) -> None:
+    """Says by which original object one can see that what was expected has happened: it is not tagged any more."""
+    _awaited[graph.view_layer.as_pointer()] = tagged
+
+
+def has_happened(graph: Any) -> bool:
+    """Whether Blender has made the next evaluation without calling handlers, as it does after handlers have tagged
+    something on a new frame. Call it before an evaluation."""
+    tagged = _awaited.get(graph.view_layer.as_pointer())
+    return is_alive(tagged) and not evaluations.is_tagged(tagged.evaluated_get(graph))
+
+
 def expect_no_more(graph: Any) -> None:
     """Called after that evaluation."""
     _expected.pop(graph.view_layer.as_pointer(), None)
+    _awaited.pop(graph.view_layer.as_pointer(), None)
 
 
 def own_action(rig: Any) -> Any:

@@ -5,6 +5,7 @@ from typing import Any
 
 from . import contract
 
+_ANIMATION = 1 << 2  # Blender's ID_RECALC_ANIMATION
 _announced = 0  # evaluations for which Blender has called the handlers before it, but not those after it
 _is_playing = False
 _has_been_set = False  # the flags of any object
@@ -26,9 +27,19 @@ def is_running(ob: Any) -> bool:
     return not _has_been_set
 
 
+def _tags(block: Any) -> int:
+    return ctypes.c_uint32.from_address(contract.region(block, "ID", "recalc")[0]).value
+
+
 def is_tagged(block: Any) -> bool:
     """Whether anything of an evaluated data-block is tagged to be evaluated."""
-    return bool(ctypes.c_uint32.from_address(contract.region(block, "ID", "recalc")[0]).value)
+    return bool(_tags(block))
+
+
+def is_animation_tagged(block: Any) -> bool:
+    """Whether the keyframes of a data-block are to be evaluated again on the frame that is shown. Inserting a keyframe
+    does not ask for that."""
+    return bool(_tags(block) & _ANIMATION)
 
 
 def announce() -> None:
