@@ -255,3 +255,23 @@ def test_the_command_says_why_a_rig_is_refused(sinew, armature, tmp_path):
 
 def test_the_command_wants_an_armature(sinew, rig_blend):
     assert "there is no armature Rag; those in the file: Rig" in sinew("rig", rig_blend, "--object", "Rag")[2]
+
+
+def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
+    curves, contract = addon_module("rig_programs.curves"), addon_module("host.contract")
+    ob = bpy.data.objects.new("Moved", None)
+    fresh_scene.collection.objects.link(ob)
+    frame = 0
+    for interpolation in bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items.keys():
+        for easing in bpy.types.Keyframe.bl_rna.properties["easing"].enum_items.keys():
+            frame += 1
+            ob.location.x = 0.1 * frame * frame
+            ob.keyframe_insert("location", index=0, frame=frame)
+            key = addon_module("blender.animation").keyed_curves(ob)[0].keyframe_points[-1]
+            key.interpolation, key.easing = interpolation, easing
+            key.amplitude, key.period, key.back = 0.1 * frame, 0.2 * frame, 0.3 * frame
+    (curve,) = addon_module("blender.animation").keyed_curves(ob)
+    found = curves.keys_of(curve)
+    assert found.shape == (frame, curves.KEY_NUMBERS)
+    monkeypatch.setattr(contract, "has", lambda _feature: False)
+    assert np.array_equal(found, curves.keys_of(curve))

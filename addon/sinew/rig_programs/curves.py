@@ -6,6 +6,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..host import contract, features, keyframes
+
 KEY_NUMBERS = (
     11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
 )
@@ -32,6 +34,8 @@ def curve_of(curve: bpy.types.FCurve) -> dict[str, Any]:
 
 def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
     points = curve.keyframe_points
+    if len(points) and contract.has(features.FREEZING):
+        return keyframes.read([curve]).rows(0)
     count = len(points)
     if not count and len(curve.sampled_points):
         raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")

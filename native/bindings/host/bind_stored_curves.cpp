@@ -1,6 +1,8 @@
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
+#include <cstring>
 #include <optional>
 #include <string>
 
@@ -73,6 +75,32 @@ class StoredCurves {
 
   py::bytes settings(std::size_t i) const { return of(i).settings; }
 
+  /// Rows of a rig's description, see docs/rigs.md.
+  py::array_t<float> rows(std::size_t i) const {
+    constexpr py::ssize_t kPoints = 9;  // left handle, keyframe, right handle
+    constexpr py::ssize_t kWidth = (kPoints + 3) * sizeof(float) + 2;
+    constexpr py::ssize_t kColumns = 11;
+    if (width_ != kWidth) throw InputError("a keyframe's members are others than those of a rig's description");
+    const Curve& curve = of(i);
+    py::array_t<float> rows({static_cast<py::ssize_t>(curve.frames.size()), kColumns});
+    float* row = rows.mutable_data();
+    const char* key = curve.keys.data();
+    for (std::size_t k = 0; k < curve.frames.size(); ++k, key += kWidth, row += kColumns) {
+      std::array<float, kPoints> points;
+      std::array<float, 3> back_amplitude_period;
+      std::memcpy(points.data(), key, sizeof points);
+      const char* const choices = key + sizeof points;
+      std::memcpy(back_amplitude_period.data(), choices + 2, sizeof back_amplitude_period);
+      for (int point = 0; point < 3; ++point) std::copy_n(points.data() + 3 * point, 2, row + 2 * point);
+      row[6] = back_amplitude_period[1];
+      row[7] = back_amplitude_period[2];
+      row[8] = back_amplitude_period[0];
+      row[9] = static_cast<float>(choices[0]);
+      row[10] = static_cast<float>(choices[1]);
+    }
+    return rows;
+  }
+
   py::array_t<float> frames(std::size_t i) const {
     const auto& frames = of(i).frames;
     return py::array_t<float>(static_cast<py::ssize_t>(frames.size()), frames.data());
@@ -123,6 +151,10 @@ void bind_stored_curves(py::module_& host) {
            "Returns all that a curve's values depend on, except for keyframes, modifiers and samples.")
       .def("frames", &StoredCurves::frames, py::arg("number"),
            "Returns the frames of a curve's K keyframes, (K,) float32.")
+      .def("rows", &StoredCurves::rows, py::arg("number"),
+           "Returns a curve's K keyframes as a rig's description has them, (K, 11) float32. The layout's members must "
+           "be "
+           "points, interpolation, easing, back, amplitude and period.")
       .def("keys", &StoredCurves::keys, py::arg("number"),
            "Returns all that a curve's values depend on of its K keyframes, (K, N) uint8.");
 }
