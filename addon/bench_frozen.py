@@ -2,9 +2,10 @@
 
     blender -b --python-exit-code 1 --python addon/bench_shot.py -- --frozen [--characters N] [--without WHAT]...
 
-The shot is that of bench_shot.py. Rounds alternate between all characters live, all but one frozen, and all but one
-hidden, which is the least that a frame can take. Freezing, thawing and recording are measured too, and the shapes of
-frozen characters are compared with the live ones.
+The shot is that of bench_shot.py. Rounds alternate between Blender's modifiers with Sinew's handlers removed, all
+characters live, all of them frozen on frames that nobody has played yet, which are computed, all but one frozen on
+recorded frames, and all but one hidden, which is the least that a frame can take. Freezing, thawing and recording are
+measured too, and the shapes of frozen characters are compared with the live ones.
 """
 
 import importlib
@@ -16,7 +17,7 @@ from time import perf_counter
 import bpy
 import numpy as np
 
-from bench_playback import FRAMES, frame_times, number, shapes
+from bench_playback import FRAMES, frame_times, number, shapes, without_handlers
 from bench_rigs import ADDON, select
 from bench_shot import SHOT_ROUNDS, hidden, make_shot, shapes_at_the_end
 
@@ -38,23 +39,35 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     assert bpy.ops.object.sinew_bind() == {"FINISHED"}
     bpy.ops.object.select_all(action="DESELECT")
     scene, layer = bpy.context.scene, bpy.context.view_layer
-    times = {"live": [], "recording": [], "frozen": [], "hidden": [], "freezing": [], "thawing": []}
+    names = ("modifiers", "live", "computed", "recording", "frozen", "hidden", "reading", "freezing", "thawing")
+    times = {name: [] for name in names}
 
     def take(what):
         times[what].append(statistics.median(frame_times()))
 
+    def freeze(what, chosen):
+        times[what].append(milliseconds(freezing.freeze, chosen, scene, layer))
+        lacking = [rig.reason for rig in chosen if not rig.is_frozen]
+        assert not lacking, lacking
+
     take("live")
     times["live"].clear()
-    rigs = []
-    for person in people[1:]:
-        rigs.append(known.learn(person.rig))
-    frame_times()
     for _ in range(rounds):
+        known.forget()
+        every = [known.learn(person.rig) for person in people]
+        scene.frame_set(FRAMES[0] - 1)
+        freeze("reading", every)
+        take("computed")
+        assert all(rig.is_frozen for rig in every)
+        found = shapes(meshes)
+        freezing.thaw(every, scene, layer)
+        known.forget()
+        rigs = [known.learn(person.rig) for person in people[1:]]
+        frame_times()
         take("recording")
+        assert all(np.array_equal(a, b) for a, b in zip(found, shapes(meshes)))
         wanted = shapes_at_the_end(meshes)
-        times["freezing"].append(milliseconds(freezing.freeze, rigs, scene, layer))
-        lacking = [rig.reason for rig in rigs if not rig.is_frozen]
-        assert not lacking, lacking
+        freeze("freezing", rigs)
         take("frozen")
         found = shapes(meshes)
         assert all(rig.is_frozen for rig in rigs)
@@ -68,6 +81,11 @@ def measure(characters, without=(), rounds=SHOT_ROUNDS):
     known.forget()
     for _ in range(rounds):
         take("live")
+    select(*meshes)
+    assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
+    with without_handlers():
+        for _ in range(rounds):
+            take("modifiers")
     found = {f"{what}_ms": float(np.median(each)) for what, each in times.items()}
     return found | {"characters": characters, "megabytes": memory, "faster": found["live_ms"] / found["frozen_ms"]}
 
@@ -80,11 +98,14 @@ def main(options):
         f"medians of {SHOT_ROUNDS} x {len(FRAMES)} frames\n"
     )
     print(
-        "| all live | recorded | all but one frozen | faster | all but one hidden | freezing | thawing | MB a frame |"
+        "| modifiers | all live | all computed | recorded | all but one frozen | faster | all but one hidden | reading "
+        "and freezing | freezing | thawing | MB a frame |"
     )
-    print("|" + "---|" * 8)
-    cells = [number(row[f"{what}_ms"]) for what in ("live", "recording", "frozen")] + [number(row["faster"], "x")]
-    cells += [number(row[f"{what}_ms"]) for what in ("hidden", "freezing", "thawing")] + [f"{row['megabytes']:.2f}"]
+    print("|" + "---|" * 11)
+    names = ("modifiers", "live", "computed", "recording", "frozen")
+    cells = [number(row[f"{what}_ms"]) for what in names] + [number(row["faster"], "x")]
+    names = ("hidden", "reading", "freezing", "thawing")
+    cells += [number(row[f"{what}_ms"]) for what in names] + [f"{row['megabytes']:.2f}"]
     print(f"| {' | '.join(cells)} |", flush=True)
     if options.json:
         row["blender"] = bpy.app.version_string

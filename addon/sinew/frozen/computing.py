@@ -125,7 +125,7 @@ def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[int]]) -> list[l
         ends = list(itertools.accumulate(rig.source.counts, initial=0))
         found[rig.key] = [
             rigs.Moment(
-                record.copy(),
+                record.copy() if len(result[0]) > 1 else record,  # or one would keep the memory of all
                 tuple(tuple(numbers[a:b]) for a, b in itertools.pairwise(ends)),
                 tuple(numbers[ends[-1] :]),
             )

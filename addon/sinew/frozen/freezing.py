@@ -190,7 +190,10 @@ def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
 def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     """Reads the programs of edited armatures again, from a handler, and has them frozen. Returns why others cannot be,
     by key."""
-    posed, users, found = list(posed), bpy.data.user_map(), {}
+    posed, found = list(posed), {}
+    if not posed:
+        return found
+    users = bpy.data.user_map()
     each_followers = followers.find([rig.ob for rig in posed], users, graph)
     for rig in posed:
         own = each_followers[rig.ob]

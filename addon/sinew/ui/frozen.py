@@ -25,8 +25,9 @@ def can_change(context: bpy.types.Context) -> bool:
 
 
 class Record(InSteps, bpy.types.Operator):
-    """Play the preview range or the scene's range once, to record the poses of the selected characters. What is
-    recorded already is not played. Press Esc to stop; the recorded frames are kept"""
+    """Record the poses of the selected characters on the preview range or the scene's range. Rigs that can be computed
+    are; for others the range is played once, without what is recorded already. Press Esc to stop; the recorded frames
+    are kept"""
 
     bl_idname = "object.sinew_record"
     bl_label = "Record"
@@ -87,8 +88,9 @@ class Freezes(InSteps):
 
 
 class Freeze(Freezes, bpy.types.Operator):
-    """Play the selected characters from memory until they are selected again or edited: Blender no longer evaluates
-    their armatures. Frames that are not recorded are played once first"""
+    """Have Blender no longer evaluate the armatures of the selected characters. Their poses are computed, also while
+    you pose them; those of rigs that cannot be computed are played from memory, until they are selected or edited:
+    frames that are not recorded are played once first"""
 
     bl_idname = "object.sinew_freeze"
     bl_label = "Freeze"
@@ -141,14 +143,18 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -> None:
     row = layout.split(factor=0.5, align=True)
-    row.label(text=rig.name, icon="FREEZE" if rig.is_frozen else "ARMATURE_DATA")
+    row.label(text=rig.name, icon="FREEZE" if rig.is_idle else "ARMATURE_DATA")
     row.label(text=frames_text(rig))
-    if rig.is_wanted and not rig.is_frozen and rig.reason:
+    if rig.is_wanted and not rig.is_idle and rig.reason:
         notice.draw_sentence(layout, context, rig.reason, False)
+    if rig.source.refusal:
+        notice.draw_sentence(layout, context, f"It is recorded, not computed: {rig.source.refusal}", False)
 
 
 def frames_text(rig: Any) -> str:
     """Returns which frames of a character are recorded, as text."""
+    if rig.is_idle and rig.is_posable:
+        return "computed"
     runs = [f"{first}" if first == last else f"{first} to {last}" for first, last in rig.record.runs()]
     more = f" and {len(runs) - MOST_RUNS} more" if len(runs) > MOST_RUNS else ""
     return ", ".join(runs[:MOST_RUNS]) + more or "not recorded"
@@ -176,7 +182,7 @@ def register() -> None:
     bpy.types.Scene.sinew_freezes_others = BoolProperty(
         name="Freeze What Is Not Selected",
         description="Freeze each recorded character as soon as it is no longer selected. Characters are recorded while "
-        "they play",
+        "they play. Those whose rigs can be computed need no recording, and stay frozen while they are selected",
     )
 
 

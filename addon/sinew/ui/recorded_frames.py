@@ -39,7 +39,7 @@ def bars(shown: Iterable[rigs.Rig], place: Callable[[float], float], height: flo
     # Under the frame numbers, or over the lower border of a timeline that shows nothing else.
     found, top = [], max(height - RULER * scale, len(shown) * (HEIGHT + GAP) * scale)
     for rig in shown:
-        color = FROZEN if rig.is_frozen else LIVE
+        color = FROZEN if rig.is_idle else LIVE
         bottom = top - HEIGHT * scale
         found += [Bar(place(first - 0.5), bottom, place(last + 0.5), top, color) for first, last in rig.record.runs()]
         top = bottom - GAP * scale
