@@ -263,6 +263,7 @@ class Reader {
     bone.inherits_rotation = entries.get<bool>("use_inherit_rotation", true);
     bone.uses_local_location = entries.get<bool>("use_local_location", true);
     bone.is_connected = entries.get<bool>("use_connect", false);
+    bone.deforms = entries.get<bool>("use_deform", true);
     bone.has_constraints = entries.get<bool>("has_constraints", false);
     bone.segments = entries.get<int>("bbone_segments", 1);
     bone.handle_types = {entries.choice("bbone_handle_type_start", kHandleTypes, HandleType::automatic),
@@ -291,6 +292,7 @@ class Reader {
                   "use_inherit_rotation",
                   "use_local_location",
                   "use_connect",
+                  "use_deform",
                   "has_constraints",
                   "bbone_segments",
                   "bbone_handle_type_start",

@@ -218,6 +218,13 @@ def test_records_hold_what_blender_keeps_of_each_bone(rig):
     np.testing.assert_allclose(deforming[:, 1:], np.repeat(poses[:, :1], 4, axis=1), atol=1e-6)
 
 
+def test_bones_that_do_not_deform_have_no_dual_quaternion(rig):
+    rig["bones"][1]["use_deform"] = False
+    ((records, _values),) = sinew.rig_records([(sinew.RigProgram(rig), np.array([5]), [])], [("head", 0, 0)])
+    first, second = records[0, 12:].copy().view(np.float32).reshape(2, 3 + 25)
+    assert first[3] == 1 and not second[3:].any() and second[:3].any()
+
+
 def test_records_of_several_rigs(rig):
     other = copy.deepcopy(rig)
     other["drivers"][0]["expression"] = "share / 0"

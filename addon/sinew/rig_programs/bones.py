@@ -18,6 +18,7 @@ OF_REST = {  # what is read of all bones at once: name, how many numbers, type
     "use_inherit_rotation": (1, bool),
     "use_local_location": (1, bool),
     "use_connect": (1, bool),
+    "use_deform": (1, bool),
     "bbone_segments": (1, np.int32),
 }
 # Enumerations by Blender's numbers.
@@ -54,6 +55,9 @@ def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
         if side:  # columns in Blender's memory, rows in a description
             numbers = numbers.reshape(-1, side, side).swapaxes(1, 2)
         columns[name] = numbers.tolist()
+    data = ob.data.animation_data
+    if data is not None and any(curve.data_path.endswith(".use_deform") for curve in data.drivers):
+        columns["use_deform"] = [True] * len(names)  # it may become one
     parents = [bone.parent for bone in posed]
     columns["parent"] = [parent and parent.name for parent in parents]
     columns["has_constraints"] = [len(bone.constraints) > 0 for bone in posed]

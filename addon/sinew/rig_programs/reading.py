@@ -22,11 +22,13 @@ def read(
     ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph | None = None, keyed: Iterable[driven_keys.Keyed] = ()
 ) -> Reading:
     """Reads an armature object with its animation, and values of shape keys that it drives. What the description cannot
-    say is in its `refused`, by name and reason. Raises ValueError for another type of object.
+    say is in its `refused`, by name and reason. Raises ValueError for another type of object, and before Blender 4.2.
 
     depsgraph: in which what comes from outside is evaluated; None: that of the context."""
     if ob.type != "ARMATURE":
         raise ValueError(f"{ob.name} is no armature: choose one")
+    if bpy.app.version < (4, 2, 0):
+        raise ValueError("rigs can be programs from Blender 4.2 on")
     depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
     found, outside = targets.Targets(ob), drivers.Outside()
     if ob.data.pose_position != "POSE":

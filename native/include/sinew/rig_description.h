@@ -100,6 +100,7 @@ struct BoneDescription {
   bool inherits_rotation = true;
   bool uses_local_location = true;
   bool is_connected = false;
+  bool deforms = true;           ///< Bone.use_deform; its record has a dual quaternion
   bool has_constraints = false;  ///< any, even if none is described: its pose goes to the world and back, which rounds
 
   int segments = 1;                                       ///< more than one make a B-bone

@@ -98,6 +98,7 @@ void add_bone(const RigDescription& rig, int index, Program& program) {
   bone.uses_local_location = given.uses_local_location;
   bone.is_connected = given.is_connected;
   bone.has_constraints = given.has_constraints;
+  bone.deforms = given.deforms;
   bone.is_plain = given.inherits_rotation && given.inherit_scale == InheritScale::full;
   bone.length = given.length;
   bone.head = vector_of(given.head_in_armature);

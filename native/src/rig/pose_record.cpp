@@ -111,8 +111,9 @@ void write_record(const Program& program, State& state, std::span<const RecordFi
   for (const Bone& bone : program.bones) writer.put(bone.is_bendy() ? bone.bend.segments : 0);
   for (int index = 0; index < count; ++index) {
     for (const RecordField& field : fields) put_field(program, state, index, field, writer);
-    writer.put(dual_quaternion_of(program.bones[index].rest, channel_of(program, state, index)));
-    if (program.bones[index].is_bendy()) put_segments(program, state, index, writer);
+    const Bone& bone = program.bones[index];
+    writer.put(bone.deforms ? dual_quaternion_of(bone.rest, channel_of(program, state, index)) : DualQuaternion());
+    if (bone.is_bendy()) put_segments(program, state, index, writer);
   }
 }
 

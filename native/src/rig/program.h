@@ -34,6 +34,7 @@ struct Bone {
   int values = 0;            ///< where its numbers begin
   int first_constraint = 0;  ///< of those that are not solved by IK
   int constraint_count = 0;
+  bool deforms = true;
   bool has_constraints = false;  ///< of any type: its pose goes to the world and back, which rounds
   int tree = -1;                 ///< the bones that IK may join with it
   RotationMode rotation_mode = RotationMode::quaternion;
