@@ -190,7 +190,8 @@ def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
 def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     """Reads the programs of edited armatures again, from a handler, and has them frozen. Returns why others cannot be,
     by key."""
-    posed, found = list(posed), {}
+    posed = list(posed)
+    found: dict[int, str] = {}
     if not posed:
         return found
     users = bpy.data.user_map()

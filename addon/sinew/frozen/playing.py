@@ -76,7 +76,7 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
         if frame is None or frame not in rig.record:
             at = rig.scene.frame_current + rig.scene.frame_subframe
             reasons.setdefault(rig.key, f"frame {at:g} of {rig.name} is not recorded: it is live there")
-    if not reasons:
+    if frame is not None and not reasons:
         for rig in _play_frame(own, graph, frame, is_new_frame):
             reasons[rig.key] = _moved_by_others(rig)
     if reasons:

@@ -22,9 +22,11 @@ class Watch:
     """The marks on what the pose of one armature depends on, in one dependency graph."""
 
     def __init__(self, rig: Any, blocks: Iterable[Any], action: Any, follow: Sequence[Any], graph: Any) -> None:
-        """Marks the copies of these original data-blocks, among them those of the armature object. action: the armature's own, whose edits are told apart from
-        others, or None. follow: (data-block of shape keys, numbers) as in Followers.keyed. Blender copies these after
-        an edit of the mesh too: then all but the points is compared."""
+        """Marks the copies of these original data-blocks.
+
+        rig: the armature object; action: its own, whose edits are told apart from others, or None. follow:
+        (data-block of shape keys, numbers) as in Followers.keyed. Blender copies these after an edit of the mesh too:
+        then all but the points is compared."""
         self.action = action
         self.follow = [(values.key_of(keys), numbers) for keys, numbers in follow]
         self._states = {values.key_of(keys): _state_of(keys) for keys, _numbers in follow}
@@ -147,7 +149,7 @@ def wait_for(graph: Any, tagged: Any) -> None:
 def has_happened(graph: Any) -> bool:
     """Whether Blender has made the next evaluation without calling handlers, as it does after handlers have tagged
     something on a new frame. Call it before an evaluation."""
-    tagged = _awaited.get(graph.view_layer.as_pointer())
+    tagged: Any = _awaited.get(graph.view_layer.as_pointer())
     return is_alive(tagged) and not evaluations.is_tagged(tagged.evaluated_get(graph))
 
 
