@@ -24,6 +24,7 @@ maps_files = pytest.mark.skipif(
 )
 # For tests that need more of the program than its scripts.
 needs_program = pytest.mark.skipif(not bpy.app.binary_path, reason="this Blender is but a Python module")
+needs_rig_programs = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="rigs are programs from Blender 4.2 on")
 RIGS = {
     "capsule": ROOT / "data/capsule/skeleton.bf",
     "ogre": ROOT / "data/ogre/skeleton.bf",

@@ -4,11 +4,11 @@ of a live one, to the bit."""
 import bpy
 import pytest
 
-from helpers import addon_module, select
+from helpers import addon_module, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 from test_frozen_who import both, drive_keys
 
-pytestmark = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="rigs are programs from Blender 4.2 on")
+pytestmark = needs_rig_programs
 
 
 def computing():
@@ -46,6 +46,33 @@ def test_shape_keys_that_it_drives_are_computed(cast):
     cast.play([*FRAMES, 30])
     assert cast.rig.is_frozen
     assert len({cast.rig.record.at(frame).keys for frame in FRAMES}) > 5
+
+
+def test_a_key_that_also_follows_what_moves_by_itself_is_recorded(cast):
+    """The object has no keyframes of its own: the curve that it follows has."""
+    data = bpy.data.curves.new("Path", "CURVE")
+    spline = data.splines.new("POLY")
+    spline.points.add(1)
+    spline.points[1].co = (0, 0, 0.8, 1)
+    path, follower = (bpy.data.objects.new("Path", data), bpy.data.objects.new("Follower", None))
+    data.use_path = True
+    for frame, time in ((1, 0), (10, 100)):
+        data.eval_time = time
+        data.keyframe_insert("eval_time", frame=frame)
+    for ob in (path, follower):
+        cast.scene.collection.objects.link(ob)
+    follower.constraints.new("FOLLOW_PATH").target = path
+    for armature, ob, *_ in both(cast):
+        drive_keys(armature, ob)
+        variable = ob.data.shape_keys.animation_data.drivers[0].driver.variables.new()
+        variable.name, variable.type = "more", "TRANSFORMS"
+        variable.targets[0].id, variable.targets[0].transform_type = follower, "LOC_Z"
+    layer().update()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
+    assert "Follower, which may move" in cast.rig.source.refusal
+    freezing().freeze([cast.rig], cast.scene, layer())
+    cast.play()
 
 
 def test_a_whole_range_is_computed_at_once(cast):
@@ -154,12 +181,18 @@ def move_key(armature):
     curve.update()
 
 
-@pytest.mark.parametrize("is_posed", [False, True])
-def test_a_key_that_is_moved_is_seen_at_once(cast, is_posed):
+@pytest.fixture(params=[False, True], ids=["frozen", "posed"])
+def idle(cast, request):
+    """Blender has built relations without its keyframes."""
     freeze_unplayed(cast)
     cast.scene.frame_set(3)
-    if is_posed:
+    if request.param:
         move(cast, 2, "bone2")
+    return cast
+
+
+def test_a_key_that_is_moved_is_seen_at_once(idle):
+    cast = idle
     for armature, *_ in both(cast):
         move_key(armature)
     layer().update()
@@ -168,12 +201,8 @@ def test_a_key_that_is_moved_is_seen_at_once(cast, is_posed):
     cast.play()
 
 
-@pytest.mark.parametrize("is_posed", [False, True])
-def test_what_makes_blender_build_relations_keeps_the_pose(cast, is_posed):
-    freeze_unplayed(cast)
-    cast.scene.frame_set(3)
-    if is_posed:
-        move(cast, 2, "bone2")
+def test_what_makes_blender_build_relations_keeps_the_pose(idle):
+    cast = idle
     cast.scene.collection.objects.link(bpy.data.objects.new("New", None))
     layer().update()
     cast.assert_same()

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from characters import add_shape_keys, make_armature, make_tube
-from helpers import addon_module, depsgraph, select
+from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_frozen import freezing, layer, recorded
 
-needs_programs = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="rigs are programs from Blender 4.2 on")
 FRAMES = (1, 5, 9)
 STILL = 5  # all bones are at rest, and constraints have no influence
 LEFT_OUT = {
@@ -261,12 +260,14 @@ def flip(structs, name):
     return before
 
 
-@pytest.mark.parametrize("is_computed", [False, pytest.param(True, marks=needs_programs)], ids=["recorded", "computed"])
+@pytest.mark.parametrize(
+    "is_computed", [False, pytest.param(True, marks=needs_rig_programs)], ids=["recorded", "computed"]
+)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
-def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene, kind, is_computed, monkeypatch):
+def test_an_edit_that_makes_no_difference_here_shows_on_other_frames(fresh_scene, kind, is_computed, request):
     """A character whose frames are computed is frozen again after the edit, before any frame is played."""
     if not is_computed:
-        monkeypatch.setattr(addon_module("frozen.computing"), "can_be", lambda _rig: False)
+        request.getfixturevalue("no_program")
     if kind is curves and bpy.app.version < (5, 0, 0):
         pytest.skip(
             "Blender crashes by itself if a curve that a bone is clamped to is edited while relations are built"

@@ -62,8 +62,8 @@ def look(own: Iterable[rigs.Rig], graph: Any) -> list[rigs.Rig]:
     return edited
 
 
-def settle(own: Iterable[rigs.Rig], graph: Any) -> None:
-    """Called before an evaluation: what was expected of the last one is expected no more."""
+def expect_no_more(own: Iterable[rigs.Rig], graph: Any) -> None:
+    """Called before an evaluation: what was expected of one without handlers, which is over, is expected no more."""
     if watch.has_happened(graph):
         for rig in own:
             if rig.watch is not None:

@@ -11,11 +11,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import animation, dependencies
+from ..blender import animation
 from ..host import poses
 from ..native import sinew_native
-from ..rig_programs import curves, driven_keys, paths, reading
-from . import changes, rigs
+from ..rig_programs import curves, driven_keys, paths, properties, reading
+from . import changes, followers, rigs
 from .followers import Followers
 from .rigs import Source
 
@@ -66,7 +66,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         if old != new:
             raise curves.Refused(f"{scene.name} maps its frames to other times")
         read = reading.read(rig.ob, graph, keyed)
-        for block in (*(target for target, _bone in read.targets.outside.values()), *_read_by(read)):
+        for block, _what in (*read.targets.outside.values(), *read.outside.read.values()):
             if _may_move(block):
                 raise curves.Refused(f"{rig.name} follows {block.name}, which may move")
         program = sinew_native.RigProgram(read.description)
@@ -74,10 +74,10 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         return Source(refusal=str(reason))
     counts = tuple(len(numbers) for _keys, numbers in keyed)
     wanted = list(map(driven_keys.path_of, range(sum(counts))))
-    properties = _keyed_properties(rig.ob, read.description)
-    wanted += [f'{path}["{bpy.utils.escape_identifier(name)}"]' for path, name in properties or ()]
-    is_posable = properties is not None
-    return Source(program, tuple(wanted), counts, tuple(properties or ()), is_posable=is_posable)
+    keyed_ones = _keyed_properties(rig.ob, read.description)
+    wanted += [properties.path_of(owner, name) for owner, name in keyed_ones or ()]
+    is_posable = keyed_ones is not None
+    return Source(program, tuple(wanted), counts, tuple(keyed_ones or ()), is_posable=is_posable)
 
 
 def _keyed_properties(ob: Any, description: dict[str, Any]) -> list[tuple[str, str]] | None:
@@ -88,29 +88,19 @@ def _keyed_properties(ob: Any, description: dict[str, Any]) -> list[tuple[str, s
     for path in {paths.normalised(curve.data_path) for curve in animation.keyed_curves(ob)}:
         bone = paths.BONE.match(path)
         if path in single:
-            owner, name = path[:-2].rsplit('["', 1)
-            found.append((owner, bpy.utils.unescape_identifier(name)))
+            found.append(properties.owner_and_name(path))
         elif bone is None or path[bone.end() + 1 :] not in poses.RECORDED:
             return None
     return found
 
 
-def _read_by(read: reading.Reading) -> list[Any]:
-    return [block for block, _path in read.outside.read.values()]
-
-
-def _may_move(block: Any, seen: tuple[Any, ...] = ()) -> bool:
+def _may_move(block: Any) -> bool:
     """Whether time, or the pose of an armature, may change a data-block that nobody edits."""
-    if block in seen:
-        return False
+    if isinstance(block, bpy.types.Object):
+        return not followers.is_still(block, None)
     data = getattr(block, "animation_data", None)
     is_animated = data is not None and (data.action is not None or data.nla_tracks or data.drivers)
-    if is_animated or isinstance(block, bpy.types.Scene):
-        return True
-    if not isinstance(block, bpy.types.Object):
-        return False
-    followed = dependencies.followed_by(block)
-    return block.type == "ARMATURE" or any(_may_move(each, (*seen, block)) for each in followed)
+    return bool(is_animated) or isinstance(block, bpy.types.Scene)
 
 
 def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[int]]) -> list[list[rigs.Moment]]:

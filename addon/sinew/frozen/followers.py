@@ -9,6 +9,8 @@ import bpy
 from ..blender import animation, dependencies, nodes, values
 from ..plan import wiring
 
+# Constraints that depend on the frame, or on what cannot be watched.
+TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace)
@@ -148,6 +150,27 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
         raise NotFreezable(f"{ob.name} uses it in a way that Sinew does not know")
 
 
+def is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
+    """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
+    an armature: then it is evaluated after them, and what follows it again. rig: that armature object; None: what
+    follows any armature moves."""
+    if ob in seen or ob == rig:
+        return True
+    data, seen = ob.animation_data, (*seen, ob)
+    is_own = ob.type == "MESH" and ob.sinew.is_bound
+    drivers = [] if data is None else [each for each in data.drivers if not (is_own and hook_of(ob) == each)]
+    return (
+        not (rig is None and ob.type == "ARMATURE")
+        and not (data is not None and (data.action is not None or drivers or data.nla_tracks))
+        and not any(each.type in TIMED for each in ob.constraints)
+        and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
+        and ob.rigid_body is None
+        and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
+        and getattr(ob.data, "shape_keys", None) is None
+        and all(is_still(each, rig, seen) for each in dependencies.followed_by(ob))
+    )
+
+
 def hook_of(ob: Any) -> Any:
     """Returns the hook of a bound mesh, original or evaluated, or None."""
     return wiring.find_hook(ob) if ob.type == "MESH" and ob.sinew.is_bound else None
@@ -194,6 +217,6 @@ def _reading(curve: Any, rig: Any) -> str:
 def _driven_values(keys: Any, rig: Any) -> tuple[int, ...]:
     """Returns the numbers of the keys whose values are set by drivers that read an armature; none if such a driver sets
     anything else."""
-    paths = {f'key_blocks["{bpy.utils.escape_identifier(key.name)}"].value': i for i, key in enumerate(keys.key_blocks)}
+    paths = {key.path_from_id("value"): i for i, key in enumerate(keys.key_blocks)}
     driven = [paths.get(curve.data_path) for curve in _drivers_on(keys, rig)]
     return () if None in driven else tuple(sorted({number for number in driven if number is not None}))

@@ -264,9 +264,8 @@ def melt_all() -> None:
     """Thaws everything, as after an error or an undo step, from a handler. Records are kept and checked again."""
     for rig in rigs.known():
         rig.reason = ""
-    for graph in {rig.layer: rig.graph() for rig in rigs.idle()}.values():
-        if graph is not None:
-            melt(graph, {})
+    for graph in rigs.graphs(rigs.idle()):
+        melt(graph, {})
     for rig in rigs.idle():  # the view layer is gone
         rig.state = State.SUSPECT
         relations.tag()

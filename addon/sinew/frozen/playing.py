@@ -30,9 +30,9 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
     if not _has_work():
         return
     freezing.follow_tracks()
-    for graph in {rig.layer: rig.graph() for rig in rigs.known()}.values():
-        if graph is not None:
-            changes.settle(rigs.at_home(graph), graph)
+    if watch.is_waiting():
+        for graph in rigs.graphs(rigs.known()):
+            changes.expect_no_more(rigs.at_home(graph), graph)
     frozen: dict[int, list[rigs.Rig]] = {}  # by view layer
     new: dict[int, list[rigs.Rig]] = {}
     for rig in rigs.known():

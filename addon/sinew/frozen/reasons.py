@@ -13,8 +13,6 @@ from . import changes, computing, followers, rigs
 from .followers import NotFreezable
 
 MOST_NAMES = 3  # that a reason lists
-# Constraints that depend on the frame, or on what cannot be watched.
-_TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
 
 
 def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
@@ -132,7 +130,7 @@ def check(rig: Any) -> list[Any]:
     """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
     whatever follows it. Returns the other armature objects on which the pose depends."""
     data, outside = rig.animation_data, dependencies.outside_of(rig)
-    moving = [each for each in outside if each.type != "ARMATURE" and not _is_still(each, rig)]
+    moving = [each for each in outside if each.type != "ARMATURE" and not followers.is_still(each, rig)]
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
         if moving:
             raise NotFreezable(
@@ -151,7 +149,7 @@ def check(rig: Any) -> list[Any]:
         )
     if rig.constraints:
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    if rig.parent is not None and not _is_still(rig.parent, rig):
+    if rig.parent is not None and not followers.is_still(rig.parent, rig):
         raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
     if rig.rigid_body is not None:
         raise NotFreezable(f"{rig.name} is simulated")
@@ -166,7 +164,7 @@ def check(rig: Any) -> list[Any]:
     for curve in dependencies.drivers_of_both(rig):
         _check_driver(rig, curve)
     for bone in rig.pose.bones:
-        timed = next((each for each in bone.constraints if each.type in _TIMED), None)
+        timed = next((each for each in bone.constraints if each.type in followers.TIMED), None)
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
     if moving:
@@ -200,25 +198,6 @@ def _may_be_read(rig: Any, block: Any) -> bool:
     """Whether a driver of an armature may read a data-block: the armature itself, or an object, which `check` and the
     groups of armatures look at."""
     return block in (rig, rig.data) or isinstance(block, bpy.types.Object)
-
-
-def _is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
-    """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
-    an armature: then it is evaluated after them, and what follows it again."""
-    if ob == rig or ob in seen:
-        return True
-    data, seen = ob.animation_data, (*seen, ob)
-    is_own = ob.type == "MESH" and ob.sinew.is_bound
-    drivers = [] if data is None else [each for each in data.drivers if not (is_own and followers.hook_of(ob) == each)]
-    return (
-        not (data is not None and (data.action is not None or drivers or data.nla_tracks))
-        and not any(each.type in _TIMED for each in ob.constraints)
-        and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
-        and ob.rigid_body is None
-        and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
-        and getattr(ob.data, "shape_keys", None) is None
-        and all(_is_still(each, rig, seen) for each in dependencies.followed_by(ob))
-    )
 
 
 def _names(objects: list[Any]) -> str:

@@ -135,6 +135,11 @@ def at_home(graph: Any) -> list[Rig]:
     return [rig for rig in known() if rig.graph() == graph]
 
 
+def graphs(own: Iterable[Rig]) -> list[Any]:
+    """Returns the graphs in which these are recorded and frozen, without duplicates."""
+    return [graph for graph in {rig.layer: rig.graph() for rig in own}.values() if graph is not None]
+
+
 def frozen() -> list[Rig]:
     """Returns the armatures that are frozen."""
     return [rig for rig in known() if rig.is_frozen]

@@ -146,6 +146,11 @@ def wait_for(graph: Any, tagged: Any) -> None:
     _awaited[graph.view_layer.as_pointer()] = tagged
 
 
+def is_waiting() -> bool:
+    """Whether anything is waited for, in any graph."""
+    return bool(_awaited)
+
+
 def has_happened(graph: Any) -> bool:
     """Whether Blender has made the next evaluation without calling handlers, as it does after handlers have tagged
     something on a new frame. Call it before an evaluation."""

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..native import sinew_native
-from . import reading
+from . import properties, reading
 
 CHANNELS = ("location", "rotation_quaternion", "rotation_axis_angle", "rotation_euler", "scale")
 
@@ -116,9 +116,9 @@ def randomise(
         if not path.startswith("data.") and len(row["value"]) == 1 and row["type"] != "BOOLEAN":
             low, high = max(row["min"], -2), min(row["max"], 2)
             value = source.uniform(low, high) if row["type"] == "FLOAT" else source.randint(int(low), int(high))
-            holder, name = path[:-2].rsplit('["', 1)
+            holder, name = properties.owner_and_name(path)
             holder = ob.path_resolve(holder) if holder else ob
-            holder[bpy.utils.unescape_identifier(name)] = value
+            holder[name] = value
             yield path, value
     ob.update_tag(refresh={"OBJECT", "DATA"})
 

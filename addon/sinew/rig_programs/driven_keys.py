@@ -23,8 +23,7 @@ def rows_of(
     for number, (keys, key) in enumerate(chosen):
         path = path_of(number)
         limits = {"min": key.slider_min, "max": key.slider_max}
-        name = f'key_blocks["{bpy.utils.escape_identifier(key.name)}"].value'
-        curve = keys.animation_data.drivers.find(name)
+        curve = keys.animation_data.drivers.find(key.path_from_id("value"))
         try:
             if curve is None or curve.mute or not curve.is_valid or not curve.driver.is_valid:
                 raise curves.Refused("it is muted or not valid")

@@ -9,6 +9,17 @@ TYPES = {float: "FLOAT", int: "INT", bool: "BOOLEAN"}
 UNLIMITED = 3.4e38
 
 
+def path_of(owner: str, name: str) -> str:
+    """Returns the path of a custom property. owner: that of what has it, "" for the object."""
+    return f'{owner}["{bpy.utils.escape_identifier(name)}"]'
+
+
+def owner_and_name(path: str) -> tuple[str, str]:
+    """Returns what path_of was given."""
+    owner, name = path[:-2].rsplit('["', 1)
+    return owner, bpy.utils.unescape_identifier(name)
+
+
 def properties_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
     """Yields those of the object, of its data, and of all bones of either."""
     yield from of_holder(ob, "")
@@ -32,7 +43,7 @@ def of_holder(holder: Any, start: str) -> Iterator[dict[str, Any]]:
         settings = holder.id_properties_ui(name).as_dict()
         low, high = settings.get("min", -UNLIMITED), settings.get("max", UNLIMITED)
         yield {
-            "path": f'{start}["{bpy.utils.escape_identifier(name)}"]',
+            "path": path_of(start, name),
             "type": TYPES[type(values[0])],
             "min": max(float(low), -UNLIMITED),
             "max": min(float(high), UNLIMITED),

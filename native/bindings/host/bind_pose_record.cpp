@@ -294,8 +294,7 @@ void bind_pose_record(py::module_& host) {
       "written.");
   host.def("is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
            "Whether the bones of one of Blender's poses hold the numbers that are in a record, see play_pose. What the "
-           "layout "
-           "excepts is not compared.");
+           "layout excepts is not compared.");
 }
 
 }  // namespace sinew::bindings

@@ -153,8 +153,7 @@ void bind_stored_curves(py::module_& host) {
            "Returns the frames of a curve's K keyframes, (K,) float32.")
       .def("rows", &StoredCurves::rows, py::arg("number"),
            "Returns a curve's K keyframes as a rig's description has them, (K, 11) float32. The layout's members must "
-           "be "
-           "points, interpolation, easing, back, amplitude and period.")
+           "be points, interpolation, easing, back, amplitude and period.")
       .def("keys", &StoredCurves::keys, py::arg("number"),
            "Returns all that a curve's values depend on of its K keyframes, (K, N) uint8.");
 }

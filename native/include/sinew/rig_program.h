@@ -55,8 +55,8 @@ struct RecordField {
 
 /// All that Blender's evaluation leaves in the memory of the bones, one frame after the other. A record is the number of
 /// bones and the number of segments of each, 0 for those that are no B-bones, as 32-bit integers; then of each bone its
-/// fields and a dual quaternion of 25 floats, all 0 if it does not deform; and of each B-bone with S segments S + 1 poses of their ends and S + 2
-/// matrices for deforming, 16 floats each, and S + 1 dual quaternions.
+/// fields and a dual quaternion of 25 floats, all 0 if it does not deform; and of each B-bone with S segments S + 1 poses
+/// of their ends and S + 2 matrices for deforming, 16 floats each, and S + 1 dual quaternions.
 struct RigRecords {
   std::span<const RecordField> fields;
   std::byte* bytes = nullptr;       ///< of any alignment
