@@ -1,6 +1,7 @@
 """Somebody works on one of two characters in a window: picks it with the mouse, poses, keys, undoes, plays and renders,
 while the other one is frozen and plays from memory; then picks that one, and works with two windows open. Marks in the
-timeline, onion skins (docs/onion-skins.jpg), and the file of Blender's autosave. Run as first_ogre.py is.
+timeline, onion skins (docs/onion-skins.jpg), and the file of Blender's autosave. At the end both are computed, and the
+one that is picked stays so. Run as first_ogre.py is.
 """
 
 import subprocess
@@ -63,6 +64,12 @@ def recorded():
     return addon_module("frozen.rigs")
 
 
+def let_be_computed(armatures, may):
+    """Whether these may be computed when they freeze. Otherwise they are recorded."""
+    for name in armatures:
+        recorded().learn(bpy.data.objects[name]).is_distrusted = not may
+
+
 def scene():
     """The scene; undo replaces it."""
     return bpy.context.scene
@@ -91,6 +98,7 @@ def steps():
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "two.blend"))
     yield from open_sidebar()
 
+    let_be_computed(armatures, may=False)
     scene().sinew_freezes_others = True
     yield from pick(meshes[0])
     yield from play_all()
@@ -113,6 +121,8 @@ def steps():
     yield from render(meshes, armatures, reference)
     yield from onion_skins(meshes, armatures)
     yield from autosaved(armatures, reference)
+    if bpy.app.version >= (4, 2, 0):
+        yield from computed(meshes, armatures, reference)
 
 
 def panel_open():
@@ -187,9 +197,10 @@ def until_frozen(armature, what):
 
 
 def pose_key_and_undo(meshes, armatures, reference):
-    """R and the mouse in Pose Mode, I, Ctrl-Z twice."""
+    """R and the mouse in Pose Mode, I, Ctrl-Z twice. The second one is frozen."""
     choose_a_bone(bpy.data.objects[armatures[0]])
     before = shape(meshes[0])
+    assert_as(reference, meshes)
     yield 0.5
     x, y = middle_of(region(area("VIEW_3D")))
     yield from outside(f"xdotool mousemove {screen(x + 150, y)}")
@@ -332,6 +343,26 @@ def autosaved(armatures, reference):
     )
     assert result.returncode == 0, result.stdout + result.stderr
     print("window: Blender's autosave has both characters as they are live")
+
+
+def computed(meshes, armatures, reference):
+    """What has been frozen stays so when it is picked, posed and keyed."""
+    select()
+    freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
+    let_be_computed(armatures, may=True)
+    scene().frame_set(7)
+    for name in armatures:
+        yield from until_frozen(name, "what can be computed does not freeze")
+        assert recorded().get(bpy.data.objects[name]).source.is_proven
+    yield from pick(meshes[0])
+    assert is_frozen(armatures[0])
+    yield from play_all()
+    yield from pose_key_and_undo(meshes, armatures, reference)
+    for name in armatures:
+        yield from until_frozen(name, "what was posed is not computed again")
+    scene().frame_set(13)
+    assert_as(reference, meshes)
+    print("window: posed, keyed and undid a computed character")
 
 
 run(steps())

@@ -355,6 +355,21 @@ def test_what_is_not_selected_is_frozen_and_what_is_picked_is_live(cast):
         cast.play()
 
 
+@pytest.mark.usefixtures("no_program")
+def test_a_frame_that_is_not_recorded_thaws_and_the_record_stays(cast):
+    cast.record()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.is_frozen
+    recorded_ones = cast.rig.record.runs()
+    cast.scene.frame_set(25)
+    assert not cast.rig.is_frozen and cast.rig.record.runs()[: len(recorded_ones)] == recorded_ones
+    cast.assert_same()
+    cast.scene.frame_set(3)
+    freezing().freeze_again(cast.scene, layer())
+    assert cast.rig.is_frozen
+    cast.play()
+
+
 def test_a_limit_of_memory_drops_the_oldest_frames(cast):
     limit = recorded().store.limit
     cast.record()

@@ -90,7 +90,8 @@ def _look(rig: rigs.Rig, graph: Any, frame: int | None, is_new_frame: bool) -> s
         return "" if freezing.pose(rig) else f"{rig.name} was edited"
     if rig.tempo != changes.tempo_of(rig.scene):
         return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
-    if frame not in rig.record and not rig.source.is_proven and freezing.pose(rig):  # its keyframes were edited
+    if rig.is_posable and frame not in rig.record and not rig.source.is_proven:  # its keyframes were edited
+        freezing.pose(rig)
         rig.shown = None
     return ""
 
