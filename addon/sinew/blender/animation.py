@@ -34,17 +34,14 @@ def keyed_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     return list(found.values())
 
 
-def is_animated(block: bpy.types.ID, path: str) -> bool:
-    """Whether a driver or a keyframe of a data-block sets the property at that path, which is no array."""
+def first_animated(block: bpy.types.ID, paths: Iterable[str]) -> str | None:
+    """Returns the first of these paths, of properties that are no arrays, that a driver or a keyframe of a data-block
+    sets, or None."""
     data = block.animation_data
-    return data is not None and (
-        data.drivers.find(path) is not None
-        or any(
-            curves.find(path) is not None
-            for played in actions.of(block)
-            for curves in _collections_in(played.action, played.slot)
-        )
-    )
+    if data is None:
+        return None
+    curves = [data.drivers, *(each for played in actions.of(block) for each in _collections_in(*played[:2]))]
+    return next((path for path in paths if any(each.find(path) is not None for each in curves)), None)
 
 
 def _curves_in(action: bpy.types.Action, slot: Any) -> list[bpy.types.FCurve]:

@@ -175,10 +175,12 @@ def release_if_undone(ob: bpy.types.Object) -> bool:
     If Sinew's modifier was applied, the modifiers that Sinew replaced are switched off, because they would deform the
     mesh again.
     """
-    has_hook, taken = wiring.carrier_of(ob) is not None, [modifier.name for modifier in wiring.taken_modifiers(ob)]
     lacks_own = ob.sinew.needs_attribute and not nodes.find_modifier(ob)
-    if ob.data.is_editmode or ob.library or ob.override_library or old_files.is_old(ob) or has_hook and not lacks_own:
+    if not lacks_own and wiring.carrier_of(ob) is not None:
         return False
+    if ob.data.is_editmode or ob.library or ob.override_library or old_files.is_old(ob):
+        return False
+    taken = [modifier.name for modifier in wiring.taken_modifiers(ob)]
     # The node group removes the attribute: the mesh has lost it if the modifier was applied, not if it was removed.
     canvas = ob.sinew.canvas
     took_shape = lacks_own and (

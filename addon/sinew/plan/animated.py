@@ -49,7 +49,8 @@ def why(block: Any, kind: str, looks_at_sources: bool = True) -> str:
         )
     number = found.number
     if looks_at_sources and number is None:
-        number = next((source[0] for source in found.sources if _is_source_animated(own, *source)), None)
+        readers = (_reader_of_animated(own, each) for each in found.sources)
+        number = next((each for each in readers if each is not None), None)
     if number is not None:
         return _sentence(own[number], block, kind, "driven", f"remove its driver{where}")
     for curve in animation.keyed_curves(block):
@@ -63,7 +64,8 @@ class _Found(NamedTuple):
 
     number: int | None = None  # of the first that may change what was read
     given: str = ""  # what that hands over to Python
-    sources: tuple[tuple[int, int], ...] = ()  # numbers of drivers of B-bones, and of variables that differ
+    # What drivers of B-bones read of each data-block: {path: (number of a driver, number of its variable)}
+    sources: tuple[dict[str, tuple[int, int]], ...] = ()
     runs_python: bool = False  # so that it depends on more than the drivers
 
 
@@ -87,7 +89,7 @@ def _found_in(own: Any, block: Any, kind: str) -> _Found:
 
 
 def _look_at(own: Any, kind: str) -> _Found:
-    sources: dict[tuple[Any, str], tuple[int, int]] = {}
+    sources: dict[Any, dict[str, tuple[int, int]]] = {}
     runs_python = False
     for number, curve in enumerate(own):
         if kind == "OBJECT" and wiring.is_hook(curve):
@@ -105,13 +107,16 @@ def _look_at(own: Any, kind: str) -> _Found:
             target = variable.targets[0]
             if variable.type != "SINGLE_PROP" or target.id is not None and not _CUSTOM.match(target.data_path):
                 return _Found(number, runs_python=runs_python)
-            sources.setdefault((target.id, target.data_path), (number, place))
+            if target.id is not None:
+                sources.setdefault(target.id, {}).setdefault(target.data_path, (number, place))
     return _Found(sources=tuple(sources.values()), runs_python=runs_python)
 
 
-def _is_source_animated(own: Any, number: int, place: int) -> bool:
-    target = own[number].driver.variables[place].targets[0]
-    return target.id is not None and animation.is_animated(target.id, target.data_path)
+def _reader_of_animated(own: Any, source: dict[str, tuple[int, int]]) -> int | None:
+    """Returns the number of a driver that reads an animated property of a data-block, or None. source: as in _Found."""
+    number, place = next(iter(source.values()))
+    path = animation.first_animated(own[number].driver.variables[place].targets[0].id, source)
+    return None if path is None else source[path][0]
 
 
 def _is_kept(path: str, kind: str) -> bool:
