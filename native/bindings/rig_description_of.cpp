@@ -364,7 +364,7 @@ class Reader {
     for (const py::handle channel : entries.sequence("action")) {
       Entries curve(channel, where + ", its action,");
       constraint.action.push_back({curve.get<int>("channel"), curve_of(curve)});
-      curve.done({"channel", "keys", "modifiers", "is_extrapolated"});
+      curve.done({"channel", "keys", "modifiers", "is_extrapolated", "is_free"});
     }
     entries.done({"bone", "name", "type", "settings", "targets", "weights", "space", "action"});
     rig_.constraints.push_back(std::move(constraint));
@@ -438,6 +438,7 @@ class Reader {
       curve.keys.push_back(key);
     }
     curve.is_extrapolated = entries.get<bool>("is_extrapolated", false);
+    curve.is_free = entries.get<bool>("is_free", false);
     for (const py::handle modifier : entries.sequence("modifiers")) curve.modifiers.push_back(modifier_of(modifier));
     return curve;
   }
@@ -463,7 +464,7 @@ class Reader {
     Entries entries(object, "a curve");
     AnimatedValue value{{entries.get<std::string>("path"), entries.get<int>("index", 0)}, {}};
     value.curve = curve_of(entries);
-    entries.done({"path", "index", "keys", "modifiers", "is_extrapolated"});
+    entries.done({"path", "index", "keys", "modifiers", "is_extrapolated", "is_free"});
     return value;
   }
 
@@ -480,7 +481,7 @@ class Reader {
     if (const py::handle curve = entries.find("curve")) {
       Entries parts(curve, where + ", its curve,");
       driver.curve = curve_of(parts);
-      parts.done({"keys", "modifiers", "is_extrapolated"});
+      parts.done({"keys", "modifiers", "is_extrapolated", "is_free"});
     }
     entries.done({"path", "index", "type", "expression", "variables", "curve"});
     rig_.drivers.push_back(std::move(driver));

@@ -251,13 +251,61 @@ def test_custom_properties_that_are_keyed(cast):
     cast.play()
 
 
+def test_originals_have_what_keyframes_and_drivers_set(cast):
+    """Constraints' influence and mute, and custom properties: of bones, of the object, whole numbers and switches."""
+    read = []
+    for armature, *_ in both(cast):
+        bone, other = armature.pose.bones["side"], armature.pose.bones["bone2"]
+        other.constraints.new("LIMIT_SCALE").name = "first"
+        for owner, name in ((bone, 'a "keyed" one'), (other, "driven")):
+            constraint = owner.constraints.new("COPY_SCALE")
+            constraint.name, constraint.target, constraint.subtarget = name, armature, "bone0"
+        keyed, driven = bone.constraints[0], other.constraints[1]
+        for frame, value in ((1, 0), (10, 1)):
+            keyed.influence, keyed.mute = value, frame == 10
+            keyed.keyframe_insert("influence", frame=frame)
+            keyed.keyframe_insert("mute", frame=frame)
+        armature["height"], other["whole"], other["yes"] = 0.5, 2, False
+        for owner, path, expression in (
+            (driven, "influence", "x / 2"),
+            (driven, "mute", "x > 0.6"),
+            (armature, '["height"]', "x * 3"),
+            (other, '["whole"]', "x * 10"),
+            (other, '["yes"]', "x > 0.3"),
+        ):
+            driver = owner.driver_add(path).driver
+            driver.expression, variable = expression, driver.variables.new()
+            variable.name, variable.targets[0].id = "x", armature
+            variable.targets[0].data_path = keyed.path_from_id("influence")
+        paths = [keyed.path_from_id(name) for name in ("influence", "mute")]
+        paths += [driven.path_from_id(name) for name in ("influence", "mute")]
+        read.append([*paths, '["height"]', 'pose.bones["bone2"]["whole"]', 'pose.bones["bone2"]["yes"]'])
+    cast.scene.frame_set(2)
+    freeze_unplayed(cast)
+    seen = set()
+    for frame in (7, 10, 4, 1):
+        cast.scene.frame_set(frame)
+        cast.assert_same()
+        values = [[each[0].path_resolve(path) for path in paths] for each, paths in zip(both(cast), read)]
+        assert values[0] == values[1] and list(map(type, values[0])) == list(map(type, values[1])), frame
+        seen.add(tuple(values[0]))
+        if frame == 10:
+            select(cast.frozen[0])
+            layer().update()
+            move(cast, 2)
+            cast.assert_same()
+            assert cast.rig.state is state("POSED")
+    assert len(seen) == 4 and cast.rig.is_frozen
+    cast.play()
+
+
 def test_one_whose_keyframes_set_other_things_is_thawed_to_be_edited(cast):
     for armature, *_ in both(cast):
-        constraint = armature.pose.bones["side"].constraints.new("COPY_SCALE")
-        constraint.target, constraint.subtarget = armature, "bone2"
-        for frame, value in ((1, 0), (10, 1)):
-            constraint.influence = value
-            constraint.keyframe_insert("influence", frame=frame)
+        constraint = armature.pose.bones["side"].constraints.new("LIMIT_SCALE")
+        constraint.use_max_x = True
+        for frame, value in ((1, 0.5), (10, 1)):
+            constraint.max_x = value
+            constraint.keyframe_insert("max_x", frame=frame)
     cast.scene.frame_set(2)
     freeze_unplayed(cast)
     cast.play([5])

@@ -148,6 +148,40 @@ def test_edits_without_keys_are_followed(armature):
     assert differences(armature) == []
 
 
+def test_whole_numbers_are_rounded_only_where_they_are_keyed(armature):
+    """Blender rounds what keying has made, but neither drivers nor curves that scripts have made."""
+    bone = armature.pose.bones["b"]
+    for name in ("keyed", "made", "driven"):
+        bone[name] = 0
+    for name in ("yes", "made_yes"):
+        bone[name] = False
+    for frame, value in ((1, 0), (40, 7)):
+        for name in ("keyed", "yes"):
+            bone[name] = type(bone[name])(value)
+            bone.keyframe_insert(f'["{name}"]', frame=frame)
+    action = armature.animation_data.action
+    curves = action.fcurves if hasattr(action, "fcurves") else action.layers[0].strips[0].channelbags[0].fcurves
+    for name in ("made", "made_yes"):
+        curve = curves.new(f'pose.bones["b"]["{name}"]')
+        for frame, value in ((1, 0), (40, 7)):
+            curve.keyframe_points.insert(frame, value)
+    driver = bone.driver_add('["driven"]').driver
+    driver.expression, variable = "x * 10", driver.variables.new()
+    variable.name, variable.targets[0].id = "x", armature
+    variable.targets[0].data_path = 'pose.bones["a"].location[0]'
+    paths = [f'pose.bones["b"]["{name}"]' for name in ("keyed", "made", "driven", "yes", "made_yes")]
+    scene = bpy.context.scene
+    program = checking().program_of(reading().read(armature))
+    seen = set()
+    for frame in range(1, 41, 3):
+        scene.frame_set(frame)
+        evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        wanted = tuple(float(evaluated.path_resolve(path)) for path in paths)
+        assert tuple(program.values(np.array([frame], np.float32), paths)[0].tolist()) == wanted, frame
+        seen.add(wanted)
+    assert len(seen) > 8
+
+
 def test_curves_of_what_is_not_there_are_passed_over(armature):
     armature.pose.bones["b"].keyframe_insert("location", frame=1)
     armature.pose.bones["b"].name = "d"  # renames paths too, so:

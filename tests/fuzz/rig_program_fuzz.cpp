@@ -116,6 +116,7 @@ class Maker {
       curve.modifiers.push_back(modifier);
     }
     curve.is_extrapolated = byte() & 1;
+    curve.is_free = byte() & 1;
     return curve;
   }
 

@@ -7,12 +7,11 @@ namespace {
 
 constexpr float kValues[] = {3, -2, 5};
 
-float value(DriverType type, std::span<const float> variables, CurveDescription curve = {},
-            ValueKind kind = ValueKind::real) {
+float value(DriverType type, std::span<const float> variables, CurveDescription curve = {}) {
   DriverDescription data;
   data.type = type;
   data.curve = std::move(curve);
-  return Driver(data, kind).value(variables, 0).value;
+  return Driver(data).value(variables, 0).value;
 }
 
 TEST(Driver, CombinesItsVariables) {
@@ -32,11 +31,11 @@ TEST(Driver, ComputesItsExpression) {
   data.variables.resize(2);
   data.variables[0].name = "x";
   data.variables[1].name = "y";
-  EXPECT_EQ(Driver(data, ValueKind::real).value(std::span(kValues).first(2), 10).value, 28);
+  EXPECT_EQ(Driver(data).value(std::span(kValues).first(2), 10).value, 28);
   data.expression = "x / 0";
-  EXPECT_TRUE(Driver(data, ValueKind::real).value(kValues, 10).is_undefined);
+  EXPECT_TRUE(Driver(data).value(kValues, 10).is_undefined);
   data.expression = "exp(1000)";
-  EXPECT_EQ(Driver(data, ValueKind::real).value(kValues, 10).value, 0) << "what is not finite counts as 0";
+  EXPECT_EQ(Driver(data).value(kValues, 10).value, 0) << "what is not finite counts as 0";
 }
 
 TEST(Driver, ItsCurveMapsTheResult) {
@@ -49,10 +48,8 @@ TEST(Driver, ItsCurveMapsTheResult) {
   doubled.coefficients = {0.25F, 2};
   EXPECT_EQ(value(DriverType::sum, kValues, {{low, high}, {}}), 0.6F);
   EXPECT_EQ(value(DriverType::sum, kValues, {{}, {doubled}}), 12.25F);
-  EXPECT_EQ(value(DriverType::sum, kValues, {{}, {doubled}}, ValueKind::whole), 12);
   doubled.is_additive = true;
   EXPECT_EQ(value(DriverType::sum, kValues, {{}, {doubled}}), 18.25F) << "without keys it adds to the driver's value";
-  EXPECT_EQ(value(DriverType::sum, kValues, {}, ValueKind::whole), 6);
 }
 
 TEST(TransformChannel, ReadsAMatrix) {

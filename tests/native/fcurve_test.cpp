@@ -193,6 +193,9 @@ TEST(FCurve, RoundsIntegersAndStepsChoices) {
   EXPECT_EQ(FCurve(data, ValueKind::whole).value(5), 2);
   EXPECT_EQ(FCurve(data, ValueKind::choice).value(9), 0);
   EXPECT_EQ(FCurve(data, ValueKind::boolean).value(10), 3);
+  data.is_free = true;
+  EXPECT_EQ(FCurve(data, ValueKind::whole).value(5), 1.5F);
+  EXPECT_EQ(FCurve(data, ValueKind::choice).value(5), 1.5F);
 }
 
 TEST(FCurve, TimesThatAreNotNumbersDoNoHarm) {

@@ -11,11 +11,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import animation
 from ..host import poses
 from ..native import sinew_native
-from ..rig_programs import curves, driven_keys, paths, properties, reading
-from . import changes, followers, rigs
+from ..rig_programs import curves, driven_keys, reading
+from . import changes, followers, rigs, settings
 from .followers import Followers
 from .rigs import Source
 
@@ -55,7 +54,7 @@ def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
     """Reads the program of an armature, or why there is none."""
     rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)
     rig.is_posable &= rig.source.is_posable
-    if rig.source.properties:
+    if rig.source.settings:
         rig.record.clear()  # it was recorded without them
 
 
@@ -74,24 +73,9 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         return Source(refusal=str(reason))
     counts = tuple(len(numbers) for _keys, numbers in keyed)
     wanted = list(map(driven_keys.path_of, range(sum(counts))))
-    keyed_ones = _keyed_properties(rig.ob, read.description)
-    wanted += [properties.path_of(owner, name) for owner, name in keyed_ones or ()]
-    is_posable = keyed_ones is not None
-    return Source(program, tuple(wanted), counts, tuple(keyed_ones or ()), is_posable=is_posable)
-
-
-def _keyed_properties(ob: Any, description: dict[str, Any]) -> list[tuple[str, str]] | None:
-    """Returns the custom properties that keyframes set, as in Source. None if they set anything but these and what a
-    record of a pose has."""
-    single = {row["path"] for row in description["properties"] if len(row["value"]) == 1}
-    found = []
-    for path in {paths.normalised(curve.data_path) for curve in animation.keyed_curves(ob)}:
-        bone = paths.BONE.match(path)
-        if path in single:
-            found.append(properties.owner_and_name(path))
-        elif bone is None or path[bone.end() + 1 :] not in poses.RECORDED:
-            return None
-    return found
+    own, is_posable = settings.of(rig.ob, read.description)
+    wanted += [setting.path for setting in own]
+    return Source(program, tuple(wanted), counts, tuple(own), is_posable=is_posable)
 
 
 def _may_move(block: Any) -> bool:

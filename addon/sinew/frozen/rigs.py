@@ -11,7 +11,7 @@ import numpy as np
 
 from ..blender import values
 from ..host import evaluations, key_blocks, poses
-from . import records
+from . import records, settings
 from .followers import Followers
 from .shapes import Shapes, is_alive
 
@@ -36,7 +36,7 @@ class Source:
     program: Any = None  # sinew_native.RigProgram
     paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
-    properties: tuple[tuple[str, str], ...] = ()  # custom ones that keyframes set: path of the owner, and name
+    settings: tuple[settings.Setting, ...] = ()  # that keyframes and drivers set besides
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -202,7 +202,7 @@ class Moment(NamedTuple):
 
     pose: np.ndarray  # (N,) uint8, see host/poses.py
     keys: tuple[tuple[float, ...], ...]  # the values of the keys that followers.keyed lists
-    properties: tuple[float, ...] = ()  # the values of those that source.properties lists
+    settings: tuple[float, ...] = ()  # the values of those that source.settings lists
 
     @property
     def nbytes(self) -> int:
@@ -213,19 +213,7 @@ def moment_of(rig: Rig, graph: Any) -> Moment:
     """Returns what an evaluation has made of an armature."""
     values_now = tuple(key_blocks.values_of(keys.evaluated_get(graph), numbers) for keys, numbers in keyed(rig, graph))
     copy = evaluated_copy(rig, graph)
-    properties = tuple(float(_owner(copy, path)[name]) for path, name in rig.source.properties)
-    return Moment(poses.record(copy), values_now, properties)
-
-
-def _owner(ob: Any, path: str) -> Any:
-    return ob.path_resolve(path) if path else ob
-
-
-def _write_properties(rig: Rig, moment: Moment) -> None:
-    """Writes custom properties into an original, from which Blender copies them when it is edited."""
-    for (path, name), number in zip(rig.source.properties, moment.properties):
-        owner = _owner(rig.ob, path)
-        owner[name] = type(owner[name])(number)
+    return Moment(poses.record(copy), values_now, settings.read(copy, rig.source.settings))
 
 
 def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
@@ -258,7 +246,7 @@ def show(rig: Rig, graph: Any, moment: Any) -> bool:
     bones are others than those that were recorded."""
     is_shown = poses.play(evaluated_copy(rig, graph), moment.pose)
     poses.play_original(rig.ob, moment.pose)
-    _write_properties(rig, moment)
+    settings.write(rig.ob, rig.source.settings, moment.settings, None)
     for (keys, numbers), recorded in zip(keyed(rig, graph), moment.keys):
         key_blocks.set_values(keys.evaluated_get(graph), numbers, recorded)
         key_blocks.set_values(keys, numbers, recorded)
@@ -288,7 +276,7 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     results = [is_left and next(stepped) for _rig, _moment, _follow, is_left in found]
     for (rig, moment, follow, _is_left), is_shown in zip(found, results):
         if is_shown:
-            _write_properties(rig, moment)
+            settings.write(rig.ob, rig.source.settings, moment.settings, rig.pose.settings or None)
         for (evaluated, keys, numbers), recorded in zip(follow, moment.keys) if is_shown else ():
             key_blocks.set_values(evaluated, numbers, recorded)
             key_blocks.set_values(keys, numbers, recorded)

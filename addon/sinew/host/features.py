@@ -49,6 +49,7 @@ FAST_BONES = "Fast path of animated bones' data"
 FAST_CORRECTIVE = "Fast path of Corrective Smooth"
 FAST_SMOOTH = "Fast path of Smooth"
 FREEZING = "Frozen characters"
+CONSTRAINTS = "Animated constraints of computed rigs"
 
 _FULL = "take more steps on each frame"
 FEATURES = {
@@ -156,6 +157,13 @@ FEATURES = {
         "FCurve.totvert FCurve.extend FCurve.array_index FCurve.*rna_path FCurve.modifiers",
         (DEFORMING, KEYS),
         "the number of users, actions, drivers, poses, the segments of a B-bone, keyframes",
+    ),
+    CONSTRAINTS: Feature(
+        "a computed rig whose constraints' influence or mute is keyed is live while it is selected, and what drives them "
+        "shows only when it is live",
+        "bConstraint.enforce bConstraint.flag",
+        (FREEZING,),
+        "the influence and mute of a constraint",
     ),
 }
 

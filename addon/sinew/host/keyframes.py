@@ -1,5 +1,6 @@
 """Reads the stored keyframes of all F-curves of an action in one step."""
 
+import ctypes
 import functools
 from collections.abc import Sequence
 from typing import Any
@@ -30,6 +31,16 @@ def _layout() -> Any:
         vectors + 12,
         places("BezTriple", _MEMBERS),
     )
+
+
+_ROUNDED = 1 << 11  # a bit of a curve's flag
+
+
+def is_rounded(curve: Any) -> bool:
+    """Whether Blender rounds what an F-curve gives, as it does for whole numbers, switches and choices that were keyed,
+    but not for curves that drivers have or that scripts have made."""
+    address = curve.as_pointer() + contract.offset("FCurve", "flag")
+    return bool(ctypes.c_int16.from_address(address).value & _ROUNDED)
 
 
 def forget() -> None:

@@ -117,6 +117,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "*bbone_pose_mats": _pointer("Mat4"),
         "*bbone_dual_quats": _pointer("DualQuat"),
     },
+    "bConstraint": {"enforce": _float(), "flag": _short()},
     "DriverTarget": {"*id": _pointer("ID", shown="id"), "*rna_path": _pointer("char"), "pchan_name": _name()},
     "DriverVar": {
         "*next": _pointer("DriverVar", 0),

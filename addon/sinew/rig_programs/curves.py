@@ -32,6 +32,11 @@ def curve_of(curve: bpy.types.FCurve) -> dict[str, Any]:
     return found
 
 
+def rounding_of(curve: bpy.types.FCurve) -> dict[str, bool]:
+    """Returns what a description says of the rounding of an F-curve of whole numbers, switches or choices."""
+    return {"is_free": True} if contract.has(features.FREEZING) and not keyframes.is_rounded(curve) else {}
+
+
 def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
     points = curve.keyframe_points
     if len(points) and contract.has(features.FREEZING):

@@ -8,6 +8,8 @@ import bpy
 from . import curves, paths, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
+# Most curves set one of these.
+CHANNELS = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle", "scale")
 # Of the rig: what a variable reads of the object itself is outside.
 OF_RIG = ("pose.", '["', "data.")
 
@@ -51,7 +53,8 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
             for curve in curves.curves_in_effect(block):
                 path = path_of(start, curve)
                 if is_wanted(ob, path, found) and exists(block, curve.data_path):
-                    yield {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
+                    row = {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
+                    yield row if path.endswith(CHANNELS) else row | curves.rounding_of(curve)
         except curves.Refused as reason:
             found.refused.append(str(reason))
 

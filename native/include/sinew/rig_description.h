@@ -68,6 +68,8 @@ struct CurveDescription {
   std::vector<CurveKey> keys;  ///< frames ascending
   std::vector<CurveModifier> modifiers;
   bool is_extrapolated = false;  ///< linearly; otherwise the first and last values stay
+  /// Not made by keying, which has Blender round the curves of whole numbers, and those of switches and choices step.
+  bool is_free = false;
 };
 
 /// A value that follows a curve over time.

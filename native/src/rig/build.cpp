@@ -262,8 +262,7 @@ void add_driver(const RigDescription& rig, const DriverDescription& given, Progr
   for (const VariableDescription& variable : given.variables) {
     variables.push_back(variable_of(rig, variable, program.map, owner));
   }
-  const ValueKind kind = program.map.values()[value].kind;
-  program.drivers.push_back({value, std::move(variables), named(owner, [&] { return Driver(given, kind); })});
+  program.drivers.push_back({value, std::move(variables), named(owner, [&] { return Driver(given); })});
 }
 
 void add_curve(const AnimatedValue& given, Program& program) {

@@ -6,7 +6,7 @@
 
 namespace sinew::rig {
 
-Driver::Driver(const DriverDescription& data, ValueKind kind) : type_(data.type), curve_(data.curve, kind) {
+Driver::Driver(const DriverDescription& data) : type_(data.type), curve_(data.curve) {
   if (type_ != DriverType::scripted) return;
   std::vector<std::string> names;
   for (const VariableDescription& variable : data.variables) names.push_back(variable.name);

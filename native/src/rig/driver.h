@@ -18,8 +18,8 @@ class Driver {
     bool is_undefined = false;  ///< see Expression::Result
   };
 
-  /// kind  the type of the driven property. Throws InputError for expressions and curves that are not covered.
-  Driver(const DriverDescription& data, ValueKind kind);
+  /// Throws InputError for expressions and curves that are not covered.
+  explicit Driver(const DriverDescription& data);
 
   /// variables  in their order. time  in frames.
   Result value(std::span<const float> variables, float time) const;

@@ -89,7 +89,8 @@ float stored_value(ValueKind kind, float low, float high, float value) {
 }
 
 FCurve::FCurve(const CurveDescription& data, ValueKind kind)
-    : has_steps_(kind == ValueKind::boolean || kind == ValueKind::choice), is_rounded_(kind != ValueKind::real) {
+    : has_steps_(!data.is_free && (kind == ValueKind::boolean || kind == ValueKind::choice)),
+      is_rounded_(!data.is_free && kind != ValueKind::real) {
   const std::vector<CurveKey>& keys = data.keys;
   for (std::size_t i = 0; i < keys.size(); ++i) {
     check_finite(keys[i], i);
