@@ -164,7 +164,8 @@ def test_frames_that_are_not_recorded_are_live(cast):
     cast.assert_same()
 
 
-def test_between_two_frames_it_is_live(cast):
+@pytest.mark.usefixtures("no_program")
+def test_between_two_frames_one_that_is_recorded_is_live(cast):
     cast.freeze()
     cast.scene.frame_set(4, subframe=0.5)
     assert not cast.rig.is_frozen

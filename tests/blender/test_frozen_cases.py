@@ -244,6 +244,7 @@ def test_weights_can_be_edited_while_bones_drive_keys(cast):
     assert cast.rig.is_frozen
 
 
+@pytest.mark.usefixtures("no_program")
 def test_a_handler_that_sets_a_frame_that_is_not_recorded_while_it_freezes(cast):
     def jump(scene, *_):
         if scene.frame_current != 40:

@@ -317,10 +317,25 @@ def test_one_whose_keyframes_set_other_things_is_thawed_to_be_edited(cast):
     cast.play()
 
 
+def test_between_two_frames(cast):
+    freeze_unplayed(cast)
+    for frame, part in ((4, 0.5), (4, 0.75), (5, 0), (5, 0.25), (5, 0.25), (-3, 0.1), (4, 0.5)):
+        cast.scene.frame_set(frame, subframe=part)
+        cast.assert_same()
+        assert cast.rig.is_frozen
+    assert cast.rig.record.runs() == [(1, 1), (5, 5)]
+    cast.play()
+
+
 def test_half_a_frame_after_an_edit(cast):
     freeze_unplayed(cast)
     move(cast, 2)
     cast.scene.frame_set(4, subframe=0.5)
+    cast.assert_same()
+    assert cast.rig.is_frozen
+    move(cast, 2)
+    cast.assert_same()
+    cast.scene.frame_set(4, subframe=0.25)
     cast.assert_same()
     cast.play()
 

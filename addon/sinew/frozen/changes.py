@@ -114,7 +114,7 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
 def can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
     """Whether the scene's frame of an armature can be recorded."""
     is_there = rigs.evaluated_copy(rig, graph) is not None and rigs.whole_frame(scene) is not None
-    return is_there and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
+    return is_there and not rig.needs_program and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
 
 
 def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:
@@ -165,7 +165,7 @@ def follow_shapes(rig: rigs.Rig, hooked: list[Any]) -> None:
     def is_first(ob: Any) -> bool:
         return armatures.of_modifiers(ob)[:1] == [rig.ob]
 
-    rig.shapes.follow(ob for ob in hooked if is_first(ob))
+    rig.shapes.follow(ob for ob in hooked if is_first(ob) and not rig.needs_program)
 
 
 def drop_all(rig: rigs.Rig) -> None:
@@ -184,7 +184,7 @@ def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
     for each in reached:
         each.record.drop_within(ranges)
         each.shapes.drop_within(ranges)
-        each.source = rigs.Source()
+        each.source, each.passing = rigs.Source(), None
         reached += [
             other
             for other in rigs.known()

@@ -30,7 +30,8 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     returns them."""
     frame = rigs.whole_frame(scene)
     is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.has_animation(rig.ob)
-    if frame is None or rig.source.is_proven or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
+    is_known = rig.source.is_proven and rig.at(frame or 0) is not None
+    if frame is None or is_known or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
         return
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None:
@@ -38,16 +39,19 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     for moment in _moments([rig], [[frame]])[0]:
         if rigs.shows(rig, graph, moment):
             rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
-            rig.record.put(frame, moment)
+            rig.keep(frame, moment)
+        elif rig.source.is_proven:  # something has changed that was not noticed
+            changes.drop_all(rig)
 
 
-def fill(own: Iterable[rigs.Rig], frames: Sequence[int]) -> None:
-    """Records those of these frames that are missing, of the armatures that have a proven program."""
+def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
+    """Records those of these frames that are missing, of the armatures that have a proven program. Of moments
+    that are not recorded each keeps the last one."""
     able = [rig for rig in own if rig.source.is_proven]
-    lacking = [[frame for frame in frames if frame not in rig.record] for rig in able]
+    lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
     for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
         for frame, moment in zip(missing, moments):
-            rig.record.put(frame, moment)
+            rig.keep(frame, moment)
 
 
 def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:

@@ -62,7 +62,7 @@ def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
     settle(layer.depsgraph)
     own = {rig.key: rig for rig in (*wanted, *rigs.frozen()) if rigs.is_alive(rig.ob)}
     for rig in own.values():
-        want(rig)
+        want(rig, rig.needs_program)
     for _ in range(MOST_ATTEMPTS):
         chosen = reasons.freezable(own, scene, layer)
         _build(list(chosen.values()), scene, layer)
@@ -75,10 +75,24 @@ def _freeze(wanted: list[rigs.Rig], scene: Any, layer: Any) -> None:
             rig.reason = rig.reason or f"{rig.name} is edited by a handler after each evaluation, so it stays live"
 
 
-def want(rig: rigs.Rig) -> None:
-    """Freezes an armature as soon as it can be."""
+def want(rig: rigs.Rig, needs_program: bool = False) -> None:
+    """Freezes an armature as soon as it can be. needs_program: only if it can be computed, and nobody has asked for
+    more."""
     if rig.state is State.LIVE:
         rig.state = State.WANTED
+    elif needs_program and not rig.needs_program:
+        return
+    rig.needs_program, rig.stays_live = needs_program, False
+
+
+def keep_records(rig: rigs.Rig) -> None:
+    """Records an armature from now on that may only be accelerated until now."""
+    if rig.needs_program:
+        rig.needs_program = False
+        if rig.state is State.WANTED:
+            rig.state = State.LIVE
+        if rig.passing is not None:
+            rig.keep(*rig.passing)
 
 
 def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
@@ -107,6 +121,7 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
         rig.state = State.SUSPECT
     try:
         _rebuild(chosen, at_home, layer)
+        watch.expect_no_more(graph)  # no handler has seen that evaluation
         followed = [ob for rig in chosen for ob in _settle_frozen(rig, scene, layer)]
     except BaseException:
         relations.tag()
@@ -197,15 +212,8 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     users = bpy.data.user_map()
     each_followers = followers.find([rig.ob for rig in posed], users, graph)
     for rig in posed:
-        own = each_followers[rig.ob]
         try:
-            if isinstance(own, followers.NotFreezable):
-                raise own
-            reasons.check(rig.ob)
-            changes.meet(rig, own, users, graph)
-            computing.read(rig, rig.scene, graph)
-            if not rig.is_posable:
-                raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
+            _read_edited(rig, each_followers[rig.ob], users, graph)
         except followers.NotFreezable as reason:
             found[rig.key] = str(reason)
             continue
@@ -213,6 +221,32 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         rig.source.is_proven = True
         rig.state, rig.shown = State.FROZEN, None
     return found
+
+
+def read_ahead(rig: rigs.Rig) -> None:
+    """Reads the program of an armature that is POSED before another frame needs it. Call it outside an evaluation."""
+    graph, users = rig.graph(), bpy.data.user_map()
+    try:
+        _read_edited(rig, followers.find([rig.ob], users, graph)[rig.ob], users, graph)
+    except followers.NotFreezable as reason:
+        rig.source = rigs.Source(refusal=str(reason))
+
+
+def _read_edited(rig: rigs.Rig, own: Any, users: Any, graph: Any) -> None:
+    """Reads the program of an armature that is POSED, unless nothing was edited since it was read. own: what follows
+    it, as returned by followers.find. Raises NotFreezable if there is none."""
+    changes.compare_keys(rig, graph)
+    if rig.watch is not None and rig.watch.is_tagged(graph, True):
+        changes.drop_all(rig)
+    if rig.source.program is not None:
+        return
+    if isinstance(own, followers.NotFreezable):
+        raise own
+    reasons.check(rig.ob)
+    changes.meet(rig, own, users, graph)
+    computing.read(rig, rig.scene, graph)
+    if not rig.is_posable:
+        raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
 
 
 def select(graph: Any) -> None:
@@ -275,7 +309,7 @@ def _evaluate_keys(rig: rigs.Rig) -> None:
     """Has Blender evaluate the keyframes of an armature that is thawed. If the originals have the channels of this
     frame, they are left as they are: somebody may just have edited them. If its keyframes were edited so that they
     have to be evaluated, Blender knows."""
-    is_here = rig.shown is not None and rigs.is_alive(rig.scene) and rig.shown == rigs.whole_frame(rig.scene)
+    is_here = rig.shown is not None and rigs.is_alive(rig.scene) and rig.shown == rigs.time_of(rig.scene)
     if not is_here or _has_other_keys(rig.ob):
         rig.ob.update_tag(refresh={"TIME"})
 
@@ -305,6 +339,7 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         if rig.state is State.WANTED
         and (not rig.is_selected or rig.is_posable)
         and not (is_playing and (rig.reason or rig.shown is None))
+        and not (rig.needs_program and (rig.tries > 0 or not rig.source.is_proven))
         and (rigs.now(rig, scene) is not None or not is_playing and computing.can_be(rig))
         and (rig.ob.mode == "OBJECT" or rig.is_posable and rig.ob.mode == "POSE")
     ]

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..blender import meshes, values
-from . import playing, recording, records, rigs
+from . import freezing, playing, recording, records, rigs
 
 MOST_FACES = 2_000_000  # of a mesh that is shown as a ghost
 
@@ -80,6 +80,7 @@ class Skins:
 
 def show(rig: rigs.Rig) -> None:
     """Keeps the shapes of a character from now on."""
+    freezing.keep_records(rig)
     rig.skins = rig.skins or Skins()
     _find_objects(rig)
 

@@ -8,12 +8,13 @@ from bpy.app.handlers import persistent
 
 from ..host import contract, relations
 from ..main import callbacks
-from . import freezing, ghosts, playing, rigs
+from . import accelerating, freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
 _update_number = 0  # of evaluations
 _tried = (0, False)  # that number at the last attempt, and whether the scene played
+_has_accelerated = False  # all that can be done without another evaluation
 
 
 def _guarded(function: Any, *arguments: Any) -> None:
@@ -69,8 +70,9 @@ def after_undo(*_: Any) -> None:
 
 def freeze_again() -> float:
     """Freezes again what is wanted frozen and is not selected, as a timer. While the scene plays only what was thawed
-    together with another one, which takes one building of relations. Returns the seconds until the next call."""
-    global _tried
+    together with another one, which takes one building of relations. If nothing has been evaluated since the last call,
+    accelerates rigs. Returns the seconds until the next call."""
+    global _tried, _has_accelerated
     context = bpy.context
     if context.window is None or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
         return SECONDS_BETWEEN_LOOKS
@@ -80,6 +82,14 @@ def freeze_again() -> float:
             freezing.freeze_again(context.scene, context.view_layer, is_playing)
         except Exception:
             log.exception("nothing could be frozen again")
+        _tried, _has_accelerated = (_update_number, is_playing), False
+    elif not _has_accelerated and not is_playing and not getattr(context.window, "modal_operators", ()):
+        _has_accelerated = True
+        try:
+            is_on = context.scene.sinew_accelerates_rigs
+            _has_accelerated = not (is_on and accelerating.step(context.scene, context.view_layer))
+        except Exception:
+            log.exception("no rig could be accelerated")
         _tried = _update_number, is_playing
     return SECONDS_BETWEEN_LOOKS
 

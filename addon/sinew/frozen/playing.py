@@ -60,7 +60,7 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
 def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     reasons = {}
     changes.look(own, graph)
-    frame = rigs.whole_frame(own[0].scene)
+    frame = rigs.time_of(own[0].scene)
     for rig in own:
         if rig.is_frozen:
             why = _look(rig, graph, frame, is_new_frame)
@@ -69,28 +69,27 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
         if not rig.is_frozen:
             freezing.look_at_keys(rig, graph, is_new_frame)
     own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
-    if frame is not None and not reasons:
+    if not reasons:
         reasons = freezing.resume([rig for rig in own if not rig.is_frozen], graph)
         computing.fill(own, [frame])
     for rig in own:
-        if frame is None or frame not in rig.record:
-            at = rig.scene.frame_current + rig.scene.frame_subframe
-            reasons.setdefault(rig.key, f"frame {at:g} of {rig.name} is not recorded: it is live there")
-    if frame is not None and not reasons:
+        if rig.at(frame) is None:
+            reasons.setdefault(rig.key, f"frame {frame:g} of {rig.name} is not recorded: it is live there")
+    if not reasons:
         for rig in _play_frame(own, graph, frame, is_new_frame):
             reasons[rig.key] = _moved_by_others(rig)
     if reasons:
         freezing.melt(graph, reasons)
 
 
-def _look(rig: rigs.Rig, graph: Any, frame: int | None, is_new_frame: bool) -> str:
+def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
     """Finds out whether a frozen armature was edited. Returns why it cannot stay frozen, or POSED, or ""."""
     changes.compare_keys(rig, graph)
     if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
         return "" if freezing.pose(rig) else f"{rig.name} was edited"
     if rig.tempo != changes.tempo_of(rig.scene):
         return f"{rig.scene.name} plays at another speed than when {rig.name} was recorded"
-    if rig.is_posable and frame not in rig.record and not rig.source.is_proven:  # its keyframes were edited
+    if rig.is_posable and rig.at(frame) is None and not rig.source.is_proven:  # its keyframes were edited
         freezing.pose(rig)
         rig.shown = None
     return ""
@@ -101,18 +100,18 @@ def _moved_by_others(rig: rigs.Rig) -> str:
     return f"something besides its keyframes moves the bones of {rig.name}"
 
 
-def _play_frame(own: list[rigs.Rig], graph: Any, frame: int, is_new_frame: bool) -> list[rigs.Rig]:
+def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: bool) -> list[rigs.Rig]:
     """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
     lacking = [rig for rig in own if rig.shown == frame and not rigs.shows(rig, graph, rig.pose)]
     for rig in own:
         if rig.pose is None:  # Blender has evaluated it
-            rig.shown, rig.pose = frame, rig.record.at(frame)
+            rig.shown, rig.pose = frame, rig.at(frame)
             if not rigs.show(rig, graph, rig.pose):
                 lacking.append(rig)
             _tag_followers(rig, graph)
             for ob in rig.followers.hooked if not is_new_frame else ():
                 ob.update_tag()
-    steps = [(rig, rig.record.at(frame)) for rig in own if rig.shown != frame]
+    steps = [(rig, rig.at(frame)) for rig in own if rig.shown != frame]
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:
             rig.shown, rig.pose = frame, moment
@@ -140,7 +139,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
             rig.clear()
             rig.live_in(scene, graph.view_layer)
     freezing.settle(graph)
-    own, frame, reasons = rigs.at_home(graph), rigs.whole_frame(scene), {}
+    own, frame, reasons = rigs.at_home(graph), rigs.time_of(scene), {}
     for rig in own:
         if rig.is_idle and not rigs.is_without_keys(rig, graph):  # Blender has built relations, and copied it
             reasons[rig.key] = ""
@@ -169,10 +168,12 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
         return
     if is_new_frame:
         changes.record([rig for rig in own if not rig.is_idle], scene, graph)
+    whole = rigs.whole_frame(scene)
     for rig in own:
-        if rig.is_frozen and frame is not None:
-            rig.shapes.note(frame, graph)
-        elif not rig.is_frozen:
+        if rig.is_frozen:
+            if whole is not None:
+                rig.shapes.note(whole, graph)
+        else:
             if rig.skins is not None:
                 changes.compare_keys(rig, graph)
             if not is_new_frame:

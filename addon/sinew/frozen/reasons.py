@@ -33,6 +33,8 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
             rig.reason = why_live(rig, scene, layer)
             if rig.ob.mode == "POSE" and not rig.is_posable:
                 rig.reason = being_edited(rig.ob)
+            if rig.needs_program and not (rig.source.is_proven and rig.is_posable):
+                rig.reason = why_not_computed(rig, scene)
             if not rig.reason:
                 changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
                 rig.reason = why_live(rig, scene, layer)
@@ -59,7 +61,7 @@ def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
         return f"{rig.name} is live between two frames: only whole frames are recorded"
     if rigs.evaluated_copy(rig, layer.depsgraph) is None:
         return f"{rig.name} is not in this view layer"
-    if frame in rig.record:
+    if rig.at(frame) is not None:
         return ""
     bone = unkeyed_bone(rig, scene)
     if bone:
@@ -70,6 +72,18 @@ def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:
     if rig.restless > 1:
         return f"{rig.name} is edited after each frame, by a handler of another add-on, which cannot be recorded"
     return f"frame {frame} of {rig.name} is not recorded: play it, or use Record"
+
+
+def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
+    """Returns why an armature is not frozen that is only if it can be computed, as a sentence."""
+    if rig.source.refusal:
+        return rig.source.refusal
+    if rig.source.is_proven:
+        return f"keyframes of {rig.name} set more than channels of bones, constraints' influence and custom properties"
+    bone = unkeyed_bone(rig, scene)
+    if bone:
+        return f"{rig.name} has changes that are not keyed (bone {bone})"
+    return f"the pose of {rig.name} is not exactly what was computed"
 
 
 def being_edited(rig: Any) -> str:

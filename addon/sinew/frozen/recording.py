@@ -55,6 +55,8 @@ def steps(
     layer.update()  # what was edited just now is dropped from the records
     now, own = rigs.whole_frame(scene), [rigs.learn(each) for each in armatures]
     freezing.settle(layer.depsgraph)
+    for rig in own:
+        freezing.keep_records(rig)
     reasons.prepare(own, scene, layer)
     for rig in own:
         rig.reason = reasons.why_live(rig, scene, layer) if reasons.unkeyed_bone(rig, scene) else ""

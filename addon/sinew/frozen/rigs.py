@@ -55,8 +55,9 @@ class Rig:
     followers: Followers = field(default_factory=Followers)
     scene: Any = None  # in which it is recorded and frozen
     layer: int = 0  # address of the view layer
-    shown: int | None = None  # the frame whose pose was written last
+    shown: float | None = None  # the frame whose pose was written last
     pose: Any = None  # that Moment
+    passing: tuple[float, Any] | None = None  # the last moment that is not recorded: (time, Moment)
     is_selected: bool = False  # it was, or something of it, at the last look
     watch: Any = None  # watch.Watch on what the record depends on; None: nothing is recorded
     keys: Any = None  # the keyframes that the record was made with, a changes.Keys
@@ -69,6 +70,10 @@ class Rig:
     source: Source = field(default_factory=Source)
     is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
     is_posable: bool = False  # it may be POSED: such a program was proven
+    needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
+    stays_live: bool = False  # somebody has thawed it
+    tries: int = 0  # see accelerating.py
+    tries_to_skip: int = 0
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
 
     @property
@@ -85,11 +90,22 @@ class Rig:
         """Whether it is frozen whenever possible."""
         return self.state is not State.LIVE
 
+    def at(self, time: float) -> Any:
+        """Returns the Moment at that frame or between two, or None if it is neither recorded nor computed."""
+        return self.passing[1] if self.passing is not None and self.passing[0] == time else self.record.at(time)
+
+    def keep(self, time: float, moment: Any) -> None:
+        """Keeps a Moment: in the record, or until there is another one if it is only accelerated or between frames."""
+        if self.needs_program or time != int(time):
+            self.passing = time, moment
+        else:
+            self.record.put(int(time), moment)
+
     def clear(self) -> None:
         """Drops all that is recorded."""
         self.record.clear()
         self.shapes.clear()
-        self.watch, self.source = None, Source()
+        self.watch, self.source, self.passing = None, Source(), None
         if self.skins is not None:
             self.skins.clear()
 
@@ -306,10 +322,15 @@ def whole_frame(scene: Any) -> int | None:
     return scene.frame_current if scene.frame_subframe == 0 else None
 
 
+def time_of(scene: Any) -> float:
+    """Returns the scene's frame, with the part of a frame that has passed since."""
+    return scene.frame_current + scene.frame_subframe
+
+
 def now(rig: Rig, scene: Any) -> Moment | None:
     """Returns what is recorded of the scene's frame, or None."""
     frame = whole_frame(scene)
-    return rig.record.at(frame) if frame is not None else None
+    return rig.at(frame) if frame is not None else None
 
 
 def has_animation(ob: Any) -> bool:

@@ -75,6 +75,8 @@ class Freezes(InSteps):
 
     def finish(self: Any, context, _value):
         own = [rigs.learn(each) for each in self.armatures(context)]
+        for rig in own:
+            freezing.want(rig)
         if not own:
             self.report({"ERROR"}, "select an armature, or an object that one moves")
             return {"CANCELLED"}
@@ -124,6 +126,8 @@ class Thaw(bpy.types.Operator):
         selected = chosen(context)
         own = [rig for rig in rigs.known() if rig.ob in selected or not selected]
         freezing.thaw(own, context.scene, context.view_layer)
+        for rig in own:
+            rig.stays_live = True
         notice.redraw()
         return {"FINISHED"}
 
@@ -145,9 +149,9 @@ def draw_rig(layout: bpy.types.UILayout, context: bpy.types.Context, rig: Any) -
     row = layout.split(factor=0.5, align=True)
     row.label(text=rig.name, icon="FREEZE" if rig.is_idle else "ARMATURE_DATA")
     row.label(text=frames_text(rig))
-    if rig.is_wanted and not rig.is_idle and rig.reason:
+    if rig.is_wanted and not rig.is_idle and not rig.needs_program and rig.reason:
         notice.draw_sentence(layout, context, rig.reason, False)
-    if rig.source.refusal:
+    if rig.source.refusal and not rig.needs_program:
         notice.draw_sentence(layout, context, f"It is recorded, not computed: {rig.source.refusal}", False)
 
 
@@ -173,6 +177,16 @@ class SidebarFrozen(InSidebar, bpy.types.Panel):
         draw(self.layout, context)
 
 
+def _switch_rigs(scene: Any, context: Any) -> None:
+    """Lets Blender evaluate all rigs again that are only accelerated, or tries all of them."""
+    own = [rig for rig in rigs.known() if rig.needs_program or rig.stays_live]
+    if not scene.sinew_accelerates_rigs:
+        freezing.thaw([rig for rig in own if rig.needs_program], scene, context.view_layer)
+    for rig in own:
+        rig.needs_program = rig.stays_live = False
+        rig.tries = rig.tries_to_skip = 0
+
+
 CLASSES = (Record, Freeze, FreezeOthers, Thaw, SidebarFrozen)
 
 
@@ -186,7 +200,16 @@ def register() -> None:
     )
 
 
+    bpy.types.Scene.sinew_accelerates_rigs = BoolProperty(
+        name="Accelerate Rigs",
+        description="Compute the bones of accelerated characters natively, with the same result, if their rigs allow it",
+        default=True,
+        update=_switch_rigs,
+    )
+
+
 def unregister() -> None:
+    del bpy.types.Scene.sinew_accelerates_rigs
     del bpy.types.Scene.sinew_freezes_others
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

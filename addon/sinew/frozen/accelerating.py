@@ -1,0 +1,62 @@
+"""Accelerates the rigs of bound meshes: those that can be computed are frozen although nobody has asked for it, as long
+as nothing is edited. Such a rig looks and is posed as if it were live; one that cannot be computed stays Blender's.
+
+To read a rig takes up to 0.1 s. So it is done while the user does nothing, one rig after the other."""
+
+from typing import Any
+
+from ..blender import armatures
+from ..run import characters
+from . import freezing, reasons, rigs
+
+# A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
+# counts for as much as a bone.
+LEAST_WORK = 60
+MOST_TO_SKIP = 64  # of the times at which a rig that could not be computed might be tried again
+
+
+def step(scene: Any, layer: Any) -> bool:
+    """Takes the next step, in the main thread, outside an evaluation, while the user does nothing. Returns whether
+    there may be another one."""
+    if rigs.whole_frame(scene) is None:
+        return False
+    for rig in rigs.idle():
+        if not rig.is_frozen and rig.source.program is None and not rig.source.refusal:
+            freezing.read_ahead(rig)
+            return True
+    own = [rigs.learn(ob) for ob in _armatures(layer)]
+    own = [rig for rig in own if not rig.is_idle and (rig.needs_program or not rig.is_wanted)]
+    own = [rig for rig in own if not rig.stays_live and not rig.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")]
+    due = [rig for rig in own if rig.tries_to_skip == 0]
+    for rig in own:
+        rig.tries_to_skip = max(rig.tries_to_skip - 1, 0)
+    for rig in due:
+        freezing.want(rig, True)
+        if not (rig.source.is_proven and rig.is_posable):
+            proven = [each for each in (*due, *rigs.frozen()) if each.source.is_proven]
+            reasons.freezable({each.key: each for each in (*proven, rig)}, scene, layer)
+            _note(rig, not rig.reason)
+            return True
+    if due:
+        freezing.freeze(due, scene, layer)
+    for rig in due:
+        _note(rig, rig.is_frozen)
+    return False
+
+
+def _note(rig: rigs.Rig, has_succeeded: bool) -> None:
+    rig.tries = 0 if has_succeeded else min(2 * rig.tries + 1, MOST_TO_SKIP)
+    rig.tries_to_skip = rig.tries
+
+
+def _armatures(layer: Any) -> list[Any]:
+    """Returns the armature objects of bound meshes in a view layer that are worth it."""
+    found = {armature: None for ob in characters.known() for armature in armatures.of_modifiers(ob)}
+    return [ob for ob in found if rigs.has_animation(ob) and ob.visible_get(view_layer=layer) and _work(ob) >= LEAST_WORK]
+
+
+def _work(ob: Any) -> int:
+    """Returns about how much Blender evaluates for an armature object."""
+    drivers = ob.animation_data.drivers if ob.animation_data is not None else ()
+    count = len(ob.pose.bones) + len(drivers)
+    return count if count >= LEAST_WORK else count + sum(len(bone.constraints) for bone in ob.pose.bones)

@@ -1,0 +1,210 @@
+"""The rigs of bound meshes are computed although nobody has frozen them: while the user does nothing they are read, and
+then look and are edited as if they were live. The second character of the cast stays live."""
+
+import bpy
+import pytest
+
+from helpers import addon_module, needs_rig_programs, select
+from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
+from test_frozen_computed import key, move, state
+from test_frozen_who import both
+
+pytestmark = needs_rig_programs
+
+
+def accelerating():
+    return addon_module("frozen.accelerating")
+
+
+@pytest.fixture
+def cast(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    cast = Cast(fresh_scene)
+    keep_live(cast)
+    return cast
+
+
+def keep_live(cast):
+    live = recorded().learn(cast.live[0])
+    live.stays_live = live.needs_program = True  # and is not recorded
+
+
+def wait(cast):
+    """What the timer does while the user does nothing. Returns how many steps there were."""
+    freezing().freeze_again(cast.scene, layer())
+    for number in range(20):
+        if not accelerating().step(cast.scene, layer()):
+            return number
+    raise AssertionError("it does not come to an end")
+
+
+def accelerate(cast):
+    wait(cast)
+    assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
+
+
+def test_it_needs_no_recording_and_no_memory(cast):
+    accelerate(cast)
+    cast.play([*FRAMES, 3, -7, 400])
+    cast.scene.frame_set(4, subframe=0.5)
+    cast.assert_same()
+    assert cast.rig.is_frozen and recorded().used_memory() == 0
+    assert not recorded().get(cast.live[0]).is_idle
+
+
+def test_reading_takes_one_step_for_each_rig(cast):
+    recorded().get(cast.live[0]).stays_live = False
+    assert wait(cast) == 2
+    assert all(recorded().get(each[0]).is_frozen for each in both(cast))
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_edits(cast, edit):
+    accelerate(cast)
+    cast.play([3, 5])
+    for armature, *_ in both(cast):
+        edit(armature)
+    layer().update()
+    cast.assert_same()
+    cast.play([5, 3])
+    wait(cast)
+    cast.play()
+
+
+def test_it_is_posed_and_read_again_before_the_next_frame(cast):
+    accelerate(cast)
+    select(cast.frozen[0])
+    for _ in range(2):
+        move(cast, 2)
+        cast.assert_same()
+        assert cast.rig.state is state("POSED") and cast.rig.source.program is None
+        assert wait(cast) == 1 and cast.rig.state is state("POSED")
+        program = cast.rig.source.program
+        assert program is not None
+        cast.assert_same()
+        cast.play([5, 3])
+        assert cast.rig.is_frozen and cast.rig.source.program is program
+
+
+@pytest.mark.parametrize("change", [lambda cast: move(cast, 3, "bone2"), lambda cast: key(cast, 4)], ids=["pose", "keys"])
+def test_what_is_edited_after_it_was_read_again_is_seen(cast, change):
+    accelerate(cast)
+    move(cast, 2)
+    wait(cast)
+    change(cast)
+    cast.assert_same()
+    cast.play([5, 4, 3])
+    cast.play()
+
+
+def test_what_is_edited_without_an_evaluation_is_seen(cast):
+    accelerate(cast)
+    move(cast, 2)
+    wait(cast)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].constraints.new("LIMIT_ROTATION").use_limit_x = True
+        armature.pose.bones["bone1"].keyframe_insert("scale", frame=2)
+    cast.play()
+
+
+def test_undo(cast):
+    accelerate(cast)
+    bpy.ops.ed.undo_push(message="before")
+    move(cast, 2)
+    bpy.ops.ed.undo_push(message="posed")
+    cast.undo()
+    cast.assert_same()
+    wait(cast)
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def test_adding_an_object_lets_it_be_computed_again(cast):
+    accelerate(cast)
+    cast.scene.collection.objects.link(bpy.data.objects.new("New", None))
+    layer().update()
+    cast.assert_same()
+    wait(cast)
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
+    move(cast, 2)
+    wait(cast)
+    assert not cast.rig.is_frozen and "not keyed (bone bone1)" in cast.rig.reason
+    cast.assert_same()
+    cast.scene.frame_set(2)
+    for _ in range(3):
+        wait(cast)
+    assert cast.rig.is_frozen
+    cast.play()
+
+
+def test_one_that_cannot_be_computed_stays_live_and_is_read_ever_less_often(cast, monkeypatch):
+    for armature, *_ in both(cast):
+        armature.pose.bones["side"].constraints.new("SHRINKWRAP").target = cast.frozen[3]
+    layer().update()
+    reads, read = [], addon_module("frozen.computing")._read
+    monkeypatch.setattr(addon_module("frozen.computing"), "_read", lambda *each: reads.append(1) or read(*each))
+    for step in range(20):
+        move(cast, 0.1 * step)
+        wait(cast)
+        assert not cast.rig.is_idle and "SHRINKWRAP" in cast.rig.reason
+    assert 2 < len(reads) < 6
+    cast.play()
+    assert not len(cast.rig.record), "it is not recorded either"
+
+
+def test_small_rigs_are_left_alone(cast, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 1000)
+    assert wait(cast) == 0 and not cast.rig.is_wanted
+
+
+def test_what_somebody_has_thawed_stays_live(cast):
+    accelerate(cast)
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+    wait(cast)
+    assert not cast.rig.is_idle
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    assert cast.rig.is_frozen and not cast.rig.needs_program
+    cast.play()
+
+
+def test_freezing_it_keeps_what_is_computed(cast):
+    accelerate(cast)
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_freeze() == {"FINISHED"}
+    assert cast.rig.is_frozen and not cast.rig.needs_program
+    cast.play()
+    assert cast.rig.record.runs() == [(1, 10)] and cast.rig.shapes.nbytes > 0
+
+
+def test_it_is_recorded_when_somebody_asks(cast):
+    accelerate(cast)
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_record() == {"FINISHED"}
+    assert cast.rig.record.runs() == [(1, 10)]
+    cast.play()
+
+
+def test_onion_skins(cast):
+    accelerate(cast)
+    select(cast.frozen[0])
+    bpy.ops.object.sinew_onion_skins()
+    cast.play()
+    assert cast.rig.record.runs() == [(1, 10)] and not cast.rig.skins.lacks(4, cast.rig.record.at(4))
+    bpy.ops.object.sinew_onion_skins()
+
+
+def test_the_switch(cast):
+    accelerate(cast)
+    cast.scene.sinew_accelerates_rigs = False
+    assert not cast.rig.is_wanted and not cast.rig.is_idle
+    cast.play()
+    cast.scene.sinew_accelerates_rigs = True
+    keep_live(cast)
+    accelerate(cast)
+    cast.play()
