@@ -89,6 +89,7 @@ def steps():
     for each in list(bpy.data.objects):
         bpy.data.objects.remove(each)
     scene().frame_start, scene().frame_end = FRAMES[0], FRAMES[-1]
+    scene().sinew_accelerates_rigs = False
     panel_open()
     yield 0.5
     with in_area("VIEW_3D"):
@@ -123,6 +124,7 @@ def steps():
     yield from autosaved(armatures, reference)
     if bpy.app.version >= (4, 2, 0):
         yield from computed(meshes, armatures, reference)
+        yield from accelerated(meshes, armatures, reference)
 
 
 def panel_open():
@@ -363,6 +365,33 @@ def computed(meshes, armatures, reference):
     scene().frame_set(13)
     assert_as(reference, meshes)
     print("window: posed, keyed and undid a computed character")
+
+
+def accelerated(meshes, armatures, reference):
+    """Nobody has frozen anything: the rigs are computed as soon as nothing happens, and after an edit again."""
+    addon_module("frozen.accelerating").LEAST_WORK = 0
+    scene().sinew_freezes_others = False
+    freezing().thaw(recorded().known(), scene(), bpy.context.view_layer)
+    for rig in recorded().known():
+        rig.clear()
+    scene().sinew_accelerates_rigs = True
+    scene().frame_set(8)
+    for name in armatures:
+        yield from until_frozen(name, "no rig is accelerated")
+    _rate, seen = yield from playing(15.0, 40)
+    assert len(set(seen)) >= 5, f"only {len(set(seen))} frames were shown"
+    assert all(map(is_frozen, armatures))
+    assert not any(len(rig.record) > 1 for rig in recorded().known())  # the one on which they were still live
+    scene().frame_set(8)
+    assert_as(reference, meshes)
+    yield from pick(meshes[0])
+    yield from picture("accelerated-rig")
+    yield from pose_key_and_undo(meshes, armatures, reference)
+    for name in armatures:
+        yield from until_frozen(name, "what was posed is not accelerated again")
+    scene().frame_set(13)
+    assert_as(reference, meshes)
+    print(f"window: two rigs were accelerated, {len(set(seen))} different frames, and one was posed and undone")
 
 
 run(steps())

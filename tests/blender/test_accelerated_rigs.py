@@ -3,6 +3,7 @@ then look and are edited as if they were live. The second character of the cast 
 
 import bpy
 import pytest
+from mathutils import Euler
 
 from helpers import addon_module, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
@@ -30,11 +31,15 @@ def keep_live(cast):
     live.stays_live = live.needs_program = True  # and is not recorded
 
 
+def evaluations():
+    return addon_module("frozen.handlers")._update_number
+
+
 def wait(cast):
     """What the timer does while the user does nothing. Returns how many steps there were."""
     freezing().freeze_again(cast.scene, layer())
-    for number in range(20):
-        if not accelerating().step(cast.scene, layer()):
+    for number in range(200):
+        if not accelerating().step(cast.scene, layer(), evaluations()):
             return number
     raise AssertionError("it does not come to an end")
 
@@ -136,9 +141,7 @@ def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
     assert not cast.rig.is_frozen and "not keyed (bone bone1)" in cast.rig.reason
     cast.assert_same()
     cast.scene.frame_set(2)
-    for _ in range(3):
-        wait(cast)
-    assert cast.rig.is_frozen
+    accelerate(cast)
     cast.play()
 
 
@@ -150,9 +153,14 @@ def test_one_that_cannot_be_computed_stays_live_and_is_read_ever_less_often(cast
     monkeypatch.setattr(addon_module("frozen.computing"), "_read", lambda *each: reads.append(1) or read(*each))
     for step in range(20):
         move(cast, 0.1 * step)
-        wait(cast)
+        for _ in range(3):
+            accelerating().step(cast.scene, layer(), evaluations())
         assert not cast.rig.is_idle and "SHRINKWRAP" in cast.rig.reason
-    assert 2 < len(reads) < 6
+    assert 3 < len(reads) < 8
+    wait(cast)
+    known = len(reads)
+    wait(cast)
+    assert len(reads) == known, "nothing was evaluated since"
     cast.play()
     assert not len(cast.rig.record), "it is not recorded either"
 
@@ -199,6 +207,43 @@ def test_onion_skins(cast):
     bpy.ops.object.sinew_onion_skins()
 
 
+def test_what_the_panel_says(cast):
+    text_of = addon_module("ui.rig_line").text_of
+    assert text_of(cast.frozen[0]) == ("", "")
+    move(cast, 2)
+    wait(cast)
+    text, reason = text_of(cast.frozen[0])
+    assert text == "Rig: Blender's" and "not keyed" in reason
+    cast.scene.frame_set(2)
+    accelerate(cast)
+    cast.scene.frame_set(3)
+    assert text_of(cast.frozen[0])[0].startswith("Rig: native, 0.")
+    select(cast.frozen[0])
+    bpy.ops.object.sinew_thaw()
+    assert text_of(cast.frozen[0]) == ("Rig: Blender's, because it was thawed", "")
+
+
+def test_measuring_compares_it_with_blender(cast):
+    """Blender evaluates the rigs as long as their share is measured."""
+    accelerate(cast)
+    states = []
+
+    class Progress:
+        def step(self, *_):
+            pass
+
+    whole_frames = addon_module("main.whole_frames")
+    frame_changes = bpy.app.handlers.frame_change_pre
+    frame_changes.append(lambda *_: states.append(cast.rig.is_frozen))
+    try:
+        measured = whole_frames.measure(cast.scene, Progress())
+    finally:
+        frame_changes.pop()
+    assert measured.sinew > 0 and 20 < sum(states) < len(states) - 20
+    assert cast.rig.is_frozen and cast.rig.needs_program
+    cast.play()
+
+
 def test_the_switch(cast):
     accelerate(cast)
     cast.scene.sinew_accelerates_rigs = False
@@ -208,3 +253,34 @@ def test_the_switch(cast):
     keep_live(cast)
     accelerate(cast)
     cast.play()
+
+
+def test_undo_of_a_key_and_of_a_pose_with_pauses(cast):
+    cast.scene.frame_set(8)
+    accelerate(cast)
+    bpy.ops.ed.undo_push(message="before")
+    turn(cast)
+    bpy.ops.ed.undo_push(message="posed")
+    wait(cast)
+    for armature, *_ in both(cast):
+        for path in ("location", "rotation_quaternion", "scale"):
+            armature.pose.bones["bone1"].keyframe_insert(path)
+    layer().update()
+    bpy.ops.ed.undo_push(message="keyed")
+    wait(cast)
+    for frame in (12, 8):
+        cast.scene.frame_set(frame)
+        cast.assert_same()
+    for _ in range(2):
+        cast.undo()
+        wait(cast)
+        cast.assert_same()
+    cast.play([*FRAMES, 8])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+
+
+def turn(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].rotation_quaternion.rotate(Euler((0.3, 0.2, 0.1)))
+    layer().update()

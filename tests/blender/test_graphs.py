@@ -241,3 +241,13 @@ def test_a_file_with_marks(playing, tmp_path):
         assert_same_shape(ob, twin)
     assert_edits_are_seen(scene, ob, twin)
     assert marked(ob, armature) == []
+
+
+def test_two_threads_restore_at_the_same_time(playing, monkeypatch):
+    """Each looks at all evaluated objects, and finds some that the other has restored in between."""
+    graph_copies, afterwards = addon_module("run.graph_copies"), addon_module("run.afterwards")
+    copy = addon_module("run.characters").of(playing[1] if isinstance(playing, tuple) else playing).last
+    assert copy.unrestored is None
+    monkeypatch.setattr(graph_copies, "unrestored", lambda: [(0, copy)])
+    afterwards.restore(depsgraph())
+    assert copy.unrestored is None

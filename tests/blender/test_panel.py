@@ -161,7 +161,8 @@ def test_mesh_and_armature_before_and_after(fresh_scene, mesh_panel, armature_pa
     ):
         assert text in said
     select(armature)
-    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, "object.sinew_unbind", "Measure", display[1]]
+    rig = ["Accelerate Rigs"]
+    assert draw(armature_panel) == ["1 of 1 meshes bound", ob.name, *rig, "object.sinew_unbind", "Measure", display[1]]
 
 
 def test_weights(fresh_scene):

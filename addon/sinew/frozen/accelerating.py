@@ -12,12 +12,13 @@ from . import freezing, reasons, rigs
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
 LEAST_WORK = 60
-MOST_TO_SKIP = 64  # of the times at which a rig that could not be computed might be tried again
+MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried again
 
 
-def step(scene: Any, layer: Any) -> bool:
-    """Takes the next step, in the main thread, outside an evaluation, while the user does nothing. Returns whether
-    there may be another one."""
+def step(scene: Any, layer: Any, number: int) -> bool:
+    """Takes the next step, in the main thread, outside an evaluation, while the user does nothing. number: of the
+    evaluations until now; a rig that could not be computed is tried again only if there were others since. Returns
+    whether there may be another step."""
     if rigs.whole_frame(scene) is None:
         return False
     for rig in rigs.idle():
@@ -27,6 +28,7 @@ def step(scene: Any, layer: Any) -> bool:
     own = [rigs.learn(ob) for ob in _armatures(layer)]
     own = [rig for rig in own if not rig.is_idle and (rig.needs_program or not rig.is_wanted)]
     own = [rig for rig in own if not rig.stays_live and not rig.is_distrusted and rig.ob.mode in ("OBJECT", "POSE")]
+    own = [rig for rig in own if rig.tries == 0 or rig.tried_at != number]
     due = [rig for rig in own if rig.tries_to_skip == 0]
     for rig in own:
         rig.tries_to_skip = max(rig.tries_to_skip - 1, 0)
@@ -35,18 +37,18 @@ def step(scene: Any, layer: Any) -> bool:
         if not (rig.source.is_proven and rig.is_posable):
             proven = [each for each in (*due, *rigs.frozen()) if each.source.is_proven]
             reasons.freezable({each.key: each for each in (*proven, rig)}, scene, layer)
-            _note(rig, not rig.reason)
+            _note(rig, not rig.reason, number)
             return True
     if due:
         freezing.freeze(due, scene, layer)
     for rig in due:
-        _note(rig, rig.is_frozen)
-    return False
+        _note(rig, rig.is_frozen, number)
+    return len(due) < len(own)
 
 
-def _note(rig: rigs.Rig, has_succeeded: bool) -> None:
+def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:
     rig.tries = 0 if has_succeeded else min(2 * rig.tries + 1, MOST_TO_SKIP)
-    rig.tries_to_skip = rig.tries
+    rig.tries_to_skip, rig.tried_at = rig.tries, number
 
 
 def _armatures(layer: Any) -> list[Any]:

@@ -6,6 +6,7 @@ instead."""
 
 import itertools
 from collections.abc import Iterable, Sequence
+from time import perf_counter
 from typing import Any
 
 import bpy
@@ -49,8 +50,12 @@ def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
     that are not recorded each keeps the last one."""
     able = [rig for rig in own if rig.source.is_proven]
     lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
-    for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
+    start = perf_counter()
+    found = _moments(able, lacking)
+    milliseconds = 1e3 * (perf_counter() - start) / max(sum(map(len, found)), 1)
+    for rig, missing, moments in zip(able, lacking, found):
         for frame, moment in zip(missing, moments):
+            rig.milliseconds = milliseconds
             rig.keep(frame, moment)
 
 

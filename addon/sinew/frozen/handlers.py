@@ -87,7 +87,7 @@ def freeze_again() -> float:
         _has_accelerated = True
         try:
             is_on = context.scene.sinew_accelerates_rigs
-            _has_accelerated = not (is_on and accelerating.step(context.scene, context.view_layer))
+            _has_accelerated = not (is_on and accelerating.step(context.scene, context.view_layer, _update_number))
         except Exception:
             log.exception("no rig could be accelerated")
         _tried = _update_number, is_playing

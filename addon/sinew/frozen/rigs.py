@@ -72,8 +72,10 @@ class Rig:
     is_posable: bool = False  # it may be POSED: such a program was proven
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
     stays_live: bool = False  # somebody has thawed it
+    milliseconds: float = 0.0  # to compute a moment, the last time
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
+    tried_at: int = 0
     tracks: list[tuple[bool, bool]] = field(default_factory=list)  # as returned by tracks_of, at the last look
 
     @property

@@ -25,6 +25,8 @@ def restore(depsgraph: Any) -> None:
     """Restores the objects of a dependency graph that Sinew has deformed since the last call. From any thread."""
     for address, copy in graph_copies.unrestored():
         original = copy.unrestored
+        if original is None:  # another thread, which evaluates the graph that has it, was faster
+            continue
         try:
             ob = original.evaluated_get(depsgraph)
         except ReferenceError:  # freed, as by an undo

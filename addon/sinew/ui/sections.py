@@ -12,7 +12,7 @@ from ..feedback import notice
 from ..main import whole_frames
 from ..native import sinew_native
 from ..plan import bindable, survey, ways
-from . import advice, cures, display, method_settings
+from . import advice, cures, display, method_settings, rig_line
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
 from .operators import Bind, ClipToKeyframes, MeasureFrames, Unbind
@@ -107,6 +107,7 @@ def draw_armature(layout: bpy.types.UILayout, context: bpy.types.Context, armatu
         column = layout.column()
         for ob in [ob for ob in meshes if ob.sinew.is_bound][:MOST_MESHES]:
             column.prop(ob.sinew, "method", text=ob.name)
+        rig_line.draw(layout, context, armature)
         draw_unbind(layout, context)
     draw_display(layout, armature)
 
@@ -124,6 +125,9 @@ def draw_bound(layout: bpy.types.UILayout, context: bpy.types.Context, ob: bpy.t
         method_settings.draw(column, context, ob)
     column.prop(settings, "output")
     draw_switches(column, ob)
+    armature = display.armature_of(ob)
+    if armature is not None and settings.source != "CLIP":
+        rig_line.draw(layout, context, armature)
     draw_display(layout, ob)
     draw_unbind(layout, context)
     for warning in warnings:

@@ -1,6 +1,8 @@
 """Freezing and thawing at random. As long as any armature is frozen, all is compared after each step with what Blender
 shows as soon as it evaluates everything again."""
 
+from collections import Counter
+
 import bpy
 import numpy as np
 
@@ -8,6 +10,9 @@ from helpers import addon_module, depsgraph, evaluated
 
 from . import scene
 from .kinds import kind
+
+
+looked_at: Counter[str] = Counter()  # rigs, while nothing was done
 
 
 def freezing():
@@ -39,6 +44,20 @@ def thaw(random):
 @kind(2)
 def freeze_again(_random):
     freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
+
+
+@kind(4)
+def do_nothing(_random):
+    """As long as it takes until rigs are accelerated."""
+    accelerating = addon_module("frozen.accelerating")
+    accelerating.LEAST_WORK = 0
+    freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
+    number = addon_module("frozen.handlers")._update_number
+    while accelerating.step(bpy.context.scene, bpy.context.view_layer, number):
+        pass
+    own = [rig for rig in recorded().known() if rig.needs_program]
+    looked_at.update("accelerated" if rig.is_frozen else "left to Blender" for rig in own)
+    return [(rig.name, rig.state.name, rig.reason) for rig in own]
 
 
 @kind(2)
