@@ -2,10 +2,11 @@
 then look and are edited as if they were live. The second character of the cast stays live."""
 
 import bpy
+import numpy as np
 import pytest
 from mathutils import Euler
 
-from helpers import addon_module, needs_rig_programs, select
+from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 from test_frozen_computed import key, move, state
 from test_frozen_who import both
@@ -92,7 +93,9 @@ def test_it_is_posed_and_read_again_before_the_next_frame(cast):
         assert cast.rig.is_frozen and cast.rig.source.program is program
 
 
-@pytest.mark.parametrize("change", [lambda cast: move(cast, 3, "bone2"), lambda cast: key(cast, 4)], ids=["pose", "keys"])
+@pytest.mark.parametrize(
+    "change", [lambda cast: move(cast, 3, "bone2"), lambda cast: key(cast, 4)], ids=["pose", "keys"]
+)
 def test_what_is_edited_after_it_was_read_again_is_seen(cast, change):
     accelerate(cast)
     move(cast, 2)
@@ -284,3 +287,19 @@ def turn(cast):
     for armature, *_ in both(cast):
         armature.pose.bones["bone1"].rotation_quaternion.rotate(Euler((0.3, 0.2, 0.1)))
     layer().update()
+
+
+def test_a_bake_accelerates_rigs(cast, monkeypatch):
+    """The frames that it reads are those of live rigs."""
+    evaluation, found, states = addon_module("bake.evaluation"), {}, []
+    for way in (False, True):
+        cast.scene.sinew_accelerates_rigs = way
+        keep_live(cast)
+        with evaluation.undisturbed(bpy.context):
+            for frame in (3, 4.5, 7):
+                cast.scene.frame_set(int(frame), subframe=frame % 1)
+                cast.assert_same()
+                states.append(cast.rig.is_frozen)
+                found.setdefault(way, []).append(evaluation.read(cast.frozen[1], depsgraph())[0])
+    assert states == [False] * 3 + [True] * 3
+    assert np.array_equal(found[False], found[True])

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ..blender import animation, meshes, nodes, values
+from ..frozen import accelerating
 
 
 def objects_to_bake(context: bpy.types.Context, names: Iterable[str]) -> list[bpy.types.Object]:
@@ -78,13 +79,14 @@ def check_count(ob: bpy.types.Object, frame: int, count: int, expected: int) -> 
 
 @contextmanager
 def undisturbed(context: bpy.types.Context) -> Iterator[None]:
-    """Leaves Edit or Sculpt Mode, whose meshes differ from those that play, inside the `with` block; restores mode and
-    frame."""
+    """Leaves Edit or Sculpt Mode, whose meshes differ from those that play, and accelerates rigs, inside the `with`
+    block; restores mode and frame."""
     scene, ob = context.scene, context.view_layer.objects.active
     frame = scene.frame_current, scene.frame_subframe
     mode = ob.mode if ob is not None and (ob.mode.startswith("EDIT") or ob.mode == "SCULPT") else None
     if mode:
         _set_mode(context, ob, "OBJECT")
+    accelerating.accelerate(scene, context.view_layer)
     try:
         yield
     finally:

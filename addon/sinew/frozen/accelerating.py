@@ -5,6 +5,8 @@ To read a rig takes up to 0.1 s. So it is done while the user does nothing, one 
 
 from typing import Any
 
+import bpy
+
 from ..blender import armatures
 from ..run import characters
 from . import freezing, reasons, rigs
@@ -13,6 +15,13 @@ from . import freezing, reasons, rigs
 # counts for as much as a bone.
 LEAST_WORK = 60
 MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried again
+
+
+def accelerate(scene: Any, layer: Any) -> None:
+    """Accelerates all rigs that can be, if the scene asks for it: before many frames are played."""
+    number = 0
+    while scene.sinew_accelerates_rigs and number < 2 * len(bpy.data.objects) and step(scene, layer, 0):
+        number += 1
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:
@@ -35,8 +44,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
     for rig in due:
         freezing.want(rig, True)
         if not (rig.source.is_proven and rig.is_posable):
-            proven = [each for each in (*due, *rigs.frozen()) if each.source.is_proven]
-            reasons.freezable({each.key: each for each in (*proven, rig)}, scene, layer)
+            reasons.look_at_each([rig], scene, layer)
             _note(rig, not rig.reason, number)
             return True
     if due:
@@ -54,7 +62,9 @@ def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:
 def _armatures(layer: Any) -> list[Any]:
     """Returns the armature objects of bound meshes in a view layer that are worth it."""
     found = {armature: None for ob in characters.known() for armature in armatures.of_modifiers(ob)}
-    return [ob for ob in found if rigs.has_animation(ob) and ob.visible_get(view_layer=layer) and _work(ob) >= LEAST_WORK]
+    return [
+        ob for ob in found if rigs.has_animation(ob) and ob.visible_get(view_layer=layer) and _work(ob) >= LEAST_WORK
+    ]
 
 
 def _work(ob: Any) -> int:

@@ -17,31 +17,7 @@ MOST_NAMES = 3  # that a reason lists
 
 def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
     """Returns those of these armatures that can be frozen now, by key. `reason` of the others says why not."""
-    users = bpy.data.user_map()
-    found = followers.find([rig.ob for rig in chosen.values()], users, layer.depsgraph)
-    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
-    needed: dict[int, list[Any]] = {}  # the other armatures on which each depends
-    for rig in chosen.values():
-        own = found[rig.ob]
-        try:
-            needs = check(rig.ob)
-            if isinstance(own, NotFreezable):
-                rig.reason = f"{rig.name} cannot be frozen: {own}"
-                continue
-            _drop_what_is_wrong(rig, scene, layer)
-            computing.prove(rig, own, users, scene, layer.depsgraph)
-            rig.reason = why_live(rig, scene, layer)
-            if rig.ob.mode == "POSE" and not rig.is_posable:
-                rig.reason = being_edited(rig.ob)
-            if rig.needs_program and not (rig.source.is_proven and rig.is_posable):
-                rig.reason = why_not_computed(rig, scene)
-            if not rig.reason:
-                changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
-                rig.reason = why_live(rig, scene, layer)
-        except NotFreezable as reason:
-            rig.reason = str(reason)
-        if not rig.reason:
-            needed[rig.key] = needs
+    needed = look_at_each(chosen.values(), scene, layer)
     lacking = True
     while lacking:  # one follows another, which cannot be frozen
         lacking = False
@@ -52,6 +28,40 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
                 rig.reason = f"{rig.name} follows bones of {live.name}, which is live"
                 del needed[key]
     return {key: chosen[key] for key in needed}
+
+
+def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
+    """Returns the other armatures on which each of these depends that can be frozen beside them, by key. `reason` of
+    the others says why not."""
+    own, users = list(own), bpy.data.user_map()
+    found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
+    changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    needed: dict[int, list[Any]] = {}
+    for rig in own:
+        try:
+            needs = check(rig.ob)
+            rig.reason = _why_not(rig, found[rig.ob], users, scene, layer)
+        except NotFreezable as reason:
+            rig.reason = str(reason)
+        if not rig.reason:
+            needed[rig.key] = needs
+    return needed
+
+
+def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str:
+    """Reads the program of a rig if there may be one. Returns why it cannot be frozen, or "". own: what follows it, as
+    followers.find returns it."""
+    if isinstance(own, NotFreezable):
+        return f"{rig.name} cannot be frozen: {own}"
+    _drop_what_is_wrong(rig, scene, layer)
+    computing.prove(rig, own, users, scene, layer.depsgraph)
+    if rig.needs_program and not (rig.source.is_proven and rig.is_posable):
+        return why_not_computed(rig, scene)
+    if rig.ob.mode == "POSE" and not rig.is_posable:
+        return being_edited(rig.ob)
+    if not why_live(rig, scene, layer):
+        changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
+    return why_live(rig, scene, layer)
 
 
 def why_live(rig: rigs.Rig, scene: Any, layer: Any) -> str:

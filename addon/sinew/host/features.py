@@ -159,8 +159,8 @@ FEATURES = {
         "the number of users, actions, drivers, poses, the segments of a B-bone, keyframes",
     ),
     CONSTRAINTS: Feature(
-        "a computed rig whose constraints' influence or mute is keyed is live while it is selected, and what drives them "
-        "shows only when it is live",
+        "a computed rig whose constraints' influence or mute is keyed is live while it is selected; what is driven of "
+        "them shows only when it is live",
         "bConstraint.enforce bConstraint.flag",
         (FREEZING,),
         "the influence and mute of a constraint",

@@ -199,10 +199,9 @@ def register() -> None:
         "they play. Those whose rigs can be computed need no recording, and stay frozen while they are selected",
     )
 
-
     bpy.types.Scene.sinew_accelerates_rigs = BoolProperty(
         name="Accelerate Rigs",
-        description="Compute the bones of accelerated characters natively, with the same result, if their rigs allow it",
+        description="Compute the bones of accelerated characters natively, with the same result, if possible",
         default=True,
         update=_switch_rigs,
     )

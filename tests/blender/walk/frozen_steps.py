@@ -11,7 +11,6 @@ from helpers import addon_module, depsgraph, evaluated
 from . import scene
 from .kinds import kind
 
-
 looked_at: Counter[str] = Counter()  # rigs, while nothing was done
 
 
