@@ -3,9 +3,9 @@
     blender -b --python-exit-code 1 --python addon/bench_shot.py -- --frozen [--characters N] [--without WHAT]...
 
 The shot is that of bench_shot.py. Rounds alternate between Blender's modifiers with Sinew's handlers removed, all
-characters live, all with accelerated rigs, all but one frozen on recorded frames, and all but one hidden: the least that
-a frame can take. Accelerating, freezing, thawing and recording are measured too, and shapes are compared with
-those of live characters.
+characters live, all with accelerated rigs, all but one frozen on recorded frames, and all but one hidden, which is the
+least. Accelerating, freezing, thawing and recording are measured too, and shapes are compared with those of live
+characters.
 """
 
 import importlib

@@ -96,7 +96,7 @@ def _may_move(block: Any) -> bool:
     return bool(is_animated) or isinstance(block, bpy.types.Scene)
 
 
-def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[int]]) -> list[list[rigs.Moment]]:
+def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[list[rigs.Moment]]:
     """Returns the moments of each armature on its frames; none of those without a program."""
     able = [(rig, each) for rig, each in zip(own, frames) if rig.source.program is not None and each]
     wanted = [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in able]
