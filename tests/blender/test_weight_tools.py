@@ -759,3 +759,16 @@ def test_a_transfer_that_is_stopped_changes_nothing():
     progress = addon_module("native").sinew_native.Progress()
     progress.cancel()
     assert made.compute(progress) is False and entries(suit) == before
+
+
+def test_of_several_armatures_the_first_counts_bound_or_not():
+    ob, armature = make_body()
+    select(ob)
+    assert bpy.ops.object.sinew_bind() == {"FINISHED"}
+    twin, other = twin_of(ob), make_armature()
+    for each in (ob, twin):
+        modifier = each.modifiers.new("Other", "ARMATURE")
+        modifier.object = other
+        assert addon_module("weights.table").armature_of(each) == armature
+        each.modifiers.move(len(each.modifiers) - 1, 0)
+        assert addon_module("weights.table").armature_of(each) == other

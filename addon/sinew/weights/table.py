@@ -68,8 +68,10 @@ class Table:
 
 
 def armature_of(ob: bpy.types.Object) -> bpy.types.Object:
-    """Returns the armature that a mesh object belongs to. Raises ValueError if there is none."""
-    armature = bindable.find_armature(ob)
+    """Returns the armature that a mesh object belongs to: with several, the first in the stack, whether or not it is
+    the one with which Sinew begins. Raises ValueError if there is none."""
+    modifier = bindable.armature_modifier(ob)
+    armature = bindable.find_armature(ob) if modifier is None else modifier.object
     if armature is None:
         raise ValueError(f"{ob.name} has no armature: give it an Armature modifier, or parent it to an armature")
     return armature
