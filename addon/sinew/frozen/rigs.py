@@ -13,6 +13,7 @@ from ..blender import values
 from ..host import evaluations, key_blocks, poses
 from . import records, settings
 from .followers import Followers
+from .settings import Setting
 from .shapes import Shapes, is_alive
 
 DEFAULT_LIMIT = 2048  # megabytes for all records
@@ -36,7 +37,7 @@ class Source:
     program: Any = None  # sinew_native.RigProgram
     paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
-    settings: tuple[settings.Setting, ...] = ()  # that keyframes and drivers set besides
+    settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
