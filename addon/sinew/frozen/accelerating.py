@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..blender import armatures
+from ..rig_programs import reading
 from ..run import characters
 from . import freezing, reasons, rigs
 
@@ -28,7 +29,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
     """Takes the next step, in the main thread, outside an evaluation, while the user does nothing. number: of the
     evaluations until now; a rig that could not be computed is tried again only if there were others since. Returns
     whether there may be another step."""
-    if rigs.whole_frame(scene) is None:
+    if not reading.CAN_READ or rigs.whole_frame(scene) is None:
         return False
     for rig in rigs.idle():
         if not rig.is_frozen and rig.source.program is None and not rig.source.refusal:

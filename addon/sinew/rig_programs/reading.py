@@ -8,6 +8,8 @@ import bpy
 
 from . import bones, constraints, driven_keys, drivers, properties, targets
 
+CAN_READ = bpy.app.version >= (4, 2, 0)  # older ones evaluate in other ways
+
 
 @dataclass
 class Reading:
@@ -27,7 +29,7 @@ def read(
     depsgraph: in which what comes from outside is evaluated; None: that of the context."""
     if ob.type != "ARMATURE":
         raise ValueError(f"{ob.name} is no armature: choose one")
-    if bpy.app.version < (4, 2, 0):
+    if not CAN_READ:
         raise ValueError("rigs can be programs from Blender 4.2 on")
     depsgraph = depsgraph or bpy.context.evaluated_depsgraph_get()
     found, outside = targets.Targets(ob), drivers.Outside()

@@ -6,10 +6,13 @@ import bpy
 
 from ..feedback import notice
 from ..frozen import rigs
+from ..rig_programs import reading
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) -> None:
     """Draws the switch, and how it is with one armature."""
+    if not reading.CAN_READ:
+        return
     column = layout.column(align=True)
     column.prop(context.scene, "sinew_accelerates_rigs")
     text, reason = text_of(armature) if context.scene.sinew_accelerates_rigs else ("", "")
