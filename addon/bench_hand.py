@@ -3,7 +3,7 @@
     blender -b --python-exit-code 1 --python addon/bench_edits.py -- --shot [--characters N] [--json FILE]
 
 The shot is that of bench_shot.py without the props. Rounds alternate between Blender's modifiers with Sinew's handlers
-removed, Sinew, and Sinew with all characters but one frozen. Each step is measured with the evaluation that follows.
+removed, Sinew with live rigs, with accelerated ones, and with all characters but one frozen. Each step is measured with the evaluation that follows.
 The shapes of all meshes after the last step are compared.
 """
 
@@ -23,7 +23,12 @@ ROUNDS, STEPS, MODES, UNDONE = 3, 40, 8, 8
 FRAME = 20
 DRAGGED = {"torso": "torso", "finger": "f_index.01_master.L", "head": "head"}
 KEYED = "hand_ik.L"
-WAYS = ("modifiers", "sinew", "frozen")
+WAYS = {
+    "modifiers": "Blender's modifiers",
+    "live": "Sinew, live rigs",
+    "accelerated": "rigs accelerated",
+    "frozen": "all but one frozen",
+}
 
 
 def milliseconds(step):
@@ -130,7 +135,9 @@ def measure(characters, rounds=ROUNDS):
     """Returns {row: {way: median of milliseconds}}, and the largest difference of the shapes."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=ADDON)
-    freezing, known = (importlib.import_module(f"{ADDON}.frozen.{name}") for name in ("freezing", "rigs"))
+    accelerating, freezing, known = (
+        importlib.import_module(f"{ADDON}.frozen.{name}") for name in ("accelerating", "freezing", "rigs")
+    )
     people = make_shot(characters, ("props",))
     meshes = [ob.name for person in people for ob in person.meshes]
     rigs, body = [person.rig.name for person in people], people[0].meshes[0].name
@@ -145,6 +152,8 @@ def measure(characters, rounds=ROUNDS):
     def take(way):
         settle()
         for row, function in rows_of(rigs[0], body).items():
+            if way == "accelerated":
+                accelerating.accelerate(bpy.context.scene, bpy.context.view_layer)
             times.setdefault(row, {}).setdefault(way, []).extend(function())
         return shapes(objects())
 
@@ -154,7 +163,9 @@ def measure(characters, rounds=ROUNDS):
         select(*objects())
         assert bpy.ops.object.sinew_bind() == {"FINISHED"}
         bpy.ops.ed.undo_push(message="Bind")
-        worst = max(worst, difference(take("sinew"), wanted))
+        worst = max(worst, difference(take("live"), wanted), difference(take("accelerated"), wanted))
+        freezing.thaw(known.known(), bpy.context.scene, bpy.context.view_layer)
+        known.forget()
         others = [known.learn(bpy.data.objects[name]) for name in rigs[1:]]
         for frame in range(FRAME - 2, FRAME + 3):
             bpy.context.scene.frame_set(frame)
@@ -171,19 +182,14 @@ def measure(characters, rounds=ROUNDS):
 def main(options):
     rows, worst = measure(options.characters)
     print(f"\nBlender {bpy.app.version_string}, {options.characters} characters, milliseconds per step, medians\n")
-    print("| | Blender's modifiers | Sinew | of the modifiers' | Sinew, all but one frozen | of the modifiers' |")
-    print("|" + "---|" * 6)
+    print(f"| | {' | '.join(WAYS.values())} |")
+    print("|" + "---|" * (len(WAYS) + 1))
     for row, found in rows.items():
-        modifiers, sinew, frozen = (found[way] for way in WAYS)
-        cells = (
-            number(modifiers),
-            number(sinew),
-            f"{sinew / modifiers:.2f}",
-            number(frozen),
-            f"{frozen / modifiers:.2f}",
-        )
+        modifiers = found["modifiers"]
+        cells = [number(modifiers)]
+        cells += [f"{number(found[way])} ({found[way] / modifiers:.2f})" for way in WAYS if way != "modifiers"]
         print(f"| {row} | {' | '.join(cells)} |", flush=True)
-    print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * 5)
+    print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * len(WAYS))
     if options.json:
         found = {"blender": bpy.app.version_string, "difference": worst, "rows": rows}
         Path(options.json).write_text(json.dumps(found, indent=1) + "\n")

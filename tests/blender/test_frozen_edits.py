@@ -97,7 +97,8 @@ def curves(character):
     for point, x in zip(spline.bezier_points, (-1, 2)):
         point.co, point.handle_left, point.handle_right = (x, 0, 1), (x - 1, 1, 1), (x + 1, 0, 0)
     character.target = character.add(curve)
-    return [character.constrain("CLAMP_TO"), curve, spline, spline.bezier_points[0]]
+    # A flip may have Blender make new ones.
+    return [character.constrain("CLAMP_TO"), curve, lambda: curve.splines[0], lambda: curve.splines[0].bezier_points[0]]
 
 
 def constrained_by_armature(character):
