@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, values
-from ..host import copies, evaluations, keyframes
+from ..host import copies, driver_bytes, evaluations, keyframes
 from .shapes import is_alive
 
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
@@ -115,8 +115,12 @@ class Watch:
 def _state_of(keys: Any) -> tuple[Any, list[Any]]:
     """Returns all of shape keys but their points and values: the curves of their drivers, and the rest."""
     drivers = animation.drivers_of(keys)
-    found = [dependencies.plain(each) for curve in drivers for each in (curve, curve.driver)]
-    return keyframes.read(drivers), [dependencies.plain(keys), *found]
+    curves, found = keyframes.read(drivers), [dependencies.plain(keys)]
+    read = driver_bytes.read(drivers, is_whole=True)
+    if read is None:
+        found += [dependencies.plain(each.driver) for each in drivers]
+    found += [dependencies.plain(each) for i, each in enumerate(drivers) if read is None or not curves.is_local(i)]
+    return curves, [read, *found]
 
 
 def _is_same(keys: Any, state: tuple[Any, list[Any]]) -> bool:

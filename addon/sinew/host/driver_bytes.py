@@ -13,13 +13,15 @@ def _region(kind: str, name: str, start: int = 0) -> tuple[int, int]:
 
 
 @functools.cache
-def _variable() -> Any:
-    """Returns what is read of a driver's variable."""
+def _variable(is_whole: bool = False) -> Any:
+    """Returns what is read of a driver's variable. is_whole: with all settings of its targets."""
     first, stride = contract.offset("DriverVar", "targets"), contract.struct_size("DriverTarget")
     targets = range(first, first + contract.size("DriverVar", "targets"), stride)
     own = [_region("DriverVar", name) for name in ("name", "type")]
     own += [_region("DriverTarget", "*id", target) for target in targets]
     own.append(_region("DriverTarget", "pchan_name", first))  # of variables of one bone
+    if is_whole:
+        own += [(at + offset, size) for at in targets for offset, size in contract.plain_regions("DriverTarget")]
     path = contract.offset("DriverTarget", "*rna_path")
     return sinew_native.host.Described(own, [target + path for target in targets], [], [])
 
@@ -31,23 +33,23 @@ def _variables() -> int:
 
 
 @functools.cache
-def _drivers() -> Any:
-    """Returns what is read of a driver's F-curve."""
+def _drivers(is_whole: bool = False) -> Any:
+    """Returns what is read of a driver's F-curve. is_whole: as above."""
     own = [_region("ChannelDriver", name) for name in ("type", "flag", "expression")]
-    driver = sinew_native.host.Described(own, [], [], [(_variables(), _variable())])
+    driver = sinew_native.host.Described(own, [], [], [(_variables(), _variable(is_whole))])
     place = contract.offset("FCurve", "*driver")
     return sinew_native.host.Described([], [contract.offset("FCurve", "*rna_path")], [(place, driver)], [])
 
 
-def read(drivers: Any) -> bytes | None:
+def read(drivers: Any, is_whole: bool = False) -> bytes | None:
     """Returns bytes that are equal for two collections of drivers if these set the same properties by the same types
     and expressions, of variables with the same names and types that read the same properties of the same data-blocks.
-    None if this Blender's drivers cannot be read."""
+    is_whole: and if all settings of the variables' targets are equal. None if this Blender's drivers cannot be read."""
     if not len(drivers):
         return b""
     if not contract.has(features.DRIVERS):
         return None
-    found = _drivers().bytes_of_list(drivers[0].as_pointer())
+    found = _drivers(is_whole).bytes_of_list(drivers[0].as_pointer())
     if proof.is_due("drivers"):
         if not found.startswith(b"+" + drivers[0].data_path.encode() + b"\0"):
             contract.distrust(features.DRIVERS, "a driver's path is not where it was")
