@@ -3,8 +3,8 @@
     blender -b --python-exit-code 1 --python addon/bench_edits.py -- --shot [--characters N] [--json FILE]
 
 The shot is that of bench_shot.py without the props. Rounds alternate between Blender's modifiers with Sinew's handlers
-removed, Sinew with live rigs, with accelerated ones, and with all characters but one frozen. Each step is measured with the evaluation that follows.
-The shapes of all meshes after the last step are compared.
+removed, Sinew with live rigs, with accelerated ones, and with all characters but one frozen. Each step is measured with
+the evaluation that follows. The shapes of all meshes after the last step are compared.
 """
 
 import importlib

@@ -239,7 +239,7 @@ def test_measuring_compares_it_with_blender(cast):
     frame_changes = bpy.app.handlers.frame_change_pre
     frame_changes.append(lambda *_: states.append(cast.rig.is_frozen))
     try:
-        measured = whole_frames.measure(cast.scene, Progress())
+        measured = whole_frames.measure(cast.scene, Progress(), lambda: freezing().all_live(cast.scene, layer()))
     finally:
         frame_changes.pop()
     assert measured.sinew > 0 and 20 < sum(states) < len(states) - 20

@@ -20,7 +20,8 @@
 `_build` makes all that it changes SUSPECT first. So if it ends by an exception, they are live after the next
 evaluation, and nothing of them is wrong."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -105,6 +106,17 @@ def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
         melt_all()
     for rig in chosen:
         rig.state, rig.reason = State.LIVE, ""
+
+
+@contextmanager
+def all_live(scene: Any, layer: Any) -> Iterator[None]:
+    """Has Blender evaluate all armatures inside the `with` block."""
+    own = rigs.frozen()
+    if own:
+        thaw(own, scene, layer)
+    yield
+    if own:
+        freeze(own, scene, layer)
 
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:

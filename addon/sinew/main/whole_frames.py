@@ -2,16 +2,14 @@
 on the same frames, because a machine's speed drifts."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ..blender import values
-from ..frozen import freezing, rigs
 from ..run import characters, standing_aside
 
 BLOCK = 10  # consecutive frames that are played with one of the two before the other's turn
@@ -51,8 +49,9 @@ def forget() -> None:
     _last = None
 
 
-def measure(scene: Any, progress: Any) -> Measured:
-    """Plays frames of the scene, beginning with its first, and then restores the current frame. Returns a Measured."""
+def measure(scene: Any, progress: Any, without: Callable[[], AbstractContextManager[None]] = nullcontext) -> Measured:
+    """Plays frames of the scene, beginning with its first, and then restores the current frame. Returns a Measured.
+    without: has Blender do in its `with` block whatever else Sinew does besides deforming."""
     global _last
     place = scene.frame_current, scene.frame_subframe
     length = scene.frame_end - scene.frame_start + 1
@@ -67,7 +66,7 @@ def measure(scene: Any, progress: Any) -> Measured:
             progress.step(first / MOST_FRAMES, "measuring frames")
             block = frames[first : first + BLOCK]
             sinew += frame_times(scene, block)
-            with standing_aside.StandAside(), _live_rigs(scene):
+            with standing_aside.StandAside(), without():
                 blender += frame_times(scene, block)
     finally:
         for ob in characters.bound_objects():
@@ -75,17 +74,6 @@ def measure(scene: Any, progress: Any) -> Measured:
         scene.frame_set(place[0], subframe=place[1])
     _last = Measured(scene.name, float(np.median(sinew)), float(np.median(blender)), _bound())
     return _last
-
-
-@contextmanager
-def _live_rigs(scene: Any) -> Iterator[None]:
-    """Has Blender evaluate all rigs inside the `with` block."""
-    own, layer = rigs.frozen(), bpy.context.view_layer
-    if own:
-        freezing.thaw(own, scene, layer)
-    yield
-    if own:
-        freezing.freeze(own, scene, layer)
 
 
 def frame_times(scene: Any, frames: Sequence[int], before_each: Callable[[], Any] = lambda: None) -> Iterator[float]:
