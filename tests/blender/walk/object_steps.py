@@ -31,6 +31,7 @@ def key_place(random, ob):
 @on_both(1.5)
 def parent(random, ob):
     rigs = [each for each in scene.armatures() if len(each.data.bones)]
+    ob.update_tag()  # Blender does not notice by itself that its parent no longer deforms it
     if not rigs or random.random() < 0.3:
         ob.parent = None
         return
