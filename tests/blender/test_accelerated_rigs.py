@@ -8,7 +8,7 @@ from mathutils import Euler
 
 from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
-from test_frozen_computed import key, move, state
+from test_frozen_computed import key, move, state, undo_a_pose
 from test_frozen_who import both
 
 pytestmark = needs_rig_programs
@@ -33,7 +33,7 @@ def keep_live(cast):
 
 
 def evaluations():
-    return addon_module("frozen.handlers")._update_number
+    return addon_module("frozen.playing").evaluation_count()
 
 
 def wait(cast):
@@ -118,11 +118,7 @@ def test_what_is_edited_without_an_evaluation_is_seen(cast):
 
 def test_undo(cast):
     accelerate(cast)
-    bpy.ops.ed.undo_push(message="before")
-    move(cast, 2)
-    bpy.ops.ed.undo_push(message="posed")
-    cast.undo()
-    cast.assert_same()
+    undo_a_pose(cast)
     wait(cast)
     cast.play()
     assert cast.rig.is_frozen
@@ -289,7 +285,7 @@ def turn(cast):
     layer().update()
 
 
-def test_a_bake_accelerates_rigs(cast, monkeypatch):
+def test_a_bake_accelerates_rigs(cast):
     """The frames that it reads are those of live rigs."""
     evaluation, found, states = addon_module("bake.evaluation"), {}, []
     for way in (False, True):
@@ -303,3 +299,27 @@ def test_a_bake_accelerates_rigs(cast, monkeypatch):
                 found.setdefault(way, []).append(evaluation.read(cast.frozen[1], depsgraph())[0])
     assert states == [False] * 3 + [True] * 3
     assert np.array_equal(found[False], found[True])
+
+
+def test_a_later_bake_tries_again_what_was_edited_since(cast):
+    undisturbed = addon_module("bake.evaluation").undisturbed
+    constraints = [each[0].pose.bones["side"].constraints.new("SHRINKWRAP") for each in both(cast)]
+    for constraint in constraints:
+        constraint.target = cast.frozen[3]
+    layer().update()
+    with undisturbed(bpy.context):
+        assert not cast.rig.is_frozen
+    for constraint, (armature, *_) in zip(constraints, both(cast)):
+        armature.pose.bones["side"].constraints.remove(constraint)
+    layer().update()
+    with undisturbed(bpy.context):
+        assert cast.rig.is_frozen, cast.rig.reason
+        cast.play()
+
+
+def test_measuring_that_fails_leaves_it_computed(cast):
+    accelerate(cast)
+    with pytest.raises(KeyError), freezing().all_live(cast.scene, layer()):
+        assert not cast.rig.is_frozen
+        raise KeyError
+    assert cast.rig.is_frozen and cast.rig.needs_program

@@ -340,13 +340,17 @@ def test_half_a_frame_after_an_edit(cast):
     cast.play()
 
 
-def test_undo_of_a_pose(cast):
-    freeze_unplayed(cast)
+def undo_a_pose(cast):
     bpy.ops.ed.undo_push(message="before")
     move(cast, 2)
     bpy.ops.ed.undo_push(message="posed")
     cast.undo()
     cast.assert_same()
+
+
+def test_undo_of_a_pose(cast):
+    freeze_unplayed(cast)
+    undo_a_pose(cast)
     freezing().freeze_again(cast.scene, layer())
     cast.play()
 

@@ -246,7 +246,7 @@ def test_a_file_with_marks(playing, tmp_path):
 def test_two_threads_restore_at_the_same_time(playing, monkeypatch):
     """Each looks at all evaluated objects, and finds some that the other has restored in between."""
     graph_copies, afterwards = addon_module("run.graph_copies"), addon_module("run.afterwards")
-    copy = addon_module("run.characters").of(playing[1] if isinstance(playing, tuple) else playing).last
+    copy = addon_module("run.characters").of(playing[1]).last
     assert copy.unrestored is None
     monkeypatch.setattr(graph_copies, "unrestored", lambda: [(0, copy)])
     afterwards.restore(depsgraph())

@@ -5,12 +5,10 @@ To read a rig takes up to 0.1 s. So it is done while the user does nothing, one 
 
 from typing import Any
 
-import bpy
-
 from ..blender import armatures
 from ..rig_programs import reading
 from ..run import characters
-from . import freezing, reasons, rigs
+from . import freezing, playing, reasons, rigs
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -20,9 +18,9 @@ MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried aga
 
 def accelerate(scene: Any, layer: Any) -> None:
     """Accelerates all rigs that can be, if the scene asks for it: before many frames are played."""
-    number = 0
-    while scene.sinew_accelerates_rigs and number < 2 * len(bpy.data.objects) and step(scene, layer, 0):
-        number += 1
+    number = playing.evaluation_count()
+    while scene.sinew_accelerates_rigs and step(scene, layer, number):
+        pass
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:

@@ -31,8 +31,9 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     returns them."""
     frame = rigs.whole_frame(scene)
     is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.has_animation(rig.ob)
-    is_known = rig.source.is_proven and rig.at(frame or 0) is not None
-    if frame is None or is_known or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
+    if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
+        return
+    if rig.source.is_proven and rig.at(frame) is not None:
         return
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None:

@@ -114,9 +114,11 @@ def all_live(scene: Any, layer: Any) -> Iterator[None]:
     own = rigs.frozen()
     if own:
         thaw(own, scene, layer)
-    yield
-    if own:
-        freeze(own, scene, layer)
+    try:
+        yield
+    finally:
+        if own:
+            freeze(own, scene, layer)
 
 
 def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
@@ -218,47 +220,47 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
     """Reads the programs of edited armatures again, from a handler, and has them frozen. Returns why others cannot be,
     by key."""
     posed = list(posed)
-    found: dict[int, str] = {}
-    if not posed:
-        return found
-    users = bpy.data.user_map()
-    each_followers = followers.find([rig.ob for rig in posed], users, graph)
+    found = _read_edited(posed, graph)
     for rig in posed:
-        try:
-            _read_edited(rig, each_followers[rig.ob], users, graph)
-        except followers.NotFreezable as reason:
-            found[rig.key] = str(reason)
-            continue
-        rig.watch.expect_edited(graph)
-        rig.source.is_proven = True
-        rig.state, rig.shown = State.FROZEN, None
+        if rig.key not in found:
+            rig.watch.expect_edited(graph)
+            rig.source.is_proven = True
+            rig.state, rig.shown = State.FROZEN, None
     return found
 
 
 def read_ahead(rig: rigs.Rig) -> None:
     """Reads the program of an armature that is POSED before another frame needs it. Call it outside an evaluation."""
-    graph, users = rig.graph(), bpy.data.user_map()
-    try:
-        _read_edited(rig, followers.find([rig.ob], users, graph)[rig.ob], users, graph)
-    except followers.NotFreezable as reason:
-        rig.source = rigs.Source(refusal=str(reason))
+    for reason in _read_edited([rig], rig.graph()).values():
+        rig.source = rigs.Source(refusal=reason)
 
 
-def _read_edited(rig: rigs.Rig, own: Any, users: Any, graph: Any) -> None:
-    """Reads the program of an armature that is POSED, unless nothing was edited since it was read. own: what follows
-    it, as returned by followers.find. Raises NotFreezable if there is none."""
-    changes.compare_keys(rig, graph)
-    if rig.watch is not None and rig.watch.is_tagged(graph, True):
-        changes.drop_all(rig)
-    if rig.source.program is not None:
-        return
-    if isinstance(own, followers.NotFreezable):
-        raise own
-    reasons.check(rig.ob)
-    changes.meet(rig, own, users, graph)
-    computing.read(rig, rig.scene, graph)
-    if not rig.is_posable:
-        raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
+def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
+    """Reads the programs of armatures that are POSED, of those that were edited since they were read. Returns why
+    others have none, by key."""
+    for rig in posed:
+        changes.compare_keys(rig, graph)
+        if rig.watch is not None and rig.watch.is_tagged(graph, True):
+            changes.drop_all(rig)
+    unread = [rig for rig in posed if rig.source.program is None]
+    found: dict[int, str] = {}
+    if not unread:
+        return found
+    users = bpy.data.user_map()
+    each_followers = followers.find([rig.ob for rig in unread], users, graph)
+    for rig in unread:
+        own = each_followers[rig.ob]
+        try:
+            if isinstance(own, followers.NotFreezable):
+                raise own
+            reasons.check(rig.ob)
+            changes.meet(rig, own, users, graph)
+            computing.read(rig, rig.scene, graph)
+            if not rig.is_posable:
+                raise followers.NotFreezable(rig.source.refusal or f"{rig.name} was edited")
+        except followers.NotFreezable as reason:
+            found[rig.key] = str(reason)
+    return found
 
 
 def select(graph: Any) -> None:

@@ -12,8 +12,7 @@ from . import accelerating, freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
-_update_number = 0  # of evaluations
-_tried = (0, False)  # that number at the last attempt, and whether the scene played
+_tried = (0, False)  # the number of evaluations at the last attempt, and whether the scene played
 _has_accelerated = False  # all that can be done without another evaluation
 
 
@@ -40,21 +39,16 @@ def before_update(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    _count()
+    playing.count_evaluation()
     _guarded(playing.after_evaluation, scene, depsgraph, True)
     _guarded(ghosts.after_evaluation, scene, depsgraph, True)
 
 
 @persistent
 def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    _count()
+    playing.count_evaluation()
     _guarded(playing.after_evaluation, scene, depsgraph, False)
     _guarded(ghosts.after_evaluation, scene, depsgraph, False)
-
-
-def _count() -> None:
-    global _update_number
-    _update_number += not playing.is_busy()
 
 
 @persistent
@@ -77,20 +71,22 @@ def freeze_again() -> float:
     if context.window is None or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
         return SECONDS_BETWEEN_LOOKS
     is_playing = context.screen.is_animation_playing
-    if _tried != (_update_number, is_playing):
+    if _tried != (playing.evaluation_count(), is_playing):
         try:
             freezing.freeze_again(context.scene, context.view_layer, is_playing)
         except Exception:
             log.exception("nothing could be frozen again")
-        _tried, _has_accelerated = (_update_number, is_playing), False
+        _tried, _has_accelerated = (playing.evaluation_count(), is_playing), False
     elif not _has_accelerated and not is_playing and not getattr(context.window, "modal_operators", ()):
         _has_accelerated = True
         try:
             is_on = context.scene.sinew_accelerates_rigs
-            _has_accelerated = not (is_on and accelerating.step(context.scene, context.view_layer, _update_number))
+            _has_accelerated = not (
+                is_on and accelerating.step(context.scene, context.view_layer, playing.evaluation_count())
+            )
         except Exception:
             log.exception("no rig could be accelerated")
-        _tried = _update_number, is_playing
+        _tried = playing.evaluation_count(), is_playing
     return SECONDS_BETWEEN_LOOKS
 
 

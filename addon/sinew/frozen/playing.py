@@ -8,6 +8,19 @@ import bpy
 from ..host import contract, features
 from . import changes, computing, freezing, rigs, watch
 
+_evaluations = 0  # that handlers have seen
+
+
+def count_evaluation() -> None:
+    """Counts an evaluation that this package has not asked for, after it."""
+    global _evaluations
+    _evaluations += not is_busy()
+
+
+def evaluation_count() -> int:
+    """Returns how many evaluations were counted."""
+    return _evaluations
+
 
 def is_busy() -> bool:
     """Whether handlers should do nothing: this package has Blender evaluate, or the call is not from the main

@@ -59,8 +59,10 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         return why_not_computed(rig, scene)
     if rig.ob.mode == "POSE" and not rig.is_posable:
         return being_edited(rig.ob)
-    if not why_live(rig, scene, layer):
-        changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
+    reason = why_live(rig, scene, layer)
+    if reason:
+        return reason
+    changes.meet(rig, own, users, layer.depsgraph)  # drops the record if other keys follow
     return why_live(rig, scene, layer)
 
 

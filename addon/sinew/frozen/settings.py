@@ -13,8 +13,9 @@ from ..blender import animation
 from ..host import constraint_values, poses
 from ..rig_programs import paths, properties
 
-_STRING = r'\["((?:[^"\\]|\\.)*)"\]'
-_OF_CONSTRAINT = re.compile(rf"(pose\.bones{_STRING}\.constraints{_STRING})\.({'|'.join(constraint_values.SETTERS)})$")
+_OF_CONSTRAINT = re.compile(
+    rf"(pose\.bones{paths.NAME}\.constraints{paths.NAME})\.({'|'.join(constraint_values.SETTERS)})$"
+)
 
 
 class Setting(NamedTuple):

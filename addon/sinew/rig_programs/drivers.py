@@ -5,11 +5,10 @@ from typing import Any
 
 import bpy
 
-from . import curves, paths, targets
+from . import constraints, curves, paths, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
-# Most curves set one of these.
-CHANNELS = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle", "scale")
+CHANNELS = tuple(constraints.CHANNELS)  # most curves set one of these
 # Of the rig: what a variable reads of the object itself is outside.
 OF_RIG = ("pose.", '["', "data.")
 

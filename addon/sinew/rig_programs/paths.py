@@ -2,7 +2,8 @@
 
 import re
 
-BONE = re.compile(r'^(?:pose|data)\.bones\["((?:[^"\\]|\\.)*)"\]')
+NAME = r'\["((?:[^"\\]|\\.)*)"\]'  # escaped
+BONE = re.compile(rf"^(?:pose|data)\.bones{NAME}")
 
 # What may be animated without any effect on poses: what is shown, how bones and their collections look.
 WITHOUT_EFFECT = re.compile(

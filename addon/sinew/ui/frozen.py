@@ -198,7 +198,6 @@ def register() -> None:
         description="Freeze each recorded character as soon as it is no longer selected. Characters are recorded while "
         "they play. Those whose rigs can be computed need no recording, and stay frozen while they are selected",
     )
-
     bpy.types.Scene.sinew_accelerates_rigs = BoolProperty(
         name="Accelerate Rigs",
         description="Compute the bones of accelerated characters natively, with the same result, if possible",

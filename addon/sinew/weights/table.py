@@ -70,11 +70,10 @@ class Table:
 def armature_of(ob: bpy.types.Object) -> bpy.types.Object:
     """Returns the armature that a mesh object belongs to: with several, the first in the stack, whether or not it is
     the one with which Sinew begins. Raises ValueError if there is none."""
-    modifier = bindable.armature_modifier(ob)
-    armature = bindable.find_armature(ob) if modifier is None else modifier.object
-    if armature is None:
+    found = bindable.armatures_of(ob)
+    if not found:
         raise ValueError(f"{ob.name} has no armature: give it an Armature modifier, or parent it to an armature")
-    return armature
+    return found[0]
 
 
 def deforming(armature: bpy.types.Object) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def do_nothing(_random):
     accelerating = addon_module("frozen.accelerating")
     accelerating.LEAST_WORK = 0
     freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
-    number = addon_module("frozen.handlers")._update_number
+    number = addon_module("frozen.playing").evaluation_count()
     while accelerating.step(bpy.context.scene, bpy.context.view_layer, number):
         pass
     own = [rig for rig in recorded().known() if rig.needs_program]
