@@ -87,6 +87,7 @@ class DirectDeltaMush final : public MethodData {
 
   SkinningMethod method() const override { return SkinningMethod::direct_delta_mush; }
   std::ptrdiff_t vertex_count() const override { return skin_->vertex_count(); }
+  std::optional<std::ptrdiff_t> joint_count() const override { return skin_->joint_count(); }
 
   const std::shared_ptr<const Skin>& skin() const { return skin_; }
   int variant() const;

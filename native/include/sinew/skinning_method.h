@@ -1,6 +1,7 @@
 /// How the joints' motions are blended.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "sinew/types.h"
@@ -30,6 +31,8 @@ class MethodData {
   virtual SkinningMethod method() const = 0;
   /// V.
   virtual std::ptrdiff_t vertex_count() const = 0;
+  /// J, of data that was made for certain joints.
+  virtual std::optional<std::ptrdiff_t> joint_count() const { return std::nullopt; }
 };
 
 /// How dual quaternion skinning splits the motion of joints that scale or shear into a stretch and a

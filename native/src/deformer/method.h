@@ -25,6 +25,9 @@ struct Carried {
   MatrixStack<const float> matrices;  ///< the same, in that space
 };
 
+/// Whether C M C^-1 in the space that C leads from does what M does in the space that it leads to.
+bool is_carried(SkinningMethod method, const Space& by);
+
 /// Prepares the palette of a frame. carried: may be null.
 void prepare(const BlockedSkin& skin, SkinningMethod method, const StretchRule& rule, const MethodData* data,
              MatrixStack<const float> matrices, std::ptrdiff_t frame, Palette& palette,

@@ -43,7 +43,7 @@ void PosedLayer::pose(const Layer& own, const LayerPose& pose) {
   }
   split_elsewhere = pose.mesh_from_armature != own.split_space();
   const MatrixStack<const float> stack = pose.matrices;
-  if (space && space->is_carried_by(own.method())) {
+  if (space && is_carried(own.method(), *space)) {
     matrices.clear();
     for (std::ptrdiff_t j = 0; j < stack.joints; ++j) {
       const Matrix4<double> matrix = stack.at(0, j).cast<double>();

@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "sinew/skinning_method.h"
 #include "sinew/types.h"
 
 namespace sinew {
@@ -23,12 +22,6 @@ struct Space {
     const double scale2 = gram.trace() / 3;
     return linear.determinant() > 0 &&
            (gram - scale2 * Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= 1e-6 * scale2;
-  }
-
-  /// Whether C M C^-1 in mesh space does what M does in armature space.
-  bool is_carried_by(SkinningMethod method) const {
-    return has_inverse &&
-           (method == SkinningMethod::linear || method == SkinningMethod::direct_delta_mush || is_similarity());
   }
 
   /// The rotation of C. Only if C is a similarity.
