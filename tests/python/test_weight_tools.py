@@ -331,6 +331,39 @@ def test_normals_decide():
     assert matched.all()
 
 
+def test_the_lining_of_a_tight_coat_is_matched():
+    """Its faces look the other way than the body's."""
+    source, outer, inner = ball(), ball(24, 32, 1.01), ball(24, 32, 1.004)
+    count = len(outer[0])
+    lining = inner[2].reshape(-1, 4)[:, ::-1] + count
+    rim = [(i, i + count, (i + 1) % 32 + count, (i + 1) % 32) for i in range(32)]
+    faces = np.concatenate((outer[2].reshape(-1, 4), lining, rim))
+    coat = np.concatenate((outer[0], inner[0])), np.arange(0, 4 * len(faces) + 1, 4), faces.reshape(-1)
+    made, matched = sinew.transfer_weights(*source, along(source[0]), *coat)
+    assert matched.all()
+    assert np.abs(made - along(coat[0])).max() < 0.02
+    loose = np.concatenate((1.1 * outer[0], inner[0])), *coat[1:]
+    assert sinew.transfer_weights(*source, along(source[0]), *loose, distance=0.03)[1][count:].mean() < 0.1
+
+
+def test_lips_that_touch_are_told_apart():
+    """In the middle, the lower lip of the target is closer to the upper lip of the source."""
+    positions, offsets, faces = grid(30, 30)
+    lower, upper = positions * (1, 1, 0), positions * (1, 1, 0) + (0, 0, 0.3)
+    turned = faces.reshape(-1, 4)[:, ::-1].reshape(-1)
+    lips = np.concatenate((lower, upper)), np.arange(0, 8 * len(turned) // 4 + 1, 4)
+    count = len(positions)
+    sides = np.repeat(np.eye(2), count, axis=0)
+    up = np.cross(lower[faces[1]] - lower[faces[0]], lower[faces[2]] - lower[faces[0]])[2] > 0
+    own, other = (faces, turned) if up else (turned, faces)
+    bulge = np.exp(-(((positions[:, :2] - 15) / 5) ** 2).sum(1))
+    target = lower + bulge[:, None] * (0, 0, 0.18)
+    assert (target[:, 2] > 0.15).sum() > 5
+    made, matched = sinew.transfer_weights(*lips, np.concatenate((own, other + count)), sides, target, offsets, own)
+    assert not matched[target[:, 2] > 0.15].any()
+    assert made[:, 0].min() > 0.999
+
+
 def test_islands_without_a_match_are_rigid():
     """A button on the coat follows the coat, a ball far from it the source; each is rigid. The coat stays as it is."""
     source, coat = ball(), ball(30, 30, 1.02)

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <optional>
 
-#include "sinew/lists.h"
+#include "mesh/adjacency.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
 #include "weight_tools/weighted_surface.h"
@@ -24,6 +24,10 @@ constexpr double kLeastCotangent = 0.01, kMostCotangent = 20;
 
 /// The matrix of the square has so many entries at most, times points, and more.
 constexpr double kMostEntries = 100, kMoreEntries = 2e6;
+
+/// The target is tight where it is no farther from the source, as a share of its diagonal. Near by is this many times as
+/// far as the closest point.
+constexpr double kTight = 0.0125, kAround = 2;
 
 constexpr std::size_t kPoints = 128;  // in a task
 
@@ -101,27 +105,73 @@ class Transfer {
     const double least_cosine = std::cos(settings_.angle * std::numbers::pi / 180);
     const std::vector<Eigen::Vector3d> source_normals =
         normals_of(source_.points(), source_triangles_, {}, source_.points().size());
+    const auto faces_like = [&](const Eigen::Vector3d& normal, const Eigen::Vector3d& own) {
+      const double lengths = normal.stableNorm() * own.stableNorm();
+      const double cosine = lengths > 0 ? normal.dot(own) / lengths : 1;  // without normals: by distance alone
+      return (settings_.flipped ? std::abs(cosine) : cosine) >= least_cosine - 1e-12;
+    };
     const auto is_alike = [&](const SurfacePoint& hit, const Eigen::Vector3d& own) {
       Eigen::Vector3d normal = Eigen::Vector3d::Zero();
       for (int i = 0; i < 3; ++i) {
         normal += hit.shares[i] * source_normals[source_.triangle(hit)[i]].stableNormalized();
       }
-      const double lengths = normal.stableNorm() * own.stableNorm();
-      const double cosine = lengths > 0 ? normal.dot(own) / lengths : 1;  // without normals: by distance alone
-      return (settings_.flipped ? std::abs(cosine) : cosine) >= least_cosine - 1e-12;
+      return faces_like(normal, own);
     };
-    const auto make = [&](std::size_t begin, std::size_t end, WeightTable& rows) {
+    std::vector<SurfacePoint> hits(target_.points.size());
+    std::vector<std::uint8_t> is_right(hits.size());
+    parallel_for(hits.size(), kPoints, [&](std::size_t begin, std::size_t end) {
+      stop_if_cancelled(progress_);
+      for (std::size_t p = begin; p < end; ++p) {
+        hits[p] = source_.tree().closest(target_.points[p],
+                                         within * within * (1 + 1e-9) + std::numeric_limits<double>::min());
+        is_right[p] = hits[p].triangle != SurfacePoint().triangle && is_alike(hits[p], normals[p]);
+      }
+      advance_share(progress_, kMatchSteps, begin / kPoints, (hits.size() + kPoints - 1) / kPoints);
+    });
+    add_tight(hits, kTight * (high - low).norm(), faces_like, normals, is_right);
+    rows_ = table_of_rows(hits.size(), weights_.bones(), kPoints, progress_, 0, [&](auto begin, auto end, auto& rows) {
       RowSum sum(bones_);
       for (std::size_t p = begin; p < end; ++p) {
-        const SurfacePoint hit = source_.tree().closest(
-            target_.points[p], within * within * (1 + 1e-9) + std::numeric_limits<double>::min());
-        if (hit.triangle != SurfacePoint().triangle && is_alike(hit, normals[p])) source_.read(hit, sum);
+        if (is_right[p]) source_.read(hits[p], sum);
         const double total = sum.total();
         if (total > 0) state_[p] = State::matched;
         rows.add_row(sum.take(total > 0 ? 1 / total : 0));
       }
+    });
+  }
+
+  /// Where the surroundings lie on the source, no farther than `reach`, adds the closest points that face another way, as
+  /// those of inner layers and seams, unless something near by faces as it should, as of lips that touch.
+  template <class Test>
+  void add_tight(std::span<const SurfacePoint> hits, double reach, const Test& faces_like,
+                 std::span<const Eigen::Vector3d> normals, std::span<std::uint8_t> is_right) const {
+    const auto neighbours = neighbours_by_sides(faces_, target_.point_of, hits.size());
+    std::vector<std::uint32_t> border, next, near;
+    std::vector<std::uint8_t> is_known(is_right.begin(), is_right.end());
+    const auto has_other = [&](std::uint32_t p) {
+      near.clear();
+      const Eigen::Vector3d around = Eigen::Vector3d::Constant(kAround * std::sqrt(hits[p].squared_distance));
+      source_.tree().in_box(target_.points[p] - around, target_.points[p] + around, near);
+      return std::ranges::any_of(near, [&](std::uint32_t t) {
+        const Triangle& own = source_.triangle(t);
+        const Eigen::Vector3d& from = source_.points()[own[0]];
+        return faces_like((source_.points()[own[1]] - from).cross(source_.points()[own[2]] - from), normals[p]);
+      });
     };
-    rows_ = table_of_rows(target_.points.size(), weights_.bones(), kPoints, progress_, kMatchSteps, make);
+    for (std::uint32_t p = 0; p < hits.size(); ++p) {
+      if (is_right[p] && hits[p].squared_distance <= reach * reach) border.push_back(p);
+    }
+    for (; !border.empty(); border.swap(next)) {
+      next.clear();
+      for (const std::uint32_t p : border) {
+        for (const std::uint32_t other : neighbours[p]) {
+          if (is_known[other]) continue;
+          is_known[other] = 1;
+          next.push_back(other);
+          is_right[other] = hits[other].triangle != SurfacePoint().triangle && !has_other(other);
+        }
+      }
+    }
   }
 
   /// The Laplacian of cotangents and the areas of points. Sides without a triangle connect, too.

@@ -23,7 +23,8 @@ class WeightedSurface {
 
   const TriangleTree& tree() const { return tree_; }
   const std::vector<Eigen::Vector3d>& points() const { return points_; }
-  const Triangle& triangle(const SurfacePoint& at) const { return triangles_[at.triangle]; }
+  const Triangle& triangle(std::uint32_t number) const { return triangles_[number]; }
+  const Triangle& triangle(const SurfacePoint& at) const { return triangle(at.triangle); }
 
   /// Adds the weights there.
   void read(const SurfacePoint& at, RowSum& sum) const {
