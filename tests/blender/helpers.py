@@ -220,6 +220,18 @@ def shortcut_of(ob, graph=None):
     return known and known.fast_path.shortcut
 
 
+def override(linked):
+    """Overrides a linked collection and all in it, in the scene. Returns the new collection."""
+    scene = bpy.context.scene
+    found = linked.override_hierarchy_create(scene, bpy.context.view_layer)
+    if found is None:  # since 5.3, only what is in the scene
+        scene.collection.children.link(linked)
+        found = linked.override_hierarchy_create(scene, bpy.context.view_layer)
+        if linked.name in scene.collection.children:
+            scene.collection.children.unlink(linked)
+    return found
+
+
 def into_a_shot(folder, overridden):
     """Saves the open file as a library, and in an empty one links its collection "Character" or overrides it.
     Returns the scene."""
@@ -230,7 +242,7 @@ def into_a_shot(folder, overridden):
     with bpy.data.libraries.load(path, link=True) as (_, to):
         to.collections = ["Character"]
     if overridden:
-        to.collections[0].override_hierarchy_create(scene, bpy.context.view_layer)
+        override(to.collections[0])
     else:
         scene.collection.children.link(to.collections[0])
     return scene

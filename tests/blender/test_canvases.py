@@ -17,6 +17,7 @@ from helpers import (
     depsgraph,
     evaluated,
     into_a_shot,
+    override,
     reopened,
     select,
     shortcut_of,
@@ -309,10 +310,10 @@ def test_several_overrides_of_one_character(fresh_scene, tmp_path, is_bound, cou
         collection.objects.link(each)
     fresh_scene.collection.children.link(collection)
     names = [(ob.name, twin.name) for ob, twin in pairs]
-    scene = into_a_shot(tmp_path, overridden=True)
+    into_a_shot(tmp_path, overridden=True)
     linked = next(each for each in bpy.data.collections if each.library is not None and each.name == "Character")
     for _ in range(2):
-        linked.override_hierarchy_create(scene, bpy.context.view_layer)
+        override(linked)
     found = []
     for each in bpy.data.collections:
         if each.library is None and each.override_library is not None:

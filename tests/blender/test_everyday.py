@@ -198,6 +198,7 @@ def test_where_people_edit_what_they_see_blender_deforms(fresh_scene, character,
     fresh_scene.frame_set(5)
     assert who() == ["Armature"]
     bpy.ops.object.mode_set(mode="OBJECT")
+    fresh_scene.frame_set(6)
     assert who() == ["Sinew"]
     assert_same_shape(ob, twin)
 

@@ -88,6 +88,7 @@ def test_weights_are_read_when_the_mode_is_left(painted, mode):
     if mode == "POSE":
         select(ob.modifiers["Armature"].object)
         bpy.ops.object.mode_set(mode="POSE")
+    assert not is_deforming(ob)
     assert_same_shape(ob, twin)
     scene.frame_set(5)
     assert is_deforming(ob)
@@ -97,6 +98,25 @@ def test_weights_are_read_when_the_mode_is_left(painted, mode):
         dab(each, 0.1)
     assert is_deforming(ob)
     assert_same_shape(ob, twin)
+
+
+@pytest.mark.parametrize("painted", (linear, add_shape_keys, smooth), indirect=True)
+def test_the_evaluation_in_which_a_mode_is_left_is_blenders(painted):
+    """What was edited is read in the next one, or at once where Blender's modifiers take longer."""
+    scene, ob, twin = painted
+    for mode in ("OBJECT", "EDIT", "OBJECT", "VERTEX_PAINT", "EDIT", "WEIGHT_PAINT", "OBJECT"):
+        before = ob.mode
+        bpy.ops.object.mode_set(mode=mode)
+        if mode == "EDIT":
+            continue
+        assert is_deforming(ob) == ("Corrective" in ob.modifiers), (before, mode)
+        for each in (ob, twin):
+            each.data.vertices[7].co[2] += 0.1
+            each.data.update_tag()
+        for frame in (4, 5):
+            scene.frame_set(frame)
+            assert_same_shape(ob, twin)
+        assert is_deforming(ob)
 
 
 @pytest.mark.parametrize("painted", (linear, add_shape_keys), indirect=True)

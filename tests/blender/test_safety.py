@@ -12,6 +12,7 @@ from helpers import (
     evaluated,
     import_rig,
     make_fail,
+    override,
     own_positions,
     select,
     traces,
@@ -238,7 +239,7 @@ def test_linked_from_a_library_where_it_was_bound(fresh_scene, character, tmp_pa
     scene, linked = bpy.context.scene, to.collections[0]
     assert linked.name == collection_name
     if copies:
-        shown = [linked.override_hierarchy_create(scene, bpy.context.view_layer) for _ in range(copies)]
+        shown = [override(linked) for _ in range(copies)]
     else:
         scene.collection.children.link(linked)
         shown = [linked]
@@ -308,7 +309,7 @@ def test_bound_as_an_override(fresh_scene, tmp_path):
     reload(path)
     with bpy.data.libraries.load(str(path), link=True) as (_, to):
         to.collections = ["Character"]
-    to.collections[0].override_hierarchy_create(bpy.context.scene, bpy.context.view_layer)
+    override(to.collections[0])
 
     def overridden():
         return [next(ob for ob in bpy.data.objects if ob.name == name and ob.override_library) for name in names]

@@ -124,6 +124,10 @@ LAYOUT = host.PoseRecordLayout(
 )
 
 
+def is_pose(address, record):
+    return host.are_poses(LAYOUT, [(address, record)])[0]
+
+
 def bones_of(counts, start=0.0):
     bones = (Bone * len(counts))()
     arrays = []
@@ -141,17 +145,17 @@ def bones_of(counts, start=0.0):
 def test_a_pose_is_recorded_and_played():
     (source, source_arrays), (target, target_arrays) = bones_of([1, 3, 0]), bones_of([1, 3, 0], 100.0)
     record = host.record_pose(ctypes.addressof(source), LAYOUT)
-    assert host.is_pose(ctypes.addressof(source), LAYOUT, record)
-    assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert is_pose(ctypes.addressof(source), record)
+    assert not is_pose(ctypes.addressof(target), record)
     assert host.play_pose(ctypes.addressof(target), LAYOUT, record)
-    assert host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert is_pose(ctypes.addressof(target), record)
     assert [list(bone.matrix) for bone in target] == [list(bone.matrix) for bone in source]
     assert [bone.other for bone in target] == [99.0] * 3
     assert np.array_equal(source_arrays[0], target_arrays[0])
     target[0].computed += 1
-    assert host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert is_pose(ctypes.addressof(target), record)
     target_arrays[0][-1] += 1
-    assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert not is_pose(ctypes.addressof(target), record)
 
 
 @pytest.mark.parametrize("counts", [[1, 3], [1, 3, 0, 0], [1, 4, 0], [3, 1, 0]])
@@ -161,7 +165,7 @@ def test_a_record_of_other_bones_is_not_played(counts):
     record = host.record_pose(ctypes.addressof(source), LAYOUT)
     assert not host.play_pose(ctypes.addressof(target), LAYOUT, record)
     assert target[0].matrix[0] == 100.0
-    assert not host.is_pose(ctypes.addressof(target), LAYOUT, record)
+    assert not is_pose(ctypes.addressof(target), record)
 
 
 def test_an_original_gets_only_what_originals_have():
@@ -194,13 +198,13 @@ def test_a_step_compares_and_writes_both():
     (target, arrays), (original, original_arrays) = bones_of([1, 3, 0]), bones_of([0, 2, 0], 100.0)
     before, after = (host.record_pose(ctypes.addressof(bones), LAYOUT) for bones in (first, second))
     assert host.step_poses(LAYOUT, [(*addresses(target, original), before, after)]) == [True]
-    assert host.is_pose(ctypes.addressof(target), LAYOUT, after)
+    assert is_pose(ctypes.addressof(target), after)
     assert [bone.computed for bone in target] == [50.0, 51.0, 52.0]
     assert [list(bone.matrix) for bone in original] == [list(bone.matrix) for bone in second]
     assert original_arrays[0][0] == 100.0
     assert arrays[0][0] == 50.0
     assert host.step_poses(LAYOUT, [(ctypes.addressof(target), 0, after, before)]) == [True]
-    assert host.is_pose(ctypes.addressof(target), LAYOUT, before)
+    assert is_pose(ctypes.addressof(target), before)
 
 
 @pytest.mark.parametrize("change", ["matrix", "segments", "count", "fewer", "record"])
@@ -229,7 +233,7 @@ def test_many_steps_are_independent():
         bones[2].matrix[3] += 1
     said = host.step_poses(LAYOUT, [(ctypes.addressof(bones), 0, before, after) for bones in targets])
     assert said == [bool(number % 3) for number in range(40)]
-    assert [host.is_pose(ctypes.addressof(bones), LAYOUT, after) for bones in targets] == said
+    assert [is_pose(ctypes.addressof(bones), after) for bones in targets] == said
     assert host.step_poses(LAYOUT, []) == []
 
 

@@ -2,7 +2,7 @@
 
 import enum
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -246,13 +246,20 @@ def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
 
 def shows(rig: Rig, graph: Any, moment: Any) -> bool:
     """Whether the evaluated bones, and the keys that follow them, are exactly as recorded."""
-    if moment is None or not poses.is_posed(evaluated_copy(rig, graph), moment.pose):
+    if moment is None or not poses.are_posed([(evaluated_copy(rig, graph), moment.pose)])[0]:
         return False
     follow = keyed(rig, graph)
     return len(follow) == len(moment.keys) and all(
         key_blocks.values_of(keys.evaluated_get(graph), numbers) == recorded
         for (keys, numbers), recorded in zip(follow, moment.keys)
     )
+
+
+def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
+    """Whether the evaluated bones of armatures are as their last poses have left them."""
+    known = [rig for rig in own if rig.pose is not None]
+    found = iter(poses.are_posed((evaluated_copy(rig, graph), rig.pose.pose) for rig in known))
+    return [rig.pose is not None and next(found) for rig in own]
 
 
 def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:

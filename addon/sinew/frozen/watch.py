@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, values
-from ..host import copies, driver_bytes, evaluations, keyframes
+from ..host import copies, driver_bytes, evaluations, key_blocks, keyframes
 from .shapes import is_alive
 
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
@@ -115,7 +115,7 @@ class Watch:
 def _state_of(keys: Any) -> tuple[Any, list[Any]]:
     """Returns all of shape keys but their points and values: the curves of their drivers, and the rest."""
     drivers = animation.drivers_of(keys)
-    curves, found = keyframes.read(drivers), [dependencies.plain(keys)]
+    curves, found = keyframes.read(drivers), [dependencies.plain(keys, 0), key_blocks.settings(keys)]
     read = driver_bytes.read(drivers, is_whole=True)
     if read is None:
         found += [dependencies.plain(each.driver) for each in drivers]

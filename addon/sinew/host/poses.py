@@ -124,9 +124,10 @@ def step(steps: Iterable[tuple[Any, Any, np.ndarray, np.ndarray]]) -> list[bool]
     )
 
 
-def is_posed(armature: Any, recorded: np.ndarray) -> bool:
-    """Whether an evaluated armature object has exactly the recorded pose. Raises contract.Broken."""
-    return sinew_native.host.is_pose(_first(armature), _layout(), recorded)
+def are_posed(asked: Iterable[tuple[Any, np.ndarray]]) -> list[bool]:
+    """Whether evaluated armature objects have exactly the recorded poses. asked: of each (armature, recorded). Raises
+    contract.Broken."""
+    return sinew_native.host.are_poses(_layout(), [(_first(armature), recorded) for armature, recorded in asked])
 
 
 def _prove(armature: Any) -> None:

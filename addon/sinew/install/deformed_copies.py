@@ -12,7 +12,7 @@ import bpy
 from ..blender import meshes, nodes, values
 from ..host import vector_arrays
 from ..plan import ways, wiring
-from ..run import afterwards, character, characters
+from ..run import afterwards, characters, graph_copy
 from . import deformed_copy
 
 log = logging.getLogger("sinew")
@@ -72,7 +72,7 @@ def _is_ours(depsgraph):
 
 def why_it_stays(ob: bpy.types.Object) -> str:
     """Returns why the deformed copy is not updated, as the end of a sentence, or ""."""
-    if ob.mode in character.EDITING:
+    if ob.mode in graph_copy.EDITING:
         return f"while {ob.name} is in {ob.mode.capitalize()} Mode"
     if not ob.visible_get():
         return f"while {ob.name} is hidden, because Blender does not evaluate it then"
@@ -90,7 +90,7 @@ def _follow_one(entry, ob, depsgraph):
         copy = deformed_copy.make(ob)
     deformed_copy.keep_in_place(copy, ob)
     evaluated = ob.evaluated_get(depsgraph)
-    if ob.mode in character.EDITING or not evaluated.is_evaluated:
+    if ob.mode in graph_copy.EDITING or not evaluated.is_evaluated:
         return
     seen = entry.copy_of(evaluated)
     shape = _shape_of(seen, ob, evaluated)

@@ -17,8 +17,6 @@ from .planning import Planning
 from .reading import Shared
 from .status import Status
 
-# Modes in which people edit what they see: Blender's own modifier shows the shape there, as its tools expect.
-EDITING = {"EDIT", "SCULPT"}
 # Modes in which Blender's tools do not need to know which vertex of the mesh one of the result was made from. Where all
 # of the result is a canvas's, only Blender's own modifiers tell them.
 WITHOUT_INDICES = {"OBJECT", "POSE"}

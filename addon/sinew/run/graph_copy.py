@@ -20,6 +20,8 @@ from .reading import Reading
 
 # Modes in which each dab of a brush changes the mesh.
 PAINTING = {"WEIGHT_PAINT", "VERTEX_PAINT"}
+# Modes in which people edit what they see: Blender's own modifier shows the shape there, as its tools expect.
+EDITING = {"EDIT", "SCULPT"}
 
 
 class GraphCopy:
@@ -44,6 +46,7 @@ class GraphCopy:
         self.written: np.ndarray | None = None  # (V, 3), the last shape in the keys, kept for the output Mesh
         self._animation: tuple[Any, ...] = ()  # as returned by animated.of_copies
         self.is_deforming = False  # Sinew deformed the mesh in the last evaluation; otherwise Blender did
+        self._mode = ""  # of the object at the last evaluation
 
     # --- the plan ---------------------------------------------------------------------------------
 
@@ -116,13 +119,22 @@ class GraphCopy:
             return any(name in self.shown for name in self.plan.taken)
         return bool(self.shown) or not self.plan.replaced
 
-    def leaves_dabs(self, ob: Any) -> bool:
-        """Whether Blender deforms an evaluated object in an evaluation in which somebody has painted on it.
+    def leaves_mode(self, ob: Any) -> bool:
+        """Whether the mode of an evaluated object changes the mesh, or did at the last call and Blender deforms the
+        object in this evaluation: what was edited is read in the next one."""
+        before, self._mode = self._mode, ob.mode
+        return ob.mode in EDITING or before in EDITING | PAINTING and ob.mode != before and self._leaves_edits(ob)
 
-        To read all weights again takes longer than Blender's Armature modifiers and shape keys, but not as long as its
+    def leaves_dabs(self, ob: Any) -> bool:
+        """Whether Blender deforms an evaluated object in an evaluation in which somebody has painted on it."""
+        return ob.mode in PAINTING and self._leaves_edits(ob)
+
+    def _leaves_edits(self, ob: Any) -> bool:
+        """Whether Blender may deform an evaluated object in an evaluation that follows an edit of the mesh. To read
+        all weights again takes longer than Blender's Armature modifiers and shape keys, but not as long as its
         smoothing."""
         plan = self.plan
-        if ob.mode not in PAINTING or not self.reading.is_done() or plan is None or not plan.is_wired:
+        if not self.reading.is_done() or plan is None or not plan.is_wired:
             return False
         return (
             self.has_current_plan

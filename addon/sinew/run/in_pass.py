@@ -15,7 +15,7 @@ from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
 from ..plan import survey, ways, wiring
 from . import afterwards, characters, errors, graph_copies, shape_keys, stages, switching
-from .character import EDITING, Character
+from .character import Character
 from .graph_copy import GraphCopy
 from .leaving import LeaveToBlender
 
@@ -96,7 +96,7 @@ def _is_at_work(copy: GraphCopy, ob: Any) -> bool:
         if copy.character.way.in_pass:
             copy.character.look(ob)
         raise LeaveToBlender(contract.trouble())
-    if ob.mode in EDITING:
+    if copy.leaves_mode(ob):
         return False  # it is looked at again afterwards: Blender copies it then
     if copy.leaves_dabs(ob) and _is_dab(copy, ob):
         raise LeaveToBlender("somebody paints on it")

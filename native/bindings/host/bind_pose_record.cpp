@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <tuple>
+#include <utility>
 
 #include "arrays.h"
 #include "host/memory.h"
@@ -132,16 +133,56 @@ bool are_equal(const void* a, const void* b, std::size_t size) {
   return true;
 }
 
-bool is_pose(Address bone, const RecordLayout& layout, const Record& record) {
-  const Pose pose = pose_at(bone, layout);
-  const auto body = body_of(pose, record);
-  if (!body) return false;
-  const char* from = *body;
-  for (const Region& region : pose.regions) {
-    if (region.is_compared && !are_equal(reinterpret_cast<const void*>(region.start), from, region.size)) return false;
-    from += region.size;
+/// Fetches what is recorded of a bone into the caches, while another one is read.
+void prefetch(Address bone, const RecordLayout& layout) {
+#if defined(__GNUC__)
+  constexpr std::ptrdiff_t kLine = 64;
+  for (const auto& [offset, size] : layout.members) {
+    for (std::ptrdiff_t at = 0; at < size + kLine; at += kLine) {
+      __builtin_prefetch(reinterpret_cast<const void*>(bone + offset + at));
+    }
   }
-  return true;
+#endif
+}
+
+/// Whether a pose holds a record. Goes once through the bones, which are cold.
+bool holds(const RecordLayout& layout, Address bone, std::span<const std::uint8_t> record) {
+  const auto* const bytes = reinterpret_cast<const char*>(record.data());
+  const auto count = read<std::int32_t>(reinterpret_cast<Address>(bytes));
+  std::size_t done = (static_cast<std::size_t>(count) + 1) * kNumber;
+  const auto is_same = [&](Address region, std::ptrdiff_t size, bool is_compared) {
+    const char* const from = bytes + std::exchange(done, done + static_cast<std::size_t>(size));
+    if (done > record.size()) return false;
+    return !is_compared || are_equal(reinterpret_cast<const void*>(region), from, static_cast<std::size_t>(size));
+  };
+  for (std::int32_t b = 0; b < count; ++b) {
+    if (bone == 0) return false;
+    const auto following = read<Address>(bone + layout.next);
+    if (following != 0) prefetch(following, layout);
+    for (const auto& [offset, size] : layout.members) {
+      if (!is_same(bone + offset, size, true)) return false;
+    }
+    for (const auto& [offset, size] : layout.computed) is_same(bone + offset, size, false);
+    const auto segments = read<std::int32_t>(reinterpret_cast<Address>(bytes) + (b + 1) * kNumber);
+    if (segment_count_of(bone, layout) != segments) return false;
+    for (const auto& [offset, size, more, is_compared] : layout.segments) {
+      if (segments > 0 && !is_same(read<Address>(bone + offset), size * (segments + more), is_compared != 0)) {
+        return false;
+      }
+    }
+    bone = following;
+  }
+  return bone == 0 && done == record.size();
+}
+
+std::vector<bool> are_poses(const RecordLayout& layout, const std::vector<std::pair<Address, Record>>& asked) {
+  std::vector<std::span<const std::uint8_t>> records;
+  for (const auto& [bone, record] : asked) {
+    records.emplace_back(record.data(), static_cast<std::size_t>(record.size()));
+  }
+  std::vector<std::uint8_t> found(asked.size());
+  run_parallel(asked.size(), [&](std::size_t i) { found[i] = holds(layout, asked[i].first, records[i]); });
+  return {found.begin(), found.end()};
 }
 
 /// Writes what the originals have, too, into the bones of an original, whose segments need not be those of the record.
@@ -169,18 +210,6 @@ bool play_original_pose(Address bone, const RecordLayout& layout, const Record& 
     if (segments > 0) from += per_segment * segments + more_segments;
   }
   return true;
-}
-
-/// Fetches what is recorded of a bone into the caches, while another one is copied.
-void prefetch(Address bone, const RecordLayout& layout) {
-#if defined(__GNUC__)
-  constexpr std::ptrdiff_t kLine = 64;
-  for (const auto& [offset, size] : layout.members) {
-    for (std::ptrdiff_t at = 0; at < size + kLine; at += kLine) {
-      __builtin_prefetch(reinterpret_cast<const void*>(bone + offset + at));
-    }
-  }
-#endif
 }
 
 /// Compares a region with one record and writes another one. Returns false, and writes nothing, if it differs.
@@ -271,7 +300,8 @@ void bind_pose_record(py::module_& host) {
            "members: (offset, size) in bytes of what is in the bone itself; computed: of what only evaluated bones "
            "have, and follows from the rest.\n"
            "segments: (offset, size, more, is_compared) of each array with an item for each segment of a B-bone, and "
-           "that many more: the offset of its address, the size of an item in bytes, and whether is_pose compares it.");
+           "that many more: the offset of its address, the size of an item in bytes, and whether are_poses compares "
+           "it.");
   host.def("record_pose", &record_pose, py::arg("bone"), py::arg("layout"),
            "Copies what the layout names of all bones of one of Blender's poses.\n\n"
            "bone: address of its first bone, or 0.\n"
@@ -286,15 +316,16 @@ void bind_pose_record(py::module_& host) {
            "made of another number of bones.");
   host.def(
       "step_poses", &step_poses, py::arg("layout"), py::arg("steps"),
-      "Does what is_pose, play_pose and play_original_pose do, to several poses in parallel, while it goes through "
+      "Does what are_poses, play_pose and play_original_pose do, to several poses in parallel, while it goes through "
       "the bones of each once.\n\n"
       "steps: of each pose (bone, original, before, next): the addresses of the first bone of an evaluated pose and "
       "of its original, or 0; the record that the pose must hold, and the one to write, both (N,) uint8.\n"
       "Returns for each pose False if it does not hold the first record. Then some of its bones may have been "
       "written.");
-  host.def("is_pose", &is_pose, py::arg("bone"), py::arg("layout"), py::arg("record"),
-           "Whether the bones of one of Blender's poses hold the numbers that are in a record, see play_pose. What the "
-           "layout excepts is not compared.");
+  host.def("are_poses", &are_poses, py::arg("layout"), py::arg("asked"),
+           "Whether the bones of Blender's poses hold the numbers that are in records, see play_pose. What the layout "
+           "excepts is not compared.\n\n"
+           "asked: of each pose (bone, record): the address of its first bone, or 0, and (N,) uint8.");
 }
 
 }  // namespace sinew::bindings

@@ -2,7 +2,7 @@
 
 import bpy
 
-from helpers import addon_module, select
+from helpers import addon_module, override, select
 
 from . import compare, scene
 from .kinds import kind, on_both, on_pair
@@ -234,7 +234,7 @@ def take_evaluated_mesh(random, ob):
 def link_characters(random):
     """All of them from another file, or overrides of these, which play and go again."""
     scene.leave_modes()
-    path, layer = bpy.app.tempdir + f"library {random.randrange(10**6)}.blend", bpy.context.view_layer
+    path = bpy.app.tempdir + f"library {random.randrange(10**6)}.blend"
     collection = bpy.data.collections.new("Library")
     for ob in {each for pair in scene.pairs() for each in pair}.union(scene.armatures()):
         collection.objects.link(ob)
@@ -246,7 +246,7 @@ def link_characters(random):
         to.collections = [name]
     linked = to.collections[0]
     if random.random() < 0.5:
-        linked.override_hierarchy_create(bpy.context.scene, layer)
+        override(linked)
     else:
         bpy.context.scene.collection.children.link(linked)
     try:
