@@ -2,8 +2,8 @@
 # ./dev test: everything once. The build uses both cores; then come jobs side by side, and at the end, one at a time,
 # what nothing may run beside.
 
-# For the time that it takes, only a release runs all tests in all builds. Otherwise the newest Blender runs all. The others
-# run these,
+# For the time that it takes, only a release runs all tests in all builds. Otherwise 5.2, the newest with a window, runs
+# all. The others run these,
 WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,host,memory,package,panel,render}.py
   tests/blender/test_{safety,same_as_modifier,same_pass,shortcuts}.py)
 
@@ -17,7 +17,7 @@ PYTHON_TESTS_OF_MEMORY=(tests/python/test_{boundaries,deformer,faults,files,froz
   tests/python/test_{rig_programs,skeleton,skinning,stages,unmade_objects,weight_tools}.py)
 
 # What a person does in a window. They take five minutes in each program, so that only a release runs all of them in all;
-# otherwise the newest runs the first four, and the others the first.
+# otherwise 5.2 runs the first three.
 WINDOW_TESTS=(in_window frozen_in_window in_weight_paint weighted first_ogre profiled baked reduced each_method)
 
 # [--blender VERSION|all|release] [pytest arguments for the tests in Blender]; release: also what only a release needs
@@ -67,20 +67,19 @@ run_tests() {
   install_packages assimp-testmodels assimp-utils # characters that nobody here made; a reader of glTF and FBX
   for version in "${versions[@]}"; do
     part=()
-    [[ ! "$kind $version" =~ ^all\ [34] ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
+    [[ ! "$kind $version" =~ ^all\ (3|4|5.3) ]] || part=("${WHAT_BUILDS_DIFFER_IN[@]}")
     [[ "$kind $version" != "all windows-"* ]] || part=("${WHAT_SYSTEMS_DIFFER_IN[@]}")
     start "Blender $version" test_in_blender "$version" "${part[@]}" "$@"
   done
   for version in "${versions[@]}"; do
-    [[ ! $version =~ ^(own|3.4|5.2)$ ]] || start "farm with Blender $version" farm_tests "$version"
+    [[ ! $version =~ ^(own|3.4|5.2)$ || "$kind $version" = "all 3.4" ]] || start "farm with Blender $version" farm_tests "$version"
   done
   await_all
   for version in "${versions[@]}"; do # one at a time: a window that waits for a core is late
     pick "$version"
     part=("${WINDOW_TESTS[@]}")
-    [ "$kind" != all ] || part=("${WINDOW_TESTS[@]:0:4}")
-    [[ ! "$kind $version" =~ ^all\ (3.4|4.3)$ ]] || part=("${WINDOW_TESTS[0]}")
-    is_module || alone "window of Blender $version" window_tests "${part[@]}"
+    [ "$kind" != all ] || part=("${WINDOW_TESTS[@]:0:3}")
+    [[ "$kind $version" =~ ^all\ (3.4|4.3)$ ]] || is_module || alone "window of Blender $version" window_tests "${part[@]}"
   done
   report
 }

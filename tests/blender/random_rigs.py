@@ -397,8 +397,16 @@ def differences_of(seed, features, times=TIMES):
         raise
     found = checking.differences(program, recorded := checking.record_frames(ob, read, times))
     # Out of what is not a number anything may come; no rig that people use has it.
-    broken = {time for time, poses in zip(recorded.times, recorded.poses, strict=True) if not np.isfinite(poses).all()}
+    broken = broken_times(recorded)
+    if found:
+        for constraint in [each for bone in ob.pose.bones for each in bone.constraints if each.type == "IK"]:
+            constraint.influence = 1  # less would hide what the chain has made of it
+        broken |= broken_times(checking.record_frames(ob, read, times))
     return [difference for difference in found if difference.time not in broken]
+
+
+def broken_times(recorded):
+    return {time for time, poses in zip(recorded.times, recorded.poses, strict=True) if not np.isfinite(poses).all()}
 
 
 def shrunk(seed, features, differs):

@@ -266,6 +266,10 @@ MEANINGS = {
     "the bits of switches of modifiers have another meaning": (constant("switches", "_VIEWPORT", 4), {"Deforming"}),
     "the bit that disables modifiers has another meaning": (constant("switches", "_ASIDE", 1 << 30), {"Deforming"}),
     "the bits of muted drivers have another meaning": (constant("switches", "_MUTED", 1 << 5), {"Muting"}),
+    "the bone of a driver's variable is not where it was": (
+        elsewhere("driver_bytes", "DriverTarget", "pchan_name"),
+        {"Drivers of data"},
+    ),
     "weights are not where they were": (constant("deform_verts", "_DEFORM_VERTICES", 9999), {"Weights"}),
     "the points of a lattice at rest are not where they were": (
         constant("lattices", "_FIRST", ("du", "fv", "fw")),

@@ -246,20 +246,27 @@ def keyed(rig: Rig, graph: Any) -> list[tuple[Any, tuple[int, ...]]]:
 
 def shows(rig: Rig, graph: Any, moment: Any) -> bool:
     """Whether the evaluated bones, and the keys that follow them, are exactly as recorded."""
-    if moment is None or not poses.are_posed([(evaluated_copy(rig, graph), moment.pose)])[0]:
-        return False
+    return moment is not None and _show(graph, [(rig, moment)])[0]
+
+
+def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
+    """Whether the evaluated bones of armatures, and the keys that follow them, are as their last poses have left
+    them."""
+    found = iter(_show(graph, [(rig, rig.pose) for rig in own if rig.pose is not None]))
+    return [rig.pose is not None and next(found) for rig in own]
+
+
+def _show(graph: Any, asked: Sequence[tuple[Rig, Moment]]) -> list[bool]:
+    found = poses.are_posed((evaluated_copy(rig, graph), moment.pose) for rig, moment in asked)
+    return [is_posed and _have_values(rig, graph, moment) for is_posed, (rig, moment) in zip(found, asked)]
+
+
+def _have_values(rig: Rig, graph: Any, moment: Moment) -> bool:
     follow = keyed(rig, graph)
     return len(follow) == len(moment.keys) and all(
         key_blocks.values_of(keys.evaluated_get(graph), numbers) == recorded
         for (keys, numbers), recorded in zip(follow, moment.keys)
     )
-
-
-def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
-    """Whether the evaluated bones of armatures are as their last poses have left them."""
-    known = [rig for rig in own if rig.pose is not None]
-    found = iter(poses.are_posed((evaluated_copy(rig, graph), rig.pose.pose) for rig in known))
-    return [rig.pose is not None and next(found) for rig in own]
 
 
 def is_shown(rig: Rig, graph: Any, moment: Any) -> bool:

@@ -1,5 +1,6 @@
 """Reads the bytes that tell what the drivers of a data-block set, and what they read."""
 
+import ctypes
 import functools
 import hashlib
 from typing import Any
@@ -58,11 +59,25 @@ def read(drivers: Any, is_whole: bool = False) -> bytes | None:
     return found
 
 
+def _has_bones_as_said(driver: Any) -> bool:
+    """Whether the bone of a variable is what the API says, if it was not compared yet."""
+    if not proof.is_due("bones of drivers"):
+        return True
+    target: Any = next((each.targets[0] for each in driver.variables if each.targets[0].bone_target), None)
+    if target is not None:
+        at, size = contract.region(target, "DriverTarget", "pchan_name")
+        if ctypes.string_at(at, size).partition(b"\0")[0].decode() != target.bone_target:
+            contract.distrust(features.DRIVERS, "the bone of a driver's variable is not where it was")
+            return False
+        proof.give("bones of drivers")
+    return True
+
+
 def digest_of_variables(driver: Any) -> bytes | None:
     """Returns bytes that are equal for the same driver at two times if its variables had the same names and types, and
     read the same properties, or by their first target the same bones, of data-blocks at the same addresses. None if
     they cannot be read."""
-    if proof.is_due("drivers") or not contract.has(features.DRIVERS):
+    if proof.is_due("drivers") or not contract.has(features.DRIVERS) or not _has_bones_as_said(driver):
         return None
     found = _variable().bytes_of_list(contract.address_at(driver.as_pointer() + _variables()))
     return hashlib.blake2b(found, digest_size=16).digest()

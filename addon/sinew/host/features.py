@@ -120,7 +120,7 @@ FEATURES = {
         "FCurve.*next FCurve.*driver FCurve.*rna_path ListBase.*first ChannelDriver.variables ChannelDriver.expression "
         "ChannelDriver.type ChannelDriver.flag DriverVar.*next DriverVar.name DriverVar.type DriverVar.targets "
         "DriverTarget.*id DriverTarget.*rna_path DriverTarget.pchan_name",
-        compared="the path of the first driver",
+        compared="the path of the first driver, and the bone that one of its variables waits for",
     ),
     MUTING: Feature(
         "Blender goes on calling Sinew for meshes that it deforms itself, which takes longer",
