@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <memory>
 #include <tuple>
 
 #include "arrays.h"
@@ -143,55 +144,94 @@ std::vector<RecordField> fields_of(const std::vector<FieldTuple>& given) {
   return fields;
 }
 
-/// What is computed of one rig, and where it goes.
-struct Computed {
-  const RigProgram* program;
-  std::vector<float> times;
-  std::vector<int> places;
-  py::array_t<std::uint8_t> records;
-  py::array_t<float> values;
-  RigOutputs outputs;
-  std::string error;
-};
+using RigsOfPython = std::vector<std::tuple<std::shared_ptr<const RigProgram>, py::array, std::vector<std::string>>>;
 
-py::list py_records(const std::vector<std::tuple<const RigProgram*, py::array, std::vector<std::string>>>& rigs,
-                    const std::vector<FieldTuple>& given) {
-  const std::vector<RecordField> fields = fields_of(given);
-  std::vector<Computed> all;
-  all.reserve(rigs.size());
-  for (const auto& [program, frames, paths] : rigs) {
-    Computed& each = all.emplace_back();
-    each.program = program;
-    each.times = list_of<float>("frames", frames);
-    each.places = places_of(*program, paths);
-    const auto count = static_cast<py::ssize_t>(each.times.size());
-    const std::ptrdiff_t size = program->record_size(fields);
-    each.records = py::array_t<std::uint8_t>({count, size});
-    each.values = py::array_t<float>({count, static_cast<py::ssize_t>(each.places.size())});
-    each.outputs.values = each.places;
-    each.outputs.numbers = each.values.mutable_data();
-    each.outputs.records = {fields, reinterpret_cast<std::byte*>(each.records.mutable_data()), size};
-  }
-  {
-    const py::gil_scoped_release release;
-    run_parallel(all.size(), [&](std::size_t i) {
-      try {
-        all[i].program->evaluate(all[i].times, {}, all[i].outputs);
-      } catch (const InputError& error) {
-        all[i].error = error.what();
-      }
-    });
-  }
-  py::list found;
-  for (const Computed& each : all) {
-    if (each.error.empty()) {
-      found.append(py::make_tuple(each.records, each.values));
-    } else {
-      found.append(each.error);
+/// Records of several rigs, with the memory that they are written to.
+class Records {
+ public:
+  Records(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields) : fields_(fields_of(fields)) {
+    rigs_.reserve(rigs.size());
+    for (const auto& [program, frames, paths] : rigs) {
+      OfRig& each = rigs_.emplace_back();
+      each.program = program;
+      each.times = list_of<float>("frames", frames);
+      each.places = places_of(*program, paths);
+      const auto count = static_cast<py::ssize_t>(each.times.size());
+      const std::ptrdiff_t size = program->record_size(fields_);
+      each.records = py::array_t<std::uint8_t>({count, size});
+      each.values = py::array_t<float>({count, static_cast<py::ssize_t>(each.places.size())});
+      each.outputs.values = each.places;
+      each.outputs.numbers = each.values.mutable_data();
+      each.outputs.records = {fields_, reinterpret_cast<std::byte*>(each.records.mutable_data()), size};
     }
   }
-  return found;
+  Records(const Records&) = delete;
+
+  std::size_t size() const { return rigs_.size(); }
+
+  /// Computes those of rig i. Without the GIL, in any thread.
+  void compute(std::size_t i) {
+    OfRig& own = rigs_[i];
+    try {
+      own.program->evaluate(own.times, {}, own.outputs);
+    } catch (const std::exception& error) {
+      own.error = error.what();
+    }
+  }
+
+  py::list found() const {
+    py::list found;
+    for (const OfRig& each : rigs_) {
+      if (each.error.empty()) {
+        found.append(py::make_tuple(each.records, each.values));
+      } else {
+        found.append(each.error);
+      }
+    }
+    return found;
+  }
+
+ private:
+  struct OfRig {
+    std::shared_ptr<const RigProgram> program;
+    std::vector<float> times;
+    std::vector<int> places;
+    py::array_t<std::uint8_t> records;
+    py::array_t<float> values;
+    RigOutputs outputs;
+    std::string error;
+  };
+  std::vector<RecordField> fields_;
+  std::vector<OfRig> rigs_;
+};
+
+py::list py_records(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields) {
+  Records records(rigs, fields);
+  {
+    const py::gil_scoped_release release;
+    run_parallel(records.size(), [&](std::size_t i) { records.compute(i); });
+  }
+  return records.found();
 }
+
+/// Records that other threads compute.
+class RecordsAhead {
+ public:
+  RecordsAhead(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields)
+      : records_(rigs, fields), meanwhile_(records_.size(), [this](std::size_t i) { records_.compute(i); }) {}
+
+  py::list found() {
+    {
+      const py::gil_scoped_release release;
+      meanwhile_.wait();
+    }
+    return records_.found();
+  }
+
+ private:
+  Records records_;
+  Meanwhile meanwhile_;  // ends before them
+};
 
 py::dict py_profile(const RigProgram& program, const py::array& frames, const py::dict& set) {
   const std::vector<float> times = list_of<float>("frames", frames);
@@ -226,8 +266,8 @@ py::dict constraint_settings_dict() {
 }  // namespace
 
 void bind_rigs(py::module_& module) {
-  py::class_<RigProgram>(module, "RigProgram",
-                         "An armature's bones, constraints, drivers and curves, evaluated as Blender does.")
+  py::class_<RigProgram, std::shared_ptr<RigProgram>>(
+      module, "RigProgram", "An armature's bones, constraints, drivers and curves, evaluated as Blender does.")
       .def(py::init([](const py::dict& description) { return RigProgram(rig_description_of(description)); }),
            py::arg("description"),
            "Checks a description, as `sinew rig` writes it, and puts it in order. Raises ValueError, which names what "
@@ -269,6 +309,10 @@ void bind_rigs(py::module_& module) {
       "`first` on, in the order of rig_bone_settings().\n"
       "Returns of each rig a tuple of its records, (F, N) uint8, and the values of the paths, (F, P) float32; or a "
       "sentence if a driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.");
+  py::class_<RecordsAhead>(module, "RigRecordsAhead", "What rig_records returns, computed by other threads meanwhile.")
+      .def(py::init<const RigsOfPython&, const std::vector<FieldTuple>&>(), py::arg("rigs"), py::arg("fields"),
+           "Begins, and returns at once. Arguments and errors: see rig_records.")
+      .def("found", &RecordsAhead::found, "Waits for the threads, and returns what rig_records returns.");
   module.def(
       "rig_bone_settings",
       [] {

@@ -1014,6 +1014,16 @@ def rig_records(
     unknown path or field.
     """
 
+class RigRecordsAhead:
+    """What rig_records returns, computed by other threads meanwhile."""
+
+    def __init__(
+        self, rigs: list[tuple[RigProgram, _Reals, list[str]]], fields: list[tuple[str, int, int]]
+    ) -> None:
+        """Begins, and returns at once. Arguments and errors: see rig_records."""
+    def found(self) -> list[tuple[_UInt8, _Float32] | str]:
+        """Waits for the threads, and returns what rig_records returns."""
+
 def rig_bone_settings() -> list[tuple[str, int]]:
     """Returns the settings of a bone in the order of its `values`, and how many numbers each has."""
 

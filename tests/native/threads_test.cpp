@@ -48,6 +48,43 @@ TEST(Threads, AnyPositiveCountWorks) {
 
 /// Characters are independent: several threads may deform at once, each with the whole library,
 /// while another changes the number of threads. (What the thread sanitizer looks at.)
+TEST(Threads, MeanwhileDoesEachWorkOnceUntilItIsWaitedFor) {
+  const ThreadsOfATest threads_of_a_test;
+  for (const int threads : {1, 2, 3, 8}) {
+    set_thread_count(threads);
+    for (const std::size_t count : {0, 1, 2, 5, 100}) {
+      std::vector<std::atomic<int>> times(count);
+      Meanwhile meanwhile(count, [&](std::size_t i) { ++times[i]; });
+      meanwhile.wait();
+      for (const auto& each : times) EXPECT_EQ(each, 1);
+      meanwhile.wait();
+      for (const auto& each : times) EXPECT_EQ(each, 1);
+    }
+  }
+}
+
+TEST(Threads, MeanwhileThatNobodyWaitsForLeavesNothingRunning) {
+  const ThreadsOfATest threads_of_a_test;
+  for (const int threads : {1, 2, 8}) {
+    set_thread_count(threads);
+    for (int round = 0; round < 50; ++round) {
+      std::vector<std::atomic<int>> times(20);
+      std::atomic<int> running = 0;
+      {
+        const Meanwhile meanwhile(times.size(), [&](std::size_t i) {
+          ++running;
+          ++times[i];
+          --running;
+        });
+        if (round % 2 == 0) std::this_thread::yield();
+        set_thread_count(threads);  // the threads that it has begun with go on
+      }
+      EXPECT_EQ(running, 0);
+      for (const auto& each : times) EXPECT_LE(each, 1);
+    }
+  }
+}
+
 TEST(Threads, CallersDoNotDisturbEachOther) {
   const ThreadsOfATest threads_of_a_test;
   constexpr std::int32_t kJoints = 40, kVertices = 9000;

@@ -234,6 +234,23 @@ def test_records_of_several_rigs(rig):
     assert "divides by 0" in error
 
 
+def test_records_computed_ahead_are_the_same(rig):
+    other = copy.deepcopy(rig)
+    other["drivers"][0]["expression"] = "share / 0"
+    rigs = [(sinew.RigProgram(each), np.array([frame]), ['["share"]']) for frame in (1, 2.5) for each in (rig, other)]
+    wanted = sinew.rig_records(rigs, FIELDS)
+    for _ in range(20):
+        ahead = sinew.RigRecordsAhead(rigs, FIELDS)
+        for _ in range(2):
+            for found, each in zip(ahead.found(), wanted, strict=True):
+                assert type(found) is type(each)
+                assert found == each if isinstance(each, str) else all(map(np.array_equal, found, each))
+    del rigs
+    sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.arange(2000.0), [])], FIELDS)  # nobody asks for them
+    with pytest.raises(ValueError, match="a field"):
+        sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.array([1]), [])], [("pose", 0, 0)])
+
+
 @pytest.mark.parametrize("field", [("pose", 0, 0), ("values", -1, 3), ("values", 0, 0), ("values", 60, 2**31 - 1)])
 def test_unknown_fields(rig, field):
     with pytest.raises(ValueError, match="a field"):

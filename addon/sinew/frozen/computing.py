@@ -38,7 +38,10 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
     if rig.source.program is None:
         read(rig, scene, graph)
-    for moment in _moments([rig], [[frame]])[0]:
+    start = perf_counter()
+    found_now = _moments([rig], [[frame]])[0]
+    rig.milliseconds = 1e3 * (perf_counter() - start)
+    for moment in found_now:
         if rigs.shows(rig, graph, moment):
             rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
             rig.keep(frame, moment)
@@ -46,17 +49,55 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
             changes.drop_all(rig)
 
 
+class _Ahead:
+    """The next frame, computed by other threads while Blender evaluates and draws the last one. It holds for as long as
+    the programs do, which die with each edit."""
+
+    def __init__(self) -> None:
+        self._frame, self._step = 0.0, 0.0  # the last one, and how far it was from the one before
+        self._programs: dict[int, Any] = {}  # by the key of the armature
+        self._records: Any = None  # sinew_native.RigRecordsAhead of these
+        self._next: float | None = None
+
+    def begin(self, own: Iterable[rigs.Rig], frame: float) -> None:
+        """Begins with the frame that comes after this one, if that is as far as it was from the one before."""
+        step, before = frame - self._frame, self._step
+        if step == 0:
+            return
+        self._frame, self._step = frame, step
+        if step != before:
+            return
+        self.forget()
+        able = [rig for rig in own if rig.source.is_proven and rig.at(frame + step) is None]
+        if able:
+            self._next = frame + step
+            self._programs = {rig.key: rig.source.program for rig in able}
+            self._records = sinew_native.RigRecordsAhead(*_asked(able, [[self._next]] * len(able)))
+
+    def found(self, own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[Any] | None:
+        """Returns what `rig_records` returns of these armatures, if that was computed ahead."""
+        if self._records is None or any(list(each) != [self._next] for each in frames):
+            return None
+        if any(self._programs.get(rig.key) is not rig.source.program for rig in own):
+            return None
+        by_key = dict(zip(self._programs, self._records.found()))
+        return [by_key[rig.key] for rig in own]
+
+    def forget(self) -> None:
+        self._programs, self._records, self._next = {}, None, None
+
+
+_ahead = _Ahead()
+look_ahead, forget = _ahead.begin, _ahead.forget
+
+
 def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
     """Records those of these frames that are missing, of the armatures that have a proven program. Of moments
     that are not recorded each keeps the last one."""
     able = [rig for rig in own if rig.source.is_proven]
     lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
-    start = perf_counter()
-    found = _moments(able, lacking)
-    milliseconds = 1e3 * (perf_counter() - start) / max(sum(map(len, found)), 1)
-    for rig, missing, moments in zip(able, lacking, found):
+    for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
         for frame, moment in zip(missing, moments):
-            rig.milliseconds = milliseconds
             rig.keep(frame, moment)
 
 
@@ -97,12 +138,21 @@ def _may_move(block: Any) -> bool:
     return bool(is_animated) or isinstance(block, bpy.types.Scene)
 
 
+def _asked(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> tuple[list[Any], Any]:
+    """Returns what `rig_records` wants, for the frames of each armature."""
+    pairs = zip(own, frames)
+    return [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in pairs], (
+        poses.fields()
+    )
+
+
 def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[list[rigs.Moment]]:
     """Returns the moments of each armature on its frames; none of those without a program."""
-    able = [(rig, each) for rig, each in zip(own, frames) if rig.source.program is not None and each]
-    wanted = [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in able]
+    able = [rig for rig, each in zip(own, frames) if rig.source.program is not None and each]
+    wanted = [each for rig, each in zip(own, frames) if rig.source.program is not None and each]
     found: dict[int, list[rigs.Moment]] = {}
-    for (rig, _frames), result in zip(able, sinew_native.rig_records(wanted, poses.fields())):
+    results = _ahead.found(able, wanted) or sinew_native.rig_records(*_asked(able, wanted))
+    for rig, result in zip(able, results):
         if isinstance(result, str):
             rig.source = Source(refusal=result)
             continue

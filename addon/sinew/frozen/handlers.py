@@ -8,7 +8,7 @@ from bpy.app.handlers import persistent
 
 from ..host import contract, relations
 from ..main import callbacks
-from . import accelerating, freezing, ghosts, playing, rigs
+from . import accelerating, computing, freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
@@ -54,6 +54,7 @@ def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None
 @persistent
 def after_load(*_: Any) -> None:
     rigs.forget()
+    computing.forget()
 
 
 @persistent
@@ -111,4 +112,5 @@ def unregister() -> None:
     callbacks.remove(HANDLERS)
     freezing.melt_all()
     rigs.forget()
+    computing.forget()
     relations.release()

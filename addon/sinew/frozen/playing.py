@@ -91,6 +91,8 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     if not reasons:
         for rig in _play_frame(own, graph, frame, is_new_frame):
             reasons[rig.key] = _moved_by_others(rig)
+        if is_new_frame:
+            computing.look_ahead(own, frame)
     if reasons:
         freezing.melt(graph, reasons)
 

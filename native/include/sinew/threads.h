@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <memory>
 
 namespace sinew {
 
@@ -18,5 +19,21 @@ int thread_count();
 /// call must write only what no other one touches. For works of some 20 microseconds and more. An exception that one of
 /// them throws is rethrown here; some may then never have run.
 void run_parallel(std::size_t count, const std::function<void(std::size_t)>& work);
+
+/// Works that other threads do while the caller does something else. A work must not throw.
+class Meanwhile {
+ public:
+  /// Has work(i) called for each i in [0, count). What no thread has begun until then, wait() does.
+  Meanwhile(std::size_t count, std::function<void(std::size_t)> work);
+  Meanwhile(const Meanwhile&) = delete;
+  /// Waits for the works that have begun, and leaves out the others.
+  ~Meanwhile();
+  /// Returns when all works are done.
+  void wait();
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;
+};
 
 }  // namespace sinew

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <exception>
 #include <memory>
 #include <mutex>
@@ -38,6 +39,11 @@ class Pool {
   bool has_workers() {
     if (!has_workers_) has_workers_ = detail::can_start(threads_ - 1);
     return has_workers_;
+  }
+
+  template <class Work>
+  void enqueue(const Work& work) {
+    arena_.enqueue(work);
   }
 
   template <class Chunk>
@@ -100,6 +106,46 @@ void run_parallel(std::size_t count, const std::function<void(std::size_t)>& wor
   parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) work(i);
   });
+}
+
+struct Meanwhile::State {
+  State(std::size_t works, std::function<void(std::size_t)> one) : count(works), work(std::move(one)) {}
+
+  void run() {
+    for (std::size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) {
+      work(i);
+      const std::lock_guard lock(mutex);
+      ++done;
+      has_ended.notify_all();
+    }
+  }
+
+  void await(std::size_t begun) {
+    std::unique_lock lock(mutex);
+    has_ended.wait(lock, [&] { return done >= begun; });
+  }
+
+  const std::size_t count;
+  const std::function<void(std::size_t)> work;
+  std::atomic<std::size_t> next = 0;
+  std::size_t done = 0;
+  std::mutex mutex;
+  std::condition_variable has_ended;
+};
+
+Meanwhile::Meanwhile(std::size_t count, std::function<void(std::size_t)> work)
+    : state_(std::make_shared<State>(count, std::move(work))) {
+  const std::shared_ptr<Pool> threads = current_pool();
+  if (threads->threads() == 1 || !threads->has_workers()) return;
+  const std::size_t most = static_cast<std::size_t>(threads->threads()) - 1;
+  for (std::size_t i = 0; i < std::min(count, most); ++i) threads->enqueue([state = state_] { state->run(); });
+}
+
+Meanwhile::~Meanwhile() { state_->await(std::min(state_->next.exchange(state_->count), state_->count)); }
+
+void Meanwhile::wait() {
+  state_->run();
+  state_->await(state_->count);
 }
 
 WorkAhead::WorkAhead(double microseconds) : before_(wakes_threads()) {

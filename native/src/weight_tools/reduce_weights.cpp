@@ -210,7 +210,8 @@ class VertexReduction {
   }
 
   Eigen::VectorXd fit(const std::vector<int>& kept, const Eigen::VectorXd& near) {
-    const Eigen::MatrixXd places = places_(Eigen::all, kept);
+    // Eigen 3.4 and 5 have no common name for all rows.
+    const Eigen::MatrixXd places = places_(Eigen::seqN(0, places_.rows()), kept);
     Eigen::MatrixXd g = places.transpose() * places;
     const double pull = kPull * g.diagonal().maxCoeff() + std::numeric_limits<double>::min();
     const Eigen::VectorXd b = pull * near(kept);
