@@ -65,6 +65,57 @@ def test_reading_takes_one_step_for_each_rig(cast):
     assert all(recorded().get(each[0]).is_frozen for each in both(cast))
 
 
+@pytest.fixture
+def computed_now(monkeypatch):
+    """The times that were computed when they were needed, not ahead."""
+    native, found = addon_module("native").sinew_native, []
+    known = native.rig_records
+
+    def rig_records(asked, fields):
+        found.extend(float(time) for _program, times, _paths in asked for time in times)
+        return known(asked, fields)
+
+    monkeypatch.setattr(addon_module("frozen.computing"), "sinew_native", Stand(native, rig_records=rig_records))
+    return found
+
+
+class Stand:
+    def __init__(self, known, **others):
+        self._known = known
+        vars(self).update(others)
+
+    def __getattr__(self, name):
+        return getattr(self._known, name)
+
+
+def test_the_next_frame_is_computed_ahead_in_step_with_the_playback(cast, computed_now):
+    accelerate(cast)
+    for frames, late in (
+        ((2, 3, 4, 5, 6), [2, 3, 4]),
+        ((9, 8, 7, 6), [9, 8]),  # 7 would have come after 6
+        ((2, 4, 6, 8, 3), [2, 4, 6, 3]),
+        ((5, 1, 7), [5, 1, 7]),
+    ):
+        computed_now.clear()
+        cast.play(frames)
+        assert computed_now == late
+    computed_now.clear()
+    for half in (6, 7, 8, 9):
+        cast.scene.frame_set(half // 2, subframe=half % 2 / 2)
+        cast.assert_same()
+    assert computed_now == [3, 3.5, 4]
+    assert cast.rig.is_frozen
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_what_was_computed_ahead_is_not_shown_after_an_edit(cast, edit):
+    accelerate(cast)
+    cast.play([2, 3, 4])
+    for armature, *_ in both(cast):
+        edit(armature)
+    cast.play([5, 6, 7])
+
+
 @pytest.mark.parametrize("edit", EDITS)
 def test_edits(cast, edit):
     accelerate(cast)
