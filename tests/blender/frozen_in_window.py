@@ -392,6 +392,25 @@ def accelerated(meshes, armatures, reference):
     scene().frame_set(13)
     assert_as(reference, meshes)
     print(f"window: two rigs were accelerated, {len(set(seen))} different frames, and one was posed and undone")
+    yield from motion_paths(armatures)
+
+
+def motion_paths(armatures):
+    settings = addon_module("ui.preferences").of_sinew().onion
+    select(bpy.data.objects[armatures[1]])
+    with in_area("VIEW_3D"):
+        bpy.ops.object.mode_set(mode="POSE")
+        bpy.ops.pose.select_all(action="SELECT")
+    yield 1.5  # the rig is read again
+    none = yield from seen("without-paths")
+    settings.shows_paths, settings.path_frames = True, 6
+    paths = yield from seen("motion-paths")
+    assert (paths != none).mean() > 0.002, "there are no paths"
+    settings.property_unset("shows_paths")
+    settings.property_unset("path_frames")
+    with in_area("VIEW_3D"):
+        bpy.ops.object.mode_set(mode="OBJECT")
+    print("window: motion paths are drawn")
 
 
 run(steps())

@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from ..feedback import notice
 from ..host import contract, relations
 from ..main import callbacks
 from . import accelerating, computing, freezing, ghosts, playing, rigs
@@ -85,6 +86,8 @@ def freeze_again() -> float:
             _has_accelerated = not (
                 is_on and accelerating.step(context.scene, context.view_layer, playing.evaluation_count())
             )
+            if not _has_accelerated:
+                notice.redraw()
         except Exception:
             log.exception("no rig could be accelerated")
         _tried = playing.evaluation_count(), is_playing

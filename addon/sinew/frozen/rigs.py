@@ -41,6 +41,7 @@ class Source:
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
+    heads: dict[int, Any] = field(default_factory=dict)  # of bones, by frame, see paths.py
 
 
 @dataclass

@@ -3,7 +3,7 @@
 from typing import Any
 
 import bpy
-from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
+from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty
 
 
 class SinewOnionSettings(bpy.types.PropertyGroup):
@@ -38,6 +38,18 @@ class SinewOnionSettings(bpy.types.PropertyGroup):
         min=0,
         max=1,
     )
+    shows_paths: BoolProperty(
+        name="Motion Paths",
+        description="Show where the selected bones go, in Pose Mode: computed at once, and again after each edit. Only "
+        "of rigs that are computed natively",
+    )
+    path_frames: IntProperty(
+        name="Frames",
+        description="Frames of a motion path before and after the current one",
+        default=20,
+        min=1,
+        max=500,
+    )
 
 
 def draw(layout: bpy.types.UILayout, settings: Any) -> None:
@@ -50,3 +62,6 @@ def draw(layout: bpy.types.UILayout, settings: Any) -> None:
     row.prop(settings, "color_before", text="")
     row.prop(settings, "color_after", text="")
     row.prop(settings, "opacity")
+    row = layout.row(align=True)
+    row.prop(settings, "shows_paths")
+    row.prop(settings, "path_frames")

@@ -1,10 +1,10 @@
-"""Onion skins: the button and the panel with their settings."""
+"""Onion skins and motion paths: the button, and the panel with their settings."""
 
 import bpy
 
 from ..feedback import notice
 from ..frozen import ghosts, rigs
-from . import frozen, ghost_drawing, onion_settings, preferences
+from . import frozen, ghost_drawing, onion_settings, path_drawing, preferences
 from .panels import InSidebar
 
 
@@ -61,8 +61,10 @@ register_classes, unregister_classes = bpy.utils.register_classes_factory(CLASSE
 def register() -> None:
     register_classes()
     ghost_drawing.start()
+    path_drawing.start()
 
 
 def unregister() -> None:
+    path_drawing.stop()
     ghost_drawing.stop()
     unregister_classes()

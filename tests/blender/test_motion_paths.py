@@ -1,0 +1,97 @@
+"""Motion paths of rigs that are computed: nothing is played for them, and they are where Blender puts the bones."""
+
+import bpy
+import numpy as np
+import pytest
+
+from helpers import addon_module, needs_rig_programs, select
+from test_accelerated_rigs import accelerate, cast, wait  # noqa: F401
+from test_frozen import EDITS, layer, recorded
+from test_frozen_who import both
+
+pytestmark = needs_rig_programs
+NAMES = ("bone0", "bone2")
+
+
+def paths(armature, frame, count=3):
+    return addon_module("frozen.paths").around([(armature, name) for name in NAMES], frame, count)
+
+
+def heads(armature, frames):
+    """Where Blender puts them."""
+    found = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        posed = armature.evaluated_get(layer().depsgraph)
+        found.append([posed.matrix_world @ posed.pose.bones[name].head for name in NAMES])
+    return np.swapaxes(np.array(found), 0, 1)
+
+
+@pytest.fixture
+def settings():
+    found = addon_module("ui.preferences").of_sinew().onion
+    yield found
+    for name in ("shows_paths", "path_frames"):
+        found.property_unset(name)
+
+
+@pytest.mark.parametrize("edit", [None, *EDITS])
+def test_they_are_where_the_bones_go(cast, edit):  # noqa: F811
+    cast.frozen[0].location, cast.live[0].location = (1, 2, 3), (1, 2, 3)
+    accelerate(cast)
+    assert len(paths(cast.frozen[0], 4)) == 2
+    if edit is not None:
+        for armature, *_ in both(cast):
+            edit(armature)
+        layer().update()
+        wait(cast)
+    found = paths(cast.frozen[0], 4)
+    if cast.rig.source.program is None or not cast.rig.is_idle:  # the edit keeps it live
+        assert found == []
+        return
+    wanted = heads(cast.live[0], range(1, 8))
+    assert [path.now for path in found] == [3, 3]
+    np.testing.assert_allclose([path.points for path in found], wanted, atol=1e-5)
+    assert np.ptp(wanted, axis=1).max() > 0.1
+    cast.assert_same()
+
+
+def test_each_frame_is_computed_once(cast, monkeypatch):  # noqa: F811
+    accelerate(cast)
+    module, known = addon_module("frozen.paths"), cast.rig.source.heads
+    paths(cast.frozen[0], 4)
+    assert sorted(known) == list(range(1, 8))
+    before = known[4]
+    paths(cast.frozen[0], 5)
+    assert sorted(known) == list(range(1, 9)) and known[4] is before
+    monkeypatch.setattr(module, "MOST_KEPT", 10)
+    paths(cast.frozen[0], 40)
+    assert sorted(known) == list(range(37, 44))
+
+
+def test_rigs_that_are_not_computed_have_none(cast):  # noqa: F811
+    assert paths(cast.frozen[0], 4) == [] == paths(cast.live[0], 4)
+    accelerate(cast)
+    assert paths(cast.live[0], 4) == []
+    assert addon_module("frozen.paths").around([(cast.frozen[0], "no bone")], 4, 3) == []
+    bpy.ops.object.select_all(action="DESELECT")
+    select(cast.frozen[0])
+    assert bpy.ops.object.sinew_thaw() == {"FINISHED"}
+    assert paths(cast.frozen[0], 4) == [] and recorded().get(cast.frozen[0]) is cast.rig
+
+
+def test_what_a_view_shows(cast, settings):  # noqa: F811
+    accelerate(cast)
+    shown = addon_module("ui.path_drawing").shown
+    select(cast.frozen[0])
+    settings.path_frames = 5
+    assert shown(bpy.context) == []
+    settings.shows_paths = True
+    assert shown(bpy.context) == []
+    bpy.ops.object.mode_set(mode="POSE")
+    bpy.ops.pose.select_all(action="SELECT")
+    wait(cast)
+    found = shown(bpy.context)
+    assert len(found) == len(cast.frozen[0].pose.bones) and len(found[0].points) == 11
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert shown(bpy.context) == []
