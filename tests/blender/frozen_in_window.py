@@ -401,11 +401,18 @@ def motion_paths(armatures):
     with in_area("VIEW_3D"):
         bpy.ops.object.mode_set(mode="POSE")
         bpy.ops.pose.select_all(action="SELECT")
-    yield 1.5  # the rig is read again
-    none = yield from seen("without-paths")
     settings.shows_paths, settings.path_frames = True, 6
+    for step in range(40):  # the rig is read again, or accelerated again
+        yield 0.5
+        with in_area("VIEW_3D"):
+            found = addon_module("ui.path_drawing").shown(bpy.context)
+        if step > 4 and found:
+            break
     paths = yield from seen("motion-paths")
-    assert (paths != none).mean() > 0.002, "there are no paths"
+    with in_area("VIEW_3D"):
+        bpy.ops.pose.select_all(action="DESELECT")
+    none = yield from seen("without-paths")
+    assert (paths != none).mean() > 0.005, "there are no paths"
     settings.property_unset("shows_paths")
     settings.property_unset("path_frames")
     with in_area("VIEW_3D"):

@@ -222,7 +222,7 @@ def valid():
 
 
 # What needs no numbers of its own, files, and lists of arrays, which have tests of their own.
-ELSEWHERE = {"write_dmat", "skin_all", "rig_records"}
+ELSEWHERE = {"write_dmat", "skin_all", "rig_records", "RigRecordsAhead.__init__"}
 # What messages call an argument, if it is none of the words of its name.
 OTHER_WORDS = {
     "rotations": ("quaternion", "result"),

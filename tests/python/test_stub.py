@@ -154,6 +154,7 @@ def samples():
         "PoseClip": poses,
         "Rig": rig,
         "RigProgram": sinew.RigProgram({"blender": 502}),
+        "RigRecordsAhead": sinew.RigRecordsAhead([], []),
         "Skin": skin,
         "Layer": layer,
         "ShapeKeys": keys,
