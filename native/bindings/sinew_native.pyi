@@ -1017,9 +1017,7 @@ def rig_records(
 class RigRecordsAhead:
     """What rig_records returns, computed by other threads meanwhile."""
 
-    def __init__(
-        self, rigs: list[tuple[RigProgram, _Reals, list[str]]], fields: list[tuple[str, int, int]]
-    ) -> None:
+    def __init__(self, rigs: list[tuple[RigProgram, _Reals, list[str]]], fields: list[tuple[str, int, int]]) -> None:
         """Begins, and returns at once. Arguments and errors: see rig_records."""
     def found(self) -> list[tuple[_UInt8, _Float32] | str]:
         """Waits for the threads, and returns what rig_records returns."""
