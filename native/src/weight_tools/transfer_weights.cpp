@@ -25,9 +25,9 @@ constexpr double kLeastCotangent = 0.01, kMostCotangent = 20;
 /// The matrix of the square has so many entries at most, times points, and more.
 constexpr double kMostEntries = 100, kMoreEntries = 2e6;
 
-/// The target is tight where it is no farther from the source, as a share of its diagonal. Near by is this many times as
-/// far as the closest point.
-constexpr double kTight = 0.0125, kAround = 2;
+/// The target is tight where it is no farther from the source, as a share of its diagonal, and what belongs to that at most
+/// kFarther times as far. Near by is kAround times as far as the closest point.
+constexpr double kTight = 0.0125, kFarther = 2, kAround = 2;
 
 constexpr std::size_t kPoints = 128;  // in a task
 
@@ -140,15 +140,26 @@ class Transfer {
     });
   }
 
-  /// Where the surroundings lie on the source, no farther than `reach`, adds the closest points that face another way, as
-  /// those of inner layers and seams, unless something near by faces as it should, as of lips that touch.
+  /// Where the target lies on the source, no farther than `reach`, adds the closest points that face another way, as those
+  /// of inner layers and seams, unless something near by faces as it should, as of lips that touch.
   template <class Test>
   void add_tight(std::span<const SurfacePoint> hits, double reach, const Test& faces_like,
                  std::span<const Eigen::Vector3d> normals, std::span<std::uint8_t> is_right) const {
     const auto neighbours = neighbours_by_sides(faces_, target_.point_of, hits.size());
-    std::vector<std::uint32_t> border, next, near;
+    std::vector<std::uint32_t> tight;
     std::vector<std::uint8_t> is_known(is_right.begin(), is_right.end());
-    const auto has_other = [&](std::uint32_t p) {
+    for (std::uint32_t p = 0; p < hits.size(); ++p) {
+      if (is_right[p] && hits[p].squared_distance <= reach * reach) tight.push_back(p);
+    }
+    const std::size_t first = tight.size();
+    for (std::size_t i = 0; i < tight.size(); ++i) {
+      for (const std::uint32_t p : neighbours[tight[i]]) {
+        if (is_known[p] || !(hits[p].squared_distance <= kFarther * kFarther * reach * reach)) continue;
+        is_known[p] = 1;
+        tight.push_back(p);
+      }
+    }
+    const auto has_other = [&](std::uint32_t p, std::vector<std::uint32_t>& near) {
       near.clear();
       const Eigen::Vector3d around = Eigen::Vector3d::Constant(kAround * std::sqrt(hits[p].squared_distance));
       source_.tree().in_box(target_.points[p] - around, target_.points[p] + around, near);
@@ -158,20 +169,11 @@ class Transfer {
         return faces_like((source_.points()[own[1]] - from).cross(source_.points()[own[2]] - from), normals[p]);
       });
     };
-    for (std::uint32_t p = 0; p < hits.size(); ++p) {
-      if (is_right[p] && hits[p].squared_distance <= reach * reach) border.push_back(p);
-    }
-    for (; !border.empty(); border.swap(next)) {
-      next.clear();
-      for (const std::uint32_t p : border) {
-        for (const std::uint32_t other : neighbours[p]) {
-          if (is_known[other]) continue;
-          is_known[other] = 1;
-          next.push_back(other);
-          is_right[other] = hits[other].triangle != SurfacePoint().triangle && !has_other(other);
-        }
-      }
-    }
+    parallel_for(tight.size() - first, kPoints, [&](std::size_t begin, std::size_t end) {
+      stop_if_cancelled(progress_);
+      std::vector<std::uint32_t> near;
+      for (std::size_t i = first + begin; i < first + end; ++i) is_right[tight[i]] = !has_other(tight[i], near);
+    });
   }
 
   /// The Laplacian of cotangents and the areas of points. Sides without a triangle connect, too.
