@@ -32,11 +32,24 @@ def assert_alike():
         where = f"{ob.name} ({'bound, ' + way(ob) if ob.sinew.is_bound else 'not bound'}, {ob.mode}): "
         for ours, theirs in (modifiers(ob), modifiers(twin)), (state(ob), state(twin)):
             assert ours == theirs, where + difference(ours, theirs)
-        assert_same_shape(ob, twin, where)
+        if not (ob.mode in ("WEIGHT_PAINT", "VERTEX_PAINT") and mixes_up_vertices(ob)):
+            assert_same_shape(ob, twin, where)
         if not ob.data.is_editmode:
             assert_close(own_positions(ob), own_positions(twin), where + "its own vertices")
         for each in (twin,) if ob.sinew.is_bound else (ob, twin):
             assert_free(each, where)
+
+
+def mixes_up_vertices(ob):
+    """Whether a Hook behind modifiers of these kinds moves the first vertices of the mesh in place of the chosen ones. So
+    does Blender without Sinew, but not to the active object in a paint mode, and only one of two can be that."""
+    kinds = [each.type for each in ob.modifiers]
+    first = next((i for i, kind in enumerate(kinds) if kind in modifier_types().BESIDE_SHAPE), len(kinds))
+    return any(each.type == "HOOK" and len(each.vertex_indices) for each in list(ob.modifiers)[first:])
+
+
+def modifier_types():
+    return addon_module("blender.modifier_types")
 
 
 def is_mix_split():
