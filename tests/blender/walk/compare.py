@@ -41,8 +41,8 @@ def assert_alike():
 
 
 def mixes_up_vertices(ob):
-    """Whether a Hook behind modifiers of these kinds moves the first vertices of the mesh in place of the chosen ones. So
-    does Blender without Sinew, but not to the active object in a paint mode, and only one of two can be that."""
+    """Whether a Hook behind modifiers of these kinds moves the first vertices of the mesh in place of the chosen ones.
+    So does Blender without Sinew, but not to the active object in a paint mode, and only one of two can be that."""
     kinds = [each.type for each in ob.modifiers]
     first = next((i for i, kind in enumerate(kinds) if kind in modifier_types().BESIDE_SHAPE), len(kinds))
     return any(each.type == "HOOK" and len(each.vertex_indices) for each in list(ob.modifiers)[first:])
