@@ -1,6 +1,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <exception>
 #include <memory>
 #include <tuple>
 
@@ -174,14 +175,17 @@ class Records {
     OfRig& own = rigs_[i];
     try {
       own.program->evaluate(own.times, {}, own.outputs);
-    } catch (const std::exception& error) {
+    } catch (const InputError& error) {
       own.error = error.what();
+    } catch (...) {
+      own.fault = std::current_exception();
     }
   }
 
   py::list found() const {
     py::list found;
     for (const OfRig& each : rigs_) {
+      if (each.fault) std::rethrow_exception(each.fault);
       if (each.error.empty()) {
         found.append(py::make_tuple(each.records, each.values));
       } else {
@@ -199,7 +203,8 @@ class Records {
     py::array_t<std::uint8_t> records;
     py::array_t<float> values;
     RigOutputs outputs;
-    std::string error;
+    std::string error;         // what is wrong with the rig
+    std::exception_ptr fault;  // anything else, such as too little memory
   };
   std::vector<RecordField> fields_;
   std::vector<OfRig> rigs_;

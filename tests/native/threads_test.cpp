@@ -46,8 +46,6 @@ TEST(Threads, AnyPositiveCountWorks) {
   EXPECT_EQ(one, many);
 }
 
-/// Characters are independent: several threads may deform at once, each with the whole library,
-/// while another changes the number of threads. (What the thread sanitizer looks at.)
 TEST(Threads, MeanwhileDoesEachWorkOnceUntilItIsWaitedFor) {
   const ThreadsOfATest threads_of_a_test;
   for (const int threads : {1, 2, 3, 8}) {
@@ -85,6 +83,8 @@ TEST(Threads, MeanwhileThatNobodyWaitsForLeavesNothingRunning) {
   }
 }
 
+/// Characters are independent: several threads may deform at once, each with the whole library,
+/// while another changes the number of threads. (What the thread sanitizer looks at.)
 TEST(Threads, CallersDoNotDisturbEachOther) {
   const ThreadsOfATest threads_of_a_test;
   constexpr std::int32_t kJoints = 40, kVertices = 9000;

@@ -72,16 +72,16 @@ class _Ahead:
         if able:
             self._next = frame + step
             self._programs = {rig.key: rig.source.program for rig in able}
-            self._records = sinew_native.RigRecordsAhead(*_asked(able, [[self._next]] * len(able)))
+            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, [self._next]) for rig in able]))
 
-    def found(self, own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[Any] | None:
-        """Returns what `rig_records` returns of these armatures, if that was computed ahead."""
-        if self._records is None or any(list(each) != [self._next] for each in frames):
+    def found(self, pairs: Sequence[tuple[rigs.Rig, Sequence[float]]]) -> list[Any] | None:
+        """Returns what `rig_records` returns of these armatures and their frames, if that was computed ahead."""
+        if self._records is None or any(list(each) != [self._next] for _rig, each in pairs):
             return None
-        if any(self._programs.get(rig.key) is not rig.source.program for rig in own):
+        if any(self._programs.get(rig.key) is not rig.source.program for rig, _frames in pairs):
             return None
         by_key = dict(zip(self._programs, self._records.found()))
-        return [by_key[rig.key] for rig in own]
+        return [by_key[rig.key] for rig, _frames in pairs]
 
     def forget(self) -> None:
         self._programs, self._records, self._next = {}, None, None
@@ -138,21 +138,18 @@ def _may_move(block: Any) -> bool:
     return bool(is_animated) or isinstance(block, bpy.types.Scene)
 
 
-def _asked(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> tuple[list[Any], Any]:
-    """Returns what `rig_records` wants, for the frames of each armature."""
-    pairs = zip(own, frames)
-    return [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in pairs], (
-        poses.fields()
-    )
+def _asked(pairs: Sequence[tuple[rigs.Rig, Sequence[float]]]) -> tuple[list[Any], Any]:
+    """Returns the arguments of `rig_records` for armatures and their frames."""
+    wanted = [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in pairs]
+    return wanted, poses.fields()
 
 
 def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[list[rigs.Moment]]:
     """Returns the moments of each armature on its frames; none of those without a program."""
-    able = [rig for rig, each in zip(own, frames) if rig.source.program is not None and each]
-    wanted = [each for rig, each in zip(own, frames) if rig.source.program is not None and each]
+    able = [(rig, each) for rig, each in zip(own, frames) if rig.source.program is not None and each]
     found: dict[int, list[rigs.Moment]] = {}
-    results = _ahead.found(able, wanted) or sinew_native.rig_records(*_asked(able, wanted))
-    for rig, result in zip(able, results):
+    results = _ahead.found(able) if able else []
+    for (rig, _frames), result in zip(able, sinew_native.rig_records(*_asked(able)) if results is None else results):
         if isinstance(result, str):
             rig.source = Source(refusal=result)
             continue

@@ -22,18 +22,20 @@ def around(bones: Iterable[tuple[Any, str]], frame: int, count: int) -> list[Pat
     """Returns the paths of bones from `count` frames before a frame to `count` after it. bones: (original armature
     object, name); those of rigs that are not computed have no path."""
     frames, found = list(range(frame - count, frame + count + 1)), []
-    numbers: dict[int, dict[str, int]] = {}
+    chosen: dict[Any, list[str]] = {}
     for ob, name in bones:
+        chosen.setdefault(ob, []).append(name)
+    for ob, names in chosen.items():
         rig = rigs.get(ob)
-        program = rig.source.program if rig is not None and rig.is_idle else None
-        if rig is None or program is None:
+        if rig is None or not rig.is_idle or rig.source.program is None:
             continue
-        names = numbers.setdefault(rig.key, {each: number for number, each in enumerate(program.names)})
         heads = _heads(rig.source, frames)
-        if name in names and heads is not None:
-            matrix = np.array(ob.matrix_world, np.float32)
-            points = np.stack([heads[each][names[name]] for each in frames])
-            found.append(Path(points @ matrix[:3, :3].T + matrix[:3, 3], count))
+        if heads is None:
+            continue
+        numbers = {name: number for number, name in enumerate(rig.source.program.names)}
+        matrix, every = np.array(ob.matrix_world, np.float32), np.stack([heads[each] for each in frames])
+        for number in [numbers[name] for name in names if name in numbers]:
+            found.append(Path(every[:, number] @ matrix[:3, :3].T + matrix[:3, 3], count))
     return found
 
 

@@ -202,11 +202,11 @@ def struct_size(kind: str) -> int:
 
 
 @functools.cache
-def plain_regions(kind: str) -> list[tuple[int, int]]:
-    """Returns [(offset, size)] in bytes of all that a struct contains except addresses."""
+def plain_regions(kind: str, without: str = "") -> list[tuple[int, int]]:
+    """Returns [(offset, size)] in bytes of all that a struct contains except addresses, and one member."""
     members.MEMBERS[kind]
     found: list[tuple[int, int]] = []
-    for offset, size in _plain(_look().structs, kind, 0):
+    for offset, size in _plain(_look().structs, kind, 0, without):
         if found and sum(found[-1]) == offset:
             found[-1] = found[-1][0], found[-1][1] + size
         else:
@@ -214,9 +214,9 @@ def plain_regions(kind: str) -> list[tuple[int, int]]:
     return found
 
 
-def _plain(structs: dict[str, layout.Struct], kind: str, start: int) -> Iterator[tuple[int, int]]:
+def _plain(structs: dict[str, layout.Struct], kind: str, start: int, without: str = "") -> Iterator[tuple[int, int]]:
     for name, (offset, of_type, size) in structs[kind].members.items():
-        if name[0] in "*(":
+        if name[0] in "*(" or name == without:
             continue
         if of_type in structs:
             for place in range(offset, offset + size, structs[of_type].size):

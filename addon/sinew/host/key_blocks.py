@@ -59,23 +59,10 @@ def relative_numbers(addresses: np.ndarray) -> list[int]:
     return [ctypes.c_int16.from_address(address + offset).value for address in addresses.tolist()]
 
 
-@functools.cache
-def _settings() -> Any:
-    """Returns what `settings` reads, a sinew_native.host.Described."""
-    at = contract.offset("KeyBlock", "curval")
-    end = at + contract.size("KeyBlock", "curval")
-    parts = [
-        part
-        for start, size in contract.plain_regions("KeyBlock")
-        for part in ((start, min(start + size, at) - start), (max(start, end), start + size - max(start, end)))
-        if part[1] > 0
-    ]
-    return sinew_native.host.Described(parts, [], [], [])
-
-
 def settings(keys: Any) -> bytes:
     """Returns all of the keys of a key data-block but their points and values."""
-    return _settings().bytes_of_list(int(next(iter(key_addresses(keys)), 0)))
+    read = sinew_native.host.Described(contract.plain_regions("KeyBlock", "curval"), [], [], [])
+    return read.bytes_of_list(int(next(iter(key_addresses(keys)), 0)))
 
 
 def silence_keys(addresses: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ def shown(context: bpy.types.Context) -> list[paths.Path]:
 
 
 def start() -> None:
+    """Draws paths from now on, wherever there are any."""
     if not bpy.app.background:
         _drawn.show()
 

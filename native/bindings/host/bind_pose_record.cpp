@@ -145,34 +145,43 @@ void prefetch(Address bone, const RecordLayout& layout) {
 #endif
 }
 
-/// Whether a pose holds a record. Goes once through the bones, which are cold.
-bool holds(const RecordLayout& layout, Address bone, std::span<const std::uint8_t> record) {
-  const auto* const bytes = reinterpret_cast<const char*>(record.data());
-  const auto count = read<std::int32_t>(reinterpret_cast<Address>(bytes));
-  std::size_t done = (static_cast<std::size_t>(count) + 1) * kNumber;
-  const auto is_same = [&](Address region, std::ptrdiff_t size, bool is_compared) {
-    const char* const from = bytes + std::exchange(done, done + static_cast<std::size_t>(size));
-    if (done > record.size()) return false;
-    return !is_compared || are_equal(reinterpret_cast<const void*>(region), from, static_cast<std::size_t>(size));
-  };
+/// Goes once through the bones of a pose, which are cold, in the order of a record. Calls visit(start, size, is_compared)
+/// for each region, and end_bone() after each bone. Returns false if a visit does, or if the record is of other bones.
+template <class Visit, class EndBone>
+bool walk(const RecordLayout& layout, Address bone, const char* record, const Visit& visit, const EndBone& end_bone) {
+  const auto count = read<std::int32_t>(reinterpret_cast<Address>(record));
   for (std::int32_t b = 0; b < count; ++b) {
     if (bone == 0) return false;
     const auto following = read<Address>(bone + layout.next);
     if (following != 0) prefetch(following, layout);
     for (const auto& [offset, size] : layout.members) {
-      if (!is_same(bone + offset, size, true)) return false;
+      if (!visit(bone + offset, static_cast<std::size_t>(size), true)) return false;
     }
-    for (const auto& [offset, size] : layout.computed) is_same(bone + offset, size, false);
-    const auto segments = read<std::int32_t>(reinterpret_cast<Address>(bytes) + (b + 1) * kNumber);
+    for (const auto& [offset, size] : layout.computed) {
+      if (!visit(bone + offset, static_cast<std::size_t>(size), false)) return false;
+    }
+    const auto segments = read<std::int32_t>(reinterpret_cast<Address>(record) + (b + 1) * kNumber);
     if (segment_count_of(bone, layout) != segments) return false;
     for (const auto& [offset, size, more, is_compared] : layout.segments) {
-      if (segments > 0 && !is_same(read<Address>(bone + offset), size * (segments + more), is_compared != 0)) {
-        return false;
-      }
+      const auto bytes = static_cast<std::size_t>(size * (segments + more));
+      if (segments > 0 && !visit(read<Address>(bone + offset), bytes, is_compared != 0)) return false;
     }
+    end_bone();
     bone = following;
   }
-  return bone == 0 && done == record.size();
+  return bone == 0;
+}
+
+/// Whether a pose holds a record.
+bool holds(const RecordLayout& layout, Address bone, std::span<const std::uint8_t> record) {
+  const auto* const bytes = reinterpret_cast<const char*>(record.data());
+  std::size_t done = (static_cast<std::size_t>(read<std::int32_t>(reinterpret_cast<Address>(bytes))) + 1) * kNumber;
+  const auto is_same = [&](Address region, std::size_t size, bool is_compared) {
+    const char* const from = bytes + std::exchange(done, done + size);
+    if (done > record.size()) return false;
+    return !is_compared || are_equal(reinterpret_cast<const void*>(region), from, size);
+  };
+  return walk(layout, bone, bytes, is_same, [] {}) && done == record.size();
 }
 
 std::vector<bool> are_poses(const RecordLayout& layout, const std::vector<std::pair<Address, Record>>& asked) {
@@ -226,10 +235,11 @@ struct Step {
   std::span<const std::uint8_t> before, next;  // records
 };
 
-/// Goes once through the bones, which are cold: compares them with one record, and writes the next one into them and
+/// Compares bones with one record, and writes the next one into them and
 /// into those of the original. Returns false at the first bone that differs; those before it are written.
 bool step_pose(const RecordLayout& layout, const Step& wanted) {
-  auto [bone, original, before, next] = wanted;
+  const auto& [bone, first_original, before, next] = wanted;
+  Address original = first_original;
   const auto* old_bytes = reinterpret_cast<const char*>(before.data());
   const auto* new_bytes = reinterpret_cast<const char*>(next.data());
   const auto count = read<std::int32_t>(reinterpret_cast<Address>(old_bytes));
@@ -237,40 +247,25 @@ bool step_pose(const RecordLayout& layout, const Step& wanted) {
   if (before.size() != next.size() || std::memcmp(old_bytes, new_bytes, head) != 0) return false;
   const char* old_at = old_bytes + head;
   const char* new_at = new_bytes + head;
-  const auto step = [&](Address at, std::ptrdiff_t size, bool is_compared) {
-    const auto bytes = static_cast<std::size_t>(size);
-    const bool is_same = step_region(at, bytes, is_compared, old_at, new_at);
-    old_at += bytes;
-    new_at += bytes;
+  const char* members = new_at;  // of the bone that is being visited
+  const auto step = [&](Address at, std::size_t size, bool is_compared) {
+    const bool is_same = step_region(at, size, is_compared, old_at, new_at);
+    old_at += size;
+    new_at += size;
     return is_same;
   };
-  for (std::int32_t b = 0; b < count; ++b) {
-    if (bone == 0) return false;
-    const auto following = read<Address>(bone + layout.next);
-    if (following != 0) prefetch(following, layout);
-    const char* const members = new_at;
+  const auto write_original = [&] {
+    const char* from = std::exchange(members, new_at);
+    if (original == 0) return;
+    const auto after = read<Address>(original + layout.next);
+    if (after != 0) prefetch(after, layout);
     for (const auto& [offset, size] : layout.members) {
-      if (!step(bone + offset, size, true)) return false;
+      std::memcpy(reinterpret_cast<void*>(original + offset), from, static_cast<std::size_t>(size));
+      from += size;
     }
-    for (const auto& [offset, size] : layout.computed) step(bone + offset, size, false);
-    const auto segments = read<std::int32_t>(reinterpret_cast<Address>(new_bytes) + (b + 1) * kNumber);
-    if (segment_count_of(bone, layout) != segments) return false;
-    for (const auto& [offset, size, more, is_compared] : layout.segments) {
-      if (segments > 0 && !step(read<Address>(bone + offset), size * (segments + more), is_compared != 0)) return false;
-    }
-    if (original != 0) {
-      const auto after = read<Address>(original + layout.next);
-      if (after != 0) prefetch(after, layout);
-      const char* from = members;
-      for (const auto& [offset, size] : layout.members) {
-        std::memcpy(reinterpret_cast<void*>(original + offset), from, static_cast<std::size_t>(size));
-        from += size;
-      }
-      original = after;
-    }
-    bone = following;
-  }
-  return bone == 0;
+    original = after;
+  };
+  return walk(layout, bone, new_bytes, step, write_original);
 }
 
 using StepOfRecords = std::tuple<Address, Address, Record, Record>;

@@ -119,14 +119,12 @@ class Transfer {
     };
     std::vector<SurfacePoint> hits(target_.points.size());
     std::vector<std::uint8_t> is_right(hits.size());
-    parallel_for(hits.size(), kPoints, [&](std::size_t begin, std::size_t end) {
-      stop_if_cancelled(progress_);
+    for_parts(hits.size(), kPoints, progress_, kMatchSteps, [&](std::size_t begin, std::size_t end, std::size_t) {
       for (std::size_t p = begin; p < end; ++p) {
         hits[p] = source_.tree().closest(target_.points[p],
                                          within * within * (1 + 1e-9) + std::numeric_limits<double>::min());
         is_right[p] = hits[p].triangle != SurfacePoint().triangle && is_alike(hits[p], normals[p]);
       }
-      advance_share(progress_, kMatchSteps, begin / kPoints, (hits.size() + kPoints - 1) / kPoints);
     });
     add_tight(hits, kTight * (high - low).norm(), faces_like, normals, is_right);
     rows_ = table_of_rows(hits.size(), weights_.bones(), kPoints, progress_, 0, [&](auto begin, auto end, auto& rows) {
@@ -169,8 +167,7 @@ class Transfer {
         return faces_like((source_.points()[own[1]] - from).cross(source_.points()[own[2]] - from), normals[p]);
       });
     };
-    parallel_for(tight.size() - first, kPoints, [&](std::size_t begin, std::size_t end) {
-      stop_if_cancelled(progress_);
+    for_parts(tight.size() - first, kPoints, progress_, 0, [&](std::size_t begin, std::size_t end, std::size_t) {
       std::vector<std::uint32_t> near;
       for (std::size_t i = first + begin; i < first + end; ++i) is_right[tight[i]] = !has_other(tight[i], near);
     });

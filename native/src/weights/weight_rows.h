@@ -62,18 +62,27 @@ class RowSum {
   std::vector<BoneWeight> row_;
 };
 
+/// Calls body(begin, end, part) for `count` items in parts of `grain`, in parallel. Stops if it is cancelled. The progress
+/// is advanced by `steps`.
+template <class Body>
+void for_parts(std::size_t count, std::size_t grain, Progress* progress, std::int64_t steps, const Body& body) {
+  const std::size_t parts = (count + grain - 1) / grain;
+  parallel_for(parts, 1, [&](std::size_t first, std::size_t last) {
+    for (std::size_t part = first; part < last; ++part) {
+      stop_if_cancelled(progress);
+      body(part * grain, std::min(count, (part + 1) * grain), part);
+      advance_share(progress, steps, part, parts);
+    }
+  });
+}
+
 /// Makes a table in parallel: make(begin, end, rows) adds those vertices' rows. The progress is advanced by `steps`.
 template <class Make>
 WeightTable table_of_rows(std::size_t vertices, std::ptrdiff_t bones, std::size_t grain, Progress* progress,
                           std::int64_t steps, const Make& make) {
   std::vector<WeightTable> parts((vertices + grain - 1) / grain, WeightTable(bones));
-  parallel_for(parts.size(), 1, [&](std::size_t first, std::size_t last) {
-    for (std::size_t part = first; part < last; ++part) {
-      stop_if_cancelled(progress);
-      make(part * grain, std::min(vertices, (part + 1) * grain), parts[part]);
-      advance_share(progress, steps, part, parts.size());
-    }
-  });
+  for_parts(vertices, grain, progress, steps,
+            [&](std::size_t begin, std::size_t end, std::size_t part) { make(begin, end, parts[part]); });
   if (parts.size() == 1) return std::move(parts.front());
   std::size_t entries = 0;
   for (const WeightTable& part : parts) entries += part.entries().size();

@@ -43,13 +43,9 @@ def assert_alike():
 def mixes_up_vertices(ob):
     """Whether a Hook behind modifiers of these kinds moves the first vertices of the mesh in place of the chosen ones.
     So does Blender without Sinew, but not to the active object in a paint mode, and only one of two can be that."""
-    kinds = [each.type for each in ob.modifiers]
-    first = next((i for i, kind in enumerate(kinds) if kind in modifier_types().BESIDE_SHAPE), len(kinds))
+    kinds, mixing = [each.type for each in ob.modifiers], addon_module("blender.modifier_types").BESIDE_SHAPE
+    first = next((i for i, kind in enumerate(kinds) if kind in mixing), len(kinds))
     return any(each.type == "HOOK" and len(each.vertex_indices) for each in list(ob.modifiers)[first:])
-
-
-def modifier_types():
-    return addon_module("blender.modifier_types")
 
 
 def is_mix_split():
