@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <exception>
 #include <memory>
 #include <mutex>
@@ -114,23 +113,20 @@ struct Meanwhile::State {
   void run() {
     for (std::size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) {
       work(i);
-      const std::lock_guard lock(mutex);
-      ++done;
-      has_ended.notify_all();
+      done.fetch_add(1);
+      done.notify_all();
     }
   }
 
+  // Not by std::condition_variable, whose wait() would need the libstdc++ of GCC 12.
   void await(std::size_t begun) {
-    std::unique_lock lock(mutex);
-    has_ended.wait(lock, [&] { return done >= begun; });
+    for (std::size_t now = done.load(); now < begun; now = done.load()) done.wait(now);
   }
 
   const std::size_t count;
   const std::function<void(std::size_t)> work;
   std::atomic<std::size_t> next = 0;
-  std::size_t done = 0;
-  std::mutex mutex;
-  std::condition_variable has_ended;
+  std::atomic<std::size_t> done = 0;
 };
 
 Meanwhile::Meanwhile(std::size_t count, std::function<void(std::size_t)> work)
