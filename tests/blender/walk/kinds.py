@@ -48,12 +48,14 @@ def on_pair(weight, in_any_mode=False):
     return declare
 
 
-def on_both(weight, in_any_mode=False):
-    """Declares function(random, ob), which is called for a mesh and for its twin with the same random numbers. Blender
-    may refuse what it asks for, then to both."""
+def on_both(weight, in_any_mode=False, wanted=None):
+    """Declares function(random, ob), which is called for a mesh and for its twin with the same random numbers, if
+    wanted(ob, twin), asked before either is changed. Blender may refuse what it asks for, then to both."""
 
     def declare(function):
         def step(random, ob, twin):
+            if wanted is not None and not wanted(ob, twin):
+                return
             seed, names = random.random(), (ob.name, twin.name)
             refused = [_refusal(function, Random(seed), bpy.data.objects[name]) for name in names]
             if bool(refused[0]) != bool(refused[1]):

@@ -24,10 +24,9 @@ def alone(step):
     return run
 
 
-def is_like_its_twin(ob):
+def are_alike(ob, twin):
     """Whether both have the same vertices to the last bit. Otherwise tools that choose, a bone or a nearest point, may
     choose differently among equals."""
-    ob, twin = next(pair for pair in scene.pairs() if ob in pair)
     return np.array_equal(own_positions(ob), own_positions(twin))
 
 
@@ -45,20 +44,16 @@ def smooth_weights(random, ob):
     bpy.ops.object.sinew_smooth_weights(steps=random.randint(1, 4), factor=random.random(), strength=strength)
 
 
-@on_both(2)
+@on_both(2, wanted=are_alike)
 @alone
 def mirror_weights(random, ob):
-    if not is_like_its_twin(ob):
-        return
     in_a_mode(random, ob)
     bpy.ops.object.sinew_mirror_weights(axis=random.choice("XXYZ"), direction=random.choice(("POSITIVE", "NEGATIVE")))
 
 
-@on_both(2)
+@on_both(2, wanted=are_alike)
 @alone
 def reduce_influences(random, ob):
-    if not is_like_its_twin(ob):
-        return
     in_a_mode(random, ob)
     first = random.randint(1, scene.LAST_FRAME - 3)
     bpy.ops.object.sinew_reduce_influences(
