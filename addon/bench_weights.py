@@ -9,6 +9,7 @@ The other FOLDER is the PyPI package py-dem-bones, a peer of decompose, for Pyth
 """
 
 import argparse
+import ctypes
 import json
 import sys
 from pathlib import Path
@@ -304,17 +305,20 @@ def snake(vertices, bones):
 
 
 def peak_of(run):
-    """Seconds and the peak of the process's memory in MB, or nan where it cannot be measured."""
+    """Seconds, and how much memory the process had at most beyond what it had before, in MB; nan where it cannot be
+    measured."""
     linux = Path("/proc/self/clear_refs")
+
+    def megabytes(name):
+        rows = Path("/proc/self/status").read_text().splitlines() if linux.exists() else [f"{name}: nan"]
+        return float(next(row for row in rows if row.startswith(name)).split()[1]) / 1000
+
     if linux.exists():
+        ctypes.CDLL(None).malloc_trim(0)  # what earlier calls have freed would be used again
         linux.write_text("5")
-    start = perf_counter()
+    before, start = megabytes("VmRSS"), perf_counter()
     run()
-    seconds = perf_counter() - start
-    if not linux.exists():
-        return seconds, float("nan")
-    peak = next(row for row in Path("/proc/self/status").read_text().splitlines() if row.startswith("VmHWM"))
-    return seconds, int(peak.split()[1]) / 1000
+    return perf_counter() - start, megabytes("VmHWM") - before
 
 
 def on_a_snake(vertices, bones):
@@ -336,7 +340,7 @@ def on_a_snake(vertices, bones):
 
 
 def large():
-    """Yields what was done, vertices, bones, seconds and the peak of memory."""
+    """Yields what was done, vertices, bones, seconds and the memory that it took."""
     for vertices, bones in ((3_880, 80), (30_000, 160), (300_000, 700)):
         for what, run in on_a_snake(vertices, bones):
             yield what, vertices, bones, *peak_of(run)
@@ -371,7 +375,7 @@ def main():
     for what, vertices, seconds, said in tools(body, options.dem_bones):
         done.append({"what": what, "vertices": vertices, "seconds": seconds, "result": said})
         print(f"| {what} | {vertices:,} | {seconds:.3f} | {said} |", flush=True)
-    print("\n| what is done with a tube | vertices | bones | s | peak of memory, MB |\n|---|---|---|---|---|")
+    print("\n| what is done with a tube | vertices | bones | s | memory at most, MB |\n|---|---|---|---|---|")
     sizes = []
     for what, vertices, bones, seconds, peak in large():
         sizes.append({"what": what, "vertices": vertices, "bones": bones, "seconds": seconds, "megabytes": peak})

@@ -112,10 +112,9 @@ struct Heated {
     const std::vector<std::int32_t> joints{0, 1};
     const std::vector<std::uint8_t> has_heat(mesh.points.size(), 1);
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(std::ssize(mesh.points), 2);
-    for (const auto& [place, joint, weight] :
-         heat_on_surface(mesh.points, mesh.triangles, has_heat, {nearest, joints, 2}, fixed, {8, 0}, nullptr, 0)) {
-      result(place, joint) = weight;
-    }
+    std::vector<WeightEntry> entries;
+    heat_on_surface(mesh.points, mesh.triangles, has_heat, {nearest, joints, 2}, fixed, {8, 0}, nullptr, 0, entries);
+    for (const auto& [place, joint, weight] : entries) result(place, joint) = weight;
     return result;
   }
 };

@@ -2,6 +2,7 @@
 #include <cassert>
 #include <numeric>
 
+#include "base/set_free.h"
 #include "mesh/adjacency.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
@@ -122,7 +123,7 @@ class Smoothing {
     }
     Eigen::SparseMatrix<double> lower(std::ssize(free), std::ssize(free));
     lower.setFromTriplets(entries.begin(), entries.end());
-    entries = {};
+    set_free(entries);
     const PanelSolver solver(lower, progress_);
     lower = {};
     assert(solver.is_positive());

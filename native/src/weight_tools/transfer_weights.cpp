@@ -5,6 +5,7 @@
 #include <numbers>
 #include <optional>
 
+#include "base/set_free.h"
 #include "mesh/adjacency.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
@@ -177,13 +178,13 @@ class Transfer {
   Sparse laplacian(Eigen::VectorXd& areas) const {
     const auto count = std::ssize(target_.points);
     areas.setZero(count);
-    std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(12 * target_.triangles.size());
+    std::vector<Eigen::Triplet<double>> entries;  // of the lower triangle
+    entries.reserve(3 * target_.triangles.size() + target_.points.size());
+    Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(count);
     const auto join = [&](std::uint32_t a, std::uint32_t b, double value) {
-      entries.emplace_back(a, b, -value);
-      entries.emplace_back(b, a, -value);
-      entries.emplace_back(a, a, value);
-      entries.emplace_back(b, b, value);
+      entries.emplace_back(std::max(a, b), std::min(a, b), -value);
+      diagonal[a] += value;
+      diagonal[b] += value;
     };
     for (const Triangle& own : target_.triangles) {
       for (int i = 0; i < 3; ++i) {
@@ -205,9 +206,11 @@ class Transfer {
       if (a != b && !(has_triangle[a] && has_triangle[b])) join(a, b, 0.5 * kLeastCotangent);
     });
     areas = areas.array().max(1e-3 * areas.mean() + std::numeric_limits<double>::min());
-    Sparse matrix(count, count);
-    matrix.setFromTriplets(entries.begin(), entries.end());
-    return matrix;
+    for (Eigen::Index p = 0; p < count; ++p) entries.emplace_back(p, p, diagonal[p]);
+    Sparse lower(count, count);
+    lower.setFromTriplets(entries.begin(), entries.end());
+    set_free(entries);
+    return lower.selfadjointView<Eigen::Lower>();
   }
 
   /// Solves for the open points of islands that have matched ones.
@@ -228,25 +231,31 @@ class Transfer {
     Sparse pick(std::ssize(state_), std::ssize(open)), known(std::ssize(state_), weights_.bones());
     pick.setFromTriplets(picks.begin(), picks.end());
     known.setFromTriplets(knowns.begin(), knowns.end());
+    set_free(picks);
+    set_free(knowns);
     Eigen::VectorXd areas;
     const Sparse all = laplacian(areas);
     std::optional<PanelSolver> solver;
-    Sparse right;
+    Sparse lower, right;
     double entries = 0;
     for (Eigen::Index p = 0; p < all.cols(); ++p) {
       const double own = all.outerIndexPtr()[p + 1] - all.outerIndexPtr()[p];
       entries += own * own;
     }
     if (entries <= kMostEntries * static_cast<double>(state_.size()) + kMoreEntries) {
-      const Sparse of_open = all * pick;
-      const Sparse weighted = of_open.transpose() * areas.cwiseInverse().asDiagonal();
-      solver.emplace(lower_of(weighted * of_open), progress_);
-      right = weighted * (all * known);
+      {
+        const Sparse of_open = all * pick;
+        const Sparse weighted = of_open.transpose() * areas.cwiseInverse().asDiagonal();
+        right = weighted * (all * known);
+        lower = lower_of(weighted * of_open);
+      }
+      solver.emplace(lower, progress_);
     }
     if (!solver || !solver->is_positive()) {  // without the square, which is always positive
       const Sparse of_open = pick.transpose() * all;
-      solver.emplace(lower_of(of_open * pick), progress_);
       right = of_open * known;
+      lower = lower_of(of_open * pick);
+      solver.emplace(lower, progress_);
     }
     if (progress_) progress_->advance(kFactorSteps);
     if (!solver->is_positive()) return;
@@ -283,7 +292,7 @@ class Transfer {
         for (const auto& [row, value] : found[i]) add(row, {static_cast<std::int32_t>(columns[i]), value});
       }
     });
-    found = {};
+    set_free(found);
     const WeightTable solved =
         table_of_rows(open.size(), weights_.bones(), kPoints, progress_, 0, [&](auto begin, auto end, auto& rows) {
           RowSum sum(bones_);

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "weights/check_input.h"
 #include "weights/heat.h"
@@ -32,6 +33,15 @@ constexpr std::int64_t kWeldSteps = 100, kSolidSteps = 150, kDistanceSteps = 150
                        kVolumeSteps = 150;
 constexpr std::int64_t kAllSteps = kWeldSteps + kSolidSteps + kDistanceSteps + kSurfaceSteps + kVolumeSteps;
 
+/// The inside of a mesh, and how far its bones are from everywhere.
+struct Inside {
+  explicit Inside(const WeldedMesh& mesh) : tree(mesh.points, mesh.triangles) {}
+
+  TriangleTree tree;
+  std::optional<VoxelSolid> solid;
+  std::optional<BoneDistances> distances;
+};
+
 class Computation {
  public:
   Computation(std::span<const double> positions, std::span<const std::int32_t> face_offsets,
@@ -57,31 +67,32 @@ class Computation {
   AutomaticWeights run() {
     AutomaticWeights result;
     stop_if_cancelled(progress_);
-    TriangleTree tree(mesh_.points, mesh_.triangles);
+    auto inside = std::make_unique<Inside>(mesh_);
     bool has_changed = false;
-    const auto is_two_sided = turn_outward(mesh_, tree, progress_, has_changed);
-    if (has_changed) tree = TriangleTree(mesh_.points, mesh_.triangles);
+    const auto is_two_sided = turn_outward(mesh_, inside->tree, progress_, has_changed);
+    if (has_changed) inside->tree = TriangleTree(mesh_.points, mesh_.triangles);
     advance(kWeldSteps);
     set_fixed();
     std::vector<WeightEntry> entries;
     if (frame_.size() > 0) {
-      VoxelSolid solid = make_solid(tree);
+      inside->solid.emplace(make_solid(inside->tree));
       advance(kSolidSteps);
-      const BoneDistances distances(solid, {mesh_.points, mesh_.triangles, tree}, bones_, joints_, progress_);
+      const SolidSurface surface{mesh_.points, mesh_.triangles, inside->tree};
+      const BoneDistances& distances = inside->distances.emplace(*inside->solid, surface, bones_, joints_, progress_);
       for (std::int32_t bone = 0; bone < std::ssize(bones_); ++bone) {
         if (distances.is_outside()[bone]) result.bones_outside.push_back(bone);
       }
-      result.voxel_size = solid.grid().voxel() * frame_.size();
-      if (settings_.method != WeightMethod::nearest)
-        entries = diffuse(solid, distances, places_of(mesh_, is_two_sided));
+      result.voxel_size = inside->solid->grid().voxel() * frame_.size();
+      if (settings_.method != WeightMethod::nearest) entries = diffuse(std::move(inside), is_two_sided);
     }
+    inside.reset();
     add_nearest(entries);
     stop_if_cancelled(progress_);
     add_fixed(entries);
     const PointRows rows(mesh_.points.size(), [&](const auto& add) {
       for (const WeightEntry& entry : entries) add(entry.place, entry);
     });
-    entries = {};
+    set_free(entries);
     const RigidRows rigid(mesh_, rows, joint_count_, settings_, is_fixed_);
     finish(rows, rigid, result);
     return result;
@@ -143,8 +154,10 @@ class Computation {
     return has_triangle;
   }
 
-  std::vector<WeightEntry> diffuse(const VoxelSolid& solid, const BoneDistances& distances,
-                                   const std::vector<Place>& places) {
+  std::vector<WeightEntry> diffuse(std::unique_ptr<Inside> inside, const std::vector<std::uint8_t>& is_two_sided) {
+    const VoxelSolid& solid = *inside->solid;
+    const BoneDistances& distances = *inside->distances;
+    std::vector<Place> places = places_of(mesh_, is_two_sided);
     const std::vector<std::uint8_t> has_heat = surface_points(solid.grid().voxel());
     // Since all sum to 1, one is as large as this at least.
     const HeatSettings heat{settings_.stiffness, std::min(settings_.least_weight / 2, 0.25 / joint_count_)};
@@ -155,20 +168,21 @@ class Computation {
       has_surface |= has_heat[p] != 0;
       if (!has_heat[p] && solid.index_of(solid.grid().cell_at(places[p].point)) >= 0) wanted.push_back(p);
     }
-    if (has_surface) {
-      const NearestBones nearest = distances.nearest(places, kLeastOnSurface, progress_, kDistanceSteps);
-      entries = heat_on_surface(mesh_.points, mesh_.triangles, has_heat, {nearest, joints_, joint_count_}, given_, heat,
-                                progress_, kSurfaceSteps);
-    }
     if (!wanted.empty()) {
       std::vector<Place> centres(solid.size());
       for (std::size_t i = 0; i < centres.size(); ++i) {
         centres[i] = {solid.grid().centre(solid.cells()[i]), Eigen::Vector3d::Zero(), false};
       }
       const NearestBones nearest = distances.nearest(centres, kLeastInVolume, progress_, 0);
-      const auto more =
-          heat_in_volume(solid, {nearest, joints_, joint_count_}, mesh_.points, wanted, heat, progress_, kVolumeSteps);
-      entries.insert(entries.end(), more.begin(), more.end());
+      heat_in_volume(solid, {nearest, joints_, joint_count_}, mesh_.points, wanted, heat, progress_, kVolumeSteps,
+                     entries);
+    }
+    if (has_surface) {
+      const NearestBones nearest = distances.nearest(places, kLeastOnSurface, progress_, kDistanceSteps);
+      inside.reset();  // the factor of a large mesh wants its memory
+      set_free(places);
+      heat_on_surface(mesh_.points, mesh_.triangles, has_heat, {nearest, joints_, joint_count_}, given_, heat,
+                      progress_, kSurfaceSteps, entries);
     }
     for (const WeightEntry& entry : entries) {
       way_of_[entry.place] = has_heat[entry.place] ? WeightWay::surface : WeightWay::volume;

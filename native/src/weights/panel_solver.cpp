@@ -46,8 +46,15 @@ PanelSolver::PanelSolver(const Matrix& lower, const Progress* progress) {
       climb(static_cast<int>(it.row()), k, parents, tags, [&](int i) { ++begin_[i + 1]; });
     }
   }
-  for (int k = 0; k < count; ++k) begin_[k + 1] += begin_[k];
-  rows_.resize(begin_.back());
+  row_begin_.resize(count);
+  std::size_t row_count = 0;
+  for (int k = 0; k < count; ++k) {
+    const bool goes_on = k > 0 && parents[k - 1] == k && begin_[k] - begin_[k - 1] == begin_[k + 1] + 1;
+    row_begin_[k] = goes_on ? row_begin_[k - 1] + 1 : row_count;
+    if (!goes_on) row_count += begin_[k + 1];
+    begin_[k + 1] += begin_[k];
+  }
+  rows_.resize(row_count);
   entries_.resize(begin_.back());
   inverse_diagonal_.resize(count);
 
@@ -69,10 +76,12 @@ PanelSolver::PanelSolver(const Matrix& lower, const Progress* progress) {
     for (; top < count; ++top) {
       const int i = pattern[top];
       const double sum = std::exchange(sums[i], 0);
-      for (std::size_t p = begin_[i]; p < end[i]; ++p) sums[rows_[p]] -= entries_[p] * sum;
+      const std::size_t own = end[i] - begin_[i];
+      int* const rows = rows_.data() + row_begin_[i];
+      for (std::size_t e = 0; e < own; ++e) sums[rows[e]] -= entries_[begin_[i] + e] * sum;
       const double entry = sum * inverse_diagonal_[i];
       pivot -= entry * sum;
-      rows_[end[i]] = k;
+      rows[own] = k;
       entries_[end[i]++] = entry;
     }
     is_positive_ &= pivot > 0;
@@ -89,20 +98,22 @@ void PanelSolver::solve(Scratch& scratch, double negligible) const {
     if ((values[j] == 0).all()) continue;
     scratch.has_source[j] = 1;
     const Lanes own = values[j];
-    for (std::size_t i = begin_[j]; i < begin_[j + 1]; ++i) values[rows_[i]] -= entries_[i] * own;
+    const int* row = rows_.data() + row_begin_[j];
+    for (std::size_t i = begin_[j]; i < begin_[j + 1]; ++i) values[*row++] -= entries_[i] * own;
     values[j] *= inverse_diagonal_[j];
   }
   // A column's first entry is in the row of its parent in the elimination tree, and its other entries are in rows where
   // the parent's column has entries, too. So where there is no source below, and the parent's whole column is negligible,
   // so is all that is below it.
   for (std::size_t j = count; j-- > 0;) {
-    if (!scratch.has_source[j] && (begin_[j] == begin_[j + 1] || scratch.is_negligible[rows_[begin_[j]]])) {
+    if (!scratch.has_source[j] && (begin_[j] == begin_[j + 1] || scratch.is_negligible[rows_[row_begin_[j]]])) {
       scratch.is_negligible[j] = 1;
       continue;
     }
     Lanes sum = values[j], largest = Lanes::Zero();
+    const int* row = rows_.data() + row_begin_[j];
     for (std::size_t i = begin_[j]; i < begin_[j + 1]; ++i) {
-      const Lanes& above = values[rows_[i]];
+      const Lanes& above = values[*row++];
       sum -= entries_[i] * above;
       largest = largest.max(above);
     }

@@ -45,6 +45,8 @@ class PanelSolver {
  private:
   std::vector<int> position_;
   std::vector<std::size_t> begin_;  // of the columns below the diagonal, whose entries have ascending rows
+  // Where each column's rows begin. A column whose rows are those of the one before without the first shares them.
+  std::vector<std::size_t> row_begin_;
   std::vector<int> rows_;
   std::vector<double> entries_, inverse_diagonal_;
   bool is_positive_ = true;

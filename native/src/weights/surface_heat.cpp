@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "base/parallel.h"
 #include "weights/heat.h"
@@ -24,10 +25,10 @@ double half_cotangent(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 
 }  // namespace
 
-std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
-                                         std::span<const std::uint8_t> has_heat, const HeatSources& sources,
-                                         const FixedPlaces& fixed, const HeatSettings& settings, Progress* progress,
-                                         std::int64_t steps) {
+void heat_on_surface(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
+                     std::span<const std::uint8_t> has_heat, const HeatSources& sources, const FixedPlaces& fixed,
+                     const HeatSettings& settings, Progress* progress, std::int64_t steps,
+                     std::vector<WeightEntry>& entries) {
   using Matrix = Eigen::SparseMatrix<double>;
   std::vector<std::int32_t> unknown_of(points.size(), -1);
   std::vector<std::uint32_t> unknowns;
@@ -36,14 +37,14 @@ std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points
     unknown_of[p] = static_cast<std::int32_t>(unknowns.size());
     unknowns.push_back(p);
   }
-  if (unknowns.empty()) return {};
+  if (unknowns.empty()) return;
   std::vector<double> areas(points.size()), diagonal(points.size());
   struct Known {
     std::uint32_t unknown, place;
     double value;
   };
   std::vector<Known> knowns;  // sides from an unknown to a given place
-  std::vector<Eigen::Triplet<double>> entries;
+  std::vector<Eigen::Triplet<double>> numbers;
   for (const Triangle& triangle : triangles) {
     if (!has_heat[triangle[0]]) continue;
     const Eigen::Vector3d &a = points[triangle[0]], &b = points[triangle[1]], &c = points[triangle[2]];
@@ -55,7 +56,7 @@ std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points
       diagonal[from] += value;
       diagonal[to] += value;
       const std::int32_t row = unknown_of[from], column = unknown_of[to];
-      if (row >= 0 && column >= 0) entries.emplace_back(std::max(row, column), std::min(row, column), -value);
+      if (row >= 0 && column >= 0) numbers.emplace_back(std::max(row, column), std::min(row, column), -value);
       if (row >= 0 && column < 0) knowns.push_back({static_cast<std::uint32_t>(row), to, value});
       if (row < 0 && column >= 0) knowns.push_back({static_cast<std::uint32_t>(column), from, value});
     }
@@ -66,19 +67,20 @@ std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points
     const std::uint32_t p = unknowns[u];
     const double distance = sources.nearest.distances[p];
     heat[u] = std::max(areas[p], kLeastArea) * settings.stiffness / (distance * distance);
-    entries.emplace_back(u, u, diagonal[p] + heat[u]);
+    numbers.emplace_back(u, u, diagonal[p] + heat[u]);
   }
   Matrix matrix(count, count);
-  matrix.setFromTriplets(entries.begin(), entries.end());
-  entries = {};
+  matrix.setFromTriplets(numbers.begin(), numbers.end());
+  set_free(numbers);
   stop_if_cancelled(progress);
-  const PanelSolver solver(matrix, progress);
+  std::optional<PanelSolver> factor(std::in_place, matrix, progress);
+  const PanelSolver& solver = *factor;
   matrix = {};
   if (progress) progress->advance(steps / 2);
 
   const double negligible = std::min(kNegligible, settings.least / 10);
   const std::int32_t joints = sources.joint_count;
-  std::vector<std::vector<WeightEntry>> found(joints);
+  FoundWeights found(joints);
   const auto fill = [&](std::size_t first_joint, std::size_t lanes, PanelSolver::Scratch& scratch) {
     const auto first = static_cast<std::int32_t>(first_joint), end = first + static_cast<std::int32_t>(lanes);
     for (std::size_t u = 0; u < unknowns.size(); ++u) {
@@ -98,18 +100,13 @@ std::vector<WeightEntry> heat_on_surface(std::span<const Eigen::Vector3d> points
       const Lanes& values = scratch.values[solver.position(u)];
       for (std::size_t lane = 0; lane < lanes; ++lane) {
         if (!(values[lane] >= settings.least) || values[lane] == 0) continue;
-        found[first + lane].push_back(
-            {unknowns[u], static_cast<std::int32_t>(first + lane), static_cast<float>(values[lane])});
+        found.add(static_cast<std::int32_t>(first + lane), unknowns[u], values[lane]);
       }
     }
   };
   solve_panels(solver, static_cast<std::size_t>(joints), negligible, progress, steps - steps / 2, fill, read);
-  std::vector<WeightEntry> result;
-  for (auto& of_joint : found) {
-    result.insert(result.end(), of_joint.begin(), of_joint.end());
-    of_joint = {};
-  }
-  return result;
+  factor.reset();
+  found.move_to(entries);
 }
 
 }  // namespace sinew

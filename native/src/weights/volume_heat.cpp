@@ -160,9 +160,9 @@ Lanes value_at(const VoxelSolid& solid, const Region& region, const Eigen::Vecto
 
 }  // namespace
 
-std::vector<WeightEntry> heat_in_volume(const VoxelSolid& solid, const HeatSources& sources,
-                                        std::span<const Eigen::Vector3d> points, std::span<const std::uint32_t> wanted,
-                                        const HeatSettings& settings, Progress* progress, std::int64_t steps) {
+void heat_in_volume(const VoxelSolid& solid, const HeatSources& sources, std::span<const Eigen::Vector3d> points,
+                    std::span<const std::uint32_t> wanted, const HeatSettings& settings, Progress* progress,
+                    std::int64_t steps, std::vector<WeightEntry>& entries) {
   const VolumeMatrix matrix(solid, sources.nearest, settings.stiffness);
   const std::int32_t joints = sources.joint_count;
   const std::size_t blocks = (static_cast<std::size_t>(joints) + kLanes - 1) / kLanes;
@@ -173,7 +173,7 @@ std::vector<WeightEntry> heat_in_volume(const VoxelSolid& solid, const HeatSourc
       }
     }
   });
-  std::vector<std::vector<WeightEntry>> found(joints);
+  FoundWeights found(joints);
   Kept<Region> regions;
   parallel_for(blocks, 1, [&](std::size_t begin, std::size_t end) {
     const auto region = regions.borrow([&] { return std::make_unique<Region>(matrix); });
@@ -197,18 +197,13 @@ std::vector<WeightEntry> heat_in_volume(const VoxelSolid& solid, const HeatSourc
         const Lanes weights = value_at(solid, *region, points[place], values);
         for (int lane = 0; lane < lanes; ++lane) {
           if (!(weights[lane] >= settings.least)) continue;
-          found[first + lane].push_back({place, first + lane, static_cast<float>(weights[lane])});
+          found.add(first + lane, place, weights[lane]);
         }
       }
       advance_share(progress, steps, block, blocks);
     }
   });
-  std::vector<WeightEntry> result;
-  for (auto& of_joint : found) {
-    result.insert(result.end(), of_joint.begin(), of_joint.end());
-    of_joint = {};
-  }
-  return result;
+  found.move_to(entries);
 }
 
 }  // namespace sinew

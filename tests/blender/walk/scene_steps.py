@@ -263,6 +263,9 @@ def evaluate_another_scene(random):
     # there, also into the graph that it makes for applying a modifier that is off in the evaluated object.
     frames = [current.frame_current] * 10
     other.frame_set(current.frame_current)  # Blender crashes if something is tagged while another thread builds a graph
+    for each, _twin in scene.pairs():  # a deformed copy has the shape of the scene that was evaluated last
+        if each.sinew.deformed is not None:
+            each.update_tag(refresh={"DATA"})
     thread = threading.Thread(target=lambda: [other.frame_set(frame) for frame in frames])
     thread.start()
     try:
