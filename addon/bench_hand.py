@@ -19,7 +19,7 @@ from bench_playback import TOLERANCE, difference, number, shapes, without_handle
 from bench_rigs import ADDON, select
 from bench_shot import make_shot
 
-ROUNDS, STEPS, MODES, UNDONE = 3, 40, 8, 8
+ROUNDS, STEPS, MODES, UNDONE = 4, 30, 16, 8
 FRAME = 20
 DRAGGED = {"torso": "torso", "finger": "f_index.01_master.L", "head": "head"}
 KEYED = "hand_ik.L"
