@@ -148,7 +148,7 @@ void bind_deformer(py::module_& module) {
            "method: \"linear\" or \"dual_quaternion\"; or, with data, \"blended\", \"rotation_centers\" or "
            "\"direct_delta_mush\".\n"
            "stretch: of dual quaternions, as in skin_dual_quaternion.\n"
-           "rest_frames: as in skin_dual_quaternion, but relative to the armature.\n"
+           "rest_frames: (J, 4, 4), as in skin_dual_quaternion, but relative to the armature.\n"
            "mask: (V,), how much of the motion each vertex gets: "
            "p' = p + mask (skinned(p) - p). None: all of it.\n"
            "share: (V,), for a layer that is mixed in: shape += share (own - shape). The first layer has "

@@ -119,7 +119,7 @@ void bind_rig(py::module_& module) {
            py::arg("material_library") = "",
            "positions: (V, 3), rest positions.\n"
            "face_offsets: (faces + 1,) integers, where each face's vertices begin.\n"
-           "face_vertices: vertex numbers, face after face.\n"
+           "face_vertices: (C,), vertex numbers, face after face.\n"
            "skeleton: J joints.\n"
            "weights: (V, columns), a column for each joint that has a weight column.\n"
            "poses: of J joints, or None.\n"

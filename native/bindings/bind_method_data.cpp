@@ -117,7 +117,7 @@ void bind_method_data(py::module_& module) {
           "vertex's own. The GIL is released.\n\n"
           "skin: V vertices at rest; weights that are not above 0 count as 0. It must not change meanwhile.\n"
           "face_offsets: (faces + 1,) integers, where each face begins in face_vertices.\n"
-          "face_vertices: integers, vertices around each face; a polygon counts as a fan of triangles.\n"
+          "face_vertices: (C,) integers, the vertices around each face; a polygon counts as a fan of triangles.\n"
           "sigma: above 0; the larger it is, the less similar weights need to be.\n"
           "progress: a Progress that another thread watches, or None.\n"
           "A vertex has no center if fewer than two joints move it, or if no triangle has similar weights. Triangles "

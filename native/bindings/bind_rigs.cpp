@@ -291,7 +291,8 @@ void bind_rigs(py::module_& module) {
       .def(
           "evaluate", &py_evaluate, py::arg("frames"), py::arg("set") = py::dict(),
           "Returns the bones' matrices in armature space, (F, B, 4, 4) float32.\n\n"
-          "frames: F times, which may be fractions. set: values for paths such as 'pose.bones[\"Hand\"].location', "
+          "frames: (F,) times, which may be fractions.\n"
+          "set: values for paths such as 'pose.bones[\"Hand\"].location', "
           "(count,) for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace "
           "the description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a "
           "wrong shape, and if a driver divides by 0.")

@@ -181,9 +181,10 @@ void bind_stages(py::module_& module) {
       "falloff weight. Immutable; several threads may use one at once.")
       .def(py::init(&make_hook), py::arg("vertex_count"), py::arg("vertices") = py::none(),
            py::arg("weights") = py::none(), py::arg("invert") = false,
-           (std::string("vertex_count: V.\n"
-                        "vertices: integers, the hooked vertices; one that is listed twice is moved twice. None: all "
-                        "that have a weight.\n") +
+           (std::string(
+                "vertex_count: V.\n"
+                "vertices: (H,) integers, the hooked vertices; one that is listed twice is moved twice. None: all "
+                "that have a weight.\n") +
             kGroup +
             "All are copied. Without vertices and weights nothing is hooked, as in Blender. Raises "
             "ValueError for a vertex out of range, for sizes that do not fit and for numbers that "

@@ -203,7 +203,7 @@ void bind_weight_tools(py::module_& module) {
        "factor: 0 to 1, how far each step goes.\n"
        "mask: (V,), booleans or numbers from 0, which stays, to 1: multiplies the factor. With a strength, vertices "
        "below 0.5 stay. None: all are smoothed.\n"
-       "locked: integers, bones whose weights stay. The others' are scaled to the sum that they had.\n"
+       "locked: (L,) integers, bones whose weights stay. The others' are scaled to the sum that they had.\n"
        "positions: (V, 3): vertices that coincide get equal weights. None: they are smoothed apart.\n"
        "Returns the weights; those of vertices without faces stay. " +
        kCommon + ".")
@@ -222,8 +222,9 @@ void bind_weight_tools(py::module_& module) {
        "max_influences: 1 to 64.\n"
        "rings: 0 to 64: the weights of a bone fade out over so many edges towards vertices that have lost it, "
        "against seams. Above 0 it needs faces.\n"
-       "face_offsets, face_vertices: (faces + 1,) and (C,) integers, or None.\n"
-       "locked: integers, bones whose weights stay, and count. A vertex keeps one other at least.\n"
+       "face_offsets: (faces + 1,) integers, or None.\n"
+       "face_vertices: (C,) integers, or None.\n"
+       "locked: (L,) integers, bones whose weights stay, and count. A vertex keeps one other at least.\n"
        "Returns (weights, largest, mean): the weights, and (V,) float32 each, how far each vertex moves over "
        "the poses, in the unit of positions; 0 where nothing changed. " +
        kCommon + ".")
@@ -262,10 +263,12 @@ void bind_weight_tools(py::module_& module) {
            "that are not. A part of the target without a match follows one point rigidly: the nearest with weights, of "
            "another part or of the source. The unit does not matter.\n\n"
            "source_positions: (V, 3).\n"
-           "source_face_offsets, source_face_vertices: (faces + 1,) and (C,) integers. One face at least.\n"
+           "source_face_offsets: (source_faces + 1,) integers. One face at least.\n"
+           "source_face_vertices: (D,) integers.\n"
            "source_weights: a WeightTable, or (V, B), 0 or more.\n"
            "positions: (W, 3), in the same space.\n"
-           "face_offsets, face_vertices: (faces + 1,) and (C,) integers. Vertices without faces are parts of their "
+           "face_offsets: (faces + 1,) integers.\n"
+           "face_vertices: (C,) integers. Vertices without faces are parts of their "
            "own.\n"
            "distance: above 0, share of the diagonal of the target's bounding box.\n"
            "angle: 0 to 180 degrees, between the normals.\n"

@@ -120,7 +120,7 @@ class Rig:
         material_names: list[str] = [],
         material_library: str = "",
     ) -> None:
-        """positions (V, 3); face_offsets (faces + 1,); face_vertices, face after face; weights
+        """positions (V, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; weights
         (V, columns); animation (F, J, 4, 4): skinning matrices; face_materials (faces,), -1 for none.
         """
     @property
@@ -198,7 +198,8 @@ class Skin:
     def weights(self) -> _Float32:
         """(N,), read-only."""
     def set_rest_positions(self, positions: _Reals) -> None:
-        """Gives the same influences another shape, (V, 3). Not while another thread skins with this object."""
+        """Gives the same influences another shape. positions (V, 3). Not while another thread skins with this
+        object."""
 
 class MethodData:
     """A method's own data for each vertex: the base class of BlendShares, RotationCenters and DirectDeltaMush.
@@ -249,7 +250,7 @@ class RotationCenters(MethodData):
         sigma: float = 0.1,
         progress: Progress | None = None,
     ) -> RotationCenters | None:
-        """face_offsets (faces + 1,); face_vertices, face after face. Returns None if progress was cancelled."""
+        """face_offsets (faces + 1,); face_vertices (C,), face after face. Returns None if progress was cancelled."""
     @property
     def centers(self) -> _Float32:
         """(V, 3), zeros for vertices without a center. A copy."""
@@ -278,7 +279,7 @@ class DirectDeltaMush(MethodData):
         variant: int = 0,
         prune: float = 1e-5,
     ) -> None:
-        """rest_positions (V, 3); face_offsets (faces + 1,); face_vertices, face after face; weights (V, J)."""
+        """rest_positions (V, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; weights (V, J)."""
     @staticmethod
     def compute(
         skin: Skin,
@@ -293,7 +294,8 @@ class DirectDeltaMush(MethodData):
         prune: float = 1e-5,
         progress: Progress | None = None,
     ) -> DirectDeltaMush | None:
-        """The same from a Skin, to be run in a thread of its own. Returns None if progress was cancelled."""
+        """The same from a Skin, to be run in a thread of its own. face_offsets (faces + 1,); face_vertices (C,), face
+        after face. Returns None if progress was cancelled."""
     def arrays(self) -> dict[str, Any]:
         """Returns what was computed, to be saved and passed to from_arrays."""
     @staticmethod
@@ -307,7 +309,8 @@ class DirectDeltaMush(MethodData):
         centers: _Reals,
         scales: _Reals,
     ) -> DirectDeltaMush:
-        """Restores what arrays() returned, for a Skin with the same rest positions and joints."""
+        """Restores what arrays() returned, for a Skin with the same rest positions and joints. offsets (V + 1,); joints
+        (N,); omega (N, 10), (N, 4) or (N, 1); centers (V, 3); scales (V,)."""
     @property
     def variant(self) -> int:
         """0 to 5."""
@@ -439,7 +442,7 @@ class CorrectiveSmooth:
     def vertex_count(self) -> int:
         """V."""
     def set_rest_positions(self, positions: _Reals) -> None:
-        """Sets another rest shape, (V, 3). Not while another thread uses the object."""
+        """Sets another rest shape. positions (V, 3). Not while another thread uses the object."""
     def stage(
         self,
         factor: float = 0.5,
@@ -469,7 +472,7 @@ class Hook:
     def __init__(
         self, vertex_count: int, vertices: _Integers | None = None, weights: _Reals | None = None, invert: bool = False
     ) -> None:
-        """vertices: the hooked vertices, None for all that have a weight; weights (V,)."""
+        """vertices (H,): the hooked ones, None for all that have a weight; weights (V,)."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -536,7 +539,7 @@ class SurfaceDeform:
         invert: bool = False,
     ) -> None:
         """vertices (B,); offsets (B + 1,), of the attachments; attachments, distances, influences (N,);
-        corner_offsets (N + 1,); weights (V,)."""
+        corner_offsets (N + 1,); corners (C,); corner_weights (W,); weights (V,)."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -599,11 +602,11 @@ class Deformer:
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
 ) -> npt.NDArray[_Float]:
-    """Computes F(j) = F(parent) R(j) T(j). local and out: (J, 4, 4) or (F, J, 4, 4), any strides; out may be
+    """Computes F(j) = F(parent) R(j) T(j). local and out (J, 4, 4) or (F, J, 4, 4), any strides; out may be
     local itself and is returned."""
 
 def skinning_matrices(skeleton: Skeleton, world: _Float32 | _Float64, out: _Float32 | None = None) -> _Float32:
-    """Computes F(j) A(j)^-1. world and out: (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
+    """Computes F(j) A(j)^-1. world and out (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
 
 def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
     """Computes T(j) of joints that only rotate. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
@@ -611,9 +614,10 @@ def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Floa
 def group_influences(
     offsets: _Integers, groups: _Integers, weights: _Reals, joint_of_group: _Integers
 ) -> tuple[_Int64, _Int32, _Float32, int, int]:
-    """Converts weights of vertex groups, (V + 1,), (M,) and (M,), to influences: divided by the sum of those whose
-    group has a joint. joint_of_group (G,), -1 for none. Returns offsets (V + 1,), joints (N,) and weights (N,), as Skin
-    takes them; the number of vertices that no joint moves; and the number of those whose weights do not sum to 1."""
+    """Converts weights of vertex groups, of each vertex v from offsets[v] up to offsets[v + 1], to influences: divided
+    by the sum of those whose group has a joint. offsets (V + 1,); groups, weights (M,); joint_of_group (G,), -1 for
+    none. Returns offsets (V + 1,), joints (N,) and weights (N,), as Skin takes them; the number of vertices that no
+    joint moves; and the number of those whose weights do not sum to 1."""
 
 def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
     """Linear blend skinning: v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out
@@ -626,8 +630,11 @@ def skin_dual_quaternion(
     stretch: _Stretch = "polar",
     rest_frames: _Reals | None = None,
 ) -> _Float32:
-    """Dual quaternion skinning (Kavan et al. 2008). The first arguments are as in skin_linear; stretch:
-    what happens to scale and shear; rest_frames (J, 4, 4), for all except "polar"."""
+    """Dual quaternion skinning (Kavan et al. 2008).
+
+    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear; stretch: what happens to scale and
+    shear; rest_frames (J, 4, 4), for all except "polar".
+    """
 
 def skin_blended(
     skin: Skin,
@@ -637,15 +644,25 @@ def skin_blended(
     stretch: _Stretch = "polar",
     rest_frames: _Reals | None = None,
 ) -> _Float32:
-    """v' = linear + share (dual quaternion - linear). The other arguments are as in skin_dual_quaternion."""
+    """v' = linear + share (dual quaternion - linear).
+
+    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear; stretch, rest_frames (J, 4, 4), as
+    in skin_dual_quaternion.
+    """
 
 def skin_rotation_centers(
     skin: Skin, centers: RotationCenters, matrices: _Float32, out: _Float32 | None = None
 ) -> _Float32:
-    """v' = R (v - p) + sum_j w_j M(j) p. The other arguments are as in skin_linear."""
+    """v' = R (v - p) + sum_j w_j M(j) p.
+
+    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear.
+    """
 
 def skin_direct_delta_mush(ddm: DirectDeltaMush, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
-    """v' = R v + q - R p. matrices and out are as in skin_linear."""
+    """v' = R v + q - R p.
+
+    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear.
+    """
 
 def skin_all(
     jobs: Sequence[
@@ -777,11 +794,11 @@ def automatic_weights(
 ) -> AutomaticWeights | None:
     """Computes weights for any mesh and any bones by heat diffusion, for a Skin.
 
-    positions (V, 3), any unit and space; face_offsets (faces + 1,); face_vertices, face after face; heads and tails
-    (B, 3), in the same space; joints (B,), the joint of each bone, several bones may share one, None: bone b is
-    joint b; fixed_vertices (F,) with fixed_weights (F, J), around which the others are solved; rigid_parts (V,),
-    equal numbers for the vertices of a rigid part, -1 for the others; rigid_size: connected parts smaller than this
-    share of the mesh are rigid, too. Returns None if progress was cancelled.
+    positions (V, 3), any unit and space; face_offsets (faces + 1,); face_vertices (C,), face after face; heads and
+    tails (B, 3), in the same space; joints (B,), the joint of each bone, several bones may share one, None: bone b is
+    joint b; fixed_vertices (F,) with fixed_weights (F, J), around which the others are solved; rigid_parts (V,), equal
+    numbers for the vertices of a rigid part, -1 for the others; rigid_size: connected parts smaller than this share of
+    the mesh are rigid, too. Returns None if progress was cancelled.
     """
 
 class Decomposition:
@@ -843,10 +860,10 @@ def decompose(
 ) -> Decomposition | None:
     """Finds joints and weights whose linear skinning plays a deformation (Le and Deng 2012).
 
-    rest (V, 3); frames (F, V, 3), the same vertices in each frame; face_offsets (faces + 1,); face_vertices, face after
-    face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4,
-    4), skinning matrices whose weights are found; or weights, a table (V, J) or a Skin, whose motions are found.
-    Returns None if progress was cancelled.
+    rest (V, 3); frames (F, V, 3), the same vertices in each frame; face_offsets (faces + 1,); face_vertices (C,), face
+    after face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4,
+    4), skinning matrices whose weights are found; or weights (V, J), or a Skin, whose motions are found. Returns None
+    if progress was cancelled.
     """
 
 class WeightTable:
@@ -892,8 +909,9 @@ def smooth_weights(
 ) -> WeightTable | _Float32 | None:
     """Smooths weights (V, B) along edges: with a strength in one solve, (I + t L) w' = w, otherwise in steps.
 
-    mask (V,): where it is 0, weights stay; locked: bones whose weights stay; positions (V, 3): vertices that
-    coincide get equal weights. Returns None if progress was cancelled.
+    face_offsets (faces + 1,); face_vertices (C,), face after face; mask (V,): where it is 0, weights stay; locked (L,):
+    bones whose weights stay; positions (V, 3): vertices that coincide get equal weights. Returns None if progress was
+    cancelled.
     """
 
 def reduce_weights(
@@ -911,7 +929,8 @@ def reduce_weights(
     """Leaves each vertex at most max_influences of its weights (V, B), by how far it moves without the others.
 
     positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices; rings: over how many edges of the faces
-    weights fade out towards vertices that have lost the bone; locked: bones whose weights stay, and count. Returns
+    weights fade out towards vertices that have lost the bone; face_offsets (faces + 1,); face_vertices (C,), face after
+    face; locked (L,): bones whose weights stay, and count. Returns
     (weights (V, B), largest (V,), mean (V,)): how far each vertex moves over the poses; None if progress was cancelled.
     """
 
@@ -931,7 +950,8 @@ def mirror_weights(
 ) -> WeightTable | _Float32 | None:
     """Copies weights (V, B) from one side to the other, by the closest points of the mirrored surface.
 
-    positions (V, 3); pairs (B,), the bone on the other side of each; origin: where the mirror is on the axis; middle: a
+    positions (V, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; pairs (B,), the bone on the other
+    side of each; origin: where the mirror is on the axis; middle: a
     share of the mesh's size, vertices so near the mirror are of both sides; mask (V,): below 0.5, weights stay.
     Returns None if progress was cancelled.
     """
@@ -950,10 +970,12 @@ def transfer_weights(
     flipped: bool = False,
     progress: Progress | None = None,
 ) -> tuple[WeightTable | _Float32, _Bool] | None:
-    """Copies weights (V, B) from one surface to another, W vertices: from the closest points, smooth between them.
+    """Copies weights from one surface to another: from the closest points, smooth between them.
 
-    distance: a share of the diagonal of the target's bounding box; angle between normals in degrees; flipped:
-    normals may be opposite. Returns (weights (W, B), matched (W,)), or None if progress was cancelled.
+    source_positions (V, 3); source_face_offsets (source_faces + 1,); source_face_vertices (D,), face after face;
+    source_weights (V, B); positions (W, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; distance: a
+    share of the diagonal of the target's bounding box; angle between normals in degrees; flipped: normals may be
+    opposite. Returns (weights (W, B), matched (W,)), or None if progress was cancelled.
     """
 
 class RigProgram:
@@ -978,26 +1000,26 @@ class RigProgram:
     def evaluate(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
         """Returns the bones' matrices in armature space, (F, B, 4, 4).
 
-        frames: F times, which may be fractions. set: values for paths such as 'pose.bones["Hand"].location', (count,)
-        for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace the
+        frames (F,): times, which may be fractions. set: values for paths such as 'pose.bones["Hand"].location',
+        (count,) for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace the
         description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a wrong
         shape, and if a driver divides by 0.
         """
     def segments(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
         """Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4).
 
-        Arguments and errors: see evaluate().
+        frames (F,); arguments and errors: see evaluate().
         """
     def values(self, frames: _Reals, paths: list[str], set: dict[str, Any] = {}) -> _Float32:
         """Returns what properties hold, (F, N), all numbers of each path one after the other.
 
-        Other arguments and errors: see evaluate().
+        frames (F,); other arguments and errors: see evaluate().
         """
     def profile(self, frames: _Reals, set: dict[str, Any] = {}) -> dict[str, float]:
         """Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves',
         'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones.
 
-        Arguments and errors: see evaluate().
+        frames (F,); arguments and errors: see evaluate().
         """
 
 def rig_records(

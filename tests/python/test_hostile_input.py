@@ -3,6 +3,8 @@ names the argument, or a result, and never a crash. What takes them is read from
 
 import ast
 import gc
+import itertools
+import re
 
 import numpy as np
 import pytest
@@ -347,3 +349,107 @@ def test_what_nobody_should_pass_is_refused_or_right(name, argument):
             nameless.append((what, said))
     gc.collect()
     assert not nameless, "\n".join(f"{argument}, {what}: {said}" for what, said in nameless)
+
+
+# --- shapes ---------------------------------------------------------------------------------------
+
+ONE_SHAPE = r"\(\w+(?: \+ 1)?,(?: [\w]+(?:, \w+)*)?\)"
+SHAPES = re.compile(rf"((?:\w+(?:,| and) )*\w+) ({ONE_SHAPE}(?:(?:,| or) {ONE_SHAPE})*)")
+# Lists of arrays.
+OF_LISTS = {
+    "ShapeKeys.__init__": {"positions", "weights"},
+    "Deformer.deform": {"poses"},
+    "MixedLayers.stage": {"poses"},
+}
+
+
+def docstring_of(name):
+    owner, _, member = name.rpartition(".")
+    nodes = CLASSES[owner].body if owner else FUNCTIONS
+    node = next(each for each in nodes if isinstance(each, ast.FunctionDef) and each.name == member)
+    return " ".join((ast.get_docstring(node) or "").split())
+
+
+def sizes_of(said):
+    return [re.findall(r"\w+(?: \+ 1)?", each) for each in re.findall(ONE_SHAPE, said)]
+
+
+def shapes_of(name):
+    """{argument: the shapes that the stub says, each a list of sizes as text} of a binding."""
+    found = SHAPES.findall(re.split(r"(?<=[.;]) Returns ", docstring_of(name))[0])
+    return {own: sizes_of(said) for names, said in found for own in re.split(r", | and ", names)}
+
+
+def shapes_in_module(name):
+    """The same of the compiled module's docstring, in which each argument has its own lines, `name, name: ...`."""
+    owner, _, member = name.rpartition(".")
+    called = getattr(getattr(sinew, owner), member) if owner else getattr(sinew, member)
+    entries = re.split(r"\n(?=\w+(?:, \w+)*: )", called.__doc__)[1:]
+    parts = (entry.partition(": ") for entry in entries)
+    found = ((names, re.search(rf"{ONE_SHAPE}(?:(?:,| or) {ONE_SHAPE})*", said)) for names, _, said in parts)
+    return {own: sizes_of(said.group()) for names, said in found if said is not None for own in names.split(", ")}
+
+
+def arrays_of(name):
+    return [arg for arg, said in ARGUMENTS[name].items() if is_array(said) and arg not in OF_LISTS.get(name, ())]
+
+
+WITH_ARRAYS = [name for name in ARGUMENTS if arrays_of(name)]
+
+
+def test_shapes_are_understood():
+    assert SHAPES.findall("a, b and c (V, 3) or (F, V, 3); d (faces + 1,), e (E,): x; of f, and (g)") == [
+        ("a, b and c", "(V, 3) or (F, V, 3)"),
+        ("d", "(faces + 1,)"),
+        ("e", "(E,)"),
+    ]
+
+
+@pytest.mark.parametrize("name", WITH_ARRAYS)
+def test_shapes_are_those_of_the_stub(name):
+    """A call that is right has the shapes that the stub says, with one size for each letter. Another number of axes is
+    refused, and another size where the stub has a number."""
+    shapes, (_function, values) = shapes_of(name), valid()[name]
+    lacking = [argument for argument in arrays_of(name) if argument not in shapes]
+    assert not lacking, "say their shapes in sinew_native.pyi"
+    in_module = shapes_in_module(name)
+    assert {own: in_module[own] for own in shapes if own in in_module} == {
+        own: shapes[own] for own in shapes if own in in_module
+    }
+    sizes, taken = {}, []
+    for argument in (each for each in arrays_of(name) if isinstance(values.get(each), np.ndarray)):
+        array, axes = values[argument], {len(shape) for shape in shapes[argument]}
+        shape = next((each for each in shapes[argument] if fits(array.shape, each, sizes)), None)
+        assert shape is not None, f"{argument} {array.shape}: the stub says {shapes[argument]} with {sizes}"
+        for number in {0, 1, 2, 3, 4, 5} - axes:
+            other = array.reshape(-1)[:1].reshape((1,) * number)
+            taken += [(argument, other.shape)] if is_taken(name, argument, other) else []
+        fixed = [i for i, size in enumerate(shape) if size.isdigit()]
+        for axis, change in itertools.product(fixed, (-1, 1)):
+            others = {each[axis] for each in shapes[argument] if len(each) == len(shape)}
+            if str(array.shape[axis] + change) in others:
+                continue
+            other = np.take(array, [i % array.shape[axis] for i in range(array.shape[axis] + change)], axis)
+            taken += [(argument, other.shape)] if is_taken(name, argument, other) else []
+    assert not taken
+
+
+def fits(shape, said, sizes):
+    """Whether a shape is what is said. Notes in `sizes` how much each letter is."""
+    if len(shape) != len(said):
+        return False
+    found = {}
+    for size, text in zip(shape, said):
+        letter, _, more = text.partition(" + ")
+        size -= int(more or 0)
+        if (int(letter) if letter.isdigit() else {**sizes, **found}.setdefault(letter, size)) != size:
+            return False
+        if not letter.isdigit():
+            found[letter] = size
+    sizes |= found
+    return True
+
+
+def is_taken(name, argument, array):
+    function, values = valid()[name]
+    return said_of(function, values | {argument: array}) is None

@@ -172,6 +172,9 @@ def test_types_of_properties(name):
         value, said = getattr(sample, function.name), ast.unparse(function.returns).split(" | ")[0]
         if said in ALIASES:
             assert value.dtype == ALIASES[said], function.name
+            shape = re.match(r"\(([^()]+)\)", ast.get_docstring(function) or "")
+            if shape is not None:
+                assert value.ndim == len([size for size in shape.group(1).split(",") if size]), function.name
         else:
             python = {"_Convention": "str", "list[str]": "list"}.get(said, said)
             assert type(value).__name__ == python, function.name
