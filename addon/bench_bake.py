@@ -6,6 +6,9 @@ A chain of 22 bones with a tube of 120,000 vertices, bound to Sinew; 100 frames.
 ROUNDS alternating rounds: the evaluation alone, the write alone (the same bytes in one stream, synced to the disk),
 Sinew's whole bakes, and the exporters: Blender's own (io_shape_mdd, io_export_pc2) where it has them, and plain
 versions of what they do: a list of coordinates packed by `struct`, and `foreach_get` into numpy.
+
+Then whole bakes of 250 frames of a fifth of the vertices with Subdivision at the end, in seconds: evaluated by Blender,
+and computed natively, the search for the weights included.
 """
 
 import argparse
@@ -28,6 +31,7 @@ from bench_rigs import ADDON, CHAIN, make_characters, select, sinew
 FRAMES = range(1, 101)
 SLOW_FRAMES = range(1, 11)  # for the slow exporters
 ROUNDS = 3
+LONG = 250  # frames of what is subdivided
 
 
 def each_frame(frames):
@@ -136,6 +140,29 @@ def measure(vertices):
     return len(ob.data.vertices), [(name, statistics.median(each)) for name, each in times.items()]
 
 
+def subdivided(vertices):
+    """Yields (levels, vertices of the result, seconds with Blender's modifier, seconds with Sinew's)."""
+    shapes, frame_range = sinew("bake.shapes"), sinew("bake.frame_range")
+    for levels in (1, 2):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.preferences.addon_enable(module=ADDON)
+        (ob,) = make_characters(CHAIN, vertices)
+        ob.modifiers.new("Subdivision", "SUBSURF").levels = levels
+        select(ob)
+        bpy.ops.object.sinew_bind()
+        times, pays = {}, shapes.PAYS
+        with tempfile.TemporaryDirectory(dir=os.environ.get("BENCH_FOLDER")) as folder:
+            frames = frame_range.FrameRange(1, LONG)
+            job = sinew("bake.job").Job(folder, frames, (ob.name,), "pc2", overwrite=True)
+            for _ in range(ROUNDS):
+                for shapes.PAYS in (float("inf"), pays):
+                    start = perf_counter()
+                    (done,) = sinew("bake.baking").run(bpy.context, job)
+                    times.setdefault(shapes.PAYS, []).append(perf_counter() - start)
+                    assert shapes.PAYS != pays or "natively" in done.remark, done.remark
+        yield levels, done.vertices, *map(statistics.median, times.values())
+
+
 def main(arguments):
     parser = argparse.ArgumentParser(prog="bench_bake.py", description=__doc__.splitlines()[0])
     parser.add_argument("--vertices", type=int, default=120_000)
@@ -150,8 +177,14 @@ def main(arguments):
     print("| method | ms per frame | MB/s | times Sinew's MDD |\n|---|---|---|---|")
     for name, ms in rows:
         print(f"| {name} | {ms:.2f} | {12 * vertices / ms / 1e3:,.0f} | {ms / whole:.1f} |")
+    print(f"\n| {LONG} frames | vertices | Blender: s | natively: s | |\n|---|---|---|---|---|")
+    long = []
+    for levels, count, by_blender, natively in subdivided(options.vertices // 5):
+        long.append({"levels": levels, "vertices": count, "blender": by_blender, "natively": natively})
+        ratio = f"{by_blender / natively:.1f} times"
+        print(f"| Subdivision, level {levels} | {count:,} | {by_blender:.1f} | {natively:.1f} | {ratio} |", flush=True)
     if options.json:
-        found = {"blender": bpy.app.version_string, "vertices": vertices, "ms": dict(rows)}
+        found = {"blender": bpy.app.version_string, "vertices": vertices, "ms": dict(rows), "subdivided": long}
         Path(options.json).write_text(json.dumps(found, indent=1) + "\n")
 
 

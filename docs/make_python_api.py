@@ -23,7 +23,8 @@ GROUPS = {
     "Automatic weights": "automatic_weights AutomaticWeights WeightReport",
     "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
     "DirectDeltaMush skin_direct_delta_mush Progress",
-    "After skinning": "Topology CorrectiveSmooth Smooth Hook MixedLayers Lattice SurfaceDeform MeshDeform Stage",
+    "After skinning": "Topology CorrectiveSmooth Smooth Hook MixedLayers Lattice SurfaceDeform MeshDeform Stage "
+    "Stencils colours_apart",
     "Working on weights": "WeightTable smooth_weights reduce_weights mirror_weights transfer_weights",
     "Baking to bones": "decompose Decomposition",
     "Rigs": "RigProgram rig_records RigRecordsAhead rig_bone_settings rig_constraint_settings",

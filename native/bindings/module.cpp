@@ -16,6 +16,7 @@ void bind_direct_delta_mush(pybind11::module_& module);
 void bind_rigs(pybind11::module_& module);
 void bind_skinning(pybind11::module_& module);
 void bind_stages(pybind11::module_& module);
+void bind_stencils(pybind11::module_& module);
 void bind_automatic_weights(pybind11::module_& module);
 void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
@@ -63,6 +64,7 @@ PYBIND11_MODULE(sinew_native, module) {
   sinew::bindings::bind_method_data(module);
   sinew::bindings::bind_direct_delta_mush(module);
   sinew::bindings::bind_stages(module);
+  sinew::bindings::bind_stencils(module);
   sinew::bindings::bind_cages(module);
   sinew::bindings::bind_deformer(module);
   sinew::bindings::bind_decompose(module);

@@ -32,6 +32,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_skeleton.cpp
     bindings/bind_skinning.cpp
     bindings/bind_stages.cpp
+    bindings/bind_stencils.cpp
     bindings/bind_weight_tools.cpp
     bindings/host/bind_frame_shape.cpp
     bindings/host/bind_host.cpp

@@ -573,6 +573,31 @@ class MeshDeform:
         """cage (C, 3), in its own space; matrix (4, 4), from there to the space of cage_positions; back (3, 3), from
         that to mesh space."""
 
+class Stencils:
+    """How each vertex of one mesh is made from those of another, as a weighted sum: what a Subdivision modifier does.
+    Immutable."""
+
+    def __init__(self, offsets: _Integers, vertices: _Integers, weights: _Reals, vertex_count: int) -> None:
+        """offsets (R + 1,): stencil r has the entries offsets[r] up to offsets[r + 1]; vertices (N,), of the mesh
+        before; weights (N,), finite; vertex_count: V, of that mesh."""
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+    @property
+    def count(self) -> int:
+        """R."""
+    @property
+    def entry_count(self) -> int:
+        """N."""
+    @property
+    def pattern_count(self) -> int:
+        """How many different rows of weights there are: equal ones are stored once."""
+    def apply(self, positions: _Float32, out: _Float32 | None = None) -> _Float32:
+        """Makes the vertices: p'(r) = sum_k w(r, k) p(i(r, k)).
+
+        positions (V, 3); out (R, 3), not overlapping positions. Returns out.
+        """
+
 class Deformer:
     """Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks and mix,
     and the stages after them. Immutable; several threads may use one object at once."""
@@ -701,6 +726,21 @@ def read_rig(
 
 def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> None:
     """Writes into an existing folder. skeleton: the name of its file, ending in .bf or .tgf."""
+
+def colours_apart(
+    vertex_count: int,
+    edges: _Integers,
+    face_offsets: _Integers,
+    face_vertices: _Integers,
+    steps: int,
+    most: int = 256,
+) -> _Int32 | None:
+    """Colours vertices so that those of one colour are more than so many steps apart. A step leads to another vertex of
+    the same edge or face.
+
+    edges (E, 2); face_offsets (faces + 1,); face_vertices (C,), face after face. Returns (V,), colours from 0 on; None
+    if more than `most` would be needed.
+    """
 
 def set_thread_count(count: int) -> None:
     """Lets later calls use at most count threads; 0 means as many as the machine has."""

@@ -20,7 +20,7 @@ LAYERS = (
     {"blender"},
     {"clips", "plan"},
     {"run"},
-    {"install", "weights"},
+    {"install", "stencils", "weights"},
     {"main", "rig_programs", "rigs"},
     {"frozen"},
     {"bake", "profiling"},

@@ -119,6 +119,19 @@ def valid():
             {"vertex_count": 4, "edges": np.array([[0, 1], [1, 2], [2, 0], [1, 3], [3, 2]])}
             | dict(zip(("face_offsets", "corner_vertices"), FACES.values())),
         ),
+        "Stencils.__init__": (
+            sinew.Stencils,
+            {"offsets": np.array([0, 2, 3]), "vertices": np.array([0, 3, 1]), "weights": np.array([0.5, 0.5, 1])}
+            | {"vertex_count": 4},
+        ),
+        "Stencils.apply": (
+            sinew.Stencils(np.array([0, 2, 3]), np.array([0, 3, 1]), np.array([0.5, 0.5, 1]), 4).apply,
+            {"positions": floats(POINTS), "out": np.empty((2, 3), np.float32)},
+        ),
+        "colours_apart": (
+            sinew.colours_apart,
+            {"vertex_count": 4, "edges": np.array([[0, 1], [1, 2], [2, 3]]), **FACES, "steps": 2, "most": 9},
+        ),
         "Stage.apply": (sinew.Hook(4).stage(EYE).apply, {"positions": floats(POINTS)}),
         "CorrectiveSmooth.__init__": (
             sinew.CorrectiveSmooth,

@@ -134,6 +134,7 @@ def samples():
         "Topology": topology,
         "Smooth": sinew.Smooth(topology),
         "Hook": hook,
+        "Stencils": sinew.Stencils(start, none, none, 1),
         "Lattice": sinew.Lattice(1),
         "MeshDeform": sinew.MeshDeform(np.zeros(2, int), none, none, np.zeros((0, 3))),
         "SurfaceDeform": sinew.SurfaceDeform(1, none, start, none, start, *4 * [none]),

@@ -9,6 +9,7 @@ from . import evaluation, part_files, systems, usd_baking
 from . import job as jobs
 from . import subject as subjects
 from .baked import Baked
+from .shapes import Shapes
 
 
 def run(context: Any, job: jobs.Job) -> list[Baked]:
@@ -49,10 +50,13 @@ def _point_caches(context, job, objects, indices):
     rate = scene.render.fps / scene.render.fps_base
     caches = []
     with ExitStack() as stack:
+        shapes = Shapes(stack)
         for ob in objects:
-            count = len(evaluation.read(ob, depsgraph)[0])
+            count = len(shapes.read(ob, depsgraph)[0])
             subject = subjects.Subject(ob.name, job.format, count, job.frames, rate, job.until_subdivision, digest)
             caches.append(_Cache(job, ob, subject, stack))
+        waiting = {cache.ob: sum(not cache.has(index) for index in indices) for cache in caches}
+        yield from shapes.prepare(context, waiting)
         for number, index in enumerate(indices):
             waiting = [cache for cache in caches if not cache.has(index)]
             if not waiting:
@@ -61,9 +65,10 @@ def _point_caches(context, job, objects, indices):
             scene.frame_set(frames[index])
             depsgraph = context.evaluated_depsgraph_get()
             for cache in waiting:
-                cache.write(index, frames[index], depsgraph)
+                cache.write(index, frames[index], shapes.read(cache.ob, depsgraph))
         for cache in caches:
             cache.finish()
+            cache.baked.remark = shapes.remark(cache.ob)
     return [cache.baked for cache in caches]
 
 
@@ -84,7 +89,7 @@ class _Cache:
 
     def __init__(self, job, ob, subject, stack):
         path = job.path_of(ob.name)
-        self._ob, self._subject, self._part = ob, subject, None
+        self.ob, self._subject, self._part = ob, subject, None
         self.baked = Baked(ob.name, path, subject.vertex_count, len(subject.frames))
         if job.chunk is not None and subjects.is_whole(path, subject):
             self.baked.found = self.baked.frames
@@ -100,9 +105,10 @@ class _Cache:
         """Whether a frame was baked, by whichever process."""
         return self._part is None or self._part.has(index)
 
-    def write(self, index: int, frame: int, depsgraph: Any) -> None:
-        positions, world = evaluation.read(self._ob, depsgraph)
-        evaluation.check_count(self._ob, frame, len(positions), self._subject.vertex_count)
+    def write(self, index: int, frame: int, shape: tuple[Any, Any]) -> None:
+        """shape: as returned by Shapes.read."""
+        positions, world = shape
+        evaluation.check_count(self.ob, frame, len(positions), self._subject.vertex_count)
         with _advising(f"the frames before {frame}"):
             self._part.write(index, positions, world)
         self.baked.baked += 1

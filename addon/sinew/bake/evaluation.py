@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 import bpy
@@ -115,6 +115,14 @@ def until_subdivision(objects: Iterable[bpy.types.Object]) -> Iterator[None]:
         first = subdivision_of(ob)
         tail = list(ob.modifiers)[ob.modifiers.find(first.name) :] if first else []
         off += [modifier for modifier in tail if modifier.show_viewport and not nodes.is_sinew(modifier)]
+    with switched_off(off):
+        yield
+
+
+@contextmanager
+def switched_off(off: Sequence[bpy.types.Modifier]) -> Iterator[None]:
+    """Switches modifiers off in the viewport, where all are on, inside the `with` block. Raises ValueError if a switch
+    is animated."""
     for modifier in off:
         if "show_viewport" in animation.animated_properties(modifier.id_data, modifier):
             raise ValueError(

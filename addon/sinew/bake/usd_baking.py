@@ -12,6 +12,7 @@ from . import evaluation, part_files, usd
 from .baked import Baked
 from .character import LinearCharacter, NotLinear
 from .job import Job
+from .shapes import Shapes
 
 TOLERANCE = 1e-5  # how far skinning may differ from Blender's result, as a fraction of the diagonal
 
@@ -31,7 +32,8 @@ def steps(
         by_points = yield from _bake(context, job, objects, _Skinned, baked)
     yield from _bake(context, job, list(by_points), _Pointed, baked)
     for ob, reason in by_points.items():
-        baked[ob].remark = f"points, since {reason}" if reason else "points"
+        said = f"points, since {reason}" if reason else "points"
+        baked[ob].remark = "; ".join(filter(None, (said, baked[ob].remark)))
     return [baked[ob] for ob in objects]
 
 
@@ -45,6 +47,7 @@ def _bake(context, job, objects, kind, baked):
     """Bakes all objects frame by frame. Puts results into baked {object: Baked}; returns {object: why it was not}."""
     scene, sinks, refused = context.scene, {}, {}
     with ExitStack() as stack:
+        shapes = Shapes(stack)
         for number, frame in enumerate(job.frames if objects else ()):
             yield number / len(job.frames), f"baking frame {frame}"
             scene.frame_set(frame)
@@ -53,8 +56,10 @@ def _bake(context, job, objects, kind, baked):
                 try:
                     if number == 0:
                         sinks[ob] = kind(scene, job, ob, depsgraph, stack)
+                        if kind is _Pointed:
+                            yield from shapes.prepare(context, {ob: len(job.frames)})
                     if ob in sinks:
-                        sinks[ob].write(frame, depsgraph)
+                        sinks[ob].write(frame, shapes.read(ob, depsgraph), depsgraph)
                 except NotLinear as error:
                     refused[ob] = str(error)
                     sinks.pop(ob, None)
@@ -63,7 +68,7 @@ def _bake(context, job, objects, kind, baked):
         for ob, sink in sinks.items():
             sink.file.save()
             baked[ob] = Baked(ob.name, sink.file.path, sink.vertex_count, len(job.frames), len(job.frames))
-            baked[ob].remark = "skeleton"
+            baked[ob].remark = "skeleton" if kind is _Skinned else shapes.remark(ob)
     return refused
 
 
@@ -88,8 +93,8 @@ class _Pointed:
         self.file = _open(usd.PointsFile, scene, job, ob, stack)
         self.file.begin(topology, _scheme(job, ob))
 
-    def write(self, frame: int, depsgraph: bpy.types.Depsgraph) -> None:
-        positions, world = evaluation.read(self._ob, depsgraph)
+    def write(self, frame: int, shape: tuple[np.ndarray, np.ndarray], _depsgraph: bpy.types.Depsgraph) -> None:
+        positions, world = shape
         evaluation.check_count(self._ob, frame, len(positions), self.vertex_count)
         self.file.write(frame, positions, world)
 
@@ -104,8 +109,8 @@ class _Skinned:
         self.file = _open(usd.SkeletonFile, scene, job, ob, stack)
         self.file.begin(topology, _scheme(job, ob), character.rest, character.influences, character.skeleton)
 
-    def write(self, frame: int, depsgraph: bpy.types.Depsgraph) -> None:
-        positions, world = evaluation.read(self._ob, depsgraph)
+    def write(self, frame: int, shape: tuple[np.ndarray, np.ndarray], depsgraph: bpy.types.Depsgraph) -> None:
+        positions, world = shape
         try:
             kept = self.file.write(frame, self._character.posed(depsgraph), world)
         except np.linalg.LinAlgError as error:

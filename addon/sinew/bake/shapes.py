@@ -1,0 +1,92 @@
+"""Reads the shapes of objects frame by frame, and computes their last modifiers natively where that is faster."""
+
+from collections.abc import Generator, Mapping
+from contextlib import ExitStack
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..blender import meshes, values
+from ..stencils import probing, tails
+from . import evaluation
+
+PAYS = 1.5  # so many frames for each evaluation that the search takes
+
+
+class _Stencilled:
+    """An object whose tail is switched off, and made from the vertices before it."""
+
+    def __init__(self, ob: bpy.types.Object, stencils: Any, depsgraph: Any, switches: ExitStack) -> None:
+        self._ob, self._stencils, self._switches = ob, stencils, switches
+        self._topology = meshes.read_topology(ob.evaluated_get(depsgraph).data)
+
+    def read(self, depsgraph: Any) -> np.ndarray | None:
+        """Returns the positions (R, 3). If other faces are there than those for which the stencils were found, switches
+        the tail on and returns None."""
+        mesh = self._ob.evaluated_get(depsgraph).data
+        if all(map(np.array_equal, meshes.read_topology(mesh), self._topology)):
+            return self._stencils.apply(meshes.read_positions(mesh))
+        self._switches.close()
+        return None
+
+
+class Shapes:
+    """The shapes of the objects of a bake."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        """stack: all is restored when it is closed."""
+        self._stack = stack
+        self._made: dict[bpy.types.Object, _Stencilled] = {}
+        self._remarks: dict[bpy.types.Object, str] = {}
+
+    def prepare(
+        self, context: bpy.types.Context, frame_counts: Mapping[bpy.types.Object, int]
+    ) -> Generator[tuple[float, str], None, None]:
+        """Finds the stencils of the objects' last modifiers, if so many frames of each are worth it: a generator of
+        (share done, what it does). Blender must have evaluated one of the frames."""
+        for ob, frame_count in frame_counts.items():
+            tail = tails.of(ob)
+            if not tail or frame_count < PAYS:
+                continue
+            names, switches = " and ".join(each.name for each in tail), ExitStack()
+            self._stack.push(switches)
+            try:
+                self._made[ob] = yield from self._find(context, ob, tail, frame_count, names, switches)
+                self._remarks[ob] = f"{names} computed natively"
+            except probing.NotFound as reason:
+                switches.close()
+                self._remarks[ob] = f"{names} evaluated by Blender, since {reason}"
+            context.view_layer.update()
+
+    def _find(self, context, ob, tail, frame_count, names, switches):
+        expected = self.read(ob, context.evaluated_depsgraph_get())[0]
+        cuts = next((each.type for each in tail if each.type in {"TRIANGULATE", "SUBSURF"}), "") == "TRIANGULATE"
+        switches.enter_context(evaluation.switched_off(tail))
+        context.view_layer.update()
+        depsgraph = context.evaluated_depsgraph_get()
+        with probing.canvas(ob, tail, depsgraph) as canvas:
+            search = probing.steps(canvas, cuts, int(frame_count / PAYS))
+            while True:
+                try:
+                    yield next(search), f"finding the weights of {names} of {ob.name}"
+                except StopIteration as end:
+                    stencils = end.value
+                    break
+        probing.compare(stencils, meshes.read_positions(ob.evaluated_get(depsgraph).data), expected)
+        return _Stencilled(ob, stencils, depsgraph, switches)
+
+    def read(self, ob: bpy.types.Object, depsgraph: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the evaluated positions (V, 3) float32, in object space, and matrix_world (4, 4) float64."""
+        made = self._made.get(ob)
+        positions = made.read(depsgraph) if made is not None else None
+        if made is not None and positions is None:
+            del self._made[ob]
+            depsgraph.view_layer.update()
+        if positions is None:
+            return evaluation.read(ob, depsgraph)
+        return positions, values.matrix_to_numpy(ob.evaluated_get(depsgraph).matrix_world)
+
+    def remark(self, ob: bpy.types.Object) -> str:
+        """Returns how its last modifiers are computed, a clause, or ""."""
+        return self._remarks.get(ob, "")

@@ -1,0 +1,146 @@
+"""Finds stencils by asking Blender.
+
+The modifiers are evaluated on a copy of the mesh, in a scene of its own, where all vertices but a few are at 0. Each of
+the few is at (1, a, b), by which it is known: a vertex of the result at (w, w a, w b) has it with the weight w. The few
+are so far apart that no vertex of the result has two of them, and after one evaluation for each colour of
+sinew_native.colours_apart all weights are known, to the bits that Blender has used. What was found is compared with
+Blender on a shape with random positions."""
+
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..blender import meshes
+from ..native import sinew_native
+from ..plan import canvas_survey
+
+TOLERANCE = 2e-6  # of the diagonal
+MOST_ROWS = 4_000_000  # vertices of the result
+LEAST = 1e-6  # a smaller weight need not be known
+NEAR, FAR = 2, 4  # how far apart vertices have to be, in steps; more are tried if that is not enough
+BASE = 1024  # of the two digits by which a vertex is known: float32 holds w times each of them well enough
+NAME = ".Sinew Stencils"
+
+
+class NotFound(Exception):
+    """There are no stencils, or it would take too long to find them. The message says why, a clause."""
+
+
+class Canvas:
+    """A mesh with modifiers, in a scene of its own."""
+
+    def __init__(self, mesh: bpy.types.Mesh, ob: bpy.types.Object, scene: bpy.types.Scene, layer: Any) -> None:
+        self.mesh, self._ob, self.scene, self._layer = mesh, ob, scene, layer
+
+    def result(self, positions: np.ndarray) -> np.ndarray:
+        """Returns the vertices (R, 3) that the modifiers make of these (V, 3)."""
+        meshes.write_positions(self.mesh, positions)
+        self._layer.update()
+        return meshes.read_evaluated(self._ob.evaluated_get(self._layer.depsgraph)).copy()
+
+
+@contextmanager
+def canvas(
+    ob: bpy.types.Object, tail: Sequence[bpy.types.Modifier], depsgraph: bpy.types.Depsgraph
+) -> Iterator[Canvas]:
+    """Makes a canvas with the evaluated mesh of an object, whose tail must be switched off, and with copies of the
+    modifiers of its tail. Removes it at the end."""
+    mesh = bpy.data.meshes.new_from_object(
+        ob.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
+    )
+    mesh.name = NAME
+    scene, copy = bpy.data.scenes.new(NAME), bpy.data.objects.new(NAME, mesh)
+    try:
+        for group in ob.vertex_groups:
+            copy.vertex_groups.new(name=group.name)
+        for modifier in tail:
+            new = copy.modifiers.new(modifier.name, modifier.type)
+            for setting, value in canvas_survey.settings_of(modifier).items():
+                setattr(new, setting, value)
+            new.show_viewport = True
+        own = depsgraph.scene.render
+        scene.render.use_simplify, scene.render.simplify_subdivision = own.use_simplify, own.simplify_subdivision
+        scene.collection.objects.link(copy)
+        yield Canvas(mesh, copy, scene, scene.view_layers[0])
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.objects.remove(copy)
+        bpy.data.meshes.remove(mesh)
+
+
+def steps(made: Canvas, has_fixed_cuts: bool, most: int) -> Generator[float, None, Any]:
+    """Finds the stencils of a canvas: a generator of the share that is done, which returns a sinew_native.Stencils.
+    has_fixed_cuts: the modifiers cut faces alike in each shape only if none has more than four corners; most: how many
+    evaluations it may take. Raises NotFound."""
+    rest = meshes.read_positions(made.mesh).copy()
+    edges, offsets, corners = meshes.read_topology(made.mesh)
+    if len(rest) == 0 or not np.isfinite(rest).all():
+        raise NotFound("its vertices are not all at finite positions" if len(rest) else "it has no vertices")
+    if has_fixed_cuts and np.diff(offsets).max(initial=0) > 4:
+        raise NotFound("Triangulate cuts faces with more than four corners by their shape")
+    for apart in range(NEAR, FAR + 1):
+        colours = sinew_native.colours_apart(len(rest), edges, offsets, corners, apart, max(most, 1))
+        if colours is None:
+            raise NotFound("it would take longer to find its weights than to do without")
+        found = yield from _ask(made, colours)
+        if found is not None:
+            break
+    else:
+        raise NotFound("its vertices depend on too many of those before them")
+    stencils = _assembled(*found, len(rest))
+    shape = np.random.default_rng(0).uniform(-1, 1, rest.shape).astype(np.float32)
+    compare(stencils, shape, made.result(shape))
+    return stencils
+
+
+def _ask(made: Canvas, colours: np.ndarray) -> Generator[float, None, Any]:
+    """Returns (rows, vertices, weights, R), or None if two vertices of a colour have met."""
+    rows, vertices, weights, count = [], [], [], 0
+    codes = np.arange(1, len(colours) + 1)
+    digits = np.stack((np.ones(len(codes)), codes % BASE, codes // BASE), axis=1).astype(np.float32)
+    last = int(colours.max())
+    for colour in range(last + 1):
+        yield colour / (last + 1)
+        result = made.result(np.where((colours == colour)[:, None], digits, np.float32(0)))
+        if len(result) > MOST_ROWS:
+            raise NotFound(f"it has more than {MOST_ROWS:,} vertices")
+        if colour and len(result) != count:
+            raise NotFound("it has another number of vertices in another shape")
+        count = len(result)
+        own = np.flatnonzero(result[:, 0])
+        weight = result[own, 0].astype(np.float64)
+        low, high = result[own, 1] / weight, result[own, 2] / weight
+        vertex = (np.rint(high) * BASE + np.rint(low) - 1).astype(np.int64)
+        is_near = np.maximum(np.abs(low - np.rint(low)), np.abs(high - np.rint(high))) < 0.1
+        is_there = (vertex >= 0) & (vertex < len(colours)) & is_near
+        is_known = is_there & (colours[np.where(is_there, vertex, 0)] == colour)
+        if not (is_known | (np.abs(weight) < LEAST)).all():
+            return None
+        rows.append(own[is_known])
+        vertices.append(vertex[is_known])
+        weights.append(weight[is_known])
+    return np.concatenate(rows), np.concatenate(vertices), np.concatenate(weights), count
+
+
+def _assembled(rows: np.ndarray, vertices: np.ndarray, weights: np.ndarray, count: int, vertex_count: int) -> Any:
+    order = np.argsort(rows * vertex_count + vertices)
+    offsets = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=count))))
+    sums = np.bincount(rows, weights, minlength=count)
+    if not (np.abs(sums - 1) < 1e-5).all():
+        raise NotFound("its vertices are no means of those before them")
+    return sinew_native.Stencils(
+        offsets, vertices[order].astype(np.int32), weights[order].astype(np.float32), vertex_count
+    )
+
+
+def compare(stencils: Any, positions: np.ndarray, expected: np.ndarray) -> None:
+    """Raises NotFound if stencils make other vertices (R, 3) than Blender of positions (V, 3)."""
+    if len(expected) != stencils.count:
+        raise NotFound("it has another number of vertices in another shape")
+    off = np.abs(stencils.apply(positions) - expected).max(initial=0)
+    size = float(np.linalg.norm(np.ptp(expected, axis=0))) if len(expected) else 0.0
+    if not off <= TOLERANCE * size:
+        raise NotFound(f"it was off by {off / (size or 1):.1e} of its size in a shape with which it was compared")

@@ -1,0 +1,52 @@
+"""Which modifiers at the end of a stack make vertices as fixed weighted sums of those before them."""
+
+from typing import Any
+
+import bpy
+
+from ..blender import animation, nodes
+
+# Without one of these it is not worth the search: the others cost Blender little.
+_DEAR = {"SUBSURF", "EDGE_SPLIT"}
+# What it makes of a mesh is deferred until somebody reads it, if it is the last one.
+_DEFERRED = {"SUBSURF", "MULTIRES"}
+
+
+def of(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
+    """Returns the last modifiers that the viewport shows, if all of them are such and it is worth it; otherwise none.
+    ob: an original mesh object."""
+    shown: list[Any] = [modifier for modifier in ob.modifiers if modifier.show_viewport]
+    found: list[bpy.types.Modifier] = []
+    while shown and not why_not(shown[-1]):
+        found.insert(0, shown.pop())
+    while found and shown and shown[-1].type in _DEFERRED:
+        shown.append(found.pop(0))
+    if animation.animated_paths(ob.data) or not any(modifier.type in _DEAR for modifier in found):
+        return []
+    return found
+
+
+def why_not(modifier: Any) -> str:
+    """Returns why what a modifier makes is no fixed weighted sum, a clause, or ""."""
+    kind = modifier.type
+    if nodes.is_sinew(modifier) or kind not in _REASONS:
+        return "its result is no weighted sum of the vertices before it"
+    if animation.animated_properties(modifier.id_data, modifier):
+        return "it is animated"
+    return _REASONS[kind](modifier)
+
+
+def _mask(modifier: Any) -> str:
+    return "" if modifier.mode == "VERTEX_GROUP" else "which bones it masks depends on the selection"
+
+
+def _edge_split(modifier: Any) -> str:
+    return "it splits edges by their angle: switch Edge Angle off" if modifier.use_edge_angle else ""
+
+
+def _triangulate(modifier: Any) -> str:
+    is_fixed = modifier.quad_method in {"FIXED", "FIXED_ALTERNATE"}
+    return "" if is_fixed else "it cuts quads by their shape: set Quad Method to Fixed"
+
+
+_REASONS = {"SUBSURF": lambda _modifier: "", "MASK": _mask, "EDGE_SPLIT": _edge_split, "TRIANGULATE": _triangulate}

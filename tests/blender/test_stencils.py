@@ -1,0 +1,210 @@
+"""Bakes that compute the last modifiers natively: the shapes are Blender's, whatever the mesh and the settings are, and
+what cannot be computed is left to Blender, with the reason."""
+
+import bpy
+import numpy as np
+import pytest
+
+from characters import accelerate, make_armature, make_mesh, pose
+from helpers import addon_module, diagonal
+from test_bake import bake, read, shown
+
+FRAMES = range(1, 7)
+TOLERANCE = 2e-6  # of the diagonal
+SUBDIVISION = ("SUBSURF", {})
+
+
+def subdivision(**settings):
+    return "SUBSURF", {"levels": 1, **settings}
+
+
+TAILS = {
+    "smooth": [subdivision()],
+    "twice": [subdivision(levels=2)],
+    "without limit": [subdivision(use_limit_surface=False)],
+    "simple": [subdivision(subdivision_type="SIMPLE", levels=2)],
+    "without creases": [subdivision(use_creases=False)],
+    "corners": [subdivision(boundary_smooth="PRESERVE_CORNERS")],
+    "quality": [subdivision(quality=1)],
+    "two": [subdivision(), subdivision(subdivision_type="SIMPLE")],
+    "masked": [("MASK", {"vertex_group": "side"}), subdivision()],
+    "masked softly": [("MASK", {"vertex_group": "side", "use_smooth": True, "threshold": 0.3}), subdivision()],
+    "masked behind": [subdivision(), ("MASK", {"vertex_group": "side", "invert_vertex_group": True})],
+    "split": [("EDGE_SPLIT", {"use_edge_angle": False}), subdivision()],
+    "only split": [("EDGE_SPLIT", {"use_edge_angle": False})],
+    "cut": [subdivision(), ("TRIANGULATE", {"quad_method": "FIXED"})],
+}
+
+
+def make_rough(ob):
+    """Creases, sharp edges, a hole, triangles, a face with many corners, loose edges and vertices."""
+    import bmesh
+
+    mesh = bmesh.new()
+    mesh.from_mesh(ob.data)
+    mesh.faces.ensure_lookup_table()
+    rng = np.random.default_rng(3)
+    bmesh.ops.triangulate(mesh, faces=[face for face in mesh.faces if rng.random() < 0.06])
+    inner = [edge for edge in mesh.edges if len(edge.link_faces) == 2 and rng.random() < 0.04]
+    bmesh.ops.dissolve_edges(mesh, edges=inner, use_verts=False, use_face_split=False)
+    bmesh.ops.delete(mesh, geom=[face for face in mesh.faces if rng.random() < 0.02], context="FACES_ONLY")
+    creases = (
+        mesh.edges.layers.float.new("crease_edge") if bpy.app.version >= (4, 0, 0) else mesh.edges.layers.crease.new()
+    )
+    for edge in mesh.edges:
+        edge[creases] = rng.choice((0.0, 0.0, 0.0, 1.0, rng.random()))
+        edge.smooth = rng.random() > 0.1
+    for number in range(4):
+        ends = [mesh.verts.new((number, 1, 1)), mesh.verts.new((number, 2, 1))]
+        if number % 2:
+            mesh.edges.new(ends)
+    mesh.to_mesh(ob.data)
+    mesh.free()
+
+
+def add_modifiers(ob, tail):
+    for kind, settings in tail:
+        modifier = ob.modifiers.new(kind, kind)
+        for name, value in settings.items():
+            if hasattr(modifier, name):  # newer Blenders have more
+                setattr(modifier, name, value)
+
+
+@pytest.fixture
+def figure():
+    """A tube by an armature that moves, rough."""
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    make_rough(ob)
+    for frame in (1, 3, 6):
+        pose(armature, frame, True)
+    return ob
+
+
+@pytest.fixture
+def always(monkeypatch):
+    """The search is worth it however few frames there are."""
+    monkeypatch.setattr(addon_module("bake.shapes"), "PAYS", 0.001)
+
+
+def leftovers():
+    return [each.name for each in (*bpy.data.scenes, *bpy.data.objects, *bpy.data.meshes) if "Stencils" in each.name]
+
+
+def assert_baked(ob, folder, remark, **options):
+    switches = [(modifier.name, modifier.show_viewport) for modifier in ob.modifiers]
+    (done,) = bake(folder, "1-6", **options)
+    assert remark in done.remark
+    assert [(modifier.name, modifier.show_viewport) for modifier in ob.modifiers] == switches
+    assert leftovers() == []
+    found, expected = read(folder / "Tube.pc2"), shown(ob, FRAMES)
+    assert found.shape == expected.shape
+    assert np.abs(found - expected).max() <= TOLERANCE * diagonal(expected[0]) and np.ptp(found, axis=0).max() > 0.1
+    return found, expected
+
+
+@pytest.mark.parametrize("bound", (False, True))
+@pytest.mark.parametrize("tail", TAILS)
+def test_shapes_are_blenders(figure, tmp_path, always, tail, bound):
+    add_modifiers(figure, TAILS[tail])
+    if bound:
+        accelerate(figure)
+    assert_baked(figure, tmp_path, "computed natively")
+
+
+def test_few_frames_are_blenders_to_the_bit(figure, tmp_path):
+    add_modifiers(figure, TAILS["smooth"])
+    found, expected = assert_baked(figure, tmp_path, "evaluated by Blender, since it would take longer")
+    assert np.array_equal(found, expected)
+
+
+@pytest.mark.parametrize(
+    "tail",
+    (
+        [("MASK", {"mode": "ARMATURE"}), ("EDGE_SPLIT", {"use_edge_angle": True})],
+        [subdivision(), ("SOLIDIFY", {})],
+        [subdivision(), ("EDGE_SPLIT", {"use_edge_angle": True})],
+        [subdivision(), ("TRIANGULATE", {"quad_method": "BEAUTY"})],
+        [("MASK", {"vertex_group": "side"})],
+    ),
+    ids=lambda tail: "-".join(kind for kind, _ in tail),
+)
+def test_other_tails_are_blenders(figure, tail):
+    add_modifiers(figure, tail)
+    assert addon_module("stencils.tails").of(figure) == []
+
+
+def test_an_animated_setting_is_blenders(figure, tmp_path, always):
+    add_modifiers(figure, TAILS["smooth"])
+    figure.modifiers[-1].keyframe_insert("levels", frame=1)
+    (done,) = bake(tmp_path, "1-6")
+    assert done.remark == ""
+
+
+def test_cut_faces_with_many_corners_are_blenders(tmp_path, always):
+    import bmesh
+
+    armature = make_armature()
+    ob = make_mesh(armature, False)
+    mesh = bmesh.new()
+    mesh.from_mesh(ob.data)
+    mesh.edges.ensure_lookup_table()
+    bmesh.ops.dissolve_edges(
+        mesh, edges=[edge for edge in mesh.edges if len(edge.link_faces) == 2][:1], use_verts=False
+    )
+    mesh.to_mesh(ob.data)
+    mesh.free()
+    for frame in (1, 6):
+        pose(armature, frame, True)
+    add_modifiers(ob, [("TRIANGULATE", {"quad_method": "FIXED"}), subdivision()])
+    assert_baked(ob, tmp_path, "Triangulate cuts faces with more than four corners by their shape")
+
+
+def test_faces_that_change_on_the_way_are_blenders(figure, tmp_path, always):
+    """A Weld before them joins other vertices on each frame, and now and then as many."""
+    figure.modifiers.new("Weld", "WELD").merge_threshold = 1e-6
+    add_modifiers(figure, TAILS["smooth"])
+    figure.modifiers["Weld"].keyframe_insert("merge_threshold", frame=3)
+    figure.modifiers["Weld"].merge_threshold = 0.05
+    figure.modifiers["Weld"].keyframe_insert("merge_threshold", frame=4)
+    with pytest.raises(ValueError, match="vertices on frame"):
+        bake(tmp_path, "1-6")
+    assert all(modifier.show_viewport for modifier in figure.modifiers) and leftovers() == []
+
+
+@pytest.mark.parametrize("spoil", ("empty", "infinite"))
+def test_bad_meshes_are_blenders(figure, tmp_path, always, spoil):
+    add_modifiers(figure, TAILS["smooth"])
+    if spoil == "empty":
+        figure.data.clear_geometry()
+    else:
+        figure.data.vertices[5].co = (np.nan, 0, 0)
+    (done,) = bake(tmp_path, "1-6")
+    assert "evaluated by Blender, since" in done.remark and leftovers() == []
+
+
+def test_what_is_wrong_is_noticed(figure, tmp_path, always, monkeypatch):
+    """The comparison is there for what nobody has thought of."""
+    probing = addon_module("stencils.probing")
+    assembled = probing._assembled
+
+    def changed(rows, vertices, weights, count, vertex_count):
+        one, other = np.flatnonzero(rows == rows[0])[:2]
+        weights[[one, other]] += 1e-4, -1e-4
+        return assembled(rows, vertices, weights, count, vertex_count)
+
+    monkeypatch.setattr(probing, "_assembled", changed)
+    add_modifiers(figure, TAILS["smooth"])
+    assert_baked(figure, tmp_path, "evaluated by Blender, since it was off by")
+
+
+def test_a_bake_that_is_closed_early_leaves_nothing(figure, tmp_path, always):
+    add_modifiers(figure, TAILS["smooth"])
+    baking, job = addon_module("bake.baking"), addon_module("bake.job")
+    frames = addon_module("bake.frame_range").parse("1-6")
+    for steps in range(1, 40, 5):
+        work = baking.steps(bpy.context, job.Job(str(tmp_path / str(steps)), frames))
+        for _ in zip(range(steps), work):
+            pass
+        work.close()
+        assert all(modifier.show_viewport for modifier in figure.modifiers) and leftovers() == []
