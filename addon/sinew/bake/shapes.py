@@ -69,7 +69,7 @@ class Shapes:
             search = probing.steps(canvas, cuts, int(frame_count / PAYS))
             while True:
                 try:
-                    yield next(search), f"finding the weights of {names} of {ob.name}"
+                    yield 0.0, f"finding the weights of {names} of {ob.name}: {next(search):.0%}"
                 except StopIteration as end:
                     stencils = end.value
                     break

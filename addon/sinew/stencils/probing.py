@@ -18,7 +18,9 @@ from ..native import sinew_native
 from ..plan import canvas_survey
 
 TOLERANCE = 2e-6  # of the diagonal
-MOST_ROWS = 4_000_000  # vertices of the result
+MOST_ROWS = 1_500_000  # vertices of the result
+# Attributes of the mesh on which positions may depend. Without the others Blender is faster.
+_KEPT = {"crease_edge", "crease_vert", "sharp_edge", "sharp_face", "material_index"}
 LEAST = 1e-6  # a smaller weight need not be known
 NEAR, FAR = 2, 4  # how far apart vertices have to be, in steps; more are tried if that is not enough
 BASE = 1024  # of the two digits by which a vertex is known: float32 holds w times each of them well enough
@@ -56,6 +58,7 @@ def canvas(
     try:
         for group in ob.vertex_groups:
             copy.vertex_groups.new(name=group.name)
+        _strip(copy, any(modifier.type == "MASK" for modifier in tail))
         for modifier in tail:
             new = copy.modifiers.new(modifier.name, modifier.type)
             for setting, value in canvas_survey.settings_of(modifier).items():
@@ -69,6 +72,19 @@ def canvas(
         bpy.data.scenes.remove(scene)
         bpy.data.objects.remove(copy)
         bpy.data.meshes.remove(mesh)
+
+
+def _strip(copy: bpy.types.Object, keeps_groups: bool) -> None:
+    """Removes what positions do not depend on."""
+    mesh: Any = copy.data
+    if not keeps_groups:
+        copy.vertex_groups.clear()  # with the weights
+    for layer in mesh.uv_layers[:]:
+        mesh.uv_layers.remove(layer)
+    names = [each.name for each in mesh.attributes if not (each.is_internal or getattr(each, "is_required", False))]
+    for name in names:
+        if name not in _KEPT and name != "position":
+            mesh.attributes.remove(mesh.attributes[name])
 
 
 def steps(made: Canvas, has_fixed_cuts: bool, most: int) -> Generator[float, None, Any]:
@@ -119,21 +135,19 @@ def _ask(made: Canvas, colours: np.ndarray) -> Generator[float, None, Any]:
         is_known = is_there & (colours[np.where(is_there, vertex, 0)] == colour)
         if not (is_known | (np.abs(weight) < LEAST)).all():
             return None
-        rows.append(own[is_known])
-        vertices.append(vertex[is_known])
-        weights.append(weight[is_known])
+        rows.append(own[is_known].astype(np.int32))
+        vertices.append(vertex[is_known].astype(np.int32))
+        weights.append(weight[is_known].astype(np.float32))
     return np.concatenate(rows), np.concatenate(vertices), np.concatenate(weights), count
 
 
 def _assembled(rows: np.ndarray, vertices: np.ndarray, weights: np.ndarray, count: int, vertex_count: int) -> Any:
-    order = np.argsort(rows * vertex_count + vertices)
+    order = np.argsort(rows.astype(np.int64) * vertex_count + vertices)
     offsets = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=count))))
     sums = np.bincount(rows, weights, minlength=count)
     if not (np.abs(sums - 1) < 1e-5).all():
         raise NotFound("its vertices are no means of those before them")
-    return sinew_native.Stencils(
-        offsets, vertices[order].astype(np.int32), weights[order].astype(np.float32), vertex_count
-    )
+    return sinew_native.Stencils(offsets, vertices[order], weights[order], vertex_count)
 
 
 def compare(stencils: Any, positions: np.ndarray, expected: np.ndarray) -> None:
