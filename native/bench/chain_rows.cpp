@@ -2,6 +2,7 @@
 
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -13,12 +14,13 @@
 
 #include "baselines.h"
 #include "sinew/deformer.h"
+#include "sinew/stencils.h"
 #include "sinew/threads.h"
 
 namespace sinew::bench {
 namespace {
 
-constexpr int kKeys = 50, kIterations = 5;
+constexpr int kKeys = 50, kIterations = 5, kStencils = 4, kEntries = 12;
 
 /// A tube of quads, its stages, and keys of which each changes one vertex in twenty.
 struct Tube {
@@ -51,6 +53,24 @@ struct Tube {
     shape = rest;
     for (std::size_t i = 0; i < shape.size(); i += 3) shape[i] += 0.3f * std::sin(shape[i + 2]);
     make_keys();
+    make_stencils(rings, around);
+  }
+
+  /// As many as Subdivision makes in one step: four for each vertex, each of the twelve around.
+  void make_stencils(std::int32_t rings, std::int32_t around) {
+    std::vector<std::int64_t> offsets{0};
+    std::vector<std::int32_t> own;
+    std::vector<float> shares;
+    for (std::int32_t row = 0; row < kStencils * vertices; ++row) {
+      const std::int32_t ring = row / kStencils / around, k = row / kStencils % around;
+      for (std::int32_t i = 0; i < kEntries; ++i) {
+        own.push_back(std::clamp(ring + i / 4 - 1, 0, rings - 1) * around + (k + i % 4) % around);
+        shares.push_back(row % kStencils == 0 && i == 0 ? 0.34f : i == 0 ? 0.45f : i < 4 ? 0.1f : 0.05f);
+      }
+      offsets.push_back(std::ssize(own));
+    }
+    stencils.emplace(offsets, own, shares, vertices);
+    made.resize(3 * static_cast<std::size_t>(kStencils * vertices));
   }
 
   void make_keys() {
@@ -70,6 +90,8 @@ struct Tube {
   std::optional<CorrectiveSmooth> corrective, partly;
   std::optional<Hook> hook;
   std::optional<Deformer> keys;
+  std::optional<Stencils> stencils;
+  mutable std::vector<float> made;
 };
 
 /// Numbers of 4 bytes that each of so many vertices needs, one time after the other.
@@ -140,6 +162,9 @@ void add_rows(const Tube& tube, int threads) {
     settings.radius = 10;
     tube.hook->apply(settings, positions);
   });
+  // Points are written with four numbers, and read again; a stencil is its entries, and where they and its weights begin.
+  add("stencils, four of twelve", tube, 1, threads, 1, {{3, 4}, {4 + kStencils * (kEntries + 2.0), 3.0 * kStencils}},
+      [&tube](std::span<float> positions) { tube.stencils->apply(positions, tube.made); });
   const std::vector<float> values(kKeys + 1, 0.5f);
   add("50 keys of 5 %", tube, 1, threads, 1, {{3 + 3 * kKeys / 20.0, 3}},
       [&tube, values](std::span<float> positions) { tube.keys->deform({}, positions, values); });
