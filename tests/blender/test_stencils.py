@@ -172,6 +172,32 @@ def test_faces_that_change_on_the_way_are_blenders(figure, tmp_path, always):
     assert all(modifier.show_viewport for modifier in figure.modifiers) and leftovers() == []
 
 
+@pytest.mark.parametrize("bound", (False, True))
+def test_a_mesh_that_another_one_follows_is_blenders(figure, tmp_path, always, bound):
+    """The other one would follow the shape before the modifiers."""
+    add_modifiers(figure, TAILS["smooth"])
+    bpy.ops.mesh.primitive_plane_add()
+    coat = bpy.context.object
+    coat.name = "Coat"
+    coat.modifiers.new("Shrinkwrap", "SHRINKWRAP").target = figure
+    if bound:
+        accelerate(figure)
+    done = bake(tmp_path, "1-6", names=("Tube", "Coat"))
+    assert [each.remark for each in done] == ["SUBSURF evaluated by Blender, since Coat may follow its shape", ""]
+    assert np.array_equal(read(tmp_path / "Coat.pc2"), shown(coat, FRAMES))
+
+
+def test_a_mesh_whose_collection_is_read_is_blenders(figure, tmp_path, always):
+    add_modifiers(figure, TAILS["smooth"])
+    outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
+    outer.children.link(inner)
+    inner.objects.link(figure)
+    assert addon_module("stencils.tails").reader_of(figure) is None
+    crowd = bpy.data.objects.new("Crowd", None)
+    crowd.instance_type, crowd.instance_collection = "COLLECTION", outer
+    assert_baked(figure, tmp_path, "evaluated by Blender, since Crowd may follow its shape")
+
+
 @pytest.mark.parametrize("spoil", ("empty", "infinite"))
 def test_bad_meshes_are_blenders(figure, tmp_path, always, spoil):
     add_modifiers(figure, TAILS["smooth"])

@@ -60,6 +60,9 @@ class Shapes:
             context.view_layer.update()
 
     def _find(self, context, ob, tail, frame_count, names, switches):
+        reader = tails.reader_of(ob)
+        if reader is not None:
+            raise probing.NotFound(f"{reader.name} may follow its shape")
         expected = self.read(ob, context.evaluated_depsgraph_get())[0]
         cuts = next((each.type for each in tail if each.type in {"TRIANGULATE", "SUBSURF"}), "") == "TRIANGULATE"
         switches.enter_context(evaluation.switched_off(tail))

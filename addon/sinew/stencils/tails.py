@@ -26,6 +26,23 @@ def of(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
     return found
 
 
+def reader_of(ob: bpy.types.Object) -> bpy.types.ID | None:
+    """Returns another data-block that may read what the modifiers of an original object make, or None. It may read the
+    object or a collection that has it."""
+    holders: list[Any] = [ob]
+    for holder in holders:
+        for user in bpy.data.user_map(subset=[holder])[holder]:
+            if isinstance(user, bpy.types.Collection):
+                holders += [user] if user not in holders else []
+            elif not isinstance(user, bpy.types.Scene) and user != ob and not _is_canvas(user):
+                return user
+    return None
+
+
+def _is_canvas(block: Any) -> bool:
+    return isinstance(block, bpy.types.Object) and nodes.is_canvas(block)
+
+
 def why_not(modifier: Any) -> str:
     """Returns why what a modifier makes is no fixed weighted sum, a clause, or ""."""
     kind = modifier.type
