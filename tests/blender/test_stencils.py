@@ -1,6 +1,7 @@
 """Bakes that compute the last modifiers natively: the shapes are Blender's, whatever the mesh and the settings are, and
 what cannot be computed is left to Blender, with the reason."""
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -38,8 +39,6 @@ TAILS = {
 
 def make_rough(ob):
     """Creases, sharp edges, a hole, triangles, a face with many corners, loose edges and vertices."""
-    import bmesh
-
     mesh = bmesh.new()
     mesh.from_mesh(ob.data)
     mesh.faces.ensure_lookup_table()
@@ -71,14 +70,19 @@ def add_modifiers(ob, tail):
 
 
 @pytest.fixture
-def figure():
-    """A tube by an armature that moves, rough."""
+def plain():
+    """A tube of quads by an armature that moves."""
     armature = make_armature()
-    ob = make_mesh(armature, False)
-    make_rough(ob)
     for frame in (1, 3, 6):
         pose(armature, frame, True)
-    return ob
+    return make_mesh(armature, False)
+
+
+@pytest.fixture
+def figure(plain):
+    """The same, rough."""
+    make_rough(plain)
+    return plain
 
 
 @pytest.fixture
@@ -141,27 +145,31 @@ def test_an_animated_setting_is_blenders(figure, tmp_path, always):
     assert done.remark == ""
 
 
-def test_cut_faces_with_many_corners_are_blenders(tmp_path, always):
-    import bmesh
-
-    armature = make_armature()
-    ob = make_mesh(armature, False)
+def test_cut_faces_with_many_corners_are_blenders(plain, tmp_path, always):
     mesh = bmesh.new()
-    mesh.from_mesh(ob.data)
+    mesh.from_mesh(plain.data)
     mesh.edges.ensure_lookup_table()
     bmesh.ops.dissolve_edges(
         mesh, edges=[edge for edge in mesh.edges if len(edge.link_faces) == 2][:1], use_verts=False
     )
-    mesh.to_mesh(ob.data)
+    mesh.to_mesh(plain.data)
     mesh.free()
-    for frame in (1, 6):
-        pose(armature, frame, True)
-    add_modifiers(ob, [("TRIANGULATE", {"quad_method": "FIXED"}), subdivision()])
-    assert_baked(ob, tmp_path, "Triangulate cuts faces with more than four corners by their shape")
+    add_modifiers(plain, [("TRIANGULATE", {"quad_method": "FIXED"}), subdivision()])
+    assert_baked(plain, tmp_path, "Triangulate cuts faces with more than four corners by their shape")
+
+
+def test_other_faces_of_as_many_vertices_are_blenders(plain, tmp_path, always):
+    """A Triangulate before them cuts quads in another way from frame 4 on."""
+    cut = plain.modifiers.new("Triangulate", "TRIANGULATE")
+    for frame, method in ((1, "FIXED"), (3, "FIXED"), (4, "FIXED_ALTERNATE")):
+        cut.quad_method = method
+        cut.keyframe_insert("quad_method", frame=frame)
+    add_modifiers(plain, TAILS["smooth"])
+    assert_baked(plain, tmp_path, "computed natively up to frame 4, where its faces change")
 
 
 def test_faces_that_change_on_the_way_are_blenders(figure, tmp_path, always):
-    """A Weld before them joins other vertices on each frame, and now and then as many."""
+    """A Weld before them joins other vertices from some frame on."""
     figure.modifiers.new("Weld", "WELD").merge_threshold = 1e-6
     add_modifiers(figure, TAILS["smooth"])
     figure.modifiers["Weld"].keyframe_insert("merge_threshold", frame=3)

@@ -85,6 +85,7 @@ class Shapes:
         positions = made.read(depsgraph) if made is not None else None
         if made is not None and positions is None:
             del self._made[ob]
+            self._remarks[ob] += f" up to frame {depsgraph.scene.frame_current}, where its faces change"
             depsgraph.view_layer.update()
         if positions is None:
             return evaluation.read(ob, depsgraph)
