@@ -55,8 +55,8 @@ def _point_caches(context, job, objects, indices):
             count = len(shapes.read(ob, depsgraph)[0])
             subject = subjects.Subject(ob.name, job.format, count, job.frames, rate, job.until_subdivision, digest)
             caches.append(_Cache(job, ob, subject, stack))
-        waiting = {cache.ob: sum(not cache.has(index) for index in indices) for cache in caches}
-        yield from shapes.prepare(context, waiting)
+        missing = {cache.ob: sum(not cache.has(index) for index in indices) for cache in caches}
+        yield from shapes.prepare(context, missing)
         for number, index in enumerate(indices):
             waiting = [cache for cache in caches if not cache.has(index)]
             if not waiting:

@@ -64,18 +64,11 @@ class Shapes:
         if reader is not None:
             raise probing.NotFound(f"{reader.name} may follow its shape")
         expected = self.read(ob, context.evaluated_depsgraph_get())[0]
-        cuts = next((each.type for each in tail if each.type in {"TRIANGULATE", "SUBSURF"}), "") == "TRIANGULATE"
         switches.enter_context(evaluation.switched_off(tail))
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()
         with probing.canvas(ob, tail, depsgraph) as canvas:
-            search = probing.steps(canvas, cuts, int(frame_count / PAYS))
-            while True:
-                try:
-                    yield 0.0, f"finding the weights of {names} of {ob.name}: {next(search):.0%}"
-                except StopIteration as end:
-                    stencils = end.value
-                    break
+            stencils = yield from probing.steps(canvas, f"{names} of {ob.name}", int(frame_count / PAYS))
         probing.compare(stencils, meshes.read_positions(ob.evaluated_get(depsgraph).data), expected)
         return _Stencilled(ob, stencils, depsgraph, switches)
 

@@ -55,11 +55,11 @@ def _bake(context, job, objects, kind, baked):
             for ob in objects:
                 try:
                     if number == 0:
-                        sinks[ob] = kind(scene, job, ob, depsgraph, stack)
+                        sinks[ob] = kind(scene, job, ob, depsgraph, stack, shapes)
                         if kind is _Pointed:
                             yield from shapes.prepare(context, {ob: len(job.frames)})
                     if ob in sinks:
-                        sinks[ob].write(frame, shapes.read(ob, depsgraph), depsgraph)
+                        sinks[ob].write(frame, depsgraph)
                 except NotLinear as error:
                     refused[ob] = str(error)
                     sinks.pop(ob, None)
@@ -87,14 +87,14 @@ def _scheme(job, ob):
 class _Pointed:
     """A mesh that is written as points on each frame."""
 
-    def __init__(self, scene, job, ob, depsgraph, stack):
-        self._ob = ob
+    def __init__(self, scene, job, ob, depsgraph, stack, shapes):
+        self._ob, self._shapes = ob, shapes
         topology, self.vertex_count = evaluation.read_topology(ob, depsgraph)
         self.file = _open(usd.PointsFile, scene, job, ob, stack)
         self.file.begin(topology, _scheme(job, ob))
 
-    def write(self, frame: int, shape: tuple[np.ndarray, np.ndarray], _depsgraph: bpy.types.Depsgraph) -> None:
-        positions, world = shape
+    def write(self, frame: int, depsgraph: bpy.types.Depsgraph) -> None:
+        positions, world = self._shapes.read(self._ob, depsgraph)
         evaluation.check_count(self._ob, frame, len(positions), self.vertex_count)
         self.file.write(frame, positions, world)
 
@@ -102,15 +102,15 @@ class _Pointed:
 class _Skinned:
     """A mesh that is written with its skeleton. Raises NotLinear if the shape would differ from Blender's."""
 
-    def __init__(self, scene, job, ob, depsgraph, stack):
-        self._ob = ob
+    def __init__(self, scene, job, ob, depsgraph, stack, shapes):
+        self._ob, self._shapes = ob, shapes
         self._character = character = LinearCharacter(ob, depsgraph)
         topology, self.vertex_count = evaluation.read_topology(ob, depsgraph)
         self.file = _open(usd.SkeletonFile, scene, job, ob, stack)
         self.file.begin(topology, _scheme(job, ob), character.rest, character.influences, character.skeleton)
 
-    def write(self, frame: int, shape: tuple[np.ndarray, np.ndarray], depsgraph: bpy.types.Depsgraph) -> None:
-        positions, world = shape
+    def write(self, frame: int, depsgraph: bpy.types.Depsgraph) -> None:
+        positions, world = self._shapes.read(self._ob, depsgraph)
         try:
             kept = self.file.write(frame, self._character.posed(depsgraph), world)
         except np.linalg.LinAlgError as error:

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..blender import nodes
+from ..blender import modifiers, nodes
 from ..plan import canvas_survey
 
 NAME = ".Sinew Canvas"  # the dot hides it in lists
@@ -59,9 +59,7 @@ def provide(
 def _copy_front(canvas, ob, front):
     canvas.modifiers.clear()
     for name in front:
-        copy = canvas.modifiers.new(name, ob.modifiers[name].type)
-        for setting, value in canvas_survey.settings_of(ob.modifiers[name]).items():
-            setattr(copy, setting, value)
+        modifiers.copy(ob.modifiers[name], canvas)
     nodes.add_canvas_modifier(canvas)
 
 

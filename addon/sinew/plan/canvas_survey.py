@@ -1,11 +1,11 @@
 """Reads the canvas of an object, and what a front depends on. Only reads."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import bpy
 
-from ..blender import animation, modifier_types, nodes, values
+from ..blender import animation, modifier_types, modifiers, nodes, values
 
 
 class Surroundings(NamedTuple):
@@ -76,35 +76,15 @@ def has_front_of(canvas: bpy.types.Object, ob: bpy.types.Object, front: Sequence
     """Whether the modifiers of a canvas before its last one have the settings of these modifiers of an object."""
     copies = canvas.modifiers[:-1]
     return len(copies) == len(front) and all(
-        copy.type == ob.modifiers[name].type and settings_of(copy) == settings_of(ob.modifiers[name])
+        copy.type == ob.modifiers[name].type
+        and modifiers.settings_of(copy) == modifiers.settings_of(ob.modifiers[name])
         for copy, name in zip(copies, front)
     )
 
 
-def settings_of(modifier: bpy.types.Modifier) -> dict[str, Any]:
-    """Returns the settings that decide a modifier's result, by the names of its properties."""
-    found = {}
-    for each in modifier.bl_rna.properties:
-        if not each.is_readonly and each.identifier not in _BESIDE_RESULT:
-            value = getattr(modifier, each.identifier)
-            found[each.identifier] = tuple(value) if getattr(each, "is_array", False) else value
-    return found
-
-
-_BESIDE_RESULT = {
-    "name",
-    "is_active",
-    "show_expanded",
-    "show_in_editmode",
-    "show_on_cage",
-    "use_apply_on_spline",
-    "use_pin_to_last",
-}
-
-
 def why_not_in_front(modifier: bpy.types.Modifier) -> str:
     """Returns why Sinew cannot begin with the result of a modifier of FRONTS, a clause, or ""."""
-    if any(isinstance(value, bpy.types.ID) for value in settings_of(modifier).values()):
+    if any(isinstance(value, bpy.types.ID) for value in modifiers.settings_of(modifier).values()):
         return "it depends on another object"
     return "it has a curve of its own" if getattr(modifier, "profile_type", "") == "CUSTOM" else ""
 

@@ -13,14 +13,14 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes
+from ..blender import meshes, modifiers
 from ..native import sinew_native
-from ..plan import canvas_survey
+from . import tails
 
 TOLERANCE = 2e-6  # of the diagonal
 MOST_ROWS = 1_500_000  # vertices of the result
 # Attributes of the mesh on which positions may depend. Without the others Blender is faster.
-_KEPT = {"crease_edge", "crease_vert", "sharp_edge", "sharp_face", "material_index"}
+_KEPT = {"position", "crease_edge", "crease_vert", "sharp_edge", "sharp_face", "material_index"}
 LEAST = 1e-6  # a smaller weight need not be known
 NEAR, FAR = 2, 4  # how far apart vertices have to be, in steps; more are tried if that is not enough
 BASE = 1024  # of the two digits by which a vertex is known: float32 holds w times each of them well enough
@@ -34,8 +34,9 @@ class NotFound(Exception):
 class Canvas:
     """A mesh with modifiers, in a scene of its own."""
 
-    def __init__(self, mesh: bpy.types.Mesh, ob: bpy.types.Object, scene: bpy.types.Scene, layer: Any) -> None:
-        self.mesh, self._ob, self.scene, self._layer = mesh, ob, scene, layer
+    def __init__(self, mesh: bpy.types.Mesh, ob: bpy.types.Object, layer: Any, needs_quads: bool) -> None:
+        """needs_quads: as tails.needs_quads."""
+        self.mesh, self._ob, self._layer, self.needs_quads = mesh, ob, layer, needs_quads
 
     def result(self, positions: np.ndarray) -> np.ndarray:
         """Returns the vertices (R, 3) that the modifiers make of these (V, 3)."""
@@ -60,14 +61,11 @@ def canvas(
             copy.vertex_groups.new(name=group.name)
         _strip(copy, any(modifier.type == "MASK" for modifier in tail))
         for modifier in tail:
-            new = copy.modifiers.new(modifier.name, modifier.type)
-            for setting, value in canvas_survey.settings_of(modifier).items():
-                setattr(new, setting, value)
-            new.show_viewport = True
+            modifiers.copy(modifier, copy).show_viewport = True
         own = depsgraph.scene.render
         scene.render.use_simplify, scene.render.simplify_subdivision = own.use_simplify, own.simplify_subdivision
         scene.collection.objects.link(copy)
-        yield Canvas(mesh, copy, scene, scene.view_layers[0])
+        yield Canvas(mesh, copy, scene.view_layers[0], tails.needs_quads(tail))
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.objects.remove(copy)
@@ -83,25 +81,24 @@ def _strip(copy: bpy.types.Object, keeps_groups: bool) -> None:
         mesh.uv_layers.remove(layer)
     names = [each.name for each in mesh.attributes if not (each.is_internal or getattr(each, "is_required", False))]
     for name in names:
-        if name not in _KEPT and name != "position":
+        if name not in _KEPT:
             mesh.attributes.remove(mesh.attributes[name])
 
 
-def steps(made: Canvas, has_fixed_cuts: bool, most: int) -> Generator[float, None, Any]:
-    """Finds the stencils of a canvas: a generator of the share that is done, which returns a sinew_native.Stencils.
-    has_fixed_cuts: the modifiers cut faces alike in each shape only if none has more than four corners; most: how many
-    evaluations it may take. Raises NotFound."""
+def steps(made: Canvas, what: str, most: int) -> Generator[tuple[float, str], None, Any]:
+    """Finds the stencils of a canvas: a generator like that of bake/baking.py, which returns a sinew_native.Stencils.
+    what: it is that of, for its sentences; most: how many evaluations it may take. Raises NotFound."""
     rest = meshes.read_positions(made.mesh).copy()
     edges, offsets, corners = meshes.read_topology(made.mesh)
     if len(rest) == 0 or not np.isfinite(rest).all():
         raise NotFound("its vertices are not all at finite positions" if len(rest) else "it has no vertices")
-    if has_fixed_cuts and np.diff(offsets).max(initial=0) > 4:
+    if made.needs_quads and np.diff(offsets).max(initial=0) > 4:
         raise NotFound("Triangulate cuts faces with more than four corners by their shape")
     for apart in range(NEAR, FAR + 1):
         colours = sinew_native.colours_apart(len(rest), edges, offsets, corners, apart, max(most, 1))
         if colours is None:
             raise NotFound("it would take longer to find its weights than to do without")
-        found = yield from _ask(made, colours)
+        found = yield from _ask(made, what, colours)
         if found is not None:
             break
     else:
@@ -112,14 +109,14 @@ def steps(made: Canvas, has_fixed_cuts: bool, most: int) -> Generator[float, Non
     return stencils
 
 
-def _ask(made: Canvas, colours: np.ndarray) -> Generator[float, None, Any]:
+def _ask(made: Canvas, what: str, colours: np.ndarray) -> Generator[tuple[float, str], None, Any]:
     """Returns (rows, vertices, weights, R), or None if two vertices of a colour have met."""
     rows, vertices, weights, count = [], [], [], 0
     codes = np.arange(1, len(colours) + 1)
     digits = np.stack((np.ones(len(codes)), codes % BASE, codes // BASE), axis=1).astype(np.float32)
     last = int(colours.max())
     for colour in range(last + 1):
-        yield colour / (last + 1)
+        yield 0.0, f"finding the weights of {what}: {colour / (last + 1):.0%}"
         result = made.result(np.where((colours == colour)[:, None], digits, np.float32(0)))
         if len(result) > MOST_ROWS:
             raise NotFound(f"it has more than {MOST_ROWS:,} vertices")

@@ -1,5 +1,6 @@
 """Which modifiers at the end of a stack make vertices as fixed weighted sums of those before them."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -24,6 +25,12 @@ def of(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
     if animation.animated_paths(ob.data) or not any(modifier.type in _DEAR for modifier in found):
         return []
     return found
+
+
+def needs_quads(tail: Sequence[bpy.types.Modifier]) -> bool:
+    """Whether a tail makes the same in each shape only if no face before it has more than four corners."""
+    first: Any = next((modifier.type for modifier in tail if modifier.type in {"TRIANGULATE", "SUBSURF"}), "")
+    return first == "TRIANGULATE"
 
 
 def reader_of(ob: bpy.types.Object) -> bpy.types.ID | None:

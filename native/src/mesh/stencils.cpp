@@ -122,7 +122,7 @@ std::optional<std::vector<std::int32_t>> colours_apart(std::ptrdiff_t vertex_cou
   constexpr std::uint32_t kNever = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::int32_t> colours(count, -1);
   std::vector<std::uint32_t> seen(count, kNever), seen_face(faces.count(), kNever), near;
-  std::vector<std::uint32_t> used(static_cast<std::size_t>(most), kNever);
+  std::vector<std::uint32_t> used(std::min<std::size_t>(most, count), kNever);  // each vertex could have its own
   for (std::uint32_t v = 0; v < count; ++v) {
     near.assign(1, v);
     seen[v] = v;
@@ -132,7 +132,7 @@ std::optional<std::vector<std::int32_t>> colours_apart(std::ptrdiff_t vertex_cou
       if (colours[other] >= 0) used[colours[other]] = v;
     };
     std::size_t begin = 0;
-    for (int step = 0; step < steps; ++step) {
+    for (int step = 0; step < steps && begin < near.size(); ++step) {
       const std::size_t end = near.size();
       for (; begin < end; ++begin) {
         const std::uint32_t at = near[begin];

@@ -1,0 +1,33 @@
+"""Modifiers as their settings."""
+
+from typing import Any
+
+import bpy
+
+_BESIDE_RESULT = {
+    "name",
+    "is_active",
+    "show_expanded",
+    "show_in_editmode",
+    "show_on_cage",
+    "use_apply_on_spline",
+    "use_pin_to_last",
+}
+
+
+def settings_of(modifier: bpy.types.Modifier) -> dict[str, Any]:
+    """Returns the settings that decide a modifier's result, by the names of its properties."""
+    found = {}
+    for each in modifier.bl_rna.properties:
+        if not each.is_readonly and each.identifier not in _BESIDE_RESULT:
+            value = getattr(modifier, each.identifier)
+            found[each.identifier] = tuple(value) if getattr(each, "is_array", False) else value
+    return found
+
+
+def copy(modifier: bpy.types.Modifier, ob: bpy.types.Object) -> bpy.types.Modifier:
+    """Adds a modifier with the same name and result to an object, behind all that it has. Returns it."""
+    made = ob.modifiers.new(modifier.name, modifier.type)
+    for setting, value in settings_of(modifier).items():
+        setattr(made, setting, value)
+    return made
