@@ -728,12 +728,7 @@ def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> No
     """Writes into an existing folder. skeleton: the name of its file, ending in .bf or .tgf."""
 
 def colours_apart(
-    vertex_count: int,
-    edges: _Integers,
-    face_offsets: _Integers,
-    face_vertices: _Integers,
-    steps: int,
-    most: int = 256,
+    vertex_count: int, edges: _Integers, face_offsets: _Integers, face_vertices: _Integers, steps: int, most: int = 256
 ) -> _Int32 | None:
     """Colours vertices so that those of one colour are more than so many steps apart. A step leads to another vertex of
     the same edge or face.

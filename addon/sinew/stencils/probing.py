@@ -103,13 +103,16 @@ def steps(made: Canvas, what: str, most: int) -> Generator[tuple[float, str], No
             break
     else:
         raise NotFound("its vertices depend on too many of those before them")
-    stencils = _assembled(*found, len(rest))
+    rows, vertices, weights, count = found
+    stencils = _assembled(rows, vertices, weights, count, len(rest))
     shape = np.random.default_rng(0).uniform(-1, 1, rest.shape).astype(np.float32)
     compare(stencils, shape, made.result(shape))
     return stencils
 
 
-def _ask(made: Canvas, what: str, colours: np.ndarray) -> Generator[tuple[float, str], None, Any]:
+def _ask(
+    made: Canvas, what: str, colours: np.ndarray
+) -> Generator[tuple[float, str], None, tuple[np.ndarray, np.ndarray, np.ndarray, int] | None]:
     """Returns (rows, vertices, weights, R), or None if two vertices of a colour have met."""
     rows, vertices, weights, count = [], [], [], 0
     codes = np.arange(1, len(colours) + 1)
