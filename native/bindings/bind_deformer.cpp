@@ -98,7 +98,7 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
   const py::tuple kept_poses(poses), kept_stages(stages);
   std::vector<LayerPose> layer_poses;
   for (const py::handle pose : kept_poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
-  const std::span<float> positions = written_span<float>("out", given_array("out", out), {deformer.vertex_count(), 3});
+  const std::span<float> positions = written_span<float>("out", given_array("out", out), {deformer.result_count(), 3});
   std::span<const float> values, rest;
   if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
   if (rest_positions) rest = numbers_span("rest_positions", *rest_positions, 2, "(V, 3)");
@@ -108,7 +108,8 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
   const std::vector<Stage> in_order = stages_of(kept_stages);
   std::span<double> times;
   if (milliseconds) {
-    times = written_span<double>("milliseconds", *milliseconds, {std::ssize(in_order) + 1});
+    times = written_span<double>("milliseconds", *milliseconds,
+                                 {static_cast<std::ptrdiff_t>(deformer.step_count(in_order.size()))});
   }
   const py::gil_scoped_release release;
   deformer.deform(layer_poses, positions, values, rest, in_order, times);
@@ -209,36 +210,43 @@ void bind_deformer(py::module_& module) {
                        "Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks "
                        "and mix, and the stages after them. Immutable; several threads may use one at once.")
       .def(py::init([](const std::vector<std::shared_ptr<Layer>>& layers, std::shared_ptr<ShapeKeys> keys,
-                       std::optional<std::ptrdiff_t> vertex_count) {
-             if (!vertex_count) return Deformer({layers.begin(), layers.end()}, std::move(keys));
+                       std::optional<std::ptrdiff_t> vertex_count, std::shared_ptr<Stencils> stencils) {
+             if (!vertex_count) {
+               return Deformer({layers.begin(), layers.end()}, std::move(keys), std::move(stencils));
+             }
              if (!layers.empty() || keys) {
                throw InputError("there is a vertex_count beside layers or keys; expected one");
              }
-             return Deformer(*vertex_count);
+             return Deformer(*vertex_count, std::move(stencils));
            }),
            py::arg("layers") = py::list(), py::arg("keys") = py::none(), py::arg("vertex_count") = py::none(),
+           py::arg("stencils") = py::none(),
            "layers: Layer objects, mixed in this order; none at all if there are keys.\n"
            "keys: ShapeKeys, or None: the rest positions of the first layer's skin are deformed.\n"
            "vertex_count: V, in place of both, for stages alone.\n"
+           "stencils: Stencils of V vertices, which make the result from the shape behind the stages, or None.\n"
            "Raises ValueError if their numbers of vertices differ, if the first layer has a share, or if another layer "
            "has none.")
       .def_property_readonly("vertex_count", &Deformer::vertex_count, "V.")
-      .def("deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
-           py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(),
-           py::arg("milliseconds") = py::none(),
-           "Deforms one frame.\n\n"
-           "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as in skin_linear, in the "
-           "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are the same.\n"
-           "out: (V, 3) float32, C-contiguous, space of the mesh: where to write.\n"
-           "key_values: (K,) float32, the value of each key, 0 for those that are muted; None: 0 for all.\n"
-           "rest_positions: (V, 3) float32, C-contiguous, in place of those of the skin and of the keys; must not "
-           "overlap out.\n"
-           "stages: Stage objects, which work on the result in this order.\n"
-           "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: receives the time that keys and "
-           "layers took, then that of each stage; None: nothing is written.\n"
-           "If a method cannot include the space in its matrices (dual quaternions: one that shears or scales "
-           "unevenly), the points are transformed one by one. A space without an inverse gets zeros for it, as in "
-           "Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
+      .def_property_readonly("result_count", &Deformer::result_count,
+                             "R, the number of vertices of the result: V without stencils.")
+      .def(
+          "deform", &deform, py::arg("poses"), py::arg("out"), py::arg("key_values") = py::none(),
+          py::arg("rest_positions") = py::none(), py::arg("stages") = py::tuple(), py::arg("milliseconds") = py::none(),
+          "Deforms one frame.\n\n"
+          "poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as in skin_linear, in the "
+          "space of the armature; space (4, 4) float64, from there to the mesh's, None if they are the same.\n"
+          "out: (R, 3) float32, C-contiguous, space of the mesh: where to write.\n"
+          "key_values: (K,) float32, the value of each key, 0 for those that are muted; None: 0 for all.\n"
+          "rest_positions: (V, 3) float32, C-contiguous, in place of those of the skin and of the keys; must not "
+          "overlap out.\n"
+          "stages: Stage objects, which work on the result in this order.\n"
+          "milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: receives the time that keys and "
+          "layers took, then that of each stage; with stencils (S + 2,), the last of which is theirs; None: nothing is "
+          "written.\n"
+          "If a method cannot include the space in its matrices (dual quaternions: one that shears or scales "
+          "unevenly), the points are transformed one by one. A space without an inverse gets zeros for it, as in "
+          "Blender. Raises ValueError, and writes nothing, if a shape or dtype does not fit.");
 }
 
 }  // namespace sinew::bindings

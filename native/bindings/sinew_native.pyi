@@ -603,13 +603,20 @@ class Deformer:
     and the stages after them. Immutable; several threads may use one object at once."""
 
     def __init__(
-        self, layers: Sequence[Layer] = [], keys: ShapeKeys | None = None, vertex_count: int | None = None
+        self,
+        layers: Sequence[Layer] = [],
+        keys: ShapeKeys | None = None,
+        vertex_count: int | None = None,
+        stencils: Stencils | None = None,
     ) -> None:
         """layers: mixed in this order; may be empty if there are keys. vertex_count: in place of both, for
-        stages alone."""
+        stages alone. stencils: of V vertices, make the result from the shape behind the stages."""
     @property
     def vertex_count(self) -> int:
         """V."""
+    @property
+    def result_count(self) -> int:
+        """R, of the result: V without stencils."""
     def deform(
         self,
         poses: Sequence[tuple[_Float32, _Float64 | None]],
@@ -620,9 +627,9 @@ class Deformer:
         milliseconds: _Float64 | None = None,
     ) -> None:
         """Deforms one frame. poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; out
-        (V, 3); key_values (K,); rest_positions (V, 3) in place of those of the skin and of the keys; stages
+        (R, 3); key_values (K,); rest_positions (V, 3) in place of those of the skin and of the keys; stages
         work on the result in this order; milliseconds (S + 1,), out: the time of keys and layers, then of
-        each stage."""
+        each stage; with stencils (S + 2,), the last of which is theirs."""
 
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None

@@ -266,7 +266,7 @@ def an_error():
     yield 0.5
     shown, show = [], notice._show_now
     notice._show_now = lambda sentence: shown.append(sentence) or show(sentence)
-    chain = addon_module("run.chain").Chain
+    chain = addon_module("chain.chain").Chain
     poses, chain.poses = chain.poses, lambda *_: (_ for _ in ()).throw(MemoryError("There is no memory left"))
     for frame in (3, 4, 5):
         bpy.context.scene.frame_set(frame)

@@ -202,7 +202,7 @@ def assert_plays_without_the_addon(folder, ob, twin):
 
 def make_fail(monkeypatch, name):
     """Has the deformation of the mesh object of that name fail from now on."""
-    chain = addon_module("run.chain").Chain
+    chain = addon_module("chain.chain").Chain
     poses = chain.poses
 
     def fail(own, ob, *arguments):

@@ -37,7 +37,7 @@ def play(scene, frames=range(2, 7)):
 
 
 def counts():
-    return addon_module("run.graph_copies").count(), addon_module("run.living").counts()
+    return addon_module("run.graph_copies").count(), addon_module("chain.living").counts()
 
 
 def test_posing_by_hand_takes_the_fast_path(fresh_scene):

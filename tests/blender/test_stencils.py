@@ -133,7 +133,7 @@ def test_few_frames_are_blenders_to_the_bit(figure, tmp_path):
 )
 def test_other_tails_are_blenders(figure, tail):
     add_modifiers(figure, tail)
-    assert addon_module("stencils.tails").of(figure) == []
+    assert addon_module("plan.tails").of(figure) == []
 
 
 def test_an_animated_setting_is_blenders(figure, tmp_path, always):
@@ -198,7 +198,7 @@ def test_a_mesh_whose_collection_is_read_is_blenders(figure, tmp_path, always):
     outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
     outer.children.link(inner)
     inner.objects.link(figure)
-    assert addon_module("stencils.tails").reader_of(figure) is None
+    assert addon_module("plan.tails").reader_of(figure) is None
     crowd = bpy.data.objects.new("Crowd", None)
     crowd.instance_type, crowd.instance_collection = "COLLECTION", outer
     assert_baked(figure, tmp_path, "evaluated by Blender, since Crowd may follow its shape")

@@ -349,6 +349,53 @@ TEST(Deformer, ASpaceWithoutAnInverseGivesNumbers) {
   for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(positions[axis], there[axis], 1e-6);
 }
 
+/// Each vertex of the result is between two of the V vertices.
+std::shared_ptr<const Stencils> halves(std::int32_t vertices, std::int32_t count) {
+  std::vector<std::int64_t> offsets{0};
+  std::vector<std::int32_t> of;
+  for (std::int32_t r = 0; r < count; ++r) {
+    of.insert(of.end(), {(7 * r) % vertices, (3 * r + 1) % vertices});
+    offsets.push_back(2 * (r + 1));
+  }
+  return std::make_shared<const Stencils>(offsets, of, Floats(of.size(), 0.5f), vertices);
+}
+
+TEST(Deformer, StencilsComeLast) {
+  const ThreadsOfATest threads_of_a_test;
+  const std::int32_t vertices = 9001, count = 30005;
+  const Everything all(vertices);
+  std::vector<std::shared_ptr<const Layer>> layers;
+  for (const Part& part : all.parts) layers.push_back(part.layer());
+  const auto stencils = halves(vertices, count);
+  const Deformer deformer(layers, all.keys, stencils);
+  EXPECT_EQ(deformer.vertex_count(), vertices);
+  EXPECT_EQ(deformer.result_count(), count);
+  Floats expected(3 * count), found(3 * count);
+  stencils->apply(deformed(Deformer(layers, all.keys), all.parts, all.values), expected);
+  std::vector<double> milliseconds(2, -1.0);
+  for (const int threads : {1, 2, 8}) {
+    set_thread_count(threads);
+    const Posed posed(all.parts);
+    deformer.deform(posed.poses, found, all.values, {}, {}, milliseconds);
+    EXPECT_EQ(found, expected) << threads << " threads";
+  }
+  EXPECT_GE(std::ranges::min(milliseconds), 0);
+
+  // Of rest positions alone, which may be as long as the result or not.
+  const Deformer alone(vertices, stencils);
+  const Floats rest(3 * vertices, 2.0f);
+  alone.deform({}, found, {}, rest);
+  EXPECT_EQ(found, Floats(3 * count, 2.0f));
+  Floats short_one(3 * vertices);
+  EXPECT_EQ(complaint([&] { alone.deform({}, short_one, {}, rest); }),
+            "the result has 27,003 numbers; expected 90,015 (30005 x 3)");
+  EXPECT_EQ(complaint([&] { Deformer(vertices - 1, stencils); }),
+            "the stencils have 9,001 vertices; the deformer has 9,000");
+  milliseconds.resize(1);
+  EXPECT_EQ(complaint([&] { alone.deform({}, found, {}, rest, {}, milliseconds); }),
+            "milliseconds has 1 number; expected 2, two more than there are stages, with stencils");
+}
+
 TEST(Deformer, OfNoVertices) {
   const auto skin =
       std::make_shared<const Skin>(Floats{}, std::vector<std::int64_t>{0}, std::vector<std::int32_t>{}, Floats{}, 2);

@@ -19,6 +19,7 @@ LAYERS = (
     {"deform", "feedback", "host"},
     {"blender"},
     {"clips", "plan"},
+    {"chain"},
     {"run"},
     {"install", "stencils", "weights"},
     {"main", "rig_programs", "rigs"},

@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 
 from ..blender import meshes, values
-from ..stencils import probing, tails
+from ..plan import tails
+from ..stencils import probing
 from . import evaluation
 
 PAYS = 1.5  # so many frames for each evaluation that the search takes
@@ -67,7 +68,12 @@ class Shapes:
         switches.enter_context(evaluation.switched_off(tail))
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()
-        with probing.canvas(ob, tail, depsgraph) as canvas:
+
+        def mesh_before() -> bpy.types.Mesh:
+            evaluated = ob.evaluated_get(depsgraph)
+            return bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
+
+        with probing.Canvas(ob, tail, depsgraph.scene.render, mesh_before) as canvas:
             stencils = yield from probing.steps(canvas, f"{names} of {ob.name}", int(frame_count / PAYS))
         probing.compare(stencils, meshes.read_positions(ob.evaluated_get(depsgraph).data), expected)
         return _Stencilled(ob, stencils, depsgraph, switches)

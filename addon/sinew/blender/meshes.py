@@ -118,6 +118,11 @@ _LEGACY = (("edges", "use_freestyle_mark"), ("polygons", "use_freestyle_mark")) 
 _SETTINGS = "use_auto_texspace", "texspace_location", "texspace_size"
 
 
+def read_values(attribute: bpy.types.Attribute) -> np.ndarray:
+    """Returns the numbers of an attribute, in a row. Raises KeyError for a type that cannot be compared."""
+    return _read(attribute.data, *_VALUES[attribute.data_type])
+
+
 def are_same(one: bpy.types.Mesh, other: bpy.types.Mesh) -> bool:
     """Whether two meshes have the same vertices, edges, faces, attributes, weights, materials and settings, to the bit.
     False also if they have an attribute that cannot be compared. Not for meshes with shape keys. Since 4.1."""
@@ -126,7 +131,7 @@ def are_same(one: bpy.types.Mesh, other: bpy.types.Mesh) -> bool:
     for name, kind, _domain in _outline(one)[1]:
         if kind not in _VALUES:
             return False
-        if not _same_numbers(*(_read(mesh.attributes[name].data, *_VALUES[kind]) for mesh in (one, other))):
+        if not _same_numbers(*(read_values(mesh.attributes[name]) for mesh in (one, other))):
             return False
     starts = (_read(mesh.polygons, "loop_start", 1, np.int32) for mesh in (one, other))
     if not _same_numbers(*starts):

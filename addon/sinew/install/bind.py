@@ -3,12 +3,13 @@
 import bpy
 
 from ..blender import meshes, nodes, values
+from ..chain import methods
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
 from ..plan import canvas_survey, runs, survey, wiring
 from ..plan.bindable import BindingError, check_bindable, modifiers_to_take
-from ..run import characters, errors, mail, methods
+from ..run import characters, errors, mail
 from . import canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from .deformed_copy import OutputError
 

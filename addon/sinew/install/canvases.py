@@ -14,6 +14,9 @@ An object points to its canvas (`ob.sinew.canvas`). The canvas names its object 
 corrects when objects are appended, overridden or deleted, and which keeps no deleted object in the file. A duplicate
 points to the canvas of its original, which names only that one.
 
+A tail (plan/tails.py) is evaluated by the canvas too, at rest: the hook writes the positions that stencils make of the
+deformed mesh, and Sinew's modifier takes all.
+
 Undo may keep objects as they are now, and what a handler has added since the step vanishes. So all canvases are removed
 before each undo, and with them all pointers to them; the evaluation after it asks for new ones.
 """
@@ -29,22 +32,27 @@ NAME = ".Sinew Canvas"  # the dot hides it in lists
 
 
 def provide(
-    ob: bpy.types.Object, front: Sequence[str] = (), has_copy: bool = False, is_stale: bool = False
+    ob: bpy.types.Object,
+    names: Sequence[str] = (),
+    shown: tuple[bool, bool] = canvas_survey.BOTH,
+    has_copy: bool = False,
+    is_stale: bool = False,
 ) -> bpy.types.Object:
     """Returns the canvas of a bound object, and makes it or changes it if necessary.
 
-    front: names of the modifiers of the object that the canvas has too; has_copy: the canvas has a copy of the object's
-    mesh, not the mesh itself; is_stale: the copy has to be made again.
+    names: of the modifiers of the object that the canvas has too; shown: whether it has them in viewports and in
+    renders; has_copy: the canvas has a copy of the object's mesh, not the mesh itself; is_stale: the copy has to be
+    made again.
     """
     canvas = ob.sinew.canvas
     if not canvas_survey.is_canvas_of(canvas, ob):
         lost = (each for each in bpy.data.objects if each.library is None and canvas_survey.is_canvas_of(each, ob))
         canvas = next(lost, None) or _make(ob)
         ob.sinew.canvas = canvas
-    if not canvas_survey.has_front_of(canvas, ob, front):
-        _copy_front(canvas, ob, front)
+    if not canvas_survey.has_modifiers_of(canvas, ob, names, shown):
+        _copy_modifiers(canvas, ob, names, shown)
         canvas.update_tag()
-    if front and canvas.get(canvas_survey.SIMPLIFIED) != canvas_survey.simplification():
+    if names and canvas.get(canvas_survey.SIMPLIFIED) != canvas_survey.simplification():
         canvas[canvas_survey.SIMPLIFIED] = canvas_survey.simplification()
         canvas.update_tag()
     if has_copy:
@@ -56,10 +64,12 @@ def provide(
     return canvas
 
 
-def _copy_front(canvas, ob, front):
+def _copy_modifiers(canvas, ob, names, shown):
     canvas.modifiers.clear()
-    for name in front:
-        modifiers.copy(ob.modifiers[name], canvas)
+    for name in names:
+        copy = modifiers.copy(ob.modifiers[name], canvas)
+        for switch, is_on in canvas_survey.hidden(shown).items():
+            setattr(copy, switch, is_on)
     nodes.add_canvas_modifier(canvas)
 
 

@@ -4,7 +4,7 @@ import bpy
 
 from ..blender import meshes, nodes, values
 from ..host import contract, switches
-from ..plan import mends, survey, ways, wiring
+from ..plan import canvas_survey, mends, survey, tails, ways, wiring
 from ..run import characters, errors, switching
 from . import canvases
 
@@ -35,6 +35,8 @@ def _adapt(ob):
     carrier = wiring.carrier_of(ob)
     entry = characters.of(ob)
     entry.planning.surroundings = None
+    if entry.planning.tail is not None and entry.planning.tail.digest != tails.digest(ob, entry.planning.tail.names):
+        entry.planning.tail = None  # it is searched for anew
     entry.look_again()
     plan = entry.look(ob)
     canvas = _canvas(entry, ob) if plan.way.kind == ways.CANVAS else None
@@ -64,7 +66,8 @@ def _canvas(entry, ob):
     """Returns the canvas of an object, as its plan wants it."""
     way, planning = entry.plan.way, entry.planning
     is_stale, planning.is_copy_stale = planning.is_copy_stale, False
-    return canvases.provide(ob, way.front, way.has_copy, is_stale)
+    shown = way.tail.shown if way.tail is not None else canvas_survey.BOTH
+    return canvases.provide(ob, way.on_canvas, shown, way.has_copy, is_stale)
 
 
 def _apply(mend, plan, ob):

@@ -7,9 +7,10 @@ import bpy
 import numpy as np
 
 from ..blender import kept_arrays, meshes, values
+from ..chain import methods
 from ..feedback import notice
 from ..native import sinew_native
-from ..run import characters, errors, methods
+from ..run import characters, errors
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.1

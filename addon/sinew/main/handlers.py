@@ -17,6 +17,7 @@ from ..host import evaluations, graph_modes, places, switches
 from ..install import bind, canvases, deformed_copies, deformed_copy, mending, old_files, precomputing, shared_group
 from ..plan import canvas_survey, survey, ways, wiring
 from ..run import afterwards, characters, graph_copies, mail
+from ..stencils import searching
 from ..weights import reports
 from . import callbacks, whole_frames, write_lock
 
@@ -57,6 +58,8 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
     if graph_copies.has_strays():
         characters.sweep()
+    if not HAS_EVENT_LOOP and depsgraph.mode == "VIEWPORT":
+        searching.note_frame()
     mail.deliver()
 
 
@@ -183,6 +186,7 @@ def forget_what_was_seen() -> None:
     deformed_copies.forget()
     posing.forget()
     reports.forget()
+    searching.forget()
 
 
 @dataclass
@@ -324,14 +328,16 @@ def _has_stray_attribute(mesh):
 def look_into_the_mail() -> float:
     """Restores what is missing and delivers the mail. A timer, which Blender would drop if it raised. Returns the
     seconds until the next call."""
-    for look in (_put_handlers_back, take_over_open_file, mail.deliver):
+    for look in (_put_handlers_back, take_over_open_file, mail.deliver, searching.look):
         try:
             look()
         except Exception as error:
             if str(error) not in _said:
                 _said.add(str(error))
                 log.exception("something could not be seen to")
-    return SECONDS_WHILE_ASKED if mail.is_asked() else SECONDS_BETWEEN_LOOKS
+    if mail.is_asked():
+        return SECONDS_WHILE_ASKED
+    return searching.SECONDS_BETWEEN_BITS if searching.is_running() else SECONDS_BETWEEN_LOOKS
 
 
 def _put_handlers_back():

@@ -14,11 +14,12 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..chain import methods
 from ..install import bind, deformed_copy
 from ..install.deformed_copy import OutputError
 from ..install.old_files import SinewReplacedModifier
 from ..plan import wiring
-from ..run import characters, errors, in_pass, methods
+from ..run import characters, errors, in_pass
 from .skinning_properties import SinewSkinningSettings
 
 METHODS = (

@@ -6,6 +6,9 @@ from typing import NamedTuple
 import bpy
 
 from ..blender import animation, modifier_types, modifiers, nodes, values
+from .situation import Tail
+
+BOTH = (True, True)
 
 
 class Surroundings(NamedTuple):
@@ -15,6 +18,7 @@ class Surroundings(NamedTuple):
     sharer_count: int  # number of objects with the object's mesh
     simplification: str  # see below
     front_trouble: str  # why other objects or the scenes keep it from having a front, a sentence, or ""
+    tail: Tail | None = None  # what the main thread has last found
 
 
 class File(NamedTuple):
@@ -57,8 +61,9 @@ def canvas_of(ob: bpy.types.Object, front: Sequence[str], around: Surroundings) 
     is_right_mesh = (
         canvas.data == ob.data if around.sharer_count > 1 else canvas.data != ob.data and canvas.data.users == 1
     )
-    is_current = not front or canvas.get(SIMPLIFIED) == around.simplification
-    return canvas if is_right_mesh and is_current and has_front_of(canvas, ob, front) else None
+    names, shown = (around.tail.names, around.tail.shown) if around.tail is not None else (front, BOTH)
+    is_current = not names or canvas.get(SIMPLIFIED) == around.simplification
+    return canvas if is_right_mesh and is_current and has_modifiers_of(canvas, ob, names, shown) else None
 
 
 # Custom property of a canvas: what `simplification` returned when Blender was last told to evaluate it.
@@ -72,14 +77,24 @@ def simplification() -> str:
     return str([[getattr(scene.render, name) for name in _SIMPLIFY] for scene in bpy.data.scenes])
 
 
-def has_front_of(canvas: bpy.types.Object, ob: bpy.types.Object, front: Sequence[str]) -> bool:
-    """Whether the modifiers of a canvas before its last one have the settings of these modifiers of an object."""
+def has_modifiers_of(
+    canvas: bpy.types.Object, ob: bpy.types.Object, names: Sequence[str], shown: tuple[bool, bool] = BOTH
+) -> bool:
+    """Whether the modifiers of a canvas before its last one have the settings of these modifiers of an object. shown:
+    whether the canvas has them in viewports and in renders."""
     copies = canvas.modifiers[:-1]
-    return len(copies) == len(front) and all(
-        copy.type == ob.modifiers[name].type
-        and modifiers.settings_of(copy) == modifiers.settings_of(ob.modifiers[name])
-        for copy, name in zip(copies, front)
+    return len(copies) == len(names) and all(
+        name in ob.modifiers
+        and copy.type == ob.modifiers[name].type
+        and modifiers.settings_of(copy) == {**modifiers.settings_of(ob.modifiers[name]), **hidden(shown)}
+        for copy, name in zip(copies, names)
     )
+
+
+def hidden(shown: tuple[bool, bool]) -> dict[str, bool]:
+    """Returns the switches of a canvas's modifiers that are off whatever the object's are. shown: see
+    has_modifiers_of."""
+    return {switch: False for switch, is_on in zip(("show_viewport", "show_render"), shown) if not is_on}
 
 
 def why_not_in_front(modifier: bpy.types.Modifier) -> str:

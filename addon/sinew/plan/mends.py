@@ -56,7 +56,7 @@ def needed(plan: Plan, situation: Situation, newcomers: Collection[int]) -> tupl
         found.append(Mend(ADD_ATTRIBUTE, is_blocking=True))
     if plan.way.kind == ways.CANVAS:
         is_read = own is not None and own.reads_canvas and own.canvas == situation.canvas is not None
-        takes_enough = own is not None and (own.reads_front or not plan.way.front)
+        takes_enough = own is not None and (own.reads_front or not plan.way.on_canvas)
         is_slow = own is not None and plan.way.takes_all and not own.reads_front and not situation.is_linked
         is_wrong = not is_read or not takes_enough or own is not None and own.reads_front and not plan.way.takes_all
         if is_wrong or is_slow:

@@ -25,6 +25,7 @@ class Plan:
     waits_for: frozenset[tuple[int, str]] = frozenset()  # bones, see wiring.Waits.awaited
     driven: tuple[tuple[str, tuple[Driven, ...]], ...] = ()  # (name of a modifier that Sinew replaces, its `driven`)
     animation_troubles: frozenset[str] = frozenset()  # as in Situation
+    lacks_stencils: bool = False  # those of the run's tail, with which it would take another path
     is_wired: bool = False  # the file has what the path needs
 
     @property
@@ -54,6 +55,7 @@ def make(situation: Situation) -> Plan:
         hook.awaited if hook is not None else frozenset(),
         tuple((modifier.name, modifier.driven) for modifier in replaced_in(situation, run) if modifier.driven),
         situation.animation_troubles,
+        way.kind == ways.ATTRIBUTE and bool(run.tail) and ways.may_have_tail(situation),
     )
 
 

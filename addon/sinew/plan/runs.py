@@ -21,6 +21,7 @@ class Run:
     end: str = ""  # name of the first that Blender still evaluates
     reason: str = ""  # why, a sentence for users
     mixes: tuple[tuple[str, ...], ...] = ()  # its Armature modifiers, those together that Multi Modifier mixes
+    tail: tuple[str, ...] = ()  # names of the modifiers from `end` on that stencils may replace, see _tail
 
 
 def of(situation: Situation) -> Run:
@@ -62,7 +63,21 @@ def of(situation: Situation) -> Run:
         stages += [each.name for each in mix]
         if modifier.type == "ARMATURE":
             mixes.append(tuple(each.name for each in mix))
-    return Run(tuple(stages), *end, tuple(mixes))
+    return Run(tuple(stages), *end, tuple(mixes), () if has_front else _tail(modifiers, end[0]))
+
+
+def _tail(modifiers: Sequence[Modifier], first: str) -> tuple[str, ...]:
+    """Returns the names of the modifiers from `first` on whose results are weighted sums, without those that Blender
+    does not evaluate in a viewport before somebody needs their vertices."""
+    found: list[Modifier] = []
+    behind = itertools.dropwhile(lambda each: each.name != first, modifiers)
+    shown = [each for each in behind if not each.is_own and not each.does_nothing]
+    while len(found) < len(shown) and not shown[len(found)].tail_trouble and all(shown[len(found)].shown):
+        found.append(shown[len(found)])
+    if len(found) == len(shown):
+        while found and found[-1].type in modifier_types.DEFERRED:
+            found.pop()
+    return tuple(each.name for each in found) if any(each.type != "TRIANGULATE" for each in found) else ()
 
 
 def _mix_at(modifiers: Sequence[Modifier], index: int) -> list[Modifier]:

@@ -15,6 +15,22 @@ class Driven:
 
 
 @dataclass(frozen=True)
+class Tail:
+    """Modifiers right behind the run, whose result Sinew computes with stencils."""
+
+    names: tuple[str, ...]  # in stack order
+    digest: str  # of what their stencils depend on, as returned by tails.digest
+    simplification: str  # as in canvas_survey.Surroundings
+    stencils: tuple[Any, Any]  # sinew_native.Stencils in viewports and in renders; None where Blender evaluates them
+
+    @property
+    def shown(self) -> tuple[bool, bool]:
+        """Whether the canvas evaluates them, in viewports and in renders."""
+        viewport, render = self.stencils
+        return viewport is not None, render is not None
+
+
+@dataclass(frozen=True)
 class Modifier:
     """One modifier of an object, with the settings that the user made."""
 
@@ -44,6 +60,9 @@ class Modifier:
     likeness: tuple[Any, ...] = ()  # of a Hook: what it has in common with its copies
     is_animated: bool = False  # drivers or keyframes set any of its properties, except for the hook's
     front_trouble: str = ""  # why Sinew cannot begin with the result of a modifier of FRONTS, a clause
+    tail_trouble: str = (
+        "its result is no weighted sum of the vertices before it"  # why it is of no tail, a clause; or ""
+    )
     reads_canvas: bool = False  # Sinew's, with a node group that reads a canvas
     reads_front: bool = False  # Sinew's, with the one that takes all from it
     canvas: int | None = None  # key of the canvas that it reads
@@ -111,6 +130,7 @@ class Situation:
     canvas: int | None = None  # key of the object's own canvas, if it has one with the right mesh and front
     copied: int | None = None  # key of that canvas's mesh, if it is a copy
     front_trouble: str = ""  # why the result cannot be all of a canvas's, a sentence; "" if not asked
+    tail: Tail | None = None  # what was found for the modifiers of these names
     deforming_parent: str = ""  # name of the parent, if it deforms the mesh directly
     moves_against_armature: bool = False  # mesh and armature were seen to move relative to each other frame by frame
     weights_follow_shape: bool = False  # see survey.weights_follow_shape; False if neither keys nor motion ask for it

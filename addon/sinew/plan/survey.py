@@ -8,7 +8,7 @@ import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
 from ..host import contract, features, graph_modes, vector_arrays
-from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, wiring
+from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, tails, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
 # Parent types that only transform the mesh; the others deform it.
@@ -72,7 +72,12 @@ def _read(
     modifiers = _modifiers(ob, names)
     front = [modifier.name for modifier in fronts.of(modifiers, names)]
     canvas = canvas_survey.canvas_of(original, front, around)
-    may_take_all = bool(front) or around.sharer_count > 1 and mesh.shape_keys is None
+    may_take_all = (
+        bool(front)
+        or any(not each.tail_trouble for each in modifiers)
+        or around.sharer_count > 1
+        and mesh.shape_keys is None
+    )
     asks_for_shape = bool(taken) and (moves_against_armature or mesh.shape_keys is not None)
     return Situation(
         values.key_of(mesh),
@@ -85,6 +90,7 @@ def _read(
         canvas=canvas and values.key_of(canvas),
         copied=canvas and canvas.data != mesh and values.key_of(canvas.data) or None,
         front_trouble=canvas_survey.front_trouble(original, around) if may_take_all else "",
+        tail=around.tail,
         deforming_parent=_deforming_parent(original),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),
@@ -186,6 +192,7 @@ def _modifier(ob: bpy.types.Object, modifier: Any, paths: list[str], is_taken: b
         comes_first=kind in COMES_FIRST,
         is_animated=bool(paths) and paths != [wiring.CARRIER],
         front_trouble=canvas_survey.why_not_in_front(modifier) if kind in modifier_types.FRONTS else "",
+        tail_trouble=tails.why_not(modifier, bool(paths)),
         reads_canvas=is_own and nodes.reads_canvas(modifier),
         reads_front=is_own and nodes.reads_front(modifier),
         canvas=_canvas_read_by(modifier) if is_own else None,

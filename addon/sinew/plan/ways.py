@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ..blender import modifier_types
 from . import fronts, runs
-from .situation import Modifier, Situation
+from .situation import Modifier, Situation, Tail
 
 ATTRIBUTE, CANVAS, KEYS, BLENDER = "ATTRIBUTE", "CANVAS", "KEYS", "BLENDER"
 # A node group has a fixed cost, so with fewer vertices Blender's own modifier is faster.
@@ -27,10 +27,16 @@ class Way:
     is_small: bool = False  # it could take another path, but Blender is faster with so few vertices
     is_of_bones: bool = False  # it could take another path with other bones
     front: tuple[str, ...] = ()  # of CANVAS, names of the modifiers that only the canvas evaluates
+    tail: Tail | None = None  # of CANVAS: it evaluates these modifiers at rest, and stencils place their vertices
     has_copy: bool = False  # the canvas has a copy of the mesh, not the mesh itself
     # Of CANVAS: all of the result is the canvas's, which takes less time than to look up its positions. Nothing tells
     # which vertex of the mesh one of the result was made from.
     takes_all: bool = False
+
+    @property
+    def on_canvas(self) -> tuple[str, ...]:
+        """Names of the modifiers that the canvas evaluates."""
+        return self.tail.names if self.tail is not None else self.front
 
     @property
     def in_pass(self) -> bool:
@@ -51,7 +57,7 @@ def choose(situation: Situation) -> Way:
     way = whatever_its_size(situation)
     fewest = FEWEST_VERTICES.get(way.kind, 0)
     run = runs.of(situation)
-    if situation.wants_more or _has_slow_stage(situation, run):
+    if situation.wants_more or way.tail is not None or _has_slow_stage(situation, run):
         return way
     if way.kind == CANVAS and fewest and situation.is_canvas_slow and not run.stages:
         return Way(BLENDER, _shared(situation, "which Blender's own modifier deforms sooner in this version"))
@@ -208,13 +214,29 @@ def _through_attribute(situation: Situation) -> Way:
                 wants_keys=True,
             )
     front = fronts.of(situation.modifiers, situation.taken)
-    if not front and situation.sharer_count == 1:
+    tail = situation.tail if may_have_tail(situation) else None
+    if tail is not None and tail.names != runs.of(situation).tail:
+        tail = None
+    if not front and tail is None and situation.sharer_count == 1:
         return Way(ATTRIBUTE)
     return Way(
         CANVAS,
         front=tuple(modifier.name for modifier in front),
         has_copy=situation.sharer_count == 1,
-        takes_all=bool(front) or not situation.front_trouble and _is_idle_before(situation, stages),
+        takes_all=bool(front or tail) or not situation.front_trouble and _is_idle_before(situation, stages),
+        tail=tail,
+    )
+
+
+def may_have_tail(situation: Situation) -> bool:
+    """Whether nothing but its stencils may be missing for a tail."""
+    return (
+        situation.keys is None
+        and situation.sharer_count == 1
+        and not situation.is_linked
+        and not situation.wants_more
+        and not situation.front_trouble
+        and situation.tells_renders
     )
 
 

@@ -7,25 +7,13 @@
     graph_copy       all that is known of one evaluated object, in three parts:
       fast_path        what is watched of it, and deforms it while that is unchanged
       reading          what was read of its mesh and its shape keys
-      chain            what was built from that, and computes the shape
+      ../chain         what was built from that, and computes the shape
     planning         when a plan is made, and when the main thread is asked for mends
     afterwards       restores switches and shape keys after an evaluation, for whoever reads evaluated copies
     switching        which modifiers Blender evaluates in this pass: its own, or Sinew's
-    leaving          LeaveToBlender, the exception by which any of these leaves the mesh to Blender
     standing_aside   leaves all meshes to Blender for a while
     errors           what goes wrong with a mesh, for the panel and the log
     mail             what an evaluation asks the main thread for
 
-Of a chain:
-
-    mixes            the Armature modifiers that Multi Modifier mixes: the first mix, and later ones
-    layers           one Armature modifier: its skin, its method, its pose
-    bone_editions    whether an armature still has the bones from which a layer was made
-    methods          the skinning methods that Blender does not have
-    shape_keys       relative shape keys: read, silenced, given back
-    stages           the modifiers after skinning; cage_stages those that follow another object's shape
-    driven_settings  settings of modifiers that drivers set
-
-And for others: status and living (what the panel and the tests are told), frame_shapes (shapes that are kept for frozen
-characters).
+And for others: status (what the panel is told), frame_shapes (shapes that are kept for frozen characters).
 """

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..chain import shape_keys
 from ..host import key_blocks, marks
 from ..plan import wiring
-from . import characters, graph_copies, shape_keys, switching
+from . import characters, graph_copies, switching
 from .graph_copy import GraphCopy
 
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import bpy
 
+from ..chain import methods, stages
 from ..host import switches
 from ..plan import plans, runs, ways
-from . import graph_copies, methods, stages, standing_aside
+from . import graph_copies, standing_aside
 from .graph_copy import GraphCopy
 from .planning import Planning
 from .reading import Shared

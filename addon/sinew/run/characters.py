@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..blender import animation, armatures, meshes, values
+from ..chain import bone_editions
 from ..native import sinew_native
 from ..plan import canvas_survey
-from . import bone_editions, graph_copies, mail
+from . import graph_copies, mail
 from .character import Character
 
 

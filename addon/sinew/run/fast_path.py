@@ -10,10 +10,11 @@ Posing by hand has Blender copy the armature again, with its bones. If these are
 from typing import Any
 
 from ..blender import nodes
+from ..chain import bone_editions, layers, living
 from ..host import contract, features, motions, places, switches, watch
 from ..native import sinew_native
 from ..plan import wiring
-from . import bone_editions, layers, living, standing_aside, switching
+from . import standing_aside, switching
 
 LEAST_PATIENCE, MOST_PATIENCE = 2, 16
 
@@ -100,11 +101,10 @@ class Shortcut:
         for modifier in replaced:
             if modifier.name in copy.shown and modifier.name not in live:
                 watched.add_modifier(modifier)
-        front = [ob.modifiers[name] for name in plan.way.front]
-        modes = [switches.aside_switch(modifier) for modifier in (*replaced, *front)]
-        kept = [
-            (address, switches.SWITCHES) for address, *_ in modes[: len(replaced)]
-        ]  # drivers and keyframes may change them
+        names = switching.aside(plan, copy.stencils is not None)
+        aside = {name: switches.aside_switch(ob.modifiers[name]) for name in names}
+        modes = list(aside.values())
+        kept = [(aside[name][0], switches.SWITCHES) for name in plan.replaced]  # drivers and keyframes may change them
         if plan.own is not None:
             modes.append(switches.mode_switch(ob.modifiers[plan.own], *switching.switches_of_own(ob, plan)))
         poses = [

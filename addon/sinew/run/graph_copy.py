@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from ..chain import cage_stages, driven_settings
+from ..chain.chain import Chain
+from ..chain.leaving import LeaveToBlender
 from ..host import marks
 from ..plan import animated, ways
-from . import cage_stages, driven_settings, switching
-from .chain import Chain
+from . import switching
 from .fast_path import FastPath
-from .leaving import LeaveToBlender
 from .reading import Reading
 
 # Modes in which each dab of a brush changes the mesh.
@@ -36,6 +37,7 @@ class GraphCopy:
         self._looks = -1  # character.planning.looks when the plan was made
         # Names of the modifiers that Sinew replaces and that are switched on in this evaluation.
         self.shown: tuple[str, ...] = ()
+        self.stencils: Any = None  # sinew_native.Stencils that make the result in this evaluation, or None
         self.driven_settings: Any = None  # driven_settings.DrivenSettings, or None if the plan is new
         self.reading = Reading(character)
         own = weakref.proxy(self)  # so that nothing waits for the garbage collector
@@ -93,7 +95,7 @@ class GraphCopy:
 
     def has_all_modifiers(self, ob: Any) -> bool:
         """Whether an evaluated object has all modifiers that are in the plan."""
-        names = *self.plan.replaced, *self.plan.way.front, *filter(None, [self.plan.own])
+        names = *self.plan.replaced, *self.plan.way.on_canvas, *filter(None, [self.plan.own])
         return all(name in ob.modifiers for name in names)
 
     def goes_through_canvas(self) -> bool:
@@ -109,6 +111,7 @@ class GraphCopy:
     def read_switches(self, ob: Any) -> None:
         """Reads which modifiers are on in this evaluation. ob: evaluated. Raises LeaveToBlender."""
         self.shown = switching.shown(ob, self.plan)
+        self.stencils = switching.stencils(ob, self.plan)
         if self.driven_settings is None:
             self.driven_settings = driven_settings.DrivenSettings(ob, self.plan)
 

@@ -11,20 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..blender import meshes, nodes, values
+from ..chain import shape_keys, stages
+from ..chain.leaving import LeaveToBlender
 from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
 from ..plan import survey, ways, wiring
-from . import afterwards, characters, errors, graph_copies, shape_keys, stages, switching
+from . import afterwards, characters, errors, graph_copies, switching
 from .character import Character
 from .graph_copy import GraphCopy
-from .leaving import LeaveToBlender
 
 
 class Frame(NamedTuple):
     """What the deformer needs for a frame."""
 
     poses: list  # of the layers
-    out: np.ndarray  # (V, 3), for the shape
+    out: np.ndarray  # (V, 3), for the shape; (R, 3) with stencils
     key_values: np.ndarray | None  # of the shape keys
     rest: np.ndarray | None  # what the stages start from, if neither layers nor keys run before them
     stages: list
@@ -68,7 +69,7 @@ def _run(entry: Character, copy: GraphCopy, ob: Any) -> None:
     _compute(copy, ob, frame, start)
     copy.unrestored = ob.original
     copy.is_deforming = True
-    switching.switch(ob, copy.plan, True)
+    switching.switch(ob, copy.plan, True, copy.stencils is not None)
 
 
 def _may_be_left(ob: Any) -> bool:
@@ -110,16 +111,22 @@ def _is_at_work(copy: GraphCopy, ob: Any) -> bool:
 def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     """Reads what may have changed, and builds what depends on it. Raises LeaveToBlender or values.Flat."""
     hook, reading, chain = copy.hook_of(ob), copy.reading, copy.chain
-    mesh = wiring.source_of(hook)
+    mesh = target = wiring.source_of(hook)
     if copy.plan.way.has_copy:
-        reading.canvas.check(wiring.waits_for(hook, "mesh"), wiring.waits_for(hook, "copied"))
+        own = wiring.waits_for(hook, "mesh")
+        is_seen = marks.is_marked(own, "MESH")
+        if copy.plan.way.tail is not None:
+            mesh = own
+            if not is_seen:
+                reading.forget_mesh()
+        reading.canvas.check(own, wiring.waits_for(hook, "copied"))
     if copy.goes_through_canvas():
         characters.note_canvas(copy.character)
-        if nodes.POSITION_ATTRIBUTE not in mesh.attributes:
+        if nodes.POSITION_ATTRIBUTE not in target.attributes:
             raise LeaveToBlender("Blender has not evaluated its canvas")
     addresses: Any
     key_values = addresses = None
-    is_edited = not _test_and_mark(hook, mesh) or not reading.is_at(mesh)
+    is_edited = not _test_and_mark(hook, target) or not reading.is_at(mesh)
     is_fresh = is_edited or not reading.is_done()
     if is_fresh:
         reading.read_mesh(mesh, is_edited)
@@ -132,7 +139,7 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     elif is_fresh:
         reading.read_rest(mesh)
     reading.read_method(ob, mesh)
-    count = len(mesh.vertices)
+    count = len(target.vertices)
 
     def channels_of(armature: Any) -> np.ndarray | None:
         return posing.channels_of(ob, armature)
@@ -142,7 +149,9 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     if copy.goes_through_keys():
         out = key_blocks.key_positions(addresses[0], count)
     else:
-        out = vector_arrays.attribute_vectors(mesh.attributes[nodes.POSITION_ATTRIBUTE], count)
+        out = vector_arrays.attribute_vectors(target.attributes[nodes.POSITION_ATTRIBUTE], count)
+        if count != chain.deformer.result_count:
+            raise LeaveToBlender("its canvas has other vertices")
     if out is None and count:
         raise LeaveToBlender("there is nowhere to write the shape to")
     if out is None:
@@ -157,7 +166,7 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
 
 def _compute(copy: GraphCopy, ob: Any, frame: Frame, start: float) -> None:
     """Deforms, and has the fast path learn from it."""
-    milliseconds = np.empty(len(frame.stages) + 2)
+    milliseconds = np.empty(len(frame.stages) + (2 if copy.stencils is None else 3))
     milliseconds[0] = 1e3 * (perf_counter() - start)
     poses, out, key_values, rest, in_order = frame
     # This releases the GIL, so other Python threads keep running.

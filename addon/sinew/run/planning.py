@@ -5,10 +5,11 @@ from dataclasses import replace
 import bpy
 
 from ..blender import meshes
+from ..chain.leaving import LeaveToBlender
 from ..host import contract, driver_bytes
 from ..plan import canvas_survey, mends, plans, survey
+from ..plan.situation import Tail
 from . import mail
-from .leaving import LeaveToBlender
 
 # Blender disables a driver that names something that is gone. It is made anew, but not for ever if that does not help.
 MOST_REVIVALS = 100
@@ -27,6 +28,8 @@ class Planning:
         self.newcomers: frozenset[int] = frozenset()  # nodes.identity of modifiers added since mends were last applied
         # What the main thread has last read of the rest of the file; None: to be read
         self.surroundings: canvas_survey.Surroundings | None = None
+        self.tail: Tail | None = None  # whose stencils were found
+        self.sought: tuple[object, str] = (None, "")  # see stencils/searching.py: what was searched, and why in vain
         self.moves_against_armature = False  # frame by frame
         self.is_copy_stale = False  # the canvas's copy of the mesh is not like the mesh
         self._renewals = 0  # of that copy, since it was last like the mesh
@@ -45,10 +48,12 @@ class Planning:
                 self.ask_to_rewire()
                 raise LeaveToBlender("nobody has counted yet how many objects have its mesh")
             self.surroundings = canvas_survey.surroundings_of(ob, meshes.count_sharers(ob))
+        tail = self.tail if self.tail and self.tail.simplification == self.surroundings.simplification else None
+        around = self.surroundings._replace(tail=tail)
         if ob.is_evaluated:
-            situation, file = survey.of_evaluated(ob, self.surroundings, self.moves_against_armature)
+            situation, file = survey.of_evaluated(ob, around, self.moves_against_armature)
         else:
-            situation = file = survey.of(ob, self.surroundings, self.moves_against_armature)
+            situation = file = survey.of(ob, around, self.moves_against_armature)
         modifiers = frozenset(modifier.identity for modifier in file.modifiers)
         if self._modifiers is not None:
             self.newcomers |= modifiers - self._modifiers

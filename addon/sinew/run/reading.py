@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..blender import meshes
+from ..chain import layers, methods, shape_keys
+from ..chain.leaving import LeaveToBlender
 from ..host import deform_verts, marks
-from . import layers, methods, shape_keys
-from .leaving import LeaveToBlender
 
 _edition_numbers = itertools.count(int(time.time()) % 2**30 + 1)
 

@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from ..chain.leaving import LeaveToBlender
 from ..host import graph_modes, switches
 from ..plan import plans, ways
-from .leaving import LeaveToBlender
 
 OFF = (False, False)
 
@@ -24,6 +24,25 @@ def shown(ob: Any, plan: plans.Plan) -> tuple[str, ...]:
     return tuple(name for name, mode in modes.items() if mode[is_render])
 
 
+def stencils(ob: Any, plan: plans.Plan) -> Any:
+    """Returns the sinew_native.Stencils of the plan's tail in this evaluation of an evaluated object, or None. Raises
+    LeaveToBlender if it cannot be told which."""
+    viewport, render = plan.way.tail.stencils if plan.way.tail is not None else (None, None)
+    if viewport is render:
+        return viewport
+    is_render = graph_modes.is_render(ob)
+    if is_render is None:
+        raise LeaveToBlender("its last modifiers are not the same in the viewport and in renders")
+    return render if is_render else viewport
+
+
+def aside(plan: plans.Plan, has_stencils: bool) -> tuple[str, ...]:
+    """Returns the names of the modifiers that Blender must not evaluate while Sinew deforms. has_stencils: whether the
+    result is made by those of the tail."""
+    tail = plan.way.tail.names if plan.way.tail is not None and has_stencils else ()
+    return *plan.way.front, *plan.replaced, *tail
+
+
 def _switches(modifier: Any) -> tuple[bool, bool]:
     """Returns the user's switches of an evaluated modifier: for the viewport, for renders."""
     return modifier.show_viewport, modifier.show_render
@@ -37,12 +56,13 @@ def switches_of_own(ob: Any, plan: plans.Plan) -> tuple[bool, bool]:
     return any(viewport for viewport, _render in modes), any(render for _viewport, render in modes)
 
 
-def switch(ob: Any, plan: plans.Plan, deforms: bool) -> None:
-    """Switches the modifiers of an evaluated object. deforms: Sinew deforms, otherwise Blender's own modifiers do."""
+def switch(ob: Any, plan: plans.Plan, deforms: bool, has_stencils: bool = True) -> None:
+    """Switches the modifiers of an evaluated object. deforms: Sinew deforms, otherwise Blender's own modifiers do;
+    has_stencils: see `aside`."""
     modifiers = ob.modifiers
     if plan.own is not None:
         switches.switch_modifier(modifiers[plan.own], *(switches_of_own(ob, plan) if deforms else OFF))
-    for name in (*plan.way.front, *plan.replaced):
+    for name in aside(plan, has_stencils):
         switches.put_aside(modifiers[name], deforms)
 
 

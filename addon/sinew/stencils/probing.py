@@ -6,8 +6,8 @@ are so far apart that no vertex of the result has two of them, and after one eva
 sinew_native.colours_apart all weights are known, to the bits that Blender has used. What was found is compared with
 Blender on a shape with random positions."""
 
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Sequence
+from time import perf_counter
 from typing import Any
 
 import bpy
@@ -15,12 +15,10 @@ import numpy as np
 
 from ..blender import meshes, modifiers
 from ..native import sinew_native
-from . import tails
+from ..plan import tails
 
 TOLERANCE = 2e-6  # of the diagonal
 MOST_ROWS = 1_500_000  # vertices of the result
-# Attributes of the mesh on which positions may depend. Without the others Blender is faster.
-_KEPT = {"position", "crease_edge", "crease_vert", "sharp_edge", "sharp_face", "material_index"}
 LEAST = 1e-6  # a smaller weight need not be known
 NEAR, FAR = 2, 4  # how far apart vertices have to be, in steps; more are tried if that is not enough
 BASE = 1024  # of the two digits by which a vertex is known: float32 holds w times each of them well enough
@@ -32,44 +30,66 @@ class NotFound(Exception):
 
 
 class Canvas:
-    """A mesh with modifiers, in a scene of its own."""
+    """Copies of the modifiers of a tail on a mesh, in a scene of its own."""
 
-    def __init__(self, mesh: bpy.types.Mesh, ob: bpy.types.Object, layer: Any, needs_quads: bool) -> None:
-        """needs_quads: as tails.needs_quads."""
-        self.mesh, self._ob, self._layer, self.needs_quads = mesh, ob, layer, needs_quads
+    def __init__(
+        self,
+        ob: bpy.types.Object,
+        tail: Sequence[bpy.types.Modifier],
+        render: bpy.types.RenderSettings,
+        mesh_of: Callable[[], bpy.types.Mesh],
+    ) -> None:
+        """ob: original; render: of its scene; mesh_of: makes a copy of the mesh before the tail."""
+        self._ob, self._tail, self._render, self._mesh_of = ob, tail, render, mesh_of
+        self.needs_quads = tails.needs_quads(tail)
+        self._made: tuple[Any, ...] = ()  # scene, object, mesh
+        self.seconds = 0.0  # of all results
+
+    def __enter__(self) -> "Canvas":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def mesh(self) -> bpy.types.Mesh:
+        self._open()
+        return self._made[2]
+
+    def _open(self) -> None:
+        if self._made:
+            return
+        mesh = self._mesh_of()
+        mesh.name = NAME
+        scene, copy = bpy.data.scenes.new(NAME), bpy.data.objects.new(NAME, mesh)
+        self._made = scene, copy, mesh
+        for group in self._ob.vertex_groups:
+            if group.name not in copy.vertex_groups:
+                copy.vertex_groups.new(name=group.name)
+        _strip(copy, any(modifier.type == "MASK" for modifier in self._tail))
+        for modifier in self._tail:
+            modifiers.copy(modifier, copy).show_viewport = True
+        for name in ("use_simplify", "simplify_subdivision"):
+            setattr(scene.render, name, getattr(self._render, name))
+        scene.collection.objects.link(copy)
+
+    def close(self) -> None:
+        """Removes what it has made. The next result makes it again."""
+        made, self._made = self._made, ()
+        for block, collection in zip(made, ("scenes", "objects", "meshes")):
+            getattr(bpy.data, collection).remove(block)
 
     def result(self, positions: np.ndarray) -> np.ndarray:
         """Returns the vertices (R, 3) that the modifiers make of these (V, 3)."""
-        meshes.write_positions(self.mesh, positions)
-        self._layer.update()
-        return meshes.read_evaluated(self._ob.evaluated_get(self._layer.depsgraph)).copy()
-
-
-@contextmanager
-def canvas(
-    ob: bpy.types.Object, tail: Sequence[bpy.types.Modifier], depsgraph: bpy.types.Depsgraph
-) -> Iterator[Canvas]:
-    """Makes a canvas with the evaluated mesh of an object, whose tail must be switched off, and with copies of the
-    modifiers of its tail. Removes it at the end."""
-    mesh = bpy.data.meshes.new_from_object(
-        ob.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
-    )
-    mesh.name = NAME
-    scene, copy = bpy.data.scenes.new(NAME), bpy.data.objects.new(NAME, mesh)
-    try:
-        for group in ob.vertex_groups:
-            copy.vertex_groups.new(name=group.name)
-        _strip(copy, any(modifier.type == "MASK" for modifier in tail))
-        for modifier in tail:
-            modifiers.copy(modifier, copy).show_viewport = True
-        own = depsgraph.scene.render
-        scene.render.use_simplify, scene.render.simplify_subdivision = own.use_simplify, own.simplify_subdivision
-        scene.collection.objects.link(copy)
-        yield Canvas(mesh, copy, scene.view_layers[0], tails.needs_quads(tail))
-    finally:
-        bpy.data.scenes.remove(scene)
-        bpy.data.objects.remove(copy)
-        bpy.data.meshes.remove(mesh)
+        begin = perf_counter()
+        self._open()
+        scene, copy, mesh = self._made
+        layer = scene.view_layers[0]
+        meshes.write_positions(mesh, positions)
+        layer.update()
+        found = meshes.read_evaluated(copy.evaluated_get(layer.depsgraph)).copy()
+        self.seconds += perf_counter() - begin
+        return found
 
 
 def _strip(copy: bpy.types.Object, keeps_groups: bool) -> None:
@@ -81,13 +101,16 @@ def _strip(copy: bpy.types.Object, keeps_groups: bool) -> None:
         mesh.uv_layers.remove(layer)
     names = [each.name for each in mesh.attributes if not (each.is_internal or getattr(each, "is_required", False))]
     for name in names:
-        if name not in _KEPT:
+        if name not in {"position", *tails.READ}:  # without the others Blender is faster
             mesh.attributes.remove(mesh.attributes[name])
 
 
-def steps(made: Canvas, what: str, most: int) -> Generator[tuple[float, str], None, Any]:
+def steps(
+    made: Canvas, what: str, most: int, most_seconds: float = float("inf")
+) -> Generator[tuple[float, str], None, Any]:
     """Finds the stencils of a canvas: a generator like that of bake/baking.py, which returns a sinew_native.Stencils.
-    what: it is that of, for its sentences; most: how many evaluations it may take. Raises NotFound."""
+    what: it is that of, for its sentences; most: how many evaluations it may take, and how long all of them may take.
+    Raises NotFound."""
     rest = meshes.read_positions(made.mesh).copy()
     edges, offsets, corners = meshes.read_topology(made.mesh)
     if len(rest) == 0 or not np.isfinite(rest).all():
@@ -98,7 +121,7 @@ def steps(made: Canvas, what: str, most: int) -> Generator[tuple[float, str], No
         colours = sinew_native.colours_apart(len(rest), edges, offsets, corners, apart, max(most, 1))
         if colours is None:
             raise NotFound("it would take longer to find its weights than to do without")
-        found = yield from _ask(made, what, colours)
+        found = yield from _ask(made, what, colours, most_seconds)
         if found is not None:
             break
     else:
@@ -111,16 +134,20 @@ def steps(made: Canvas, what: str, most: int) -> Generator[tuple[float, str], No
 
 
 def _ask(
-    made: Canvas, what: str, colours: np.ndarray
+    made: Canvas, what: str, colours: np.ndarray, most_seconds: float
 ) -> Generator[tuple[float, str], None, tuple[np.ndarray, np.ndarray, np.ndarray, int] | None]:
     """Returns (rows, vertices, weights, R), or None if two vertices of a colour have met."""
-    rows, vertices, weights, count = [], [], [], 0
+    rows, vertices, weights, count, made.seconds = [], [], [], 0, 0.0
     codes = np.arange(1, len(colours) + 1)
     digits = np.stack((np.ones(len(codes)), codes % BASE, codes // BASE), axis=1).astype(np.float32)
     last = int(colours.max())
     for colour in range(last + 1):
         yield 0.0, f"finding the weights of {what}: {colour / (last + 1):.0%}"
         result = made.result(np.where((colours == colour)[:, None], digits, np.float32(0)))
+        if made.seconds * (last + 1) > most_seconds * (colour + 1) and colour >= min(2, last):
+            raise NotFound(
+                f"it would take about {made.seconds * (last + 1) / (colour + 1):.0f} seconds to find its weights"
+            )
         if len(result) > MOST_ROWS:
             raise NotFound(f"it has more than {MOST_ROWS:,} vertices")
         if colour and len(result) != count:

@@ -4,9 +4,9 @@ maps."""
 import bpy
 from bpy.props import EnumProperty
 
+from ..chain import methods
 from ..feedback import notice
 from ..install import precomputing
-from ..run import methods
 
 SETTINGS = {
     methods.BLENDED: (),

@@ -12,6 +12,7 @@ from ..feedback import notice
 from ..main import whole_frames
 from ..native import sinew_native
 from ..plan import bindable, survey, ways
+from ..stencils import searching
 from . import advice, cures, display, method_settings, rig_line
 from .bake import Bake, PlayCache, TakeOffCache
 from .crowd import AddCrowd, RenewCrowd
@@ -230,11 +231,18 @@ def draw_chain(layout: bpy.types.UILayout, ob: bpy.types.Object, entry: Any) -> 
     if before:
         draw_value(column, " + ".join(before), time_text(timings and timings.skin))
     mixes = {mix[0]: " + ".join(mix) for mix in entry.run.mixes}
+    tail = entry.way.tail.names if entry.way.tail is not None else ()
+    behind = *behind, *filter(None, [" + ".join(tail)])
     for name, milliseconds in zip(behind, timings.stages if timings else (None for _ in behind)):
         draw_value(column, mixes.get(name, name or "Smooth"), time_text(milliseconds))
+    if tail:
+        return
     if entry.run.end:
         draw_value(column, entry.run.end, "in Blender")
-        notice.draw_sentence(column, bpy.context, f"Blender takes over at {entry.run.end}: {entry.run.reason}", False)
+        searched = searching.says(ob)
+        notice.draw_sentence(
+            column, bpy.context, f"Blender takes over at {entry.run.end}: {searched or entry.run.reason}", False
+        )
         end = ob.modifiers.get(entry.run.end)
         if end is not None and survey.why_not_bound(ob, end):
             layout.operator(cures.BindSmoothing.bl_idname)

@@ -173,7 +173,7 @@ class Shortcut {
         stages_(stages_of(stage_owners_)),
         rest_owner_(rest_positions),
         identity_(identity),
-        milliseconds_(stages_.size() + 2, 0.0) {
+        milliseconds_(deformer_.step_count(stages_.size()) + 1, 0.0) {
     const std::vector<const Layer*> layers = all_layers();
     if (poses.size() != layers.size() || places_.size() != layers.size()) {
       throw InputError("poses and places have " + std::to_string(poses.size()) + " and " +
@@ -229,7 +229,7 @@ class Shortcut {
   }
 
   /// Returns false if the full code must compute this frame.
-  /// out: address of V x 3 floats; unused if there are keys.
+  /// out: address of R x 3 floats; 0: the first key's points.
   /// known: a shape to take if it was computed from the same as this frame's would be; may be null.
   /// keep: whether to keep this frame's shape.
   bool deform(Address out, std::shared_ptr<const FrameShape> known, bool keep) {
@@ -247,11 +247,13 @@ class Shortcut {
     }
     auto* positions = reinterpret_cast<float*>(out);
     if (!keys_.keys.empty()) {
-      positions = keys_.points(deformer_.vertex_count());
-      if (!positions) return false;
+      float* const points = keys_.points(deformer_.vertex_count());
+      if (!points) return false;
+      if (positions == nullptr && deformer_.result_count() != deformer_.vertex_count()) return false;
       keys_.read_values();
+      if (positions == nullptr) positions = points;
     }
-    const auto count = static_cast<std::size_t>(3 * deformer_.vertex_count());
+    const auto count = static_cast<std::size_t>(3 * deformer_.result_count());
     milliseconds_[0] = watch.milliseconds();
     std::optional<Digest> digest;
     if (known || keep) digest = digest_of(identity_, poses_, keys_.values, stages_);
@@ -439,7 +441,7 @@ void bind_shortcut(py::module_& host) {
           "stages: as in Deformer.deform.\n"
           "keys: (addresses of the shape keys, byte offsets in a key: three as in silence_keys, then of the address of "
           "its points and of their number, for each key the number of the key to which it is relative, (V, 3) float32 "
-          "the first key's own points), or None. The shape is written into the first key's points.\n"
+          "the first key's own points), or None.\n"
           "rest_positions: (V, 3) float32, as in Deformer.deform, or None.\n"
           "kept: (address of an int32, bits of it that must stay as they are now for the shortcut to hold). Read only "
           "while the watched memory is unchanged.\n"
@@ -456,7 +458,7 @@ void bind_shortcut(py::module_& host) {
            "Raises ValueError for another one, and if there is no such stage.")
       .def("deform", &Shortcut::deform, py::arg("out") = 0, py::arg("known") = py::none(), py::arg("keep") = false,
            "Reads poses, places and values of keys, deforms, and sets the switches.\n\n"
-           "out: address of V x 3 float32, C-contiguous, for the shape; not used if there are keys.\n"
+           "out: address of R x 3 float32, C-contiguous, for the shape; 0: into the first key's points.\n"
            "known: a FrameShape or None. If it was computed from the same as this frame's would be, it is copied and "
            "nothing is computed.\n"
            "keep: whether to copy the shape, if it had to be computed.\n"
@@ -471,7 +473,9 @@ void bind_shortcut(py::module_& host) {
                              "The FrameShape that the last frame has copied or kept; None if there is none.")
       .def_property_readonly(
           "milliseconds", [](py::object self) { return view_list(self.cast<const Shortcut&>().milliseconds(), self); },
-          "(S + 2,) float64, read-only, times in the last frame: reading the pose, keys and layers, each stage.");
+          "(S + 2,) float64, read-only, times in the last frame: reading the pose, keys and layers, each stage; with "
+          "stencils "
+          "(S + 3,), the last of which is theirs.");
   host.def(
       "space_between",
       [](const py::array& mesh, const py::array& armature) -> std::optional<py::array> {

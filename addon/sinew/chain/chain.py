@@ -73,11 +73,13 @@ class Chain:
         found = self.first.poses(ob, self.taken_now(ob), dict(zip(plan.taken, plan.binds)), methods_of, channels_of)
         layers = [layer.native for layer in self.first.layers]
         keys = reading.keys and reading.keys.native
-        rest = self.rest_of_stages()
-        if self.deformer is None or not _same(self._made_of, (*layers, keys, rest)):
+        rest, stencils = self.rest_of_stages(), self._copy.stencils
+        if self.deformer is None or not _same(self._made_of, (*layers, keys, rest, stencils)):
             count = None if rest is None else len(rest)
-            self.deformer = living.note(sinew_native.Deformer(layers, keys, vertex_count=count))
-            self._made_of = (*layers, keys, rest)
+            if stencils is not None and stencils.vertex_count != len(reading.rest):
+                raise LeaveToBlender("the stencils of its last modifiers were found for another mesh")
+            self.deformer = living.note(sinew_native.Deformer(layers, keys, vertex_count=count, stencils=stencils))
+            self._made_of = (*layers, keys, rest, stencils)
         return found
 
     def stages_at(

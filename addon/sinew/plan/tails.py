@@ -1,16 +1,18 @@
-"""Which modifiers at the end of a stack make vertices as fixed weighted sums of those before them."""
+"""Which modifiers make vertices as fixed weighted sums of those before them: those of a tail."""
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import bpy
 
-from ..blender import animation, nodes
+from ..blender import animation, meshes, modifier_types, modifiers, nodes
+from ..host import deform_verts
 
-# Without one of these it is not worth the search: the others cost Blender little.
+# Without one of these it is not worth the search for a bake: the others cost Blender little.
 _DEAR = {"SUBSURF", "EDGE_SPLIT"}
-# What it makes of a mesh is deferred until somebody reads it, if it is the last one.
-_DEFERRED = {"SUBSURF", "MULTIRES"}
+# Attributes of the mesh on which the sums may depend.
+READ = {"crease_edge", "crease_vert", "sharp_edge", "sharp_face", "material_index"}
 
 
 def of(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -18,9 +20,9 @@ def of(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
     ob: an original mesh object."""
     shown: list[Any] = [modifier for modifier in ob.modifiers if modifier.show_viewport]
     found: list[bpy.types.Modifier] = []
-    while shown and not why_not(shown[-1]):
+    while shown and not why_not(shown[-1], bool(animation.animated_properties(ob, shown[-1]))):
         found.insert(0, shown.pop())
-    while found and shown and shown[-1].type in _DEFERRED:
+    while found and shown and shown[-1].type in modifier_types.DEFERRED:
         shown.append(found.pop(0))
     if animation.animated_paths(ob.data) or not any(modifier.type in _DEAR for modifier in found):
         return []
@@ -50,12 +52,40 @@ def _is_canvas(block: Any) -> bool:
     return isinstance(block, bpy.types.Object) and nodes.is_canvas(block)
 
 
-def why_not(modifier: Any) -> str:
+def digest(ob: bpy.types.Object, names: Iterable[str]) -> str:
+    """Returns a digest of what the sums of these modifiers of an original object depend on: neither positions nor
+    Simplify. The modifiers come right behind others that keep the vertices."""
+    mesh: Any = ob.data
+    tail = [ob.modifiers.get(name) for name in names]
+    if None in tail:
+        return ""
+    found = hashlib.blake2b(repr([(each.type, modifiers.settings_of(each)) for each in tail]).encode(), digest_size=16)
+    arrays = [*meshes.read_topology(mesh)]
+    for name in sorted(READ & set(mesh.attributes.keys())):
+        arrays.append(meshes.read_values(mesh.attributes[name]))
+        found.update(name.encode())
+    if any(each.type == "MASK" for each in tail):
+        arrays += meshes.read_weights(mesh)
+        found.update(repr(deform_verts.group_names(mesh)).encode())
+    for array in arrays:
+        found.update(repr((array.shape, array.dtype.str)).encode())
+        found.update(array.tobytes())
+    return found.hexdigest()
+
+
+def is_alike_in_renders(tail: Iterable[Any], render: bpy.types.RenderSettings) -> bool:
+    """Whether modifiers of a tail make the same in renders as in viewports. render: of the scene."""
+    has_levels = [each for each in tail if each.type == "SUBSURF"]
+    is_simplified_alike = not render.use_simplify or render.simplify_subdivision == render.simplify_subdivision_render
+    return not has_levels or is_simplified_alike and all(each.levels == each.render_levels for each in has_levels)
+
+
+def why_not(modifier: Any, is_animated: bool) -> str:
     """Returns why what a modifier makes is no fixed weighted sum, a clause, or ""."""
     kind = modifier.type
     if nodes.is_sinew(modifier) or kind not in _REASONS:
         return "its result is no weighted sum of the vertices before it"
-    if animation.animated_properties(modifier.id_data, modifier):
+    if is_animated:
         return "it is animated"
     return _REASONS[kind](modifier)
 

@@ -1,0 +1,166 @@
+"""Finds the stencils of the tails of bound meshes, in the main thread, while Blender evaluates their modifiers as ever.
+
+In a window this is done bit by bit, while nothing is played, rendered or dragged. Between two bits, nothing of it is in
+the file, so that neither undo nor a saved file has any of it. In the background it is done at once, as soon as so many
+frames were changed that it would have paid.
+"""
+
+import logging
+from time import perf_counter
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..blender import meshes, nodes, values
+from ..feedback import notice
+from ..plan import canvas_survey, tails, wiring
+from ..plan.situation import Tail
+from ..run import characters, mail
+from . import probing
+
+log = logging.getLogger("sinew")
+SECONDS_AT_ONCE = 0.1  # of one bit
+SECONDS_BETWEEN_BITS = 0.05
+FRAMES_AHEAD = 24  # in the background
+MOST_EVALUATIONS = 256
+MOST_SECONDS = 20.0  # of all evaluations; a search that would take longer is not begun
+MODES = {"OBJECT", "POSE"}
+
+
+class Search:
+    """The search for the stencils of one mesh's tail."""
+
+    def __init__(self, ob: bpy.types.Object, scene: bpy.types.Scene) -> None:
+        """ob: original, of a character whose plan lacks stencils."""
+        self.key, self.names = values.key_of(ob), characters.of(ob).plan.run.tail
+        self._digest, self._simplification = tails.digest(ob, self.names), canvas_survey.simplification()
+        tail = [ob.modifiers[name] for name in self.names]
+        self._is_alike = tails.is_alike_in_renders(tail, scene.render)
+        self._canvas = probing.Canvas(ob, tail, scene.render, ob.data.copy)
+        what = f"{' and '.join(self.names)} of {ob.name}"
+        self._steps = probing.steps(self._canvas, what, MOST_EVALUATIONS, MOST_SECONDS)
+        self.says = f"finding the weights of {what}"
+
+    def is_current(self, ob: bpy.types.Object) -> bool:
+        """Whether the object is still as it was when the search began."""
+        return (
+            characters.of(ob).plan.lacks_stencils
+            and self._digest == tails.digest(ob, self.names)
+            and self._simplification == canvas_survey.simplification()
+        )
+
+    def go_on(self, ob: bpy.types.Object, seconds: float) -> Tail | None:
+        """Goes on for some seconds. Returns what it has found; None if it is not done. Raises probing.NotFound."""
+        end = perf_counter() + seconds
+        try:
+            while perf_counter() < end:
+                _share, self.says = next(self._steps)
+            return None
+        except StopIteration as done:
+            self._compare(ob, done.value)
+            stencils = done.value, done.value if self._is_alike else None
+            return Tail(self.names, self._digest, self._simplification, stencils)
+        finally:
+            self._canvas.close()
+
+    def _compare(self, ob: bpy.types.Object, stencils: Any) -> None:
+        """Compares stencils with Blender on the shape that Sinew has last given to the object. Raises
+        probing.NotFound."""
+        hook = wiring.find_hook(ob.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+        mesh = hook and wiring.source_of(hook)
+        attribute = mesh and meshes.point_attribute(mesh, nodes.POSITION_ATTRIBUTE)
+        if attribute is not None and len(attribute.data) == stencils.vertex_count:
+            shape = meshes.read_attribute(attribute)
+            if np.isfinite(shape).all():
+                probing.compare(stencils, shape, self._canvas.result(shape))
+
+
+_search: Search | None = None
+_frames: dict[int, int] = {}  # in the background: key of an object -> frames without the stencils that it lacks
+
+
+def says(ob: bpy.types.Object) -> str:
+    """Returns what is done for the tail of a bound mesh, or why it has no stencils, a clause; "" for nothing."""
+    if _search is not None and _search.key == values.key_of(ob):
+        return _search.says
+    entry = characters.of(ob)
+    return _in_vain(entry) if entry.plan.lacks_stencils else ""
+
+
+def _in_vain(entry: Any) -> str:
+    what, reason = entry.planning.sought
+    return reason if what == _version(entry) else ""
+
+
+def _version(entry: Any) -> tuple[int, int, tuple[str, ...]]:
+    """Returns what changes when the object, its plan or its mesh was edited."""
+    return entry.planning.looks, entry.edition, entry.plan.run.tail
+
+
+def _lacking() -> list[bpy.types.Object]:
+    """Returns the bound meshes whose tails have not been searched in vain."""
+    found = ((ob, characters.of(ob)) for ob in characters.known())
+    return [ob for ob, entry in found if entry.plan.lacks_stencils and entry.is_deforming and not _in_vain(entry)]
+
+
+def is_running() -> bool:
+    return _search is not None
+
+
+def look() -> None:
+    """Goes on with a search, or begins one. For a timer, in a window."""
+    global _search
+    context = bpy.context
+    if _search is None and not _lacking() or _is_busy(context):
+        return
+    ob = characters.find(_search.key) if _search is not None else None
+    if _search is None or ob is None or not _search.is_current(ob):
+        ob = next(iter(_lacking()), None)
+        _search = Search(ob, context.scene) if ob is not None else None
+    if _search is not None and _bit(_search, ob, SECONDS_AT_ONCE):
+        _search = None
+    notice.redraw()
+
+
+def _is_busy(context: bpy.types.Context) -> bool:
+    windows = context.window_manager.windows
+    return (
+        context.mode not in MODES
+        or any(window.screen.is_animation_playing for window in windows)
+        or any(len(getattr(window, "modal_operators", ())) for window in windows)
+        or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW", "OBJECT_BAKE", "COMPOSITE")))
+    )
+
+
+def note_frame() -> None:
+    """Has the stencils that are lacking found, in the background, once enough frames were changed without them."""
+    for ob in _lacking():
+        key = values.key_of(ob)
+        _frames[key] = _frames.get(key, 0) + 1
+        if _frames[key] >= FRAMES_AHEAD:
+            _bit(Search(ob, bpy.context.scene), ob, float("inf"))
+
+
+def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
+    """Goes on with a search. Returns whether it has ended."""
+    entry = characters.of(ob)
+    try:
+        found = search.go_on(ob, seconds)
+        if found is None:
+            return False
+        entry.planning.tail = found
+        mail.post(mail.REWIRE, search.key)
+    except probing.NotFound as reason:
+        entry.planning.sought = _version(entry), str(reason)
+    except Exception as error:
+        log.exception("the weights of %s could not be found", " and ".join(search.names))
+        entry.planning.sought = _version(entry), str(error)
+    return True
+
+
+def forget() -> None:
+    """Ends the search, as another file is opened."""
+    global _search
+    _search = None
+    _frames.clear()
