@@ -5,6 +5,7 @@ A `stack` is what the mesh has besides its Armature modifier: one of STACKS, or 
 """
 
 import contextlib
+from typing import Any
 
 import bmesh
 import bpy
@@ -35,6 +36,13 @@ STACKS = (
     "before-solidify",
     "before-mask",
     "before-uv_warp",
+    "behind-subsurf-1",
+    "behind-subsurf-2",
+    "behind-subsurf-triangulate",
+    "behind-subsurf-solidify",
+    "behind-subsurf-weighted_normal",
+    "behind-mask",
+    "behind-edge_split",
     "shared",
 )
 KEYED_FRAMES = (1, 15, 30, 45)
@@ -43,6 +51,7 @@ INFLUENCES = 3
 KEYS, KEY_SHARE = 50, 0.05  # the number of shape keys, and the share of the vertices that each moves
 SMOOTHED_SHARE = 0.2  # the share of the vertices that the stack smooth-part smooths
 CHUNK = 10_000  # vertices
+FOLLOWER = "Follower"
 
 
 # The add-on's module name, which depends on the version of Blender.
@@ -254,8 +263,60 @@ def add_stack(ob, stack):
         ob.modifiers.new("Face", "ARMATURE").object = make_face(ob)
     elif stack == "mesh-deform":
         bind_to_cage(ob)
+    elif stack.startswith("behind-"):
+        add_behind(ob, stack.removeprefix("behind-").upper())
     elif stack.startswith("before-"):
         add_before(ob, stack.removeprefix("before-").upper())
+
+
+def add_behind(ob, stack):
+    """Adds modifiers behind the armature, and an object that follows a vertex which they make. stack: their types, or
+    the levels of the one before."""
+    modifier: Any = None
+    for word in stack.split("-"):
+        if word.isdigit():
+            modifier.levels = int(word)
+            continue
+        modifier = ob.modifiers.new(word.title(), word)
+        if word == "EDGE_SPLIT":
+            modifier.use_edge_angle = False
+            for number, edge in enumerate(ob.data.edges):
+                edge.use_edge_sharp = number % 7 == 0
+        elif word == "MASK":
+            group = ob.vertex_groups.new(name="Shown")
+            group.add(range(len(ob.data.vertices) // 2), 1.0, "REPLACE")
+            modifier.vertex_group = group.name
+        elif word == "TRIANGULATE":
+            modifier.quad_method = "FIXED"
+    add_follower(ob)
+
+
+def add_follower(ob):
+    """Adds a mesh of one vertex that node tools put to the first one of an object."""
+    mesh = bpy.data.meshes.new(FOLLOWER)
+    mesh.vertices.add(1)
+    follower = bpy.data.objects.new(FOLLOWER, mesh)
+    bpy.context.collection.objects.link(follower)
+    group = bpy.data.node_groups.new(FOLLOWER, "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    kinds = "NodeGroupInput", "NodeGroupOutput", "GeometryNodeObjectInfo", "GeometryNodeSampleIndex"
+    source, target, info, sample = (group.nodes.new(kind) for kind in kinds)
+    place = group.nodes.new("GeometryNodeSetPosition")
+    position = group.nodes.new("GeometryNodeInputPosition")
+    info.inputs["Object"].default_value = ob
+    sample.data_type, sample.domain = "FLOAT_VECTOR", "POINT"
+    value = next(each for each in sample.inputs if each.type == "VECTOR" and each.enabled)
+    result = next(each for each in sample.outputs if each.type == "VECTOR" and each.enabled)
+    for one, other in (
+        (info.outputs["Geometry"], sample.inputs["Geometry"]),
+        (position.outputs["Position"], value),
+        (result, place.inputs["Position"]),
+        (source.outputs[0], place.inputs["Geometry"]),
+        (place.outputs[0], target.inputs[0]),
+    ):
+        group.links.new(one, other)
+    follower.modifiers.new(FOLLOWER, "NODES").node_group = group
 
 
 def make_lattice(ob):

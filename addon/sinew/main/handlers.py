@@ -118,6 +118,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     if edits.of_collections:
         characters.count_again()
         graph_copies.expect_strays()
+    searching.expect_followers()
     affected = characters.made_of(edits.keys)
     has_gathered, has_other_bones = _has_gathered(), _has_other_bones(edits.armatures)
     if has_gathered:

@@ -19,6 +19,7 @@ class Surroundings(NamedTuple):
     simplification: str  # see below
     front_trouble: str  # why other objects or the scenes keep it from having a front, a sentence, or ""
     tail: Tail | None = None  # what the main thread has last found
+    is_followed: bool = False  # see tails.followed
 
 
 class File(NamedTuple):

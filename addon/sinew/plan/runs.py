@@ -63,18 +63,18 @@ def of(situation: Situation) -> Run:
         stages += [each.name for each in mix]
         if modifier.type == "ARMATURE":
             mixes.append(tuple(each.name for each in mix))
-    return Run(tuple(stages), *end, tuple(mixes), () if has_front else _tail(modifiers, end[0]))
+    return Run(tuple(stages), *end, tuple(mixes), () if has_front else _tail(modifiers, end[0], situation.is_followed))
 
 
-def _tail(modifiers: Sequence[Modifier], first: str) -> tuple[str, ...]:
+def _tail(modifiers: Sequence[Modifier], first: str, is_followed: bool) -> tuple[str, ...]:
     """Returns the names of the modifiers from `first` on whose results are weighted sums, without those that Blender
-    does not evaluate in a viewport before somebody needs their vertices."""
+    does not evaluate in a viewport before somebody needs their vertices. is_followed: as in Situation."""
     found: list[Modifier] = []
     behind = itertools.dropwhile(lambda each: each.name != first, modifiers)
     shown = [each for each in behind if not each.is_own and not each.does_nothing]
     while len(found) < len(shown) and not shown[len(found)].tail_trouble and all(shown[len(found)].shown):
         found.append(shown[len(found)])
-    if len(found) == len(shown):
+    if len(found) == len(shown) and not is_followed:
         while found and found[-1].type in modifier_types.DEFERRED:
             found.pop()
     return tuple(each.name for each in found) if any(each.type != "TRIANGULATE" for each in found) else ()

@@ -91,6 +91,7 @@ def _read(
         copied=canvas and canvas.data != mesh and values.key_of(canvas.data) or None,
         front_trouble=canvas_survey.front_trouble(original, around) if may_take_all else "",
         tail=around.tail,
+        is_followed=around.is_followed,
         deforming_parent=_deforming_parent(original),
         moves_against_armature=moves_against_armature,
         weights_follow_shape=asks_for_shape and weights_follow_shape(original, names),

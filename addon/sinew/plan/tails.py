@@ -48,6 +48,24 @@ def reader_of(ob: bpy.types.Object) -> bpy.types.ID | None:
     return None
 
 
+def followed(objects: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Returns those of the original mesh objects whose evaluated vertices other objects or node groups may read: in a
+    viewport, Blender makes the vertices of their last Subdivision on each frame."""
+    users = bpy.data.user_map(subset=objects) if objects else {}
+    return [ob for ob in objects if any(_may_read(user, ob) for user in users[ob])]
+
+
+def _may_read(user: Any, ob: bpy.types.Object) -> bool:
+    if not isinstance(user, bpy.types.Object):
+        return isinstance(user, bpy.types.GeometryNodeTree)
+    if user == ob or _is_canvas(user) or user.sinew.copy_of == ob:
+        return False
+    if user.parent != ob or user.parent_type != "OBJECT":
+        return True
+    named = [getattr(each, name, None) for each in user.modifiers for name in ("object", "target", "auxiliary_target")]
+    return ob in named or any(getattr(each, "target", None) == ob for each in user.constraints)
+
+
 def _is_canvas(block: Any) -> bool:
     return isinstance(block, bpy.types.Object) and nodes.is_canvas(block)
 

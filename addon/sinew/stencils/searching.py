@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes, nodes, values
+from ..blender import meshes, modifier_types, nodes, values
 from ..feedback import notice
 from ..plan import canvas_survey, tails, wiring
 from ..plan.situation import Tail
@@ -77,6 +77,7 @@ class Search:
 
 
 _search: Search | None = None
+_may_be_followed = True
 _frames: dict[int, int] = {}  # in the background: key of an object -> frames without the stencils that it lacks
 
 
@@ -104,6 +105,26 @@ def _lacking() -> list[bpy.types.Object]:
     return [ob for ob, entry in found if entry.plan.lacks_stencils and entry.is_deforming and not _in_vain(entry)]
 
 
+def expect_followers() -> None:
+    """Has the next look see which meshes others follow, after an edit."""
+    global _may_be_followed
+    _may_be_followed = True
+
+
+def _see_followers() -> None:
+    global _may_be_followed
+    if not _may_be_followed:
+        return
+    _may_be_followed = False
+    objects = [ob for ob in characters.known() if any(each.type in modifier_types.DEFERRED for each in ob.modifiers)]
+    followed = tails.followed(objects)
+    for ob in objects:
+        entry = characters.of(ob)
+        if entry.planning.is_followed != (ob in followed):
+            entry.planning.is_followed = ob in followed
+            mail.post(mail.REWIRE, values.key_of(ob))
+
+
 def is_running() -> bool:
     return _search is not None
 
@@ -112,8 +133,9 @@ def look() -> None:
     """Goes on with a search, or begins one. For a timer, in a window."""
     global _search
     context = bpy.context
-    if _search is None and not _lacking() or _is_busy(context):
+    if _search is None and not _may_be_followed and not _lacking() or _is_busy(context):
         return
+    _see_followers()
     ob = characters.find(_search.key) if _search is not None else None
     if _search is None or ob is None or not _search.is_current(ob):
         ob = next(iter(_lacking()), None)
@@ -135,6 +157,7 @@ def _is_busy(context: bpy.types.Context) -> bool:
 
 def note_frame() -> None:
     """Has the stencils that are lacking found, in the background, once enough frames were changed without them."""
+    _see_followers()
     for ob in _lacking():
         key = values.key_of(ob)
         _frames[key] = _frames.get(key, 0) + 1
@@ -161,6 +184,6 @@ def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
 
 def forget() -> None:
     """Ends the search, as another file is opened."""
-    global _search
-    _search = None
+    global _search, _may_be_followed
+    _search, _may_be_followed = None, True
     _frames.clear()
