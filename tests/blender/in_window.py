@@ -70,6 +70,47 @@ def steps():
     assert np.abs(ours[0] - ours[12]).mean() > 1 / 255
     assert addon_module("run.characters").character(ob).status.error == ""
     print(f"window: F12 rendered {len(FRAMES)} frames as the modifier does")
+    yield from stencils_are_found(armature)
+
+
+def stencils_are_found(armature):
+    """While nobody does anything. Then they are played, and survive an undo."""
+    ob = make_mesh(armature, False)
+    ob.modifiers.new("Subdivision", "SUBSURF").levels = 2
+    ob.modifiers.new("Warp", "UV_WARP")
+    twin = twin_of(ob)
+    names = ob.name, twin.name
+    accelerate(ob)
+    bpy.ops.ed.undo_push(message="Accelerate")
+    tail = yield from tail_found(ob.name)
+    assert tail == ("Subdivision",) and len(bpy.data.scenes) == 1
+    with window():
+        bpy.ops.screen.screenshot(filepath=str(FOLDER / "stencils.png"))
+    yield from playing(1.0)
+    assert_same_shape(ob, twin)
+    assert addon_module("run.characters").character(ob).is_deforming
+    ob.location.x = twin.location.x = 1.0
+    bpy.ops.ed.undo_push(message="Move")
+    yield 0.5
+    with window():
+        bpy.ops.ed.undo()
+    ob, twin = (bpy.data.objects[name] for name in names)
+    assert ob.location.x == 0.0 and (yield from tail_found(ob.name)) == ("Subdivision",)
+    yield from playing(1.0)
+    assert_same_shape(ob, twin)
+    print("window: stencils were found and played")
+
+
+def tail_found(name, seconds=30.0):
+    """Waits until the tail of that object is computed natively, and returns its names."""
+    characters, waited = addon_module("run.characters"), 0.0
+    while waited < seconds:
+        yield 0.2
+        waited += 0.2
+        entry = characters.character(bpy.data.objects[name])
+        if entry.way.tail is not None and entry.is_wired:
+            return entry.way.tail.names
+    raise AssertionError(f"no stencils after {seconds} seconds: {entry.planning.sought} {entry.way}")
 
 
 def playing_with_the_interface(bone, ob, done):

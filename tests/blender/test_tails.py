@@ -1,39 +1,58 @@
 """Modifiers behind those that deform whose vertices are weighted sums: Sinew finds the sums and makes the vertices, and
 the shape is as that of a twin that Blender deforms, with all that its mesh has."""
 
+import bmesh
 import bpy
+import numpy as np
 import pytest
 
-from characters import accelerate, make_armature, make_mesh, pose
-from helpers import addon_module, depsgraph, shortcut_of, twin_of, way
-from test_canvases import are_deforming, assert_all_same
-from test_stencils import TAILS, add_modifiers
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
+from decorated import decorate, of_result
+from helpers import (
+    addon_module,
+    assert_plays_without_the_addon,
+    assert_same_shape,
+    data_counts,
+    depsgraph,
+    reopened,
+    select,
+    shortcut_of,
+    traces,
+    twin_of,
+    way,
+)
+from test_canvases import are_deforming, assert_all_same, canvases
+from test_render import add_camera, assert_same_pictures, render_frames, with_motion_blur, with_persistent_data
+from test_stencils import TAILS, add_modifiers, make_rough
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (4, 1, 0), reason="left to Blender in this version")
 BEHIND = "UV_WARP", {}  # for which Blender has to make the vertices before it
+OTHERS = {"ARMATURE", "NODES", "CORRECTIVE_SMOOTH"}
 
 
 def character_with(*modifiers, add=None):
-    """[(object, its twin)]: bound. modifiers: (type, settings) behind the Armature modifier."""
+    """[(object, its twin)]: not bound. modifiers: (type, settings) behind the Armature modifier."""
     armature = make_armature()
     ob = make_mesh(armature, False)
     ob.parent = armature
     for frame in (1, 4, 7, 10):
-        pose(armature, frame, True)
+        pose(armature, frame, False)
     if add is not None:
         add(ob)
     add_modifiers(ob, modifiers)
-    pairs = [(ob, twin_of(ob))]
-    accelerate(ob)
+    return [(ob, twin_of(ob))]
+
+
+def bound(pairs):
+    for ob, _twin in pairs:
+        accelerate(ob)
     return pairs
 
 
-def find_stencils(frames=24):
-    """Plays so long that stencils are found."""
-    searching = addon_module("stencils.searching")
-    for frame in range(1, frames + 2):
+def find_stencils():
+    """Plays so long that stencils are found, and that the fast path is taken."""
+    for frame in range(28):
         bpy.context.scene.frame_set(1 + frame % 10)
-    return searching
 
 
 def tail_of(ob):
@@ -41,15 +60,427 @@ def tail_of(ob):
     return tail and tail.names
 
 
-@pytest.mark.parametrize("modifiers", TAILS.values(), ids=TAILS.keys())
-def test_the_same_shape(fresh_scene, modifiers):
-    pairs = character_with(*modifiers, BEHIND)
-    assert_all_same(pairs, (1, 2))
+def says(ob):
+    return addon_module("stencils.searching").says(ob)
+
+
+STACKS = {
+    **{name: [*modifiers, BEHIND] for name, modifiers in TAILS.items()},
+    "smoothed": [("CORRECTIVE_SMOOTH", {"iterations": 3}), ("SUBSURF", {"levels": 1}), BEHIND],
+    "mask before a last subdivision": [("MASK", {"vertex_group": "side"}), ("SUBSURF", {"levels": 1})],
+    "in front of a mirror": [("SUBSURF", {"levels": 1}), ("MIRROR", {"use_axis": (False, True, False)})],
+    "in front of an array": [("EDGE_SPLIT", {"use_edge_angle": False}), ("ARRAY", {"count": 2})],
+}
+
+
+@pytest.mark.parametrize("rough", (False, True), ids=("quads", "rough"))
+@pytest.mark.parametrize("modifiers", STACKS.values(), ids=STACKS.keys())
+def test_the_same_shape(fresh_scene, modifiers, rough):
+    pairs = bound(character_with(*modifiers, add=make_rough if rough else None))
     ((ob, _twin),) = pairs
-    assert way(ob) == "ATTRIBUTE" and tail_of(ob) is None
+    assert_all_same(pairs, (1, 2, 3, 4, 5))
+    assert way(ob) == "ATTRIBUTE" and tail_of(ob) is None and canvases() == []
     find_stencils()
     assert_all_same(pairs)
-    assert tail_of(ob) == tuple(
-        modifier.name for modifier in ob.modifiers if modifier.type not in {"ARMATURE", "NODES", "UV_WARP"}
-    )
-    assert are_deforming(pairs) == [True] and shortcut_of(ob, depsgraph()) is not None
+    if rough and "TRIANGULATE" == modifiers[0][0]:
+        assert tail_of(ob) is None and "more than four corners" in says(ob)
+        return
+    kinds = [ob.modifiers[name].type for name in tail_of(ob)]
+    wanted = [kind for kind, _settings in modifiers if kind in {"SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE"}]
+    assert kinds == (wanted[:-1] if modifiers[-1][0] == "SUBSURF" else wanted)
+    assert way(ob) == "CANVAS" and len(canvases()) == 1 and are_deforming(pairs) == [True]
+    assert shortcut_of(ob, depsgraph()) is not None and says(ob) == ""
+
+
+PAIRS = {
+    "subdivision": [("SUBSURF", {"levels": 1, "render_levels": 1}), BEHIND],
+    "masked": [
+        ("CORRECTIVE_SMOOTH", {"iterations": 2}),
+        ("MASK", {"vertex_group": "side"}),
+        ("SUBSURF", {"levels": 1}),
+    ],
+}
+
+
+@pytest.fixture(params=PAIRS.values(), ids=PAIRS.keys())
+def pairs(request, fresh_scene):
+    found = bound(character_with(*request.param))
+    find_stencils()
+    assert_all_same(found, (2, 3, 4, 5))
+    assert are_deforming(found) == [True] and tail_of(found[0][0])
+    return found
+
+
+def first_of_tail(ob):
+    return ob.modifiers[(tail_of(ob) or [next(each.name for each in ob.modifiers if each.type not in OTHERS)])[0]]
+
+
+def test_all_that_a_mesh_has(pairs, fresh_scene):
+    ob, twin = pairs[0]
+    for each in pairs[0]:
+        decorate(each)
+    find_stencils()
+    assert tail_of(ob)
+    for frame in (2, 5, 6, 7, 8):
+        fresh_scene.frame_set(frame)
+        ours, theirs = of_result(ob), of_result(twin)
+        assert ours.keys() == theirs.keys()
+        assert [name for name in ours if name != "materials" and ours[name] != theirs[name]] == []
+        assert_same_shape(ob, twin)
+    assert are_deforming(pairs) == [True]
+
+
+def move_a_vertex(ob):
+    ob.data.vertices[20].co.z += 0.3
+    ob.data.update()
+
+
+def paint(ob):
+    ob.vertex_groups[0].add(range(100), 0.4, "REPLACE")
+
+
+def mask_others(ob):
+    ob.vertex_groups["side"].add(range(300), 0.9, "REPLACE")
+
+
+def set_it(ob):
+    modifier = ob.modifiers[first_name(ob)]
+    if modifier.type == "SUBSURF":
+        modifier.levels = 2
+    else:
+        modifier.invert_vertex_group = True
+
+
+def first_name(ob):
+    return next(each.name for each in ob.modifiers if each.type in {"SUBSURF", "MASK"})
+
+
+def hide_it(ob):
+    ob.modifiers[first_name(ob)].show_viewport = False
+
+
+def add_to_it(ob):
+    modifier = ob.modifiers.new("Triangulate", "TRIANGULATE")
+    modifier.quad_method = "FIXED"
+    ob.modifiers.move(ob.modifiers.find(modifier.name), ob.modifiers.find(first_name(ob)) + 1)
+
+
+def remove_it(ob):
+    ob.modifiers.remove(ob.modifiers[first_name(ob)])
+
+
+def move_it(ob):
+    ob.modifiers.move(ob.modifiers.find(first_name(ob)), 0)
+
+
+def delete_faces(ob):
+    mesh = bmesh.new()
+    mesh.from_mesh(ob.data)
+    bmesh.ops.delete(mesh, geom=list(mesh.faces)[:40], context="FACES")
+    mesh.to_mesh(ob.data)
+    mesh.free()
+
+
+def crease(ob):
+    attribute = ob.data.attributes.get("crease_edge") or ob.data.attributes.new("crease_edge", "FLOAT", "EDGE")
+    for number, each in enumerate(attribute.data):
+        each.value = 1.0 if number % 5 == 0 else 0.0
+    ob.data.update()
+
+
+def map_it(ob):
+    ob.data.uv_layers.new(name="New")
+
+
+def rename_a_group(ob):
+    ob.vertex_groups["side"].name = "elsewhere"
+
+
+def animate_it(ob):
+    ob.modifiers[first_name(ob)].keyframe_insert("show_viewport", frame=1)
+
+
+EDITS = (
+    move_a_vertex,
+    paint,
+    mask_others,
+    set_it,
+    hide_it,
+    add_to_it,
+    remove_it,
+    move_it,
+    delete_faces,
+    crease,
+    map_it,
+    rename_a_group,
+    animate_it,
+)
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_is_right_at_once(pairs, edit):
+    for each in pairs[0]:
+        edit(each)
+    bpy.context.view_layer.update()
+    for frame in (5, *range(1, 11)):
+        bpy.context.scene.frame_set(frame)
+        assert_same_shape(*pairs[0])
+    find_stencils()
+    assert_all_same(pairs)
+    assert are_deforming(pairs) == [True]
+    assert of_result(pairs[0][0]).keys() == of_result(pairs[0][1]).keys()
+
+
+def test_what_does_not_change_the_sums_needs_no_other_search(pairs, monkeypatch):
+    monkeypatch.setattr(addon_module("stencils.searching"), "Search", None)
+    for each in pairs[0]:
+        move_a_vertex(each)
+        map_it(each)
+    bpy.context.view_layer.update()
+    assert_all_same(pairs)
+    assert tail_of(pairs[0][0]) and are_deforming(pairs) == [True]
+
+
+def test_undo_and_redo(fresh_scene):
+    names = [each.name for each in character_with(*PAIRS["subdivision"])[0]]
+
+    def check(is_bound=True):
+        pairs = [tuple(bpy.data.objects[name] for name in names)]
+        assert_all_same(pairs, (2, 5, 3, 6))
+        find_stencils()
+        assert_all_same(pairs, (2, 5, 3, 6))
+        if is_bound:
+            assert tail_of(pairs[0][0]) and are_deforming(pairs) == [True]
+        return pairs[0]
+
+    bpy.ops.ed.undo_push(message="free")
+    accelerate(check(False)[0])
+    bpy.ops.ed.undo_push(message="bound")
+    for each in check():
+        each.modifiers["SUBSURF"].levels = each.modifiers["SUBSURF"].render_levels = 2
+    bpy.ops.ed.undo_push(message="levels")
+    for each in check():
+        delete_faces(each)
+    bpy.ops.ed.undo_push(message="cut")
+    check()
+    for _ in range(2):
+        for _step in range(2):
+            bpy.ops.ed.undo()
+            check()
+        bpy.ops.ed.undo()
+        assert not check(False)[0].sinew.is_bound and canvases() == []
+        for _step in range(3):
+            bpy.ops.ed.redo()
+            check()
+    assert len(canvases()) == 1
+
+
+@pytest.mark.parametrize("is_linked", (False, True))
+def test_duplicated(pairs, is_linked):
+    ob, twin = pairs[0]
+    select(ob)
+    bpy.ops.object.duplicate(linked=is_linked)
+    found = [*pairs, (bpy.context.active_object, twin)]
+    assert_all_same(found)
+    find_stencils()
+    assert_all_same(found)
+    assert [bool(tail_of(each)) for each, _twin in found] == [not is_linked] * 2
+    assert are_deforming(found) == [True] * 2
+
+
+def test_unbound_nothing_is_left(fresh_scene):
+    pairs = character_with(*PAIRS["subdivision"])
+    before = data_counts()
+    bound(pairs)
+    find_stencils()
+    assert tail_of(pairs[0][0]) and len(bpy.data.scenes) == 1
+    select(pairs[0][0])
+    bpy.ops.object.sinew_unbind()
+    assert traces() == [] and data_counts() == before
+    assert_all_same(pairs, (3, 6))
+
+
+@pytest.mark.parametrize("mode", ("EDIT", "SCULPT", "WEIGHT_PAINT", "VERTEX_PAINT", "TEXTURE_PAINT"))
+def test_modes(pairs, mode):
+    ob, _twin = pairs[0]
+    select(ob)
+    bpy.ops.object.mode_set(mode=mode)
+    if mode != "EDIT":
+        assert_all_same(pairs, (4, 5))
+        assert are_deforming(pairs) == [False]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert_all_same(pairs, (6, 7, 8))
+    assert are_deforming(pairs) == [True] and tail_of(ob)
+
+
+def test_a_saved_file_has_none_of_it(pairs, tmp_path):
+    ob, _twin = pairs[0]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "copy.blend"), copy=True)
+    with bpy.data.libraries.load(str(tmp_path / "copy.blend")) as (source, target):
+        target.objects = list(source.objects)
+    loaded = [each for each in target.objects if each is not None]
+    nodes = addon_module("blender.nodes")
+    assert not any(nodes.is_canvas(each) for each in loaded)
+    bpy.data.batch_remove(loaded)
+    bpy.context.view_layer.update()
+    assert_all_same(pairs, (6, 7, 8))
+    assert tail_of(ob) and are_deforming(pairs) == [True]  # in the open file it goes on
+    pairs = [tuple(reopened(tmp_path, *pairs[0]))]
+    assert_all_same(pairs)
+    assert way(pairs[0][0]) == "ATTRIBUTE" and are_deforming(pairs) == [True] and canvases() == []
+    find_stencils()
+    assert tail_of(pairs[0][0])
+
+
+def test_it_plays_without_the_addon(pairs, tmp_path):
+    assert_plays_without_the_addon(tmp_path, *pairs[0])
+
+
+@pytest.mark.parametrize("render_levels", (1, 2))
+@pytest.mark.parametrize("set_up", (with_motion_blur, with_persistent_data))
+def test_rendered(pairs, fresh_scene, tmp_path, set_up, render_levels):
+    for each in pairs[0]:
+        for modifier in each.modifiers:
+            if modifier.type == "SUBSURF":
+                modifier.render_levels = render_levels
+    bpy.context.view_layer.update()
+    find_stencils()
+    add_camera(fresh_scene)
+    fresh_scene.camera.location = (0, -12, 2.5)
+    set_up(fresh_scene)
+    assert tail_of(pairs[0][0])
+    pictures = []
+    for shown in (0, 1):
+        for number, each in enumerate(pairs[0]):
+            each.hide_render = number != shown
+        (tmp_path / str(shown)).mkdir()
+        pictures.append(render_frames(fresh_scene, tmp_path / str(shown), True))
+    assert_same_pictures(*pictures)
+
+
+def test_the_scene_is_simplified(pairs, fresh_scene):
+    render = fresh_scene.render
+    for settings in (
+        {"use_simplify": True, "simplify_subdivision": 1},
+        {"simplify_subdivision": 0},
+        {"use_simplify": False},
+        {"simplify_subdivision": 2},
+    ):
+        for name, value in settings.items():
+            setattr(render, name, value)
+        bpy.context.view_layer.update()
+        assert_same_shape(*pairs[0])
+        find_stencils()
+        assert_all_same(pairs, (6, 7, 8, 9))
+        assert are_deforming(pairs) == [True] and tail_of(pairs[0][0])
+
+
+def test_what_is_last_is_left_to_the_viewport(fresh_scene):
+    pairs = bound(character_with(("SUBSURF", {"levels": 1})))
+    find_stencils()
+    assert way(pairs[0][0]) == "ATTRIBUTE" and tail_of(pairs[0][0]) is None
+    follower = bpy.data.objects.new("Follower", None)
+    bpy.context.collection.objects.link(follower)
+    constraint = follower.constraints.new("COPY_LOCATION")
+    constraint.target, constraint.subtarget = pairs[0][0], "bone1"
+    bpy.context.view_layer.update()
+    find_stencils()
+    assert tail_of(pairs[0][0]) == ("SUBSURF",)
+    assert_all_same(pairs)
+    bpy.data.objects.remove(follower)
+    bpy.context.view_layer.update()
+    find_stencils()
+    assert way(pairs[0][0]) == "ATTRIBUTE" and tail_of(pairs[0][0]) is None
+    assert_all_same(pairs)
+
+
+LEFT = {
+    "animated": ([("SUBSURF", {}), BEHIND], lambda ob: ob.modifiers[-2].keyframe_insert("levels", frame=1)),
+    "angle": ([("EDGE_SPLIT", {}), BEHIND], None),
+    "bones": ([("MASK", {"mode": "ARMATURE"}), BEHIND], None),
+    "only in renders": ([("SUBSURF", {"show_viewport": False}), BEHIND], None),
+}
+
+
+@pytest.mark.parametrize("modifiers, add", LEFT.values(), ids=LEFT.keys())
+def test_what_is_left_to_blender(fresh_scene, modifiers, add):
+    pairs = character_with(*modifiers)
+    for each in pairs[0] if add is not None else ():
+        add(each)
+    bound(pairs)
+    find_stencils()
+    assert_all_same(pairs)
+    assert way(pairs[0][0]) == "ATTRIBUTE" and canvases() == [] and are_deforming(pairs) == [True]
+    kinds = {pairs[0][0].modifiers[name].type for name in tail_of(pairs[0][0]) or ()}
+    assert kinds == set()
+
+
+def test_keys_and_shared_meshes_are_left(fresh_scene):
+    pairs = bound(character_with(*PAIRS["subdivision"], add=add_shape_keys))
+    find_stencils()
+    assert_all_same(pairs)
+    assert way(pairs[0][0]) == "KEYS" and tail_of(pairs[0][0]) is None
+
+
+def test_a_mismatch_leaves_it_to_blender(fresh_scene, monkeypatch):
+    monkeypatch.setattr(addon_module("stencils.probing"), "TOLERANCE", 0.0)
+    pairs = bound(character_with(*PAIRS["subdivision"]))
+    find_stencils()
+    assert_all_same(pairs)
+    assert tail_of(pairs[0][0]) is None and "in a shape with which it was compared" in says(pairs[0][0])
+    assert are_deforming(pairs) == [True]
+
+
+def test_a_long_search_is_not_begun(fresh_scene, monkeypatch):
+    monkeypatch.setattr(addon_module("stencils.searching"), "MOST_SECONDS", 0.0)
+    pairs = bound(character_with(*PAIRS["subdivision"]))
+    find_stencils()
+    assert tail_of(pairs[0][0]) is None and "seconds to find its weights" in says(pairs[0][0])
+    assert_all_same(pairs)
+    monkeypatch.undo()
+    for each in pairs[0]:
+        move_a_vertex(each)  # an edit has it tried again
+    find_stencils()
+    assert tail_of(pairs[0][0])
+
+
+def only_edges(mesh):
+    own = bmesh.new()
+    own.from_mesh(mesh)
+    bmesh.ops.delete(own, geom=list(own.faces), context="FACES_ONLY")
+    own.to_mesh(mesh)
+    own.free()
+
+
+@pytest.mark.parametrize("change", (bpy.types.Mesh.clear_geometry, only_edges))
+def test_bad_meshes(pairs, change):
+    for each in pairs[0]:
+        change(each.data)
+        each.data.update()
+    bpy.context.view_layer.update()
+    find_stencils()
+    ours, theirs = (each.evaluated_get(depsgraph()).data for each in pairs[0])
+    assert len(ours.vertices) == len(theirs.vertices)
+    if len(theirs.vertices):
+        assert_all_same(pairs)
+        assert are_deforming(pairs) == [True]
+    assert len(bpy.data.scenes) == 1
+
+
+def test_two_graphs_of_different_levels(pairs, fresh_scene):
+    """A second scene simplifies what the first does not."""
+    ob, twin = pairs[0]
+    other = bpy.data.scenes.new("Other")
+    for each in (ob, twin, ob.parent):
+        other.collection.objects.link(each)
+    other.render.use_simplify, other.render.simplify_subdivision = True, 0
+    for _ in range(3):
+        for scene in (fresh_scene, other):
+            scene.frame_set(3)
+            layer = scene.view_layers[0]
+            counts = [len(each.evaluated_get(layer.depsgraph).data.vertices) for each in (ob, twin)]
+            shapes = [
+                addon_module("blender.meshes").read_evaluated(each.evaluated_get(layer.depsgraph)).copy()
+                for each in (ob, twin)
+            ]
+            assert counts[0] == counts[1] and np.abs(shapes[0] - shapes[1]).max() < 1e-4

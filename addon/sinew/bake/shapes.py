@@ -1,6 +1,6 @@
 """Reads the shapes of objects frame by frame, and computes their last modifiers natively where that is faster."""
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ..blender import meshes, values
 from ..plan import tails
+from ..run import characters
 from ..stencils import probing
 from . import evaluation
 
@@ -32,6 +33,13 @@ class _Stencilled:
         return None
 
 
+def _is_played(ob: bpy.types.Object, tail: Sequence[bpy.types.Modifier]) -> bool:
+    """Whether Sinew computes the tail of a bound mesh in each evaluation."""
+    entry = characters.character(ob)
+    played = entry.way.tail if entry is not None and entry.is_deforming else None
+    return played is not None and played.names == tuple(each.name for each in tail)
+
+
 class Shapes:
     """The shapes of the objects of a bake."""
 
@@ -51,6 +59,9 @@ class Shapes:
             if not tail or frame_count < PAYS:
                 continue
             names, switches = " and ".join(each.name for each in tail), ExitStack()
+            if _is_played(ob, tail):
+                self._remarks[ob] = f"{names} computed natively"
+                continue
             self._stack.push(switches)
             try:
                 self._made[ob] = yield from self._find(context, ob, tail, frame_count, names, switches)

@@ -16,11 +16,15 @@ _BESIDE_RESULT = {
 
 
 def settings_of(modifier: bpy.types.Modifier) -> dict[str, Any]:
-    """Returns the settings that decide a modifier's result, by the names of its properties."""
+    """Returns the settings that decide a modifier's result, by the names of its properties. A vertex group that is
+    missing counts as none: Blender does not take its name."""
     found = {}
+    groups = modifier.id_data.vertex_groups
     for each in modifier.bl_rna.properties:
         if not each.is_readonly and each.identifier not in _BESIDE_RESULT:
             value = getattr(modifier, each.identifier)
+            if each.identifier.startswith("vertex_group") and isinstance(value, str) and value not in groups:
+                value = ""
             found[each.identifier] = tuple(value) if getattr(each, "is_array", False) else value
     return found
 

@@ -49,18 +49,18 @@ def provide(
         lost = (each for each in bpy.data.objects if each.library is None and canvas_survey.is_canvas_of(each, ob))
         canvas = next(lost, None) or _make(ob)
         ob.sinew.canvas = canvas
-    if not canvas_survey.has_modifiers_of(canvas, ob, names, shown):
-        _copy_modifiers(canvas, ob, names, shown)
-        canvas.update_tag()
-    if names and canvas.get(canvas_survey.SIMPLIFIED) != canvas_survey.simplification():
-        canvas[canvas_survey.SIMPLIFIED] = canvas_survey.simplification()
-        canvas.update_tag()
     if has_copy:
         if is_stale or canvas.data == ob.data or canvas.data.users > 1:
             _give_mesh(canvas, ob.data.copy())
             canvas.data.name = NAME
     elif canvas.data != ob.data:
         _give_mesh(canvas, ob.data)
+    if not canvas_survey.has_modifiers_of(canvas, ob, names, shown):  # which may name groups of the mesh
+        _copy_modifiers(canvas, ob, names, shown)
+        canvas.update_tag()
+    if names and canvas.get(canvas_survey.SIMPLIFIED) != canvas_survey.simplification():
+        canvas[canvas_survey.SIMPLIFIED] = canvas_survey.simplification()
+        canvas.update_tag()
     return canvas
 
 

@@ -29,6 +29,7 @@ HAS_EVENT_LOOP = not bpy.app.background
 _seen_gathering = None  # characters.gathering() at the last update
 _seen_members: frozenset[int] | None = None  # characters.members() at the last update
 _said: set[str] = set()  # errors of the timer that were logged
+_tails: dict[int, Any] = {}  # while a file is saved: key of a bound mesh -> situation.Tail
 _bone_names: dict[Any, list[str]] = {}  # key of an armature's data -> names of its bones
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
 # access to the file's data.
@@ -118,7 +119,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     if edits.of_collections:
         characters.count_again()
         graph_copies.expect_strays()
-    searching.expect_followers()
+    searching.note_edit()
     affected = characters.made_of(edits.keys)
     has_gathered, has_other_bones = _has_gathered(), _has_other_bones(edits.armatures)
     if has_gathered:
@@ -154,8 +155,23 @@ def on_load(*_: Any) -> None:
 
 @persistent
 def before_save(*_: Any) -> None:
+    for ob in characters.known():
+        planning = characters.of(ob).planning
+        if planning.tail is not None:  # whoever opens or links the file has no stencils
+            _tails[values.key_of(ob)], planning.tail = planning.tail, None
+            mending.adapt(ob)
     canvases.remove_unused()
     shared_group.see_to()
+
+
+@persistent
+def after_save(*_: Any) -> None:
+    for key, tail in _tails.items():
+        ob = characters.find(key)
+        if ob is not None:
+            characters.of(ob).planning.tail = tail
+            mail.post(mail.REWIRE, key)
+    _tails.clear()
 
 
 @persistent
@@ -380,6 +396,8 @@ HANDLERS = (
     ("depsgraph_update_post", on_depsgraph_update),
     ("load_post", on_load),
     ("save_pre", before_save),
+    ("save_post", after_save),
+    *((("save_post_fail", after_save),) if hasattr(bpy.app.handlers, "save_post_fail") else ()),
     ("undo_pre", before_undo_redo),
     ("redo_pre", before_undo_redo),
     ("undo_post", on_undo_redo),

@@ -53,16 +53,18 @@ def surroundings_of(ob: bpy.types.Object, sharer_count: int, file: File | None =
     return Surroundings(sharer_count, file.simplification, trouble)
 
 
-def canvas_of(ob: bpy.types.Object, front: Sequence[str], around: Surroundings) -> bpy.types.Object | None:
-    """Returns the canvas of an original object if it has one with that front, and with the object's mesh, or a copy if
-    no other object has that mesh; otherwise None. front: names of modifiers; around: of the object."""
+def canvas_of(
+    ob: bpy.types.Object, front: Sequence[str], tail: Tail | None, around: Surroundings
+) -> bpy.types.Object | None:
+    """Returns the canvas of an original object if it has one with that front or tail, and with the object's mesh, or a
+    copy if no other object has that mesh; otherwise None. front: names of modifiers; around: of the object."""
     canvas = ob.sinew.canvas
     if not is_canvas_of(canvas, ob):
         return None
     is_right_mesh = (
         canvas.data == ob.data if around.sharer_count > 1 else canvas.data != ob.data and canvas.data.users == 1
     )
-    names, shown = (around.tail.names, around.tail.shown) if around.tail is not None else (front, BOTH)
+    names, shown = (tail.names, tail.shown) if tail is not None else (front, BOTH)
     is_current = not names or canvas.get(SIMPLIFIED) == around.simplification
     return canvas if is_right_mesh and is_current and has_modifiers_of(canvas, ob, names, shown) else None
 

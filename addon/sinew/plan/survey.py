@@ -8,7 +8,7 @@ import bpy
 
 from ..blender import animation, armatures, meshes, modifier_types, nodes, values
 from ..host import contract, features, graph_modes, vector_arrays
-from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, tails, wiring
+from . import animated, cages, canvas_survey, driven, fronts, mends, plans, runs, tails, ways, wiring
 from .situation import Hook, Keys, Modifier, Situation
 
 # Parent types that only transform the mesh; the others deform it.
@@ -71,7 +71,6 @@ def _read(
     names = tuple(modifier.name for modifier in taken)
     modifiers = _modifiers(ob, names)
     front = [modifier.name for modifier in fronts.of(modifiers, names)]
-    canvas = canvas_survey.canvas_of(original, front, around)
     may_take_all = (
         bool(front)
         or any(not each.tail_trouble for each in modifiers)
@@ -79,7 +78,7 @@ def _read(
         and mesh.shape_keys is None
     )
     asks_for_shape = bool(taken) and (moves_against_armature or mesh.shape_keys is not None)
-    return Situation(
+    found = Situation(
         values.key_of(mesh),
         len(mesh.vertices),
         modifiers,
@@ -87,8 +86,6 @@ def _read(
         _hook(ob, carrier),
         _keys(original, mesh.shape_keys),
         sharer_count=around.sharer_count,
-        canvas=canvas and values.key_of(canvas),
-        copied=canvas and canvas.data != mesh and values.key_of(canvas.data) or None,
         front_trouble=canvas_survey.front_trouble(original, around) if may_take_all else "",
         tail=around.tail,
         is_followed=around.is_followed,
@@ -108,6 +105,12 @@ def _read(
         tells_renders=graph_modes.is_known(),
         **more,
     )
+    tail = ways.tail_of(found)
+    canvas = canvas_survey.canvas_of(original, front, tail, around)
+    if canvas is None:
+        return found
+    copied = values.key_of(canvas.data) if canvas.data != mesh else None
+    return replace(found, canvas=values.key_of(canvas), copied=copied)
 
 
 def _animation_trouble(ob: bpy.types.Object) -> str:

@@ -214,9 +214,7 @@ def _through_attribute(situation: Situation) -> Way:
                 wants_keys=True,
             )
     front = fronts.of(situation.modifiers, situation.taken)
-    tail = situation.tail if may_have_tail(situation) else None
-    if tail is not None and tail.names != runs.of(situation).tail:
-        tail = None
+    tail = tail_of(situation)
     if not front and tail is None and situation.sharer_count == 1:
         return Way(ATTRIBUTE)
     return Way(
@@ -226,6 +224,12 @@ def _through_attribute(situation: Situation) -> Way:
         takes_all=bool(front or tail) or not situation.front_trouble and _is_idle_before(situation, stages),
         tail=tail,
     )
+
+
+def tail_of(situation: Situation) -> Tail | None:
+    """Returns what was found for the tail that the object has now, or None."""
+    tail = situation.tail
+    return tail if tail is not None and may_have_tail(situation) and tail.names == runs.of(situation).tail else None
 
 
 def may_have_tail(situation: Situation) -> bool:

@@ -204,7 +204,7 @@ class _Subject:
         shown = [modifier for modifier in evaluated.modifiers if modifier.show_viewport]
         if self.is_deformed_by_sinew:  # after an evaluation the modifiers that Sinew replaces are on again
             plan = characters.of(self.ob).plan
-            shown = [modifier for modifier in shown if modifier.name not in (*plan.way.front, *plan.replaced)]
+            shown = [modifier for modifier in shown if modifier.name not in (*plan.way.on_canvas, *plan.replaced)]
         kinds = [(modifier.name, modifier.type) for modifier in shown if not nodes.is_sinew(modifier)]
         tail = costs.after_deforming(kinds, {"ARMATURE", *modifier_types.STAGES})
         for modifier in shown:

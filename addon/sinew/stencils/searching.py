@@ -22,6 +22,7 @@ from . import probing
 log = logging.getLogger("sinew")
 SECONDS_AT_ONCE = 0.1  # of one bit
 SECONDS_BETWEEN_BITS = 0.05
+SECONDS_OF_REST = 1.0  # without an edit, before a search goes on
 FRAMES_AHEAD = 24  # in the background
 MOST_EVALUATIONS = 256
 MOST_SECONDS = 20.0  # of all evaluations; a search that would take longer is not begun
@@ -78,6 +79,8 @@ class Search:
 
 _search: Search | None = None
 _may_be_followed = True
+_edited = 0.0  # when something was
+_is_at_it = False  # what is evaluated is a search's
 _frames: dict[int, int] = {}  # in the background: key of an object -> frames without the stencils that it lacks
 
 
@@ -105,10 +108,11 @@ def _lacking() -> list[bpy.types.Object]:
     return [ob for ob, entry in found if entry.plan.lacks_stencils and entry.is_deforming and not _in_vain(entry)]
 
 
-def expect_followers() -> None:
-    """Has the next look see which meshes others follow, after an edit."""
-    global _may_be_followed
-    _may_be_followed = True
+def note_edit() -> None:
+    """Has a search wait until nothing was edited for a while, and then see which meshes others follow."""
+    global _may_be_followed, _edited
+    if not _is_at_it:
+        _may_be_followed, _edited = True, perf_counter()
 
 
 def _see_followers() -> None:
@@ -140,17 +144,18 @@ def look() -> None:
     if _search is None or ob is None or not _search.is_current(ob):
         ob = next(iter(_lacking()), None)
         _search = Search(ob, context.scene) if ob is not None else None
-    if _search is not None and _bit(_search, ob, SECONDS_AT_ONCE):
-        _search = None
-    notice.redraw()
+    if _search is not None:
+        if _bit(_search, ob, SECONDS_AT_ONCE):
+            _search = None
+        notice.redraw()
 
 
 def _is_busy(context: bpy.types.Context) -> bool:
     windows = context.window_manager.windows
     return (
         context.mode not in MODES
+        or perf_counter() - _edited < SECONDS_OF_REST
         or any(window.screen.is_animation_playing for window in windows)
-        or any(len(getattr(window, "modal_operators", ())) for window in windows)
         or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW", "OBJECT_BAKE", "COMPOSITE")))
     )
 
@@ -167,7 +172,9 @@ def note_frame() -> None:
 
 def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
     """Goes on with a search. Returns whether it has ended."""
+    global _is_at_it
     entry = characters.of(ob)
+    _is_at_it = True
     try:
         found = search.go_on(ob, seconds)
         if found is None:
@@ -179,6 +186,8 @@ def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
     except Exception as error:
         log.exception("the weights of %s could not be found", " and ".join(search.names))
         entry.planning.sought = _version(entry), str(error)
+    finally:
+        _is_at_it = False
     return True
 
 

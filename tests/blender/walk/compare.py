@@ -1,5 +1,7 @@
 """What has to hold after each step."""
 
+import collections
+
 import bpy
 import numpy as np
 
@@ -8,6 +10,7 @@ from helpers import addon_module, depsgraph, diagonal, evaluated, own_positions,
 from . import scene
 
 TOLERANCE = 1e-5  # of the diagonal
+paths: collections.Counter = collections.Counter()  # by which bound meshes were deformed when they were compared
 # Corrective Smooth turns by a corner's sides: where they are nearly parallel, the last bit of a position decides. And a
 # negative factor amplifies rounding of all vertices in each iteration. Solidify moves along normals: of a face that is
 # nearly a line, the last bit decides them.
@@ -29,6 +32,9 @@ NOT_SAID = {
 def assert_alike():
     """Every mesh and its twin."""
     for ob, twin in scene.pairs():
+        entry = addon_module("run.characters").character(ob) if ob.sinew.is_bound else None
+        if entry is not None and entry.is_deforming:
+            paths[entry.way.kind + (" with a tail" if entry.way.tail is not None else "")] += 1
         where = f"{ob.name} ({'bound, ' + way(ob) if ob.sinew.is_bound else 'not bound'}, {ob.mode}): "
         for ours, theirs in (modifiers(ob), modifiers(twin)), (state(ob), state(twin)):
             assert ours == theirs, where + difference(ours, theirs)

@@ -22,14 +22,15 @@ TYPES = {
     "MESH_DEFORM": 1,
     "UV_WARP": 0.5,
     "VERTEX_WEIGHT_EDIT": 0.7,
-    "TRIANGULATE": 0.5,
+    "TRIANGULATE": 0.7,
     "SOLIDIFY": 0.5,
-    "SUBSURF": 1.5,
+    "SUBSURF": 2.5,
     "MIRROR": 1,
     "CAST": 1,
     "WAVE": 1,
     "SIMPLE_DEFORM": 1,
-    "MASK": 0.5,
+    "MASK": 1,
+    "EDGE_SPLIT": 0.7,
     "MULTIRES": 0.7,
 }
 # The operators that bind modifiers to a cage.
@@ -151,12 +152,19 @@ def set_modifier(random, ob, modifier):
         modifier.default_weight = random.uniform(0, 0.5)
     elif modifier.type == "SUBSURF":
         modifier.levels = modifier.render_levels = 1 if len(ob.data.vertices) < MOST_VERTICES / 4 else 0
+        modifier.subdivision_type = random.choice(("CATMULL_CLARK", "CATMULL_CLARK", "SIMPLE"))
+        modifier.use_limit_surface = random.random() < 0.6
+    elif modifier.type == "EDGE_SPLIT":
+        modifier.use_edge_angle = random.random() < 0.2
+    elif modifier.type == "TRIANGULATE":
+        modifier.quad_method = random.choice(("FIXED", "FIXED_ALTERNATE", "BEAUTY"))
     elif modifier.type == "MIRROR":
         modifier.use_mirror_merge = modifier.use_mirror_vertex_groups = False
     elif modifier.type == "WAVE":
         modifier.height, modifier.time_offset = random.uniform(0.1, 0.5), -random.randrange(50)
     elif modifier.type == "MASK":
         modifier.vertex_group = random.choice(ob.vertex_groups.keys() or [""])
+        modifier.invert_vertex_group = random.random() < 0.3
     if hasattr(modifier, "invert_vertex_group") and modifier.type not in {"MASK", "SOLIDIFY"} and random.random() < 0.4:
         modifier.vertex_group = group_of(random, ob)
         modifier.invert_vertex_group = random.random() < 0.3

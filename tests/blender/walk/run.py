@@ -124,7 +124,7 @@ def main():
         walk(options.seed, number, part, options.without, listener)
     undone = scene_steps.undone
     print(f"walk: {undone['did something']} of {undone['asked for']} undos and redos did something", flush=True)
-    print(f"walk: rigs {dict(frozen_steps.looked_at)}", flush=True)
+    print(f"walk: rigs {dict(frozen_steps.looked_at)}, paths {dict(compare.paths)}", flush=True)
     print(f"walk: {len(steps)} steps, seed {options.seed}, {time.time() - start:.0f} s, nothing found", flush=True)
 
 
