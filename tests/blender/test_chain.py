@@ -344,6 +344,14 @@ def test_a_hook_is_moved_to_the_front(fresh_scene, make):
     assert ob.modifiers[0].name == "Hook" and way(ob) == "BLENDER"
 
 
+# Why Subdivision is Blender's, with another modifier behind it.
+NO_TAIL = (
+    "Sinew has not found the weights of its vertices yet"
+    if bpy.app.version >= (4, 1, 0)
+    else "In this version of Blender Sinew cannot begin with the result of other modifiers"
+)
+
+
 def by_curve(ob):
     smoothed(ob)
     hook(ob, vertex_group="bone2", falloff_type="CURVE", falloff_radius=3)
@@ -351,10 +359,7 @@ def by_curve(ob):
 
 @pytest.mark.parametrize(
     "behind, name, reason",
-    [
-        (subdivided, "Finer", "Sinew cannot evaluate modifiers of the type Subdivision Surface"),
-        (by_curve, "Hook", "falloff curve"),
-    ],
+    [(subdivided, "Finer", NO_TAIL), (by_curve, "Hook", "falloff curve")],
     ids=lambda part: getattr(part, "__name__", ""),
 )
 def test_where_the_run_ends(fresh_scene, make, behind, name, reason):

@@ -199,10 +199,11 @@ def test_a_small_mesh_in_a_cage_alone_is_left_to_blender(kind):
 
 def test_the_run_goes_on_until_what_sinew_cannot_evaluate():
     off = modifier("DISPLACE", shown=(False, False))
-    given = bound(modifier("SMOOTH"), off, modifier("CORRECTIVE_SMOOTH"), modifier("SUBSURF", "Sub"), modifier("HOOK"))
+    sub = modifier("SUBSURF", "Sub", tail_trouble="it is animated")
+    given = bound(modifier("SMOOTH"), off, modifier("CORRECTIVE_SMOOTH"), sub, modifier("HOOK"))
     run = plans.make(given).run
     assert run.stages == ("SMOOTH", "CORRECTIVE_SMOOTH")
-    assert (run.end, run.reason) == ("Sub", "Sinew cannot evaluate modifiers of the type Subsurf")
+    assert (run.end, run.reason) == ("Sub", "Sinew cannot evaluate modifiers of the type Subsurf: it is animated")
 
 
 @pytest.mark.parametrize(
@@ -534,3 +535,65 @@ def test_a_carrier_leaves_only_if_it_is_in_the_way():
     mixed = bound(armature={"is_mixed": True}, **carried)
     assert [mend.what for mend in needed(mixed)] == ["TAKE_OWN_AWAY"]
     assert [mend.what for mend in needed(bound(has_attribute=True, **carried))] == ["TAKE_OWN_AWAY"]
+
+
+# --- tails ----------------------------------------------------------------------------------------
+
+
+def linear(kind, name="", **more):
+    """A modifier whose result is a weighted sum."""
+    return modifier(kind, name or kind, tail_trouble="", **more)
+
+
+BEHIND = modifier("SOLIDIFY")
+
+
+@pytest.mark.parametrize(
+    "modifiers, tail",
+    [
+        ([linear("SUBSURF"), BEHIND], ("SUBSURF",)),
+        ([linear("MASK"), linear("SUBSURF", "Sub"), linear("TRIANGULATE"), BEHIND], ("MASK", "Sub", "TRIANGULATE")),
+        ([linear("SUBSURF")], ()),
+        ([linear("MASK"), linear("SUBSURF")], ("MASK",)),
+        ([linear("MASK")], ("MASK",)),
+        ([linear("TRIANGULATE"), BEHIND], ()),  # for which Blender takes less time than the search
+        ([BEHIND, linear("SUBSURF"), BEHIND], ()),
+        ([modifier("SMOOTH"), linear("SUBSURF"), linear("MASK", shown=(False, False)), BEHIND], ("SUBSURF",)),
+        ([linear("SUBSURF", shown=(True, False)), BEHIND], ()),
+        ([linear("EDGE_SPLIT"), modifier("SUBSURF"), BEHIND], ("EDGE_SPLIT",)),
+    ],
+)
+def test_the_tail_comes_right_behind_the_run(modifiers, tail):
+    run = plans.make(bound(*modifiers)).run
+    assert run.tail == tail and run.end == next(each.name for each in modifiers if each.type != "SMOOTH")
+    assert plans.make(bound(*modifiers)).lacks_stencils == bool(tail)
+
+
+def test_a_last_subdivision_is_of_it_if_others_follow_the_mesh():
+    assert runs.of(bound(linear("SUBSURF"), is_followed=True)).tail == ("SUBSURF",)
+
+
+@pytest.mark.parametrize(
+    "more, reason",
+    [
+        ({"keys": keys()}, "shape keys"),
+        ({"sharer_count": 2}, "make it single-user"),
+        ({"is_linked": True}, "make a library override"),
+        ({"wants_more": True}, "needs the mesh's own vertices"),
+        ({"front_trouble": "Its particles"}, "Its particles"),
+    ],
+)
+def test_what_has_no_tail(more, reason):
+    run = runs.of(bound(linear("SUBSURF"), BEHIND, **more))
+    assert run.tail == () and run.end == "SUBSURF" and reason in run.reason
+
+
+def test_a_mesh_with_stencils_takes_the_path_through_a_canvas():
+    stencils = object()
+    tail = situation.Tail(("SUBSURF",), "", "", (stencils, None))
+    plan = plans.make(bound(linear("SUBSURF"), BEHIND, tail=tail))
+    assert plan.way.kind == "CANVAS" and plan.way.tail is tail and plan.way.on_canvas == ("SUBSURF",)
+    assert plan.way.takes_all and plan.way.has_copy and not plan.lacks_stencils
+    assert tail.shown == (True, False)
+    other = plans.make(bound(linear("SUBSURF"), linear("MASK"), BEHIND, tail=tail))
+    assert other.way.kind == "ATTRIBUTE" and other.lacks_stencils

@@ -48,6 +48,8 @@ MIXED_IN = {"LATTICE", "MESH_DEFORM"}
 # Modifiers that make other vertices, and with whose result Sinew may begin: all their settings are plain values, and
 # without other objects and animation it changes only after an edit.
 FRONTS = {"ARRAY", "BEVEL", "DECIMATE", "EDGE_SPLIT", "MASK", "MIRROR", "SOLIDIFY", "SUBSURF", "TRIANGULATE", "WELD"}
+# Modifiers behind the run whose result Sinew may compute with stencils.
+TAILS = {"SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE"}
 # Modifiers whose result at the end of a stack Blender makes when somebody reads it, or leaves to the graphics card.
 DEFERRED = {"SUBSURF", "MULTIRES"}
 # Modifiers for which Sinew has native stages.

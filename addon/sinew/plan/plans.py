@@ -55,7 +55,7 @@ def make(situation: Situation) -> Plan:
         hook.awaited if hook is not None else frozenset(),
         tuple((modifier.name, modifier.driven) for modifier in replaced_in(situation, run) if modifier.driven),
         situation.animation_troubles,
-        way.kind == ways.ATTRIBUTE and bool(run.tail) and ways.may_have_tail(situation),
+        way.kind == ways.ATTRIBUTE and bool(run.tail),
     )
 
 

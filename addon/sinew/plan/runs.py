@@ -63,7 +63,25 @@ def of(situation: Situation) -> Run:
         stages += [each.name for each in mix]
         if modifier.type == "ARMATURE":
             mixes.append(tuple(each.name for each in mix))
-    return Run(tuple(stages), *end, tuple(mixes), () if has_front else _tail(modifiers, end[0], situation.is_followed))
+    tail = _tail(modifiers, end[0], situation.is_followed) if (taken or stages) and not has_front else ()
+    if tail:
+        reason = _why_no_tail(situation)
+        end = end[0], reason or "Sinew has not found the weights of its vertices yet"
+        tail = () if reason else tail
+    return Run(tuple(stages), *end, tuple(mixes), tail)
+
+
+def _why_no_tail(situation: Situation) -> str:
+    """Returns why Sinew cannot compute any tail of the object, a clause, or ""."""
+    if situation.keys is not None:
+        return "the mesh has shape keys, which Sinew computes only in front of modifiers that keep the vertices"
+    if situation.sharer_count > 1:
+        return "other objects share the mesh: make it single-user"
+    if situation.is_linked:
+        return "the object is linked, so Sinew cannot add what it needs: make a library override of it"
+    if situation.wants_more:
+        return "its method or output needs the mesh's own vertices"
+    return situation.front_trouble or ("" if situation.tells_renders else "nothing was evaluated yet")
 
 
 def _tail(modifiers: Sequence[Modifier], first: str, is_followed: bool) -> tuple[str, ...]:
@@ -144,7 +162,8 @@ def _why_not(modifier: Modifier, like: str, shown: tuple[bool, bool] | None) -> 
     """Returns why Sinew cannot replace a modifier, or "". shown: the switches of what is named `like`, which it must
     have too, unless it is None."""
     if modifier.type not in modifier_types.STAGES:
-        return f"Sinew cannot evaluate modifiers of the type {modifier.title}"
+        reason = modifier.tail_trouble if modifier.type in modifier_types.TAILS else ""
+        return f"Sinew cannot evaluate modifiers of the type {modifier.title}" + (reason and f": {reason}")
     reason = why_not_driven(modifier, "its {}") or modifier.trouble
     if not reason and shown is not None and not modifier.is_switched and modifier.shown != shown:
         return f"its switches for viewport and renders differ from those of {like}"

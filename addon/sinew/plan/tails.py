@@ -101,7 +101,7 @@ def is_alike_in_renders(tail: Iterable[Any], render: bpy.types.RenderSettings) -
 def why_not(modifier: Any, is_animated: bool) -> str:
     """Returns why what a modifier makes is no fixed weighted sum, a clause, or ""."""
     kind = modifier.type
-    if nodes.is_sinew(modifier) or kind not in _REASONS:
+    if kind not in modifier_types.TAILS:
         return "its result is no weighted sum of the vertices before it"
     if is_animated:
         return "it is animated"

@@ -229,19 +229,7 @@ def _through_attribute(situation: Situation) -> Way:
 def tail_of(situation: Situation) -> Tail | None:
     """Returns what was found for the tail that the object has now, or None."""
     tail = situation.tail
-    return tail if tail is not None and may_have_tail(situation) and tail.names == runs.of(situation).tail else None
-
-
-def may_have_tail(situation: Situation) -> bool:
-    """Whether nothing but its stencils may be missing for a tail."""
-    return (
-        situation.keys is None
-        and situation.sharer_count == 1
-        and not situation.is_linked
-        and not situation.wants_more
-        and not situation.front_trouble
-        and situation.tells_renders
-    )
+    return tail if tail is not None and tail.names == runs.of(situation).tail else None
 
 
 def _is_idle_before(situation: Situation, stages: Sequence[str]) -> bool:

@@ -33,6 +33,8 @@ TYPES = {
     "EDGE_SPLIT": 0.7,
     "MULTIRES": 0.7,
 }
+DEFORMING = {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK", "LATTICE", "SURFACE_DEFORM", "MESH_DEFORM"}
+TAIL = ("SUBSURF", "SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE")
 # The operators that bind modifiers to a cage.
 BINDING = {"SURFACE_DEFORM": "surfacedeform_bind", "MESH_DEFORM": "meshdeform_bind"}
 # What makes more vertices.
@@ -97,6 +99,22 @@ def add_armature_behind(random, ob):
     if random.random() < 0.6:
         select(ob)
         bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=ob.modifiers.find(first.name) + 1)
+
+
+@on_both(5)
+def end_in_a_tail(random, ob):
+    """In place of what is behind the modifiers that deform: some whose vertices are weighted sums, and one that has
+    Blender make them."""
+    for modifier in own(ob):
+        if modifier.type not in DEFORMING:
+            ob.modifiers.remove(modifier)
+    for kind in random.choices(TAIL, k=random.randint(1, 2)):
+        if len(own(ob)) < MOST and not (kind in GROWING and any(each.type in GROWING for each in ob.modifiers)):
+            modifier = ob.modifiers.new(f"{kind.capitalize()} {random.randrange(100)}", kind)
+            set_modifier(random, ob, modifier)
+            if kind == "EDGE_SPLIT":
+                modifier.use_edge_angle = False
+    ob.modifiers.new(f"Last {random.randrange(100)}", random.choice(("UV_WARP", "SOLIDIFY", "CAST", "SUBSURF")))
 
 
 def is_evaluated(ob):

@@ -56,7 +56,7 @@ def method(random, ob, twin):
         twin.modifiers[name].use_deform_preserve_volume = ob.sinew.method == "DUAL_QUATERNION"
 
 
-@kind(5)
+@kind(9)
 def find_stencils(random):
     """As if enough frames had been played."""
     searching = addon_module("stencils.searching")
