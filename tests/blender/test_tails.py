@@ -49,6 +49,11 @@ def bound(pairs):
     return pairs
 
 
+def with_keys(ob):
+    """Two shape keys, one of which is keyed and has a group."""
+    add_shape_keys(ob)
+
+
 def find_stencils():
     """Plays so long that stencils are found, and that the fast path is taken."""
     for frame in range(28):
@@ -93,6 +98,7 @@ def test_the_same_shape(fresh_scene, modifiers, rough):
 
 
 PAIRS = {
+    "with keys": [("SUBSURF", {"levels": 1, "render_levels": 1}), BEHIND],
     "subdivision": [("SUBSURF", {"levels": 1, "render_levels": 1}), BEHIND],
     "masked": [
         ("CORRECTIVE_SMOOTH", {"iterations": 2}),
@@ -102,9 +108,10 @@ PAIRS = {
 }
 
 
-@pytest.fixture(params=PAIRS.values(), ids=PAIRS.keys())
+@pytest.fixture(params=PAIRS.items(), ids=PAIRS.keys())
 def pairs(request, fresh_scene):
-    found = bound(character_with(*request.param))
+    name, modifiers = request.param
+    found = bound(character_with(*modifiers, add=with_keys if name == "with keys" else None))
     find_stencils()
     assert_all_same(found, (2, 3, 4, 5))
     assert are_deforming(found) == [True] and tail_of(found[0][0])
@@ -227,7 +234,8 @@ def test_an_edit_is_right_at_once(pairs, edit):
         assert_same_shape(*pairs[0])
     find_stencils()
     assert_all_same(pairs)
-    assert are_deforming(pairs) == [True]
+    has_keys = pairs[0][0].data.shape_keys is not None  # and then all modifiers before the armature are Blender's
+    assert are_deforming(pairs) == [not (has_keys and edit is move_it)]
     assert of_result(pairs[0][0]).keys() == of_result(pairs[0][1]).keys()
 
 
@@ -285,7 +293,7 @@ def test_duplicated(pairs, is_linked):
     find_stencils()
     assert_all_same(found)
     assert [bool(tail_of(each)) for each, _twin in found] == [not is_linked] * 2
-    assert are_deforming(found) == [True] * 2
+    assert are_deforming(found) == [not is_linked or ob.data.shape_keys is None] * 2
 
 
 def test_unbound_nothing_is_left(fresh_scene):
@@ -327,7 +335,7 @@ def test_a_saved_file_has_none_of_it(pairs, tmp_path):
     assert tail_of(ob) and are_deforming(pairs) == [True]  # in the open file it goes on
     pairs = [tuple(reopened(tmp_path, *pairs[0]))]
     assert_all_same(pairs)
-    assert way(pairs[0][0]) == "ATTRIBUTE" and are_deforming(pairs) == [True] and canvases() == []
+    assert way(pairs[0][0]) in {"ATTRIBUTE", "KEYS"} and are_deforming(pairs) == [True] and canvases() == []
     find_stencils()
     assert tail_of(pairs[0][0])
 
@@ -415,11 +423,49 @@ def test_what_is_left_to_blender(fresh_scene, modifiers, add):
     assert kinds == set()
 
 
-def test_keys_and_shared_meshes_are_left(fresh_scene):
-    pairs = bound(character_with(*PAIRS["subdivision"], add=add_shape_keys))
+def test_keys(fresh_scene):
+    """Their values are followed, and edits of their points; muted ones add nothing. Other readers find them."""
+    pairs = bound(character_with(*PAIRS["with keys"], add=with_keys))
+    ((ob, twin),) = pairs
+    assert way(ob) == "KEYS"
     find_stencils()
     assert_all_same(pairs)
-    assert way(pairs[0][0]) == "KEYS" and tail_of(pairs[0][0]) is None
+    assert way(ob) == "CANVAS" and tail_of(ob) == ("SUBSURF",) and are_deforming(pairs) == [True]
+    assert shortcut_of(ob, depsgraph()) is not None and ob.sinew.canvas.data.shape_keys is None
+    for change in (
+        lambda each: setattr(each.data.shape_keys.key_blocks[1], "value", 0.8),
+        lambda each: setattr(each.data.shape_keys.key_blocks[2], "mute", True),
+        lambda each: each.data.shape_keys.key_blocks[1].data[5].co.__setitem__(0, 2.0),
+        lambda each: each.data.shape_keys.key_blocks[2].keyframe_insert("value", frame=3),
+        lambda each: each.shape_key_add(name="More", from_mix=True),
+        lambda each: each.shape_key_remove(each.data.shape_keys.key_blocks[1]),
+    ):
+        for each in pairs[0]:
+            change(each)
+            each.data.update()
+            each.data.shape_keys.update_tag()
+        bpy.context.view_layer.update()
+        assert_same_shape(ob, twin)
+        assert_all_same(pairs)
+        assert are_deforming(pairs) == [True] and tail_of(ob)
+        for ours, theirs in zip(*(each.evaluated_get(depsgraph()).data.shape_keys.key_blocks for each in pairs[0])):
+            assert (ours.value, ours.relative_key.name) == (theirs.value, theirs.relative_key.name)
+    for each in pairs[0]:
+        each.data.shape_keys.use_relative = False
+    assert_all_same(pairs)
+    assert way(ob) == "BLENDER" and canvases() == []
+
+
+def test_the_last_key_is_removed(fresh_scene):
+    pairs = bound(character_with(*PAIRS["with keys"], add=with_keys))
+    find_stencils()
+    for each in pairs[0]:
+        each.shape_key_clear()
+    bpy.context.view_layer.update()
+    assert_all_same(pairs)
+    find_stencils()
+    assert_all_same(pairs)
+    assert way(pairs[0][0]) == "CANVAS" and tail_of(pairs[0][0]) and are_deforming(pairs) == [True]
 
 
 def test_a_mismatch_leaves_it_to_blender(fresh_scene, monkeypatch):
@@ -453,6 +499,8 @@ def only_edges(mesh):
 
 
 def nothing(mesh):
+    if mesh.shape_keys is not None:
+        pytest.skip("keys of other meshes are an error")
     mesh.clear_geometry()
 
 

@@ -576,7 +576,6 @@ def test_a_last_subdivision_is_of_it_if_others_follow_the_mesh():
 @pytest.mark.parametrize(
     "more, reason",
     [
-        ({"keys": keys()}, "shape keys"),
         ({"sharer_count": 2}, "make it single-user"),
         ({"is_linked": True}, "make a library override"),
         ({"wants_more": True}, "needs the mesh's own vertices"),
@@ -595,5 +594,7 @@ def test_a_mesh_with_stencils_takes_the_path_through_a_canvas():
     assert plan.way.kind == "CANVAS" and plan.way.tail is tail and plan.way.on_canvas == ("SUBSURF",)
     assert plan.way.takes_all and plan.way.has_copy and not plan.lacks_stencils
     assert tail.shown == (True, False)
+    with_keys = plans.make(bound(linear("SUBSURF"), BEHIND, tail=tail, keys=keys())).way
+    assert with_keys.kind == "CANVAS" and with_keys.has_keys and with_keys.tail is tail and not plan.way.has_keys
     other = plans.make(bound(linear("SUBSURF"), linear("MASK"), BEHIND, tail=tail))
     assert other.way.kind == "ATTRIBUTE" and other.lacks_stencils

@@ -53,6 +53,8 @@ def provide(
         if is_stale or canvas.data == ob.data or canvas.data.users > 1:
             _give_mesh(canvas, ob.data.copy())
             canvas.data.name = NAME
+            if canvas.data.shape_keys is not None:
+                canvas.shape_key_clear()
     elif canvas.data != ob.data:
         _give_mesh(canvas, ob.data)
     if not canvas_survey.has_modifiers_of(canvas, ob, names, shown):  # which may name groups of the mesh

@@ -55,7 +55,7 @@ def make(situation: Situation) -> Plan:
         hook.awaited if hook is not None else frozenset(),
         tuple((modifier.name, modifier.driven) for modifier in replaced_in(situation, run) if modifier.driven),
         situation.animation_troubles,
-        way.kind == ways.ATTRIBUTE and bool(run.tail),
+        way.kind in {ways.ATTRIBUTE, ways.KEYS} and bool(run.tail),
     )
 
 

@@ -65,22 +65,25 @@ def of(situation: Situation) -> Run:
             mixes.append(tuple(each.name for each in mix))
     tail = _tail(modifiers, end[0], situation.is_followed) if (taken or stages) and not has_front else ()
     if tail:
-        reason = _why_no_tail(situation)
+        reason = _why_no_tail(situation, stages)
         end = end[0], reason or "Sinew has not found the weights of its vertices yet"
         tail = () if reason else tail
     return Run(tuple(stages), *end, tuple(mixes), tail)
 
 
-def _why_no_tail(situation: Situation) -> str:
-    """Returns why Sinew cannot compute any tail of the object, a clause, or ""."""
-    if situation.keys is not None:
-        return "the mesh has shape keys, which Sinew computes only in front of modifiers that keep the vertices"
+def _why_no_tail(situation: Situation, stages: Collection[str]) -> str:
+    """Returns why Sinew cannot compute any tail of the object, a clause, or "". stages: of the run."""
     if situation.sharer_count > 1:
         return "other objects share the mesh: make it single-user"
     if situation.is_linked:
         return "the object is linked, so Sinew cannot add what it needs: make a library override of it"
     if situation.wants_more:
         return "its method or output needs the mesh's own vertices"
+    for modifier in situation.modifiers:
+        if modifier.type in modifier_types.ONLY_BEHIND_DEFORMING:
+            return f"{modifier.name} allows only deforming modifiers before it"
+        if modifier.picks_by_index and not modifier.does_nothing and modifier.name not in stages:
+            return f"{modifier.name} picks vertices by index, and Blender mixes these up behind Sinew's modifier"
     return situation.front_trouble or ("" if situation.tells_renders else "nothing was evaluated yet")
 
 

@@ -29,6 +29,7 @@ class Way:
     front: tuple[str, ...] = ()  # of CANVAS, names of the modifiers that only the canvas evaluates
     tail: Tail | None = None  # of CANVAS: it evaluates these modifiers at rest, and stencils place their vertices
     has_copy: bool = False  # the canvas has a copy of the mesh, not the mesh itself
+    has_keys: bool = False  # Sinew reads the shape keys, and has Blender add none of them
     # Of CANVAS: all of the result is the canvas's, which takes less time than to look up its positions. Nothing tells
     # which vertex of the mesh one of the result was made from.
     takes_all: bool = False
@@ -94,7 +95,12 @@ def whatever_its_size(situation: Situation) -> Way:
     reason = situation.attribute_trouble if situation.keys is None else situation.key_trouble
     if reason:
         return Way(BLENDER, reason)
-    return _through_keys(situation) if situation.keys is not None else _through_attribute(situation)
+    if situation.keys is None:
+        return _through_attribute(situation)
+    way, tail = _through_keys(situation), tail_of(situation)
+    if way.kind == KEYS and tail is not None:
+        return Way(CANVAS, has_copy=True, takes_all=True, tail=tail, has_keys=True)
+    return way
 
 
 def _why_not_first(situation: Situation) -> str:
@@ -258,7 +264,7 @@ def _through_keys(situation: Situation) -> Way:
         )
     if taken and not taken[0].is_shown:
         return Way(BLENDER, _why_off(situation, taken[0]))
-    return Way(KEYS)
+    return Way(KEYS, has_keys=True)
 
 
 def _why_off(situation: Situation, modifier: Modifier) -> str:

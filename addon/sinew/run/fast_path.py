@@ -87,13 +87,14 @@ class Shortcut:
         self._bones = [(each, each.data.as_pointer(), layer.edition) for each, layer in zip(armatures, own)]
         hook = copy.hook_of(ob)
         self._mesh = wiring.source_of(hook)
-        has_keys, keys = copy.goes_through_keys(), copy.reading.keys
+        has_keys, keys = plan.way.has_keys, copy.reading.keys
+        key_block = wiring.waits_for(hook, "mesh").shape_keys if has_keys else None
         watched = watch.Tree(ob)
         if copy.goes_through_canvas():
             watched.add_canvas(wiring.target_of(hook, "canvas"), self._mesh)
             for name in ("mesh", "copied") if plan.way.has_copy else ():
                 target = wiring.target_of(hook, name)
-                watched.add_mesh(target, target.id, False)
+                watched.add_mesh(target, target.id, has_keys and name == "mesh")
         else:
             watched.add_mesh(wiring.target_of(hook, "mesh"), self._mesh, has_keys)
         self._live = _live_stages(copy, ob)
@@ -111,7 +112,7 @@ class Shortcut:
             (motions.pose_address_at(armature), layer.first_joint, layer.bones.joint_counts)
             for layer, armature in zip(own, armatures)
         ]
-        self._has_keys, self._identity = has_keys, chain.identity(ob)
+        self._goes_through_keys, self._identity = copy.goes_through_keys(), chain.identity(ob)
         native = sinew_native.host.Shortcut(
             chain.deformer,
             watched.structs,
@@ -120,7 +121,7 @@ class Shortcut:
             [(places.place_at(ob), places.place_at(armature)) for armature in armatures],
             modes,
             chain.stages_at(ob),
-            watch.key_source(self._mesh.shape_keys, keys.relative, keys.base) if has_keys else None,
+            watch.key_source(key_block, keys.relative, keys.base) if has_keys else None,
             chain.rest_of_stages(),
             kept,
             self._identity,
@@ -161,7 +162,7 @@ class Shortcut:
                 return False
             self._native.set_stage(number, stage)
         # Asking for the address makes Blender give the mesh its own array: see host/vector_arrays.py.
-        out = 0 if self._has_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
+        out = 0 if self._goes_through_keys else self._mesh.attributes[nodes.POSITION_ATTRIBUTE].data[0].as_pointer()
         keeper = self._copy.keeper
         if keeper is None:
             return self._native.deform(out)

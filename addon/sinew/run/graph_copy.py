@@ -117,7 +117,7 @@ class GraphCopy:
 
     def has_work(self) -> bool:
         """Whether any modifier that Sinew replaces is on in this evaluation."""
-        if self.goes_through_keys() and self.plan.taken:
+        if self.plan.way.has_keys and self.plan.taken:
             # With the Armature modifier off, exporters expect shape keys that they can read.
             return any(name in self.shown for name in self.plan.taken)
         return bool(self.shown) or not self.plan.replaced

@@ -131,7 +131,7 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     if is_fresh:
         reading.read_mesh(mesh, is_edited)
         copy.look_at_mesh_again()
-    if copy.goes_through_keys():
+    if copy.plan.way.has_keys:
         addresses = key_blocks.key_addresses(mesh.shape_keys)
         reading.read_keys(ob, mesh)
         copy.unrestored = ob.original  # from here on, the keys are not what they were
