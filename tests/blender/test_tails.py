@@ -1,6 +1,8 @@
 """Modifiers behind those that deform whose vertices are weighted sums: Sinew finds the sums and makes the vertices, and
 the shape is as that of a twin that Blender deforms, with all that its mesh has."""
 
+from random import Random
+
 import bmesh
 import bpy
 import numpy as np
@@ -14,6 +16,8 @@ from helpers import (
     assert_same_shape,
     data_counts,
     depsgraph,
+    end,
+    evaluated,
     reopened,
     select,
     shortcut_of,
@@ -402,6 +406,93 @@ def test_what_is_last_is_left_to_the_viewport(fresh_scene):
     assert_all_same(pairs)
 
 
+# --- any settings ---------------------------------------------------------------------------------
+
+FIXED = {"name", "is_active", "use_pin_to_last", "use_apply_on_spline", "show_viewport", "show_render"}
+LEVELS = {"levels": (0, 2), "render_levels": (0, 2), "quality": (1, 5), "min_vertices": (4, 6)}
+
+
+def set_at_random(modifier, random):
+    """Every setting that its type has."""
+    for each in modifier.bl_rna.properties:
+        name = each.identifier
+        if each.is_readonly or name in FIXED or name.startswith("show_"):
+            continue
+        if each.type == "BOOLEAN":
+            value = random.random() < 0.5
+        elif each.type == "ENUM":
+            value = random.choice([item.identifier for item in each.enum_items])
+        elif each.type == "INT":
+            value = random.randint(*LEVELS[name])
+        elif each.type == "FLOAT":
+            value = random.uniform(0.0, 1.0)
+        elif each.type == "STRING":
+            value = random.choice(("", "side", "bone2"))
+        else:
+            continue  # another object
+        try:
+            setattr(modifier, name, value)
+        except TypeError:  # an item that Blender does not offer on this mesh
+            pass
+
+
+def add_any_tail(ob, seed, is_rough):
+    """is_rough: its faces have any number of corners, which Triangulate cuts by the shape."""
+    random, kinds = Random(seed), ["SUBSURF", "SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE"]
+    for _ in range(random.randint(1, 3)):
+        kind = random.choice(kinds[:-1] if is_rough else kinds)
+        modifier = ob.modifiers.new(kind, kind)
+        set_at_random(modifier, random)
+        if kind == "EDGE_SPLIT":  # what decides by the shape decides by its last bits
+            modifier.use_edge_angle = False
+        elif kind == "TRIANGULATE":
+            modifier.quad_method = random.choice(("FIXED", "FIXED_ALTERNATE"))
+    for modifier in [each for each in ob.modifiers if each.type == "SUBSURF"][1:]:
+        modifier.levels = min(modifier.levels, 1)
+    ob.modifiers.new("Behind", random.choice(("UV_WARP", "WEIGHTED_NORMAL")))
+
+
+def normals_of(ob):
+    mesh = ob.evaluated_get(depsgraph()).data
+    normals = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals.reshape(-1))
+    return normals
+
+
+def test_any_settings(fresh_scene):
+    """Positions, corners, normals, UVs and all else are those of the twin."""
+    with_tail = []
+    for seed in range(40):
+        armature = make_armature()
+        ob = make_mesh(armature, seed % 2 == 0)
+        for frame in (1, 5, 10):
+            pose(armature, frame, True)
+        is_rough = seed % 3 == 0
+        if is_rough:
+            make_rough(ob)
+        ob.data.uv_layers.new(name="Map")
+        if seed % 4 == 1:
+            ob.data.normals_split_custom_set_from_vertices([(0.6, 0.0, 0.8)] * len(ob.data.vertices))
+        add_any_tail(ob, seed, is_rough)
+        pairs = bound([(ob, twin_of(ob))])
+        find_stencils()
+        with_tail += [seed] if tail_of(ob) else []
+        own = addon_module("blender.modifiers").settings_of
+        said = seed, [(each.type, own(each)) for each in ob.modifiers if each.type not in OTHERS]
+        for frame in (2, 6, 9):
+            fresh_scene.frame_set(frame)
+            ours, theirs = of_result(ob), of_result(pairs[0][1])
+            assert ours.keys() == theirs.keys() and [name for name in ours if ours[name] != theirs[name]] == [], said
+            if len(evaluated(ob)):
+                assert_same_shape(*pairs[0])
+            one, other = map(normals_of, pairs[0])
+            off = np.abs(one - other).max(axis=1, initial=0.0)
+            assert len(off) == 0 or (off > 1e-3).mean() < 2e-3, (said, off.max())
+        for each in (*pairs[0], armature):
+            bpy.data.objects.remove(each)
+    assert len(with_tail) >= 15, with_tail
+
+
 LEFT = {
     "animated": ([("SUBSURF", {}), BEHIND], lambda ob: ob.modifiers[-2].keyframe_insert("levels", frame=1)),
     "angle": ([("EDGE_SPLIT", {}), BEHIND], None),
@@ -454,6 +545,27 @@ def test_keys(fresh_scene):
         each.data.shape_keys.use_relative = False
     assert_all_same(pairs)
     assert way(ob) == "BLENDER" and canvases() == []
+
+
+def test_generated_coordinates_stay_in_place(fresh_scene):
+    """Only the path through shape keys keeps them there."""
+    pairs = bound(character_with(*PAIRS["with keys"], add=with_keys))
+    ((ob, _twin),) = pairs
+    find_stencils()
+    assert tail_of(ob)
+    material = bpy.data.materials.new("Marble")
+    material.use_nodes = True
+    noise = material.node_tree.nodes.new("ShaderNodeTexNoise")
+    material.node_tree.links.new(noise.outputs[0], material.node_tree.nodes["Principled BSDF"].inputs[0])
+    ob.data.materials.append(material)
+    bpy.context.view_layer.update()
+    find_stencils()
+    assert way(ob) == "KEYS" and tail_of(ob) is None and "Generated coordinates of Marble" in end(ob)[1]
+    assert_all_same(pairs)
+    ob.data.materials.clear()
+    bpy.context.view_layer.update()
+    find_stencils()
+    assert tail_of(ob)
 
 
 def test_the_last_key_is_removed(fresh_scene):

@@ -20,6 +20,7 @@ class Surroundings(NamedTuple):
     front_trouble: str  # why other objects or the scenes keep it from having a front, a sentence, or ""
     tail: Tail | None = None  # what the main thread has last found
     is_followed: bool = False  # see tails.followed
+    generated_in: str = ""  # as in Situation
 
 
 class File(NamedTuple):

@@ -79,6 +79,8 @@ def _why_no_tail(situation: Situation, stages: Collection[str]) -> str:
         return "the object is linked, so Sinew cannot add what it needs: make a library override of it"
     if situation.wants_more:
         return "its method or output needs the mesh's own vertices"
+    if situation.generated_in:
+        return f"the Generated coordinates of {situation.generated_in} stay in place only while Blender evaluates it"
     for modifier in situation.modifiers:
         if modifier.type in modifier_types.ONLY_BEHIND_DEFORMING:
             return f"{modifier.name} allows only deforming modifiers before it"

@@ -132,6 +132,7 @@ class Situation:
     front_trouble: str = ""  # why the result cannot be all of a canvas's, a sentence; "" if not asked
     tail: Tail | None = None  # what was found for the modifiers of these names
     is_followed: bool = False  # others may read its evaluated vertices in a viewport
+    generated_in: str = ""  # of a mesh with shape keys: name of a material with Generated coordinates
     deforming_parent: str = ""  # name of the parent, if it deforms the mesh directly
     moves_against_armature: bool = False  # mesh and armature were seen to move relative to each other frame by frame
     weights_follow_shape: bool = False  # see survey.weights_follow_shape; False if neither keys nor motion ask for it

@@ -108,6 +108,15 @@ def why_not(modifier: Any, is_animated: bool) -> str:
     return _REASONS[kind](modifier)
 
 
+def why_other_normals(modifier: Any) -> str:
+    """Returns why the custom normals that a modifier makes depend on the shape, a clause, or ""."""
+    if modifier.type == "TRIANGULATE" and modifier.keep_custom_normals:
+        return "it keeps normals, which depend on the shape: switch Keep Normals off"
+    if modifier.type == "SUBSURF" and modifier.use_custom_normals and modifier.id_data.data.has_custom_normals:
+        return "it makes custom normals, which depend on the shape: switch Use Custom Normals off"
+    return ""
+
+
 def _mask(modifier: Any) -> str:
     return "" if modifier.mode == "VERTEX_GROUP" else "which bones it masks depends on the selection"
 

@@ -176,6 +176,7 @@ def _is_plain(copy: Any, ob: Any) -> bool:
     armatures, own = _armatures_and_layers(copy, ob)
     return (
         copy.chain.deformer.vertex_count > 0
+        and copy.chain.deformer.result_count > 0
         and ob.sinew.source != "CLIP"
         and not any(name in copy.driven_settings for names, _mix in copy.chain.mixes_now() for name in names)
         and all(not layer.influences.depend_on_shape for layer in own)

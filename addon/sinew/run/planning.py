@@ -30,7 +30,8 @@ class Planning:
         self.surroundings: canvas_survey.Surroundings | None = None
         self.tail: Tail | None = None  # whose stencils were found
         self.sought: tuple[object, str] = (None, "")  # see stencils/searching.py: what was searched, and why in vain
-        self.is_followed = False  # see tails.followed; the main thread looks when it has time
+        self.is_followed = False  # see tails.followed; the main thread looks when it has time, as for what follows
+        self.generated_in = ""  # as in situation.Situation
         self.moves_against_armature = False  # frame by frame
         self.is_copy_stale = False  # the canvas's copy of the mesh is not like the mesh
         self._renewals = 0  # of that copy, since it was last like the mesh
@@ -50,7 +51,7 @@ class Planning:
                 raise LeaveToBlender("nobody has counted yet how many objects have its mesh")
             self.surroundings = canvas_survey.surroundings_of(ob, meshes.count_sharers(ob))
         tail = self.tail if self.tail and self.tail.simplification == self.surroundings.simplification else None
-        around = self.surroundings._replace(tail=tail, is_followed=self.is_followed)
+        around = self.surroundings._replace(tail=tail, is_followed=self.is_followed, generated_in=self.generated_in)
         if ob.is_evaluated:
             situation, file = survey.of_evaluated(ob, around, self.moves_against_armature)
         else:

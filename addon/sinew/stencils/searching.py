@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes, modifier_types, nodes, values
+from ..blender import materials, meshes, modifier_types, nodes, values
 from ..feedback import notice
 from ..plan import canvas_survey, tails, wiring
 from ..plan.situation import Tail
@@ -115,18 +115,23 @@ def note_edit() -> None:
         _may_be_followed, _edited = True, perf_counter()
 
 
-def _see_followers() -> None:
+def _see_surroundings() -> bool:
+    """Hands over to the plans, after an edit, whether others follow the meshes, and whether materials keep them from
+    having a tail. Returns whether any plan depends on a change."""
     global _may_be_followed
     if not _may_be_followed:
-        return
-    _may_be_followed = False
-    objects = [ob for ob in characters.known() if any(each.type in modifier_types.DEFERRED for each in ob.modifiers)]
+        return False
+    _may_be_followed, has_changed = False, False
+    objects = [ob for ob in characters.known() if any(each.type in modifier_types.TAILS for each in ob.modifiers)]
     followed = tails.followed(objects)
     for ob in objects:
-        entry = characters.of(ob)
-        if entry.planning.is_followed != (ob in followed):
-            entry.planning.is_followed = ob in followed
+        planning = characters.of(ob).planning
+        generated_in = materials.user_of_generated(ob) or "" if ob.data.shape_keys is not None else ""
+        if (planning.is_followed, planning.generated_in) != (ob in followed, generated_in):
+            planning.is_followed, planning.generated_in = ob in followed, generated_in
             mail.post(mail.REWIRE, values.key_of(ob))
+            has_changed = True
+    return has_changed
 
 
 def is_running() -> bool:
@@ -139,7 +144,8 @@ def look() -> None:
     context = bpy.context
     if _search is None and not _may_be_followed and not _lacking() or _is_busy(context):
         return
-    _see_followers()
+    if _see_surroundings():
+        return
     ob = characters.find(_search.key) if _search is not None else None
     if _search is None or ob is None or not _search.is_current(ob):
         ob = next(iter(_lacking()), None)
@@ -162,7 +168,8 @@ def _is_busy(context: bpy.types.Context) -> bool:
 
 def note_frame() -> None:
     """Has the stencils that are lacking found, in the background, once enough frames were changed without them."""
-    _see_followers()
+    if _see_surroundings():
+        return
     for ob in _lacking():
         key = values.key_of(ob)
         _frames[key] = _frames.get(key, 0) + 1
