@@ -34,6 +34,12 @@ BEHIND = "UV_WARP", {}  # for which Blender has to make the vertices before it
 OTHERS = {"ARMATURE", "NODES", "CORRECTIVE_SMOOTH"}
 
 
+@pytest.fixture(autouse=True)
+def with_a_window(monkeypatch):
+    """Where somebody looks, Blender need not make what a last Subdivision makes."""
+    monkeypatch.setattr(addon_module("stencils.searching"), "IS_READ", False)
+
+
 def character_with(*modifiers, add=None):
     """[(object, its twin)]: not bound. modifiers: (type, settings) behind the Armature modifier."""
     armature = make_armature()
@@ -491,6 +497,36 @@ def test_any_settings(fresh_scene):
         for each in (*pairs[0], armature):
             bpy.data.objects.remove(each)
     assert len(with_tail) >= 15, with_tail
+
+
+def test_what_is_last_is_read_in_the_background(fresh_scene, monkeypatch):
+    monkeypatch.setattr(addon_module("stencils.searching"), "IS_READ", True)
+    pairs = bound(character_with(("SUBSURF", {"levels": 1, "render_levels": 2})))
+    find_stencils()
+    assert tail_of(pairs[0][0]) == ("SUBSURF",)
+    assert_all_same(pairs)
+
+
+def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tmp_path):
+    """With levels of its own: after some frames, their stencils are found, too."""
+    searching = addon_module("stencils.searching")
+    monkeypatch.setattr(searching, "IS_READ", True)
+    monkeypatch.setattr(searching, "FRAMES_AHEAD", 3)
+    pairs = bound(character_with(("SUBSURF", {"levels": 1, "render_levels": 2})))
+    entry = addon_module("run.characters").character(pairs[0][0])
+    add_camera(fresh_scene)
+    fresh_scene.camera.location = (0, -12, 2.5)
+    pictures = []
+    for shown in (0, 1):
+        for number, each in enumerate(pairs[0]):
+            each.hide_render = number != shown
+        (tmp_path / str(shown)).mkdir()
+        pictures.append(render_frames(fresh_scene, tmp_path / str(shown), True))
+    assert_same_pictures(*pictures)
+    viewport, render = entry.way.tail.stencils
+    assert render is not None and render is not viewport and entry.plan.lacks_stencils[0] == (viewport is None)
+    assert_all_same(pairs)
+    assert are_deforming(pairs) == [True] and len(bpy.data.scenes) == 1
 
 
 LEFT = {

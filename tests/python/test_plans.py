@@ -566,7 +566,7 @@ BEHIND = modifier("SOLIDIFY")
 def test_the_tail_comes_right_behind_the_run(modifiers, tail):
     run = plans.make(bound(*modifiers)).run
     assert run.tail == tail and run.end == next(each.name for each in modifiers if each.type != "SMOOTH")
-    assert plans.make(bound(*modifiers)).lacks_stencils == bool(tail)
+    assert plans.make(bound(*modifiers)).lacks_stencils == (bool(tail), bool(tail))
 
 
 def test_a_last_subdivision_is_of_it_if_others_follow_the_mesh():
@@ -592,9 +592,9 @@ def test_a_mesh_with_stencils_takes_the_path_through_a_canvas():
     tail = situation.Tail(("SUBSURF",), "", "", (stencils, None))
     plan = plans.make(bound(linear("SUBSURF"), BEHIND, tail=tail))
     assert plan.way.kind == "CANVAS" and plan.way.tail is tail and plan.way.on_canvas == ("SUBSURF",)
-    assert plan.way.takes_all and plan.way.has_copy and not plan.lacks_stencils
+    assert plan.way.takes_all and plan.way.has_copy and plan.lacks_stencils == (False, True)
     assert tail.shown == (True, False)
     with_keys = plans.make(bound(linear("SUBSURF"), BEHIND, tail=tail, keys=keys())).way
     assert with_keys.kind == "CANVAS" and with_keys.has_keys and with_keys.tail is tail and not plan.way.has_keys
     other = plans.make(bound(linear("SUBSURF"), linear("MASK"), BEHIND, tail=tail))
-    assert other.way.kind == "ATTRIBUTE" and other.lacks_stencils
+    assert other.way.kind == "ATTRIBUTE" and other.lacks_stencils == (True, True)

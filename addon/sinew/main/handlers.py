@@ -59,8 +59,8 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         deformed_copies.follow(copied, depsgraph, {values.key_of(update.id) for update in depsgraph.updates})
     if graph_copies.has_strays():
         characters.sweep()
-    if not HAS_EVENT_LOOP and depsgraph.mode == "VIEWPORT":
-        searching.note_frame()
+    if not HAS_EVENT_LOOP:
+        searching.note_frame(depsgraph.mode == "RENDER")
     mail.deliver()
 
 

@@ -25,7 +25,8 @@ class Plan:
     waits_for: frozenset[tuple[int, str]] = frozenset()  # bones, see wiring.Waits.awaited
     driven: tuple[tuple[str, tuple[Driven, ...]], ...] = ()  # (name of a modifier that Sinew replaces, its `driven`)
     animation_troubles: frozenset[str] = frozenset()  # as in Situation
-    lacks_stencils: bool = False  # those of the run's tail, with which it would take another path
+    # Whether stencils of the run's tail are lacking, in viewports and in renders
+    lacks_stencils: tuple[bool, bool] = (False, False)
     is_wired: bool = False  # the file has what the path needs
 
     @property
@@ -55,8 +56,16 @@ def make(situation: Situation) -> Plan:
         hook.awaited if hook is not None else frozenset(),
         tuple((modifier.name, modifier.driven) for modifier in replaced_in(situation, run) if modifier.driven),
         situation.animation_troubles,
-        way.kind in {ways.ATTRIBUTE, ways.KEYS} and bool(run.tail),
+        _lacks_stencils(way, run),
     )
+
+
+def _lacks_stencils(way: ways.Way, run: runs.Run) -> tuple[bool, bool]:
+    if way.tail is None:
+        lacks = way.kind in {ways.ATTRIBUTE, ways.KEYS} and bool(run.tail)
+        return lacks, lacks
+    viewport, render = way.tail.stencils
+    return viewport is None, render is None
 
 
 def replaced_in(situation: Situation, run: runs.Run) -> list[Modifier]:

@@ -38,9 +38,11 @@ class Canvas:
         tail: Sequence[bpy.types.Modifier],
         render: bpy.types.RenderSettings,
         mesh_of: Callable[[], bpy.types.Mesh],
+        is_render: bool = False,
     ) -> None:
-        """ob: original; render: of its scene; mesh_of: makes a copy of the mesh before the tail."""
-        self._ob, self._tail, self._render, self._mesh_of = ob, tail, render, mesh_of
+        """ob: original; render: of its scene; mesh_of: makes a copy of the mesh before the tail; is_render: as renders
+        evaluate it, not as viewports do."""
+        self._ob, self._tail, self._render, self._mesh_of, self._is_render = ob, tail, render, mesh_of, is_render
         self.needs_quads = tails.needs_quads(tail)
         self._made: tuple[Any, ...] = ()  # scene, object, mesh
         self.seconds = 0.0  # of all results
@@ -70,9 +72,15 @@ class Canvas:
                 copy.vertex_groups.new(name=group.name)
         _strip(copy, any(modifier.type == "MASK" for modifier in self._tail))
         for modifier in self._tail:
-            modifiers.copy(modifier, copy).show_viewport = True
-        for name in ("use_simplify", "simplify_subdivision"):
-            setattr(scene.render, name, getattr(self._render, name))
+            own = modifiers.copy(modifier, copy)
+            own.show_viewport = True
+            if self._is_render and own.type == "SUBSURF":
+                own.levels = own.render_levels
+        name = "simplify_subdivision_render" if self._is_render else "simplify_subdivision"
+        scene.render.use_simplify, scene.render.simplify_subdivision = (
+            self._render.use_simplify,
+            getattr(self._render, name),
+        )
         scene.collection.objects.link(copy)
 
     def close(self) -> None:

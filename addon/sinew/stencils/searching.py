@@ -26,19 +26,20 @@ SECONDS_OF_REST = 1.0  # without an edit, before a search goes on
 FRAMES_AHEAD = 24  # in the background
 MOST_EVALUATIONS = 256
 MOST_SECONDS = 20.0  # of all evaluations; a search that would take longer is not begun
+IS_READ = bpy.app.background  # nobody looks, so whoever changes frames reads what a last Subdivision makes
 MODES = {"OBJECT", "POSE"}
 
 
 class Search:
     """The search for the stencils of one mesh's tail."""
 
-    def __init__(self, ob: bpy.types.Object, scene: bpy.types.Scene) -> None:
-        """ob: original, of a character whose plan lacks stencils."""
-        self.key, self.names = values.key_of(ob), characters.of(ob).plan.run.tail
+    def __init__(self, ob: bpy.types.Object, scene: bpy.types.Scene, is_render: bool = False) -> None:
+        """ob: original, of a character whose plan lacks stencils; is_render: those of renders, not of viewports."""
+        self.key, self.names, self.is_render = values.key_of(ob), characters.of(ob).plan.run.tail, is_render
         self._digest, self._simplification = tails.digest(ob, self.names), canvas_survey.simplification()
         tail = [ob.modifiers[name] for name in self.names]
         self._is_alike = tails.is_alike_in_renders(tail, scene.render)
-        self._canvas = probing.Canvas(ob, tail, scene.render, ob.data.copy)
+        self._canvas = probing.Canvas(ob, tail, scene.render, ob.data.copy, is_render)
         what = f"{' and '.join(self.names)} of {ob.name}"
         self._steps = probing.steps(self._canvas, what, MOST_EVALUATIONS, MOST_SECONDS)
         self.says = f"finding the weights of {what}"
@@ -46,13 +47,13 @@ class Search:
     def is_current(self, ob: bpy.types.Object) -> bool:
         """Whether the object is still as it was when the search began."""
         return (
-            characters.of(ob).plan.lacks_stencils
+            characters.of(ob).plan.lacks_stencils[self.is_render]
             and self._digest == tails.digest(ob, self.names)
             and self._simplification == canvas_survey.simplification()
         )
 
     def go_on(self, ob: bpy.types.Object, seconds: float) -> Tail | None:
-        """Goes on for some seconds. Returns what it has found; None if it is not done. Raises probing.NotFound."""
+        """Goes on for some seconds. Returns what is known then; None if it is not done. Raises probing.NotFound."""
         end = perf_counter() + seconds
         try:
             while perf_counter() < end:
@@ -60,10 +61,18 @@ class Search:
             return None
         except StopIteration as done:
             self._compare(ob, done.value)
-            stencils = done.value, done.value if self._is_alike else None
-            return Tail(self.names, self._digest, self._simplification, stencils)
+            return Tail(self.names, self._digest, self._simplification, self._with(ob, done.value))
         finally:
             self._canvas.close()
+
+    def _with(self, ob: bpy.types.Object, found: Any) -> tuple[Any, Any]:
+        """Returns the stencils for viewports and renders: what was found, and what else is known of the same tail."""
+        if self._is_alike:
+            return found, found
+        known = characters.of(ob).planning.tail
+        is_same = known is not None and (known.names, known.digest) == (self.names, self._digest)
+        viewport, render = known.stencils if known is not None and is_same else (None, None)
+        return (viewport, found) if self.is_render else (found, render)
 
     def _compare(self, ob: bpy.types.Object, stencils: Any) -> None:
         """Compares stencils with Blender on the shape that Sinew has last given to the object. Raises
@@ -81,7 +90,8 @@ _search: Search | None = None
 _may_be_followed = True
 _edited = 0.0  # when something was
 _is_at_it = False  # what is evaluated is a search's
-_frames: dict[int, int] = {}  # in the background: key of an object -> frames without the stencils that it lacks
+# In the background: (key of an object, whether they were rendered) -> frames without the stencils that it lacks
+_frames: dict[tuple[int, bool], int] = {}
 
 
 def says(ob: bpy.types.Object) -> str:
@@ -89,7 +99,7 @@ def says(ob: bpy.types.Object) -> str:
     if _search is not None and _search.key == values.key_of(ob):
         return _search.says
     entry = characters.of(ob)
-    return _in_vain(entry) if entry.plan.lacks_stencils else ""
+    return _in_vain(entry) if any(entry.plan.lacks_stencils) else ""
 
 
 def _in_vain(entry: Any) -> str:
@@ -102,10 +112,13 @@ def _version(entry: Any) -> tuple[int, int, tuple[str, ...]]:
     return entry.planning.looks, entry.edition, entry.plan.run.tail
 
 
-def _lacking() -> list[bpy.types.Object]:
-    """Returns the bound meshes whose tails have not been searched in vain."""
+def _lacking(is_render: bool = False) -> list[bpy.types.Object]:
+    """Returns the bound meshes that lack stencils for viewports or for renders, except where they were searched in
+    vain."""
     found = ((ob, characters.of(ob)) for ob in characters.known())
-    return [ob for ob, entry in found if entry.plan.lacks_stencils and entry.is_deforming and not _in_vain(entry)]
+    return [
+        ob for ob, entry in found if entry.plan.lacks_stencils[is_render] and entry.is_deforming and not _in_vain(entry)
+    ]
 
 
 def note_edit() -> None:
@@ -127,8 +140,9 @@ def _see_surroundings() -> bool:
     for ob in objects:
         planning = characters.of(ob).planning
         generated_in = materials.user_of_generated(ob) or "" if ob.data.shape_keys is not None else ""
-        if (planning.is_followed, planning.generated_in) != (ob in followed, generated_in):
-            planning.is_followed, planning.generated_in = ob in followed, generated_in
+        is_followed = ob in followed or IS_READ
+        if (planning.is_followed, planning.generated_in) != (is_followed, generated_in):
+            planning.is_followed, planning.generated_in = is_followed, generated_in
             mail.post(mail.REWIRE, values.key_of(ob))
             has_changed = True
     return has_changed
@@ -166,15 +180,18 @@ def _is_busy(context: bpy.types.Context) -> bool:
     )
 
 
-def note_frame() -> None:
-    """Has the stencils that are lacking found, in the background, once enough frames were changed without them."""
+def note_frame(is_render: bool) -> None:
+    """Has the stencils that are lacking found, in the background, once enough frames were changed without them.
+    is_render: the frame is rendered."""
     if _see_surroundings():
         return
-    for ob in _lacking():
-        key = values.key_of(ob)
+    for ob in _lacking(is_render):
+        key = values.key_of(ob), is_render
         _frames[key] = _frames.get(key, 0) + 1
         if _frames[key] >= FRAMES_AHEAD:
-            _bit(Search(ob, bpy.context.scene), ob, float("inf"))
+            search = Search(ob, bpy.context.scene, is_render)
+            log.info("Finding the weights of %s of %s", " and ".join(search.names), ob.name)
+            _bit(search, ob, float("inf"))
 
 
 def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:

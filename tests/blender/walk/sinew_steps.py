@@ -60,8 +60,11 @@ def method(random, ob, twin):
 def find_stencils(random):
     """As if enough frames had been played."""
     searching = addon_module("stencils.searching")
-    for ob in searching._lacking():
-        searching._frames[addon_module("blender.values").key_of(ob)] = searching.FRAMES_AHEAD
+    searching.IS_READ = random.random() < 0.3
+    searching.note_edit()
+    for is_render in (False, True):
+        for ob in searching._lacking(is_render):
+            searching._frames[addon_module("blender.values").key_of(ob), is_render] = searching.FRAMES_AHEAD
     bpy.context.scene.frame_set(bpy.context.scene.frame_current)
 
 
