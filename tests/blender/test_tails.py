@@ -529,6 +529,46 @@ def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tm
     assert are_deforming(pairs) == [True] and len(bpy.data.scenes) == 1
 
 
+@pytest.mark.parametrize("levels_are_found", (False, True))
+def test_exporters_switch_subdivision_off(fresh_scene, monkeypatch, levels_are_found):
+    """Those of Alembic and USD do, with a bit of the original, and write the faces before it."""
+    monkeypatch.setattr(addon_module("stencils.searching"), "IS_READ", levels_are_found)
+    pairs = bound(character_with(("SUBSURF", {"levels": 1})))
+    find_stencils()
+    assert bool(tail_of(pairs[0][0])) == levels_are_found
+    put_aside = addon_module("host.switches").put_aside
+    for is_off in (True, False, True, False):
+        for each in pairs[0]:
+            put_aside(each.modifiers["SUBSURF"], is_off)
+            each.update_tag(refresh={"DATA"})
+        for frame in (3, 4, 5, 6, 7):
+            fresh_scene.frame_set(frame)
+            assert (len(evaluated(pairs[0][0])) == 1200) == is_off
+            assert_same_shape(*pairs[0])
+        assert are_deforming(pairs) == [True]
+
+
+@pytest.mark.skipif("alembic_export" not in dir(bpy.ops.wm), reason="this build has no Alembic")
+@pytest.mark.parametrize("applies", (False, True))
+def test_exported_to_alembic(fresh_scene, monkeypatch, tmp_path, applies):
+    monkeypatch.setattr(addon_module("stencils.searching"), "IS_READ", True)
+    pairs = bound(character_with(("SUBSURF", {"levels": 1, "render_levels": 1})))
+    find_stencils()
+    assert tail_of(pairs[0][0])
+    path = str(tmp_path / "it.abc")
+    bpy.ops.wm.alembic_export(filepath=path, start=1, end=6, apply_subdiv=applies, as_background_job=False)
+    assert_all_same(pairs)
+    assert tail_of(pairs[0][0])
+    before = set(bpy.data.objects)
+    bpy.ops.wm.alembic_import(filepath=path, as_background_job=False)
+    found = sorted((ob for ob in set(bpy.data.objects) - before if ob.type == "MESH"), key=lambda ob: ob.name)
+    assert len(found) == 2
+    for frame in (1, 3, 6):
+        fresh_scene.frame_set(frame)
+        assert (len(evaluated(found[0])) == 1200) != applies
+        assert_same_shape(*found)
+
+
 LEFT = {
     "animated": ([("SUBSURF", {}), BEHIND], lambda ob: ob.modifiers[-2].keyframe_insert("levels", frame=1)),
     "angle": ([("EDGE_SPLIT", {}), BEHIND], None),

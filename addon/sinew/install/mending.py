@@ -31,7 +31,7 @@ def adapt(ob: bpy.types.Object) -> None:
 def _adapt(ob):
     switches.prove()
     if not contract.trouble():
-        switching.release(ob)  # which a script may have made from an evaluated copy
+        switching.release_original(ob)
     carrier = wiring.carrier_of(ob)
     entry = characters.of(ob)
     entry.planning.surroundings = None

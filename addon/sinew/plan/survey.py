@@ -197,7 +197,7 @@ def _modifier(ob: bpy.types.Object, modifier: Any, paths: list[str], is_taken: b
         comes_first=kind in COMES_FIRST,
         is_animated=bool(paths) and paths != [wiring.CARRIER],
         front_trouble=canvas_survey.why_not_in_front(modifier) if kind in modifier_types.FRONTS else "",
-        tail_trouble=tails.why_not(modifier, bool(paths)) or tails.why_other_normals(modifier),
+        tail_trouble=tails.why_not(modifier, bool(paths)) or tails.why_not_for_now(modifier),
         reads_canvas=is_own and nodes.reads_canvas(modifier),
         reads_front=is_own and nodes.reads_front(modifier),
         canvas=_canvas_read_by(modifier) if is_own else None,

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, meshes, modifier_types, modifiers, nodes
-from ..host import deform_verts
+from ..host import deform_verts, switches
 
 # Without one of these it is not worth the search for a bake: the others cost Blender little.
 _DEAR = {"SUBSURF", "EDGE_SPLIT"}
@@ -108,8 +108,11 @@ def why_not(modifier: Any, is_animated: bool) -> str:
     return _REASONS[kind](modifier)
 
 
-def why_other_normals(modifier: Any) -> str:
-    """Returns why the custom normals that a modifier makes depend on the shape, a clause, or ""."""
+def why_not_for_now(modifier: Any) -> str:
+    """Returns why the result of a modifier of an original object is not only its vertices, or not there, a clause, or
+    ""."""
+    if modifier.type in modifier_types.TAILS and switches.can_put_aside() and switches.is_aside(modifier):
+        return "an exporter has switched it off for a while"
     if modifier.type == "TRIANGULATE" and modifier.keep_custom_normals:
         return "it keeps normals, which depend on the shape: switch Keep Normals off"
     if modifier.type == "SUBSURF" and modifier.use_custom_normals and modifier.id_data.data.has_custom_normals:

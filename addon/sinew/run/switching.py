@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ..blender import modifier_types
 from ..chain.leaving import LeaveToBlender
 from ..host import graph_modes, switches
 from ..plan import plans, ways
@@ -67,8 +68,18 @@ def switch(ob: Any, plan: plans.Plan, deforms: bool, has_stencils: bool = True) 
 
 
 def release(ob: Any) -> None:
-    """Lets Blender evaluate all modifiers of an object again. After an edit, Sinew may no longer replace some
-    of those that it did, and Blender does not always copy the object anew."""
+    """Lets Blender evaluate all modifiers of an evaluated object again, except for those that an exporter keeps it from
+    evaluating: in the original. After an edit, Sinew may no longer replace some of those that it did, and Blender does
+    not always copy the object anew."""
+    if switches.can_put_aside():
+        for modifier, original in zip(ob.modifiers, ob.original.modifiers):
+            switches.put_aside(modifier, switches.is_aside(original))
+
+
+def release_original(ob: Any) -> None:
+    """Lets Blender evaluate the modifiers of an original object, which a script may have made from an evaluated copy.
+    Exporters keep it from evaluating those of DEFERRED for a while: these are left as they are."""
     if switches.can_put_aside():
         for modifier in ob.modifiers:
-            switches.put_aside(modifier, False)
+            if modifier.type not in modifier_types.DEFERRED:
+                switches.put_aside(modifier, False)
