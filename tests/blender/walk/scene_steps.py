@@ -278,7 +278,7 @@ def evaluate_another_scene(random):
     finally:
         thread.join()
     for each in {ob.data.shape_keys for pair in scene.pairs() for ob in pair} - {None}:
-        each.update_tag()  # a value that is keyed and was set by hand has gone with the other scene, unnoticed by this one
+        each.update_tag()  # a keyed value that was set by hand has gone with the other scene, unnoticed by this one
 
 
 class Comparing(bpy.types.RenderEngine):
