@@ -25,7 +25,7 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..blender import modifiers, nodes
+from ..blender import meshes, modifiers, nodes
 from ..plan import canvas_survey
 
 NAME = ".Sinew Canvas"  # the dot hides it in lists
@@ -53,6 +53,7 @@ def provide(
         if is_stale or canvas.data == ob.data or canvas.data.users > 1:
             _give_mesh(canvas, ob.data.copy())
             canvas.data.name = NAME
+            meshes.remove_attribute(canvas.data, nodes.POSITION_ATTRIBUTE)  # as the mesh's is, where it has a canvas
             if canvas.data.shape_keys is not None:
                 canvas.shape_key_clear()
     elif canvas.data != ob.data:

@@ -175,6 +175,16 @@ def after_save(*_: Any) -> None:
 
 
 @persistent
+def before_render(scene: bpy.types.Scene, *_: Any) -> None:
+    searching.note_render(scene, True)
+
+
+@persistent
+def after_render(scene: bpy.types.Scene, *_: Any) -> None:
+    searching.note_render(scene, False)
+
+
+@persistent
 def before_undo_redo(*_: Any) -> None:
     canvases.remove_all()
 
@@ -395,6 +405,9 @@ HANDLERS = (
     ("depsgraph_update_pre", before_depsgraph_update),
     ("depsgraph_update_post", on_depsgraph_update),
     ("load_post", on_load),
+    ("render_init", before_render),
+    ("render_complete", after_render),
+    ("render_cancel", after_render),
     ("save_pre", before_save),
     ("save_post", after_save),
     *((("save_post_fail", after_save),) if hasattr(bpy.app.handlers, "save_post_fail") else ()),

@@ -66,7 +66,7 @@ class CanvasCopy:
         if self._is_true is None:
             self._is_true = meshes.are_same(mesh, copied)
         if not self._is_true:
-            if is_mesh_seen:
+            if is_mesh_seen or before == (0, 0):  # in a render, each frame may have a new graph
                 self._planning.ask_for_copy()
             raise LeaveToBlender("the canvas has an older copy of the mesh")
         self._planning.note_copy()

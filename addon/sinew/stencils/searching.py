@@ -89,6 +89,7 @@ class Search:
 _search: Search | None = None
 _may_be_followed = True
 _edited = 0.0  # when something was
+_evaluates_anew = False  # on each frame, while something is rendered
 _is_at_it = False  # what is evaluated is a search's
 # In the background: (key of an object, whether they were rendered) -> frames without the stencils that it lacks
 _frames: dict[tuple[int, bool], int] = {}
@@ -180,10 +181,17 @@ def _is_busy(context: bpy.types.Context) -> bool:
     )
 
 
+def note_render(scene: bpy.types.Scene, begins: bool) -> None:
+    """Notes that a render begins or has ended. Without Persistent Data, Blender has a new graph for each of its frames,
+    and evaluates all of the canvases anew, which takes as long as without them."""
+    global _evaluates_anew
+    _evaluates_anew = begins and not scene.render.use_persistent_data
+
+
 def note_frame(is_render: bool) -> None:
     """Has the stencils that are lacking found, in the background, once enough frames were changed without them.
-    is_render: the frame is rendered."""
-    if _see_surroundings():
+    is_render: the frame is evaluated as renders are."""
+    if _evaluates_anew and is_render or _see_surroundings():
         return
     for ob in _lacking(is_render):
         key = values.key_of(ob), is_render
