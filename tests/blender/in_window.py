@@ -84,8 +84,6 @@ def stencils_are_found(armature):
     bpy.ops.ed.undo_push(message="Accelerate")
     tail = yield from tail_found(ob.name)
     assert tail == ("Subdivision",) and len(bpy.data.scenes) == 1
-    with window():
-        bpy.ops.screen.screenshot(filepath=str(FOLDER / "stencils.png"))
     yield from playing(1.0)
     assert_same_shape(ob, twin)
     assert addon_module("run.characters").character(ob).is_deforming

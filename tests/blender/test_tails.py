@@ -26,6 +26,7 @@ from helpers import (
     way,
 )
 from test_canvases import are_deforming, assert_all_same, canvases
+from test_panel import draw
 from test_render import add_camera, assert_same_pictures, render_frames, with_motion_blur, with_persistent_data
 from test_stencils import TAILS, add_modifiers, make_rough
 
@@ -400,7 +401,11 @@ def test_what_is_last_is_left_to_the_viewport(fresh_scene):
     follower = bpy.data.objects.new("Follower", None)
     bpy.context.collection.objects.link(follower)
     constraint = follower.constraints.new("COPY_LOCATION")
-    constraint.target, constraint.subtarget = pairs[0][0], "bone1"
+    constraint.target = follower.parent = pairs[0][0]
+    bpy.context.view_layer.update()
+    find_stencils()
+    assert tail_of(pairs[0][0]) is None  # it follows the object, not its vertices
+    follower.parent, constraint.subtarget = None, "bone1"
     bpy.context.view_layer.update()
     find_stencils()
     assert tail_of(pairs[0][0]) == ("SUBSURF",)
@@ -728,3 +733,15 @@ def test_two_graphs_of_different_levels(pairs, fresh_scene):
                 for each in (ob, twin)
             ]
             assert counts[0] == counts[1] and np.abs(shapes[0] - shapes[1]).max() < 1e-4
+
+
+def test_the_panel(fresh_scene):
+    """Blender's part before, Sinew's after."""
+    pairs = bound(character_with(*PAIRS["subdivision"]))
+    fresh_scene.frame_set(2)
+    said = " ".join(draw())
+    assert "Blender takes over at SUBSURF: Sinew has not found the weights of its vertices yet" in said
+    find_stencils()
+    said = draw()
+    assert f"1,200, made into {len(evaluated(pairs[0][0])):,}" in said and "in Blender" not in said
+    assert said[said.index("SUBSURF") + 1].endswith(" ms") and are_deforming(pairs) == [True]

@@ -60,10 +60,18 @@ def _may_read(user: Any, ob: bpy.types.Object) -> bool:
         return isinstance(user, bpy.types.GeometryNodeTree)
     if user == ob or _is_canvas(user) or user.sinew.copy_of == ob:
         return False
-    if user.parent != ob or user.parent_type != "OBJECT":
+    if user.parent == ob and user.parent_type.startswith("VERTEX"):
         return True
-    named = [getattr(each, name, None) for each in user.modifiers for name in ("object", "target", "auxiliary_target")]
-    return ob in named or any(getattr(each, "target", None) == ob for each in user.constraints)
+    if any(each.type == "NODES" or ob in modifiers.settings_of(each).values() for each in user.modifiers):
+        return True
+    constraints = [user.constraints, *(bone.constraints for bone in (user.pose.bones if user.pose is not None else ()))]
+    return any(_reads_vertices(each, ob) for own in constraints for each in own)
+
+
+def _reads_vertices(constraint: Any, ob: bpy.types.Object) -> bool:
+    if getattr(constraint, "target", None) != ob:
+        return False
+    return constraint.type == "SHRINKWRAP" or bool(getattr(constraint, "subtarget", ""))
 
 
 def _is_canvas(block: Any) -> bool:

@@ -111,19 +111,7 @@ def _is_at_work(copy: GraphCopy, ob: Any) -> bool:
 def _prepare(copy: GraphCopy, ob: Any) -> Frame:
     """Reads what may have changed, and builds what depends on it. Raises LeaveToBlender or values.Flat."""
     hook, reading, chain = copy.hook_of(ob), copy.reading, copy.chain
-    mesh = target = wiring.source_of(hook)
-    if copy.plan.way.has_copy:
-        own = wiring.waits_for(hook, "mesh")
-        is_seen = marks.is_marked(own, "MESH")
-        if copy.plan.way.tail is not None:
-            mesh = own
-            if not is_seen:
-                reading.forget_mesh()
-        reading.canvas.check(own, wiring.waits_for(hook, "copied"))
-    if copy.goes_through_canvas():
-        characters.note_canvas(copy.character)
-        if nodes.POSITION_ATTRIBUTE not in target.attributes:
-            raise LeaveToBlender("Blender has not evaluated its canvas")
+    mesh, target = _meshes(copy, hook)
     addresses: Any
     key_values = addresses = None
     is_edited = not _test_and_mark(hook, target) or not reading.is_at(mesh)
@@ -162,6 +150,22 @@ def _prepare(copy: GraphCopy, ob: Any) -> Frame:
 
     in_order = chain.stages_at(ob, source, channels_of)
     return Frame(poses, out, key_values, chain.rest_of_stages(), in_order)
+
+
+def _meshes(copy: GraphCopy, hook: Any) -> tuple[Any, Any]:
+    """Returns the evaluated mesh that is read, and the one that the shape is written to: with a tail, only the latter
+    is the canvas's. Raises LeaveToBlender if the canvas has another mesh."""
+    source, plan = wiring.source_of(hook), copy.plan
+    mesh = wiring.waits_for(hook, "mesh") if plan.way.has_copy else None
+    if mesh is not None:
+        if plan.way.tail is not None and not marks.is_marked(mesh, "MESH"):
+            copy.reading.forget_mesh()
+        copy.reading.canvas.check(mesh, wiring.waits_for(hook, "copied"))
+    if copy.goes_through_canvas():
+        characters.note_canvas(copy.character)
+        if nodes.POSITION_ATTRIBUTE not in source.attributes:
+            raise LeaveToBlender("Blender has not evaluated its canvas")
+    return (source if plan.way.tail is None else mesh), source
 
 
 def _compute(copy: GraphCopy, ob: Any, frame: Frame, start: float) -> None:

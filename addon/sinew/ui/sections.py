@@ -256,7 +256,8 @@ def time_text(milliseconds: float | None) -> str:
 def draw_statistics(layout: bpy.types.UILayout, scene: bpy.types.Scene, entry: Any) -> None:
     timings = entry.status.timings.recent()
     column = layout.column(align=True)
-    draw_value(column, "Vertices", f"{entry.deformer.vertex_count:,}")
+    own, made = entry.deformer.vertex_count, entry.deformer.result_count
+    draw_value(column, "Vertices", f"{own:,}" if own == made else f"{own:,}, made into {made:,}")
     for layer in entry.layers[:1]:
         draw_value(column, "Bones", str(len(layer.bones.names)))
         mean = layer.skin.influence_count / max(layer.skin.vertex_count, 1)
