@@ -175,7 +175,7 @@ def set_modifier(random, ob, modifier):
     elif modifier.type == "EDGE_SPLIT":
         modifier.use_edge_angle = random.random() < 0.2
     elif modifier.type == "TRIANGULATE":
-        modifier.quad_method = random.choice(("FIXED", "FIXED_ALTERNATE", "BEAUTY"))
+        modifier.quad_method = random.choice(("FIXED", "FIXED_ALTERNATE"))  # others decide by the last bits
     elif modifier.type == "MIRROR":
         modifier.use_mirror_merge = modifier.use_mirror_vertex_groups = False
     elif modifier.type == "WAVE":
