@@ -16,7 +16,7 @@ from ..blender import animation, armatures, meshes, values
 from ..chain import bone_editions
 from ..native import sinew_native
 from ..plan import canvas_survey
-from . import graph_copies, mail
+from . import graph_copies, mail, planning
 from .character import Character
 
 
@@ -97,6 +97,7 @@ def forget() -> None:
     with _gathering:
         _characters, _file, _is_stale = {}, _File(), True
         _through_canvas.clear()
+    planning.with_tails.clear()
     bone_editions.forget()
     graph_copies.forget()
     mail.forget()

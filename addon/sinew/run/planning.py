@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..blender import meshes
+from ..blender import meshes, modifier_types
 from ..chain.leaving import LeaveToBlender
 from ..host import contract, driver_bytes
 from ..plan import canvas_survey, mends, plans, survey
@@ -14,6 +14,10 @@ from . import mail
 # Blender disables a driver that names something that is gone. It is made anew, but not for ever if that does not help.
 MOST_REVIVALS = 100
 MOST_RENEWALS = 4  # of a copy in a row
+
+
+# Keys of the objects that have modifiers of which a tail may consist.
+with_tails: set[int] = set()
 
 
 class Planning:
@@ -64,6 +68,8 @@ class Planning:
         self.mends = mends.needed(plan, file, self.newcomers)
         is_wired = plan.way.in_pass and not any(mend.is_blocking for mend in self.mends)
         self.plan = replace(plan, is_wired=is_wired)
+        may_have_tail = any(modifier.type in modifier_types.TAILS for modifier in file.modifiers)
+        (with_tails.add if may_have_tail else with_tails.discard)(self._key)
         self._lacks = (plan.way, plan.taken, file.mesh) if self.mends else None
         if self.mends and self._lacks != self._given_up:
             self.ask_to_rewire()

@@ -47,6 +47,7 @@ class CanvasCopy:
         self._planning = planning
         self._is_true: bool | None = None  # None: to be compared
         self._compared = (0, 0)  # addresses of the two
+        self._is_new = True  # nothing was compared in this graph
 
     def forget(self) -> None:
         """Has the two compared again, because Blender has copied the object."""
@@ -65,8 +66,9 @@ class CanvasCopy:
                 raise LeaveToBlender("the mesh has just been edited")
         if self._is_true is None:
             self._is_true = meshes.are_same(mesh, copied)
+        is_new, self._is_new = self._is_new, False
         if not self._is_true:
-            if is_mesh_seen or before == (0, 0):  # in a render, each frame may have a new graph
+            if is_mesh_seen or is_new:  # in a render, each frame may have a new graph
                 self._planning.ask_for_copy()
             raise LeaveToBlender("the canvas has an older copy of the mesh")
         self._planning.note_copy()

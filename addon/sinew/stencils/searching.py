@@ -12,11 +12,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import materials, meshes, modifier_types, nodes, values
+from ..blender import materials, meshes, nodes, values
 from ..feedback import notice
 from ..plan import canvas_survey, tails, wiring
 from ..plan.situation import Tail
-from ..run import characters, mail
+from ..run import characters, mail, planning
 from . import probing
 
 log = logging.getLogger("sinew")
@@ -116,10 +116,17 @@ def _version(entry: Any) -> tuple[int, int, tuple[str, ...]]:
 def _lacking(is_render: bool = False) -> list[bpy.types.Object]:
     """Returns the bound meshes that lack stencils for viewports or for renders, except where they were searched in
     vain."""
-    found = ((ob, characters.of(ob)) for ob in characters.known())
+    known = ((ob, characters.of(ob)) for ob in _with_tails())
     return [
-        ob for ob, entry in found if entry.plan.lacks_stencils[is_render] and entry.is_deforming and not _in_vain(entry)
+        ob for ob, entry in known if entry.plan.lacks_stencils[is_render] and entry.is_deforming and not _in_vain(entry)
     ]
+
+
+def _with_tails() -> list[bpy.types.Object]:
+    """Returns the bound meshes that may have a tail."""
+    found = {key: characters.find(key) for key in tuple(planning.with_tails)}
+    planning.with_tails.difference_update(key for key, ob in found.items() if ob is None)
+    return [ob for ob in found.values() if ob is not None]
 
 
 def note_edit() -> None:
@@ -136,14 +143,14 @@ def _see_surroundings() -> bool:
     if not _may_be_followed:
         return False
     _may_be_followed, has_changed = False, False
-    objects = [ob for ob in characters.known() if any(each.type in modifier_types.TAILS for each in ob.modifiers)]
+    objects = _with_tails()
     followed = tails.followed(objects)
     for ob in objects:
-        planning = characters.of(ob).planning
+        own = characters.of(ob).planning
         generated_in = materials.user_of_generated(ob) or "" if ob.data.shape_keys is not None else ""
         is_followed = ob in followed or IS_READ
-        if (planning.is_followed, planning.generated_in) != (is_followed, generated_in):
-            planning.is_followed, planning.generated_in = is_followed, generated_in
+        if (own.is_followed, own.generated_in) != (is_followed, generated_in):
+            own.is_followed, own.generated_in = is_followed, generated_in
             mail.post(mail.REWIRE, values.key_of(ob))
             has_changed = True
     return has_changed
@@ -157,7 +164,9 @@ def look() -> None:
     """Goes on with a search, or begins one. For a timer, in a window."""
     global _search
     context = bpy.context
-    if _search is None and not _may_be_followed and not _lacking() or _is_busy(context):
+    if not planning.with_tails:
+        _search = None
+    if not planning.with_tails or _search is None and not _may_be_followed and not _lacking() or _is_busy(context):
         return
     if _see_surroundings():
         return
@@ -191,7 +200,7 @@ def note_render(scene: bpy.types.Scene, begins: bool) -> None:
 def note_frame(is_render: bool) -> None:
     """Has the stencils that are lacking found, in the background, once enough frames were changed without them.
     is_render: the frame is evaluated as renders are."""
-    if _evaluates_anew and is_render or _see_surroundings():
+    if not planning.with_tails or _evaluates_anew and is_render or _see_surroundings():
         return
     for ob in _lacking(is_render):
         key = values.key_of(ob), is_render
