@@ -102,8 +102,11 @@ def looseness(ob):
             10 * LOOSE_TOLERANCE,
         )  # the last bit of a position decides to which face it is bound, and where faces are cut
     factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
-    has_few = bool(factors) or any(modifier.type == "SOLIDIFY" for modifier in ob.modifiers)
-    return (1.0 if min(factors, default=0) < 0 else FEW if has_few else 0.0), LOOSE_TOLERANCE
+    kinds = {modifier.type for modifier in ob.modifiers}
+    few = FEW if factors or "SOLIDIFY" in kinds else 0.0
+    if {"SOLIDIFY", "SUBSURF"} <= kinds:
+        few = 10 * FEW  # there are more faces, and they are smaller
+    return (1.0 if min(factors, default=0) < 0 else few), LOOSE_TOLERANCE
 
 
 def assert_close(ours, theirs, where, looseness=(0.0, TOLERANCE)):
