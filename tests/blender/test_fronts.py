@@ -23,8 +23,8 @@ from helpers import (
     twin_of,
     way,
 )
-from test_canvases import are_deforming, assert_all_same, canvases
-from test_render import add_camera, assert_same_pictures, render_frames, with_motion_blur, with_persistent_data
+from test_canvases import are_deforming, assert_all_same, bound, canvases
+from test_render import add_camera, assert_same_pictures, pictures_of_both, with_motion_blur, with_persistent_data
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (4, 1, 0), reason="left to Blender in this version")
 
@@ -50,12 +50,6 @@ def character_with(*fronts, add=None):
     if add is not None:
         add(ob)
     return [(ob, twin_of(ob))]
-
-
-def bound(pairs):
-    for ob, _twin in pairs:
-        accelerate(ob)
-    return pairs
 
 
 def mirrored(ob):
@@ -336,13 +330,7 @@ def test_rendered(pairs, fresh_scene, tmp_path, set_up):
     add_camera(fresh_scene)
     fresh_scene.camera.location = (0, -12, 2.5)
     set_up(fresh_scene)
-    pictures = []
-    for shown in (0, 1):
-        for number, each in enumerate(pairs[0]):
-            each.hide_render = number != shown
-        (tmp_path / str(shown)).mkdir()
-        pictures.append(render_frames(fresh_scene, tmp_path / str(shown), True))
-    assert_same_pictures(*pictures)
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, *pairs[0]))
 
 
 LEFT = {

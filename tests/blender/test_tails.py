@@ -25,9 +25,9 @@ from helpers import (
     twin_of,
     way,
 )
-from test_canvases import are_deforming, assert_all_same, canvases
+from test_canvases import are_deforming, assert_all_same, bound, canvases
 from test_panel import draw
-from test_render import add_camera, assert_same_pictures, render_frames, with_motion_blur, with_persistent_data
+from test_render import add_camera, assert_same_pictures, pictures_of_both, with_motion_blur, with_persistent_data
 from test_stencils import TAILS, add_modifiers, make_rough
 
 pytestmark = pytest.mark.skipif(bpy.app.version < (4, 1, 0), reason="left to Blender in this version")
@@ -52,17 +52,6 @@ def character_with(*modifiers, add=None):
         add(ob)
     add_modifiers(ob, modifiers)
     return [(ob, twin_of(ob))]
-
-
-def bound(pairs):
-    for ob, _twin in pairs:
-        accelerate(ob)
-    return pairs
-
-
-def with_keys(ob):
-    """Two shape keys, one of which is keyed and has a group."""
-    add_shape_keys(ob)
 
 
 def find_stencils():
@@ -122,7 +111,7 @@ PAIRS = {
 @pytest.fixture(params=PAIRS.items(), ids=PAIRS.keys())
 def pairs(request, fresh_scene):
     name, modifiers = request.param
-    found = bound(character_with(*modifiers, add=with_keys if name == "with keys" else None))
+    found = bound(character_with(*modifiers, add=add_shape_keys if name == "with keys" else None))
     find_stencils()
     assert_all_same(found, (2, 3, 4, 5))
     assert are_deforming(found) == [True] and tail_of(found[0][0])
@@ -368,13 +357,7 @@ def test_rendered(pairs, fresh_scene, tmp_path, set_up, render_levels):
     fresh_scene.camera.location = (0, -12, 2.5)
     set_up(fresh_scene)
     assert tail_of(pairs[0][0])
-    pictures = []
-    for shown in (0, 1):
-        for number, each in enumerate(pairs[0]):
-            each.hide_render = number != shown
-        (tmp_path / str(shown)).mkdir()
-        pictures.append(render_frames(fresh_scene, tmp_path / str(shown), True))
-    assert_same_pictures(*pictures)
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, *pairs[0]))
 
 
 def test_the_scene_is_simplified(pairs, fresh_scene):
@@ -523,13 +506,7 @@ def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tm
     entry = addon_module("run.characters").character(pairs[0][0])
     add_camera(fresh_scene)
     fresh_scene.camera.location = (0, -12, 2.5)
-    pictures = []
-    for shown in (0, 1):
-        for number, each in enumerate(pairs[0]):
-            each.hide_render = number != shown
-        (tmp_path / str(shown)).mkdir()
-        pictures.append(render_frames(fresh_scene, tmp_path / str(shown), True))
-    assert_same_pictures(*pictures)
+    assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, *pairs[0]))
     if is_persistent:
         viewport, render = entry.way.tail.stencils
         assert render is not None and render is not viewport and entry.plan.lacks_stencils[0] == (viewport is None)
@@ -601,7 +578,7 @@ def test_what_is_left_to_blender(fresh_scene, modifiers, add):
 
 def test_keys(fresh_scene):
     """Their values are followed, and edits of their points; muted ones add nothing. Other readers find them."""
-    pairs = bound(character_with(*PAIRS["with keys"], add=with_keys))
+    pairs = bound(character_with(*PAIRS["with keys"], add=add_shape_keys))
     ((ob, twin),) = pairs
     assert way(ob) == "KEYS"
     find_stencils()
@@ -634,7 +611,7 @@ def test_keys(fresh_scene):
 
 def test_generated_coordinates_stay_in_place(fresh_scene):
     """Only the path through shape keys keeps them there."""
-    pairs = bound(character_with(*PAIRS["with keys"], add=with_keys))
+    pairs = bound(character_with(*PAIRS["with keys"], add=add_shape_keys))
     ((ob, _twin),) = pairs
     find_stencils()
     assert tail_of(ob)
@@ -654,7 +631,7 @@ def test_generated_coordinates_stay_in_place(fresh_scene):
 
 
 def test_the_last_key_is_removed(fresh_scene):
-    pairs = bound(character_with(*PAIRS["with keys"], add=with_keys))
+    pairs = bound(character_with(*PAIRS["with keys"], add=add_shape_keys))
     find_stencils()
     for each in pairs[0]:
         each.shape_key_clear()

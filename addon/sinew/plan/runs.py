@@ -81,12 +81,22 @@ def _why_no_tail(situation: Situation, stages: Collection[str]) -> str:
         return "its method or output needs the mesh's own vertices"
     if situation.generated_in:
         return f"the Generated coordinates of {situation.generated_in} stay in place only while Blender evaluates it"
+    return (
+        why_no_own(situation, stages)
+        or situation.front_trouble
+        or ("" if situation.tells_renders else "nothing was evaluated yet")
+    )
+
+
+def why_no_own(situation: Situation, stages: Collection[str]) -> str:
+    """Returns why Sinew's modifier cannot place the vertices, a clause, or "". stages: of the run."""
     for modifier in situation.modifiers:
         if modifier.type in modifier_types.ONLY_BEHIND_DEFORMING:
             return f"{modifier.name} allows only deforming modifiers before it"
+    for modifier in situation.modifiers:
         if modifier.picks_by_index and not modifier.does_nothing and modifier.name not in stages:
             return f"{modifier.name} picks vertices by index, and Blender mixes these up behind Sinew's modifier"
-    return situation.front_trouble or ("" if situation.tells_renders else "nothing was evaluated yet")
+    return ""
 
 
 def _tail(modifiers: Sequence[Modifier], first: str, is_followed: bool) -> tuple[str, ...]:

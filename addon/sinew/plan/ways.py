@@ -203,22 +203,10 @@ def _why_by_parent(situation: Situation) -> str:
 
 def _through_attribute(situation: Situation) -> Way:
     """Returns the path of a mesh without shape keys."""
-    for modifier in situation.modifiers:
-        if modifier.type in modifier_types.ONLY_BEHIND_DEFORMING:
-            return Way(
-                BLENDER,
-                f"{modifier.name} allows only deforming modifiers before it: add a shape key, and Sinew uses that",
-                wants_keys=True,
-            )
     stages = runs.of(situation).stages
-    for modifier in situation.modifiers:
-        if modifier.picks_by_index and not modifier.does_nothing and modifier.name not in stages:
-            return Way(
-                BLENDER,
-                f"{modifier.name} picks vertices by index, and Blender mixes these up behind Sinew's modifier: add a "
-                "shape key, and Sinew uses that",
-                wants_keys=True,
-            )
+    reason = runs.why_no_own(situation, stages)
+    if reason:
+        return Way(BLENDER, f"{reason}: add a shape key, and Sinew uses that", wants_keys=True)
     front = fronts.of(situation.modifiers, situation.taken)
     tail = tail_of(situation)
     if not front and tail is None and situation.sharer_count == 1:
