@@ -99,7 +99,7 @@ class GraphCopy:
         return all(name in ob.modifiers for name in names)
 
     def goes_through_canvas(self) -> bool:
-        """Whether the mesh is read from a canvas, and the deformed shape goes there."""
+        """Whether the deformed shape goes to a canvas, from which the mesh is read, too, unless there is a tail."""
         return self.plan.way.kind == ways.CANVAS
 
     def goes_through_keys(self) -> bool:
