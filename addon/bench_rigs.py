@@ -43,6 +43,8 @@ STACKS = (
     "behind-subsurf-weighted_normal",
     "behind-mask",
     "behind-edge_split",
+    "behind-mirror",
+    "behind-array",
     "shared",
 )
 KEYED_FRAMES = (1, 15, 30, 45)
@@ -288,6 +290,10 @@ def add_behind(ob, stack):
             modifier.vertex_group = group.name
         elif word == "TRIANGULATE":
             modifier.quad_method = "FIXED"
+        elif word == "MIRROR":
+            modifier.use_mirror_merge = False
+        elif word == "ARRAY":
+            modifier.use_relative_offset, modifier.use_constant_offset = False, True
     add_follower(ob)
 
 

@@ -574,12 +574,22 @@ class MeshDeform:
         that to mesh space."""
 
 class Stencils:
-    """How each vertex of one mesh is made from those of another, as a weighted sum: what a Subdivision modifier does.
-    Immutable."""
+    """How each vertex of one mesh is made from those of another, as a weighted sum: what the modifiers Subdivision,
+    Mirror and Array do. Immutable."""
 
-    def __init__(self, offsets: _Integers, vertices: _Integers, weights: _Reals, vertex_count: int) -> None:
+    def __init__(
+        self,
+        offsets: _Integers,
+        vertices: _Integers,
+        weights: _Reals,
+        vertex_count: int,
+        scales: _Reals | None = None,
+        shifts: _Reals | None = None,
+    ) -> None:
         """offsets (R + 1,): stencil r has the entries offsets[r] up to offsets[r + 1]; vertices (N,), of the mesh
-        before; weights (N,), finite; vertex_count: V, of that mesh."""
+        before; weights (N,), finite; vertex_count: V, of that mesh; scales (R, 3), finite, by which the sums are
+        multiplied, -1 along the axis of a mirror; shifts (R, 3), finite, what is added then, in the unit of the
+        positions."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -591,9 +601,9 @@ class Stencils:
         """N."""
     @property
     def pattern_count(self) -> int:
-        """How many different rows of weights there are: equal ones are stored once."""
+        """How many different rows of weights, scales and shifts there are: equal ones are stored once."""
     def apply(self, positions: _Float32, out: _Float32 | None = None) -> _Float32:
-        """Makes the vertices: p'(r) = sum_k w(r, k) p(i(r, k)).
+        """Makes the vertices: p'(r) = s(r) sum_k w(r, k) p(i(r, k)) + t(r), axis by axis.
 
         positions (V, 3); out (R, 3), not overlapping positions. Returns out.
         """

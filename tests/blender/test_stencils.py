@@ -18,6 +18,15 @@ def subdivision(**settings):
     return "SUBSURF", {"levels": 1, **settings}
 
 
+def mirror(**settings):
+    return "MIRROR", {"use_mirror_merge": False, **settings}
+
+
+def array(**settings):
+    offset = {"use_relative_offset": False, "use_constant_offset": True, "constant_offset_displace": (0.3, 70, -2)}
+    return "ARRAY", {**offset, **settings}
+
+
 TAILS = {
     "smooth": [subdivision()],
     "twice": [subdivision(levels=2)],
@@ -33,6 +42,10 @@ TAILS = {
     "split": [("EDGE_SPLIT", {"use_edge_angle": False}), subdivision()],
     "only split": [("EDGE_SPLIT", {"use_edge_angle": False})],
     "cut": [subdivision(), ("TRIANGULATE", {"quad_method": "FIXED"})],
+    "mirrored": [mirror(), subdivision()],
+    "mirrored twice": [subdivision(), mirror(use_axis=(True, True, False))],
+    "in a row": [subdivision(), array(count=3)],
+    "mirrored and in a row": [mirror(), array(), subdivision(), ("MASK", {"vertex_group": "side"}), array(count=3)],
 }
 
 
@@ -128,6 +141,12 @@ def test_few_frames_are_blenders_to_the_bit(figure, tmp_path):
         [subdivision(), ("EDGE_SPLIT", {"use_edge_angle": True})],
         [subdivision(), ("TRIANGULATE", {"quad_method": "BEAUTY"})],
         [("MASK", {"vertex_group": "side"})],
+        [subdivision(), ("MIRROR", {})],
+        [subdivision(), mirror(use_bisect_axis=(False, True, False))],
+        [subdivision(), ("ARRAY", {})],
+        [subdivision(), array(use_merge_vertices=True)],
+        [subdivision(), array(fit_type="FIT_LENGTH")],
+        [subdivision(), array(use_object_offset=True)],
     ),
     ids=lambda tail: "-".join(kind for kind, _ in tail),
 )
@@ -220,10 +239,10 @@ def test_what_is_wrong_is_noticed(figure, tmp_path, always, monkeypatch):
     probing = addon_module("stencils.probing")
     assembled = probing._assembled
 
-    def changed(rows, vertices, weights, count, vertex_count):
+    def changed(rows, vertices, weights, *sizes):
         one, other = np.flatnonzero(rows == rows[0])[:2]
         weights[[one, other]] += 1e-4, -1e-4
-        return assembled(rows, vertices, weights, count, vertex_count)
+        return assembled(rows, vertices, weights, *sizes)
 
     monkeypatch.setattr(probing, "_assembled", changed)
     add_modifiers(figure, TAILS["smooth"])

@@ -80,7 +80,7 @@ STACKS = {
 
 @pytest.mark.parametrize("rough", (False, True), ids=("quads", "rough"))
 @pytest.mark.parametrize("modifiers", STACKS.values(), ids=STACKS.keys())
-def test_the_same_shape(fresh_scene, modifiers, rough):
+def test_the_same_shape(fresh_scene, request, modifiers, rough):
     pairs = bound(character_with(*modifiers, add=make_rough if rough else None))
     ((ob, _twin),) = pairs
     assert_all_same(pairs, (1, 2, 3, 4, 5))
@@ -91,8 +91,9 @@ def test_the_same_shape(fresh_scene, modifiers, rough):
         assert tail_of(ob) is None and "more than four corners" in says(ob)
         return
     kinds = [ob.modifiers[name].type for name in tail_of(ob)]
-    wanted = [kind for kind, _settings in modifiers if kind in {"SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE"}]
-    assert kinds == (wanted[:-1] if modifiers[-1][0] == "SUBSURF" else wanted)
+    wanted = [kind for kind, _settings in modifiers if kind in addon_module("blender.modifier_types").TAILS]
+    is_left = modifiers[-1][0] == "SUBSURF" or "in front" in request.node.name
+    assert kinds == (wanted[:-1] if is_left else wanted)
     assert way(ob) == "CANVAS" and len(canvases()) == 1 and are_deforming(pairs) == [True]
     assert shortcut_of(ob, depsgraph()) is not None and says(ob) == ""
 
@@ -403,7 +404,7 @@ def test_what_is_last_is_left_to_the_viewport(fresh_scene):
 # --- any settings ---------------------------------------------------------------------------------
 
 FIXED = {"name", "is_active", "use_pin_to_last", "use_apply_on_spline", "show_viewport", "show_render"}
-LEVELS = {"levels": (0, 2), "render_levels": (0, 2), "quality": (1, 5), "min_vertices": (4, 6)}
+LEVELS = {"count": (1, 3), "levels": (0, 2), "render_levels": (0, 2), "quality": (1, 5), "min_vertices": (4, 6)}
 
 
 def set_at_random(modifier, random):
@@ -432,7 +433,7 @@ def set_at_random(modifier, random):
 
 def add_any_tail(ob, seed, is_rough):
     """is_rough: its faces have any number of corners, which Triangulate cuts by the shape."""
-    random, kinds = Random(seed), ["SUBSURF", "SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE"]
+    random, kinds = Random(seed), ["SUBSURF", "SUBSURF", "MASK", "EDGE_SPLIT", "MIRROR", "ARRAY", "TRIANGULATE"]
     for _ in range(random.randint(1, 3)):
         kind = random.choice(kinds[:-1] if is_rough else kinds)
         modifier = ob.modifiers.new(kind, kind)
@@ -441,6 +442,13 @@ def add_any_tail(ob, seed, is_rough):
             modifier.use_edge_angle = False
         elif kind == "TRIANGULATE":
             modifier.quad_method = random.choice(("FIXED", "FIXED_ALTERNATE"))
+        elif kind == "MIRROR":
+            modifier.use_mirror_merge = False
+            modifier.use_axis = [random.random() < 0.5 for _ in range(3)]
+        elif kind == "ARRAY":
+            modifier.fit_type, modifier.use_constant_offset = "FIXED_COUNT", True
+            modifier.use_relative_offset = modifier.use_merge_vertices = modifier.use_object_offset = False
+            modifier.constant_offset_displace = [random.uniform(-4, 4) for _ in range(3)]
     for modifier in [each for each in ob.modifiers if each.type == "SUBSURF"][1:]:
         modifier.levels = min(modifier.levels, 1)
     ob.modifiers.new("Behind", random.choice(("UV_WARP", "WEIGHTED_NORMAL")))
@@ -662,6 +670,22 @@ def test_a_long_search_is_not_begun(fresh_scene, monkeypatch):
         move_a_vertex(each)  # an edit has it tried again
     find_stencils()
     assert tail_of(pairs[0][0])
+
+
+@pytest.mark.parametrize("limit", ("MOST_SECONDS", "MOST_EVALUATIONS"))
+def test_a_long_search_is_begun_by_a_button(fresh_scene, monkeypatch, limit):
+    monkeypatch.setattr(addon_module("stencils.searching"), limit, 1e-9 if limit == "MOST_SECONDS" else 1)
+    ((ob, twin),) = bound(character_with(*PAIRS["subdivision"]))
+    select(ob)
+    find_stencils()
+    assert tail_of(ob) is None and ("take longer" if limit == "MOST_EVALUATIONS" else "seconds") in says(ob)
+    assert "object.sinew_find_weights" in draw()
+    bpy.ops.object.sinew_find_weights()
+    find_stencils()
+    assert tail_of(ob) and "object.sinew_find_weights" not in draw()
+    assert_all_same([(ob, twin)])
+    with pytest.raises(RuntimeError, match="lacks no weights"):
+        bpy.ops.object.sinew_find_weights()
 
 
 def only_edges(mesh):

@@ -67,6 +67,35 @@ TEST(Stencils, EqualRowsOfWeightsAreStoredOnce) {
   EXPECT_EQ(Stencils(rows.offsets, rows.vertices, rows.weights, 10).pattern_count(), std::ssize(kinds));
 }
 
+TEST(Stencils, SumsAreScaledAndShifted) {
+  std::mt19937 random(4);
+  const Rows rows = random_rows(300, 40, random);
+  const std::vector<float> positions = random_positions(40, random);
+  std::vector<float> scales, shifts, sums(3 * 300), out(sums), expected;
+  for (int i = 0; i < 3 * 300; ++i) {
+    scales.push_back(random() % 2 ? -1.0f : 1.0f);
+    shifts.push_back(static_cast<float>(random() % 8));
+  }
+  Stencils(rows.offsets, rows.vertices, rows.weights, 40).apply(positions, sums);
+  for (std::size_t i = 0; i < sums.size(); ++i) expected.push_back(scales[i] * sums[i] + shifts[i]);
+  Stencils(rows.offsets, rows.vertices, rows.weights, 40, scales, shifts).apply(positions, out);
+  EXPECT_EQ(out, expected);
+  const std::vector<float> ones(3 * 300, 1), zeros(3 * 300, 0);
+  for (std::size_t i = 0; i < sums.size(); ++i) expected[i] = scales[i] * sums[i];
+  Stencils(rows.offsets, rows.vertices, rows.weights, 40, scales).apply(positions, out);
+  EXPECT_EQ(out, expected);
+  Stencils(rows.offsets, rows.vertices, rows.weights, 40, ones, zeros).apply(positions, out);
+  EXPECT_EQ(out, sums);
+}
+
+TEST(Stencils, CopiesOfARowAreStoredOnceForEachPlace) {
+  const std::vector<std::int64_t> offsets{0, 1, 2, 3, 4};
+  const std::vector<std::int32_t> vertices{0, 1, 2, 3};
+  const std::vector<float> weights(4, 1), shifts{0, 0, 0, 0, 0, 0, 5, 0, 0, 5, 0, 0};
+  EXPECT_EQ(Stencils(offsets, vertices, weights, 4).pattern_count(), 1);
+  EXPECT_EQ(Stencils(offsets, vertices, weights, 4, {}, shifts).pattern_count(), 2);
+}
+
 TEST(Stencils, AnyNumberOfThreadsGivesTheSameBits) {
   std::mt19937 random(3);
   const Rows rows = random_rows(30'000, 900, random);
@@ -97,6 +126,13 @@ TEST(Stencils, WhatDoesNotFitIsRefused) {
   EXPECT_EQ(make({0, 2, 1, 2}, {0, 1}, {1, 1}), "offsets[2] is 1, below the one before");
   EXPECT_EQ(make({0, 1}, {0, 1}, {1, 1}), "offsets goes from 0 to 1; expected 0 to 2, the number of entries");
   EXPECT_EQ(make({0, 1}, {0}, {NAN}), "weights[0] is nan; expected a finite number");
+  const auto place = [](std::vector<float> scales, std::vector<float> shifts) {
+    return complaint([&] {
+      Stencils(std::vector<std::int64_t>{0, 1}, std::vector<std::int32_t>{2}, std::vector<float>{1}, 4, scales, shifts);
+    });
+  };
+  EXPECT_EQ(place({1, 1, 1, 1, 1, 1}, {}), "scales has 2 rows; expected 1");
+  EXPECT_EQ(place({}, {0, INFINITY, 0}), "shifts[1] is inf; expected a finite number");
   const Stencils stencils(std::vector<std::int64_t>{0, 1}, std::vector<std::int32_t>{2}, std::vector<float>{1}, 4);
   std::vector<float> few(9), right(12), out(3), more(6);
   EXPECT_EQ(complaint([&] { stencils.apply(few, out); }), "positions has 3 vertices; expected 4");

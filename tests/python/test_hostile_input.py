@@ -122,7 +122,7 @@ def valid():
         "Stencils.__init__": (
             sinew.Stencils,
             {"offsets": np.array([0, 2, 3]), "vertices": np.array([0, 3, 1]), "weights": np.array([0.5, 0.5, 1])}
-            | {"vertex_count": 4},
+            | {"vertex_count": 4, "scales": POINTS[:2], "shifts": POINTS[:2]},
         ),
         "Stencils.apply": (
             sinew.Stencils(np.array([0, 2, 3]), np.array([0, 3, 1]), np.array([0.5, 0.5, 1]), 4).apply,

@@ -49,7 +49,9 @@ MIXED_IN = {"LATTICE", "MESH_DEFORM"}
 # without other objects and animation it changes only after an edit.
 FRONTS = {"ARRAY", "BEVEL", "DECIMATE", "EDGE_SPLIT", "MASK", "MIRROR", "SOLIDIFY", "SUBSURF", "TRIANGULATE", "WELD"}
 # Modifiers behind the run whose result Sinew may compute with stencils.
-TAILS = {"SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE"}
+TAILS = {"ARRAY", "EDGE_SPLIT", "MASK", "MIRROR", "SUBSURF", "TRIANGULATE"}
+# Of those, the ones that place copies: mirrored or shifted.
+PLACING = {"ARRAY", "MIRROR"}
 # Modifiers whose result at the end of a stack Blender makes when somebody reads it, or leaves to the graphics card.
 DEFERRED = {"SUBSURF", "MULTIRES"}
 # Modifiers for which Sinew has native stages.

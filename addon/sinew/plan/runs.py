@@ -178,8 +178,8 @@ def _why_not(modifier: Modifier, like: str, shown: tuple[bool, bool] | None) -> 
     have too, unless it is None."""
     if modifier.type not in modifier_types.STAGES:
         reason = modifier.tail_trouble if modifier.type in modifier_types.TAILS else ""
-        if modifier.type in modifier_types.FRONTS - modifier_types.TAILS:
-            reason = "before the armature's, it is evaluated once" if like else ""
+        if modifier.type in modifier_types.FRONTS - modifier_types.TAILS and like:
+            reason = "before the armature's, it is evaluated once"
         return f"Sinew cannot evaluate modifiers of the type {modifier.title}" + (reason and f": {reason}")
     reason = why_not_driven(modifier, "its {}") or modifier.trouble
     if not reason and shown is not None and not modifier.is_switched and modifier.shown != shown:

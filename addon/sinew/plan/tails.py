@@ -10,7 +10,7 @@ from ..blender import animation, meshes, modifier_types, modifiers, nodes
 from ..host import deform_verts, switches
 
 # Without one of these it is not worth the search for a bake: the others cost Blender little.
-_DEAR = {"SUBSURF", "EDGE_SPLIT"}
+_DEAR = {"ARRAY", "EDGE_SPLIT", "MIRROR", "SUBSURF"}
 # Attributes of the mesh on which the sums may depend.
 READ = {"crease_edge", "crease_vert", "sharp_edge", "sharp_face", "material_index"}
 
@@ -125,6 +125,8 @@ def why_not_for_now(modifier: Any) -> str:
         return "it keeps normals, which depend on the shape: switch Keep Normals off"
     if modifier.type == "SUBSURF" and modifier.use_custom_normals and modifier.id_data.data.has_custom_normals:
         return "it makes custom normals, which depend on the shape: switch Use Custom Normals off"
+    if modifier.type == "MIRROR" and modifier.id_data.data.has_custom_normals:
+        return "it makes custom normals, which depend on the shape: put it before the armature's"
     return ""
 
 
@@ -141,4 +143,35 @@ def _triangulate(modifier: Any) -> str:
     return "" if is_fixed else "it cuts quads by their shape: set Quad Method to Fixed"
 
 
-_REASONS = {"SUBSURF": lambda _modifier: "", "MASK": _mask, "EDGE_SPLIT": _edge_split, "TRIANGULATE": _triangulate}
+def _mirror(modifier: Any) -> str:
+    if modifier.mirror_object is not None:
+        return "it mirrors at another object, which may move"
+    named = {"Merge": modifier.use_mirror_merge, "Bisect": any(modifier.use_bisect_axis)}
+    return _dependent(named, "put it before the armature's")
+
+
+def _array(modifier: Any) -> str:
+    if modifier.fit_type != "FIXED_COUNT":
+        return "how many copies it makes is no fixed number: set Fit Type to Fixed Count"
+    if modifier.use_object_offset:
+        return "it depends on another object: switch Object Offset off"
+    if modifier.start_cap is not None or modifier.end_cap is not None:
+        return "it has caps, other objects"
+    named = {"Relative Offset": modifier.use_relative_offset, "Merge": modifier.use_merge_vertices}
+    return _dependent(named, "use Constant Offset" if modifier.use_relative_offset else "put it before the armature's")
+
+
+def _dependent(named: dict[str, bool], otherwise: str) -> str:
+    """Returns which setting makes the result depend on the shape, a clause, or "". named: name -> whether it is on."""
+    name = next((name for name, is_on in named.items() if is_on), "")
+    return f"{name} depends on the shape: switch it off, or {otherwise}" if name else ""
+
+
+_REASONS = {
+    "ARRAY": _array,
+    "EDGE_SPLIT": _edge_split,
+    "MASK": _mask,
+    "MIRROR": _mirror,
+    "SUBSURF": lambda _modifier: "",
+    "TRIANGULATE": _triangulate,
+}

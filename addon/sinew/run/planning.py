@@ -33,7 +33,8 @@ class Planning:
         # What the main thread has last read of the rest of the file; None: to be read
         self.surroundings: canvas_survey.Surroundings | None = None
         self.tail: Tail | None = None  # whose stencils were found
-        self.sought: tuple[object, str] = (None, "")  # see stencils/searching.py: what was searched, and why in vain
+        # See stencils/searching.py: what was searched, why in vain, and whether it would have taken too long
+        self.sought: tuple[object, str, bool] = (None, "", False)
         self.is_followed = False  # see tails.followed; the main thread looks when it has time, as for what follows
         self.generated_in = ""  # as in situation.Situation
         self.moves_against_armature = False  # frame by frame

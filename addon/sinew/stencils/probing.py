@@ -4,7 +4,10 @@ The modifiers are evaluated on a copy of the mesh, in a scene of its own, where 
 the few is at (1, a, b), by which it is known: a vertex of the result at (w, w a, w b) has it with the weight w. The few
 are so far apart that no vertex of the result has two of them, and after one evaluation for each colour of
 sinew_native.colours_apart all weights are known, to the bits that Blender has used. What was found is compared with
-Blender on a shape with random positions."""
+Blender on a shape with random positions.
+
+Mirror and Array place copies. With all vertices at 0, one sees how far a copy is shifted; with all at (1, 1, 1), along
+which axes it is mirrored. The shifts are switched off for all else, so that no digit is lost."""
 
 from collections.abc import Callable, Generator, Sequence
 from time import perf_counter
@@ -13,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes, modifiers
+from ..blender import meshes, modifier_types, modifiers
 from ..native import sinew_native
 from ..plan import tails
 
@@ -27,6 +30,10 @@ NAME = ".Sinew Stencils"
 
 class NotFound(Exception):
     """There are no stencils, or it would take too long to find them. The message says why, a clause."""
+
+
+class TooLong(NotFound):
+    """It would take too long."""
 
 
 class Canvas:
@@ -44,6 +51,7 @@ class Canvas:
         evaluate it, not as viewports do."""
         self._ob, self._tail, self._render, self._mesh_of, self._is_render = ob, tail, render, mesh_of, is_render
         self.needs_quads = tails.needs_quads(tail)
+        self.places_copies = any(modifier.type in modifier_types.PLACING for modifier in tail)
         self._made: tuple[Any, ...] = ()  # scene, object, mesh
         self.seconds = 0.0  # of all results
 
@@ -89,11 +97,14 @@ class Canvas:
         for block, collection in zip(made, ("scenes", "objects", "meshes")):
             getattr(bpy.data, collection).remove(block)
 
-    def result(self, positions: np.ndarray) -> np.ndarray:
-        """Returns the vertices (R, 3) that the modifiers make of these (V, 3)."""
+    def result(self, positions: np.ndarray, is_shifted: bool = True) -> np.ndarray:
+        """Returns the vertices (R, 3) that the modifiers make of these (V, 3). is_shifted: with Arrays' offsets."""
         begin = perf_counter()
         self._open()
         scene, copy, mesh = self._made
+        for modifier, own in zip(self._tail, copy.modifiers):
+            if own.type == "ARRAY":
+                own.constant_offset_displace = modifier.constant_offset_displace if is_shifted else (0, 0, 0)
         layer = scene.view_layers[0]
         meshes.write_positions(mesh, positions)
         layer.update()
@@ -127,24 +138,34 @@ def steps(
         raise NotFound("its vertices are not all at finite positions" if len(rest) else "it has no vertices")
     if made.needs_quads and np.diff(offsets).max(initial=0) > 4:
         raise NotFound("Triangulate cuts faces with more than four corners by their shape")
+    placings = _placings(made, len(rest)) if made.places_copies else (None, None)
     for apart in range(NEAR, FAR + 1):
         colours = sinew_native.colours_apart(len(rest), edges, offsets, corners, apart, max(most, 1))
         if colours is None:
-            raise NotFound("it would take longer to find its weights than to do without")
-        found = yield from _ask(made, what, colours, most_seconds)
+            raise TooLong("it would take longer to find its weights than to do without")
+        found = yield from _ask(made, what, colours, most_seconds, placings[0])
         if found is not None:
             break
     else:
         raise NotFound("its vertices depend on too many of those before them")
     rows, vertices, weights, count = found
-    stencils = _assembled(rows, vertices, weights, count, len(rest))
+    stencils = _assembled(rows, vertices, weights, count, len(rest), *placings)
     shape = np.random.default_rng(0).uniform(-1, 1, rest.shape).astype(np.float32)
     compare(stencils, shape, made.result(shape))
     return stencils
 
 
+def _placings(made: Canvas, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Returns by what the vertices of the result are multiplied, and how far they are shifted then, (R, 3) each."""
+    nowhere = np.zeros((vertex_count, 3), np.float32)
+    shifts, scales = made.result(nowhere), made.result(nowhere + 1, is_shifted=False)
+    if shifts.shape != scales.shape:
+        raise NotFound("it has another number of vertices in another shape")
+    return np.sign(scales), shifts
+
+
 def _ask(
-    made: Canvas, what: str, colours: np.ndarray, most_seconds: float
+    made: Canvas, what: str, colours: np.ndarray, most_seconds: float, scales: np.ndarray | None
 ) -> Generator[tuple[float, str], None, tuple[np.ndarray, np.ndarray, np.ndarray, int] | None]:
     """Returns (rows, vertices, weights, R), or None if two vertices of a colour have met."""
     rows, vertices, weights, count, made.seconds = [], [], [], 0, 0.0
@@ -153,9 +174,9 @@ def _ask(
     last = int(colours.max())
     for colour in range(last + 1):
         yield 0.0, f"finding the weights of {what}: {colour / (last + 1):.0%}"
-        result = made.result(np.where((colours == colour)[:, None], digits, np.float32(0)))
+        result = made.result(np.where((colours == colour)[:, None], digits, np.float32(0)), is_shifted=False)
         if made.seconds * (last + 1) > most_seconds * (colour + 1) and colour >= min(2, last):
-            raise NotFound(
+            raise TooLong(
                 f"it would take about {made.seconds * (last + 1) / (colour + 1):.0f} seconds to find its weights"
             )
         if len(result) > MOST_ROWS:
@@ -163,6 +184,10 @@ def _ask(
         if colour and len(result) != count:
             raise NotFound("it has another number of vertices in another shape")
         count = len(result)
+        if scales is not None:
+            if len(scales) != count:
+                raise NotFound("it has another number of vertices in another shape")
+            result *= scales  # which are 1 or -1
         own = np.flatnonzero(result[:, 0])
         weight = result[own, 0].astype(np.float64)
         low, high = result[own, 1] / weight, result[own, 2] / weight
@@ -178,13 +203,21 @@ def _ask(
     return np.concatenate(rows), np.concatenate(vertices), np.concatenate(weights), count
 
 
-def _assembled(rows: np.ndarray, vertices: np.ndarray, weights: np.ndarray, count: int, vertex_count: int) -> Any:
+def _assembled(
+    rows: np.ndarray,
+    vertices: np.ndarray,
+    weights: np.ndarray,
+    count: int,
+    vertex_count: int,
+    scales: np.ndarray | None = None,
+    shifts: np.ndarray | None = None,
+) -> Any:
     order = np.argsort(rows.astype(np.int64) * vertex_count + vertices)
     offsets = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=count))))
     sums = np.bincount(rows, weights, minlength=count)
     if not (np.abs(sums - 1) < 1e-5).all():
         raise NotFound("its vertices are no means of those before them")
-    return sinew_native.Stencils(offsets, vertices[order], weights[order], vertex_count)
+    return sinew_native.Stencils(offsets, vertices[order], weights[order], vertex_count, scales, shifts)
 
 
 def compare(stencils: Any, positions: np.ndarray, expected: np.ndarray) -> None:

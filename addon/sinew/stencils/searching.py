@@ -1,8 +1,8 @@
 """Finds the stencils of the tails of bound meshes, in the main thread, while Blender evaluates their modifiers as ever.
 
 In a window this is done bit by bit, while nothing is played, rendered or dragged. Between two bits, nothing of it is in
-the file, so that neither undo nor a saved file has any of it. In the background it is done at once, as soon as so many
-frames were changed that it would have paid.
+the file, so that neither undo nor a saved file has any of it. What was found is compared with Blender on the shape that
+is shown then. In the background it is done at once, as soon as so many frames were changed that it would have paid.
 """
 
 import logging
@@ -25,7 +25,7 @@ SECONDS_BETWEEN_BITS = 0.05
 SECONDS_OF_REST = 1.0  # without an edit, before a search goes on
 FRAMES_AHEAD = 24  # in the background
 MOST_EVALUATIONS = 256
-MOST_SECONDS = 20.0  # of all evaluations; a search that would take longer is not begun
+MOST_SECONDS = 20.0  # of all evaluations; a search that would take longer waits until somebody asks for it
 IS_READ = bpy.app.background  # nobody looks, so whoever changes frames reads what a last Subdivision makes
 MODES = {"OBJECT", "POSE"}
 
@@ -41,7 +41,8 @@ class Search:
         self._is_alike = tails.is_alike_in_renders(tail, scene.render)
         self._canvas = probing.Canvas(ob, tail, scene.render, ob.data.copy, is_render)
         what = f"{' and '.join(self.names)} of {ob.name}"
-        self._steps = probing.steps(self._canvas, what, MOST_EVALUATIONS, MOST_SECONDS)
+        limits = (MOST_EVALUATIONS, MOST_SECONDS) if self.key not in _asked_for else (len(ob.data.vertices), np.inf)
+        self._steps = probing.steps(self._canvas, what, *limits)
         self.says = f"finding the weights of {what}"
 
     def is_current(self, ob: bpy.types.Object) -> bool:
@@ -87,6 +88,7 @@ class Search:
 
 
 _search: Search | None = None
+_asked_for: set[int] = set()  # keys of the objects whose stencils somebody wants however long it takes
 _may_be_followed = True
 _edited = 0.0  # when something was
 _evaluates_anew = False  # on each frame, while something is rendered
@@ -104,8 +106,20 @@ def says(ob: bpy.types.Object) -> str:
 
 
 def _in_vain(entry: Any) -> str:
-    what, reason = entry.planning.sought
+    what, reason, _is_too_long = entry.planning.sought
     return reason if what == _version(entry) else ""
+
+
+def takes_long(ob: bpy.types.Object) -> bool:
+    """Whether the stencils of a bound mesh were not found because it would take too long."""
+    entry = characters.of(ob)
+    return bool(_in_vain(entry)) and entry.planning.sought[-1]
+
+
+def take_time(ob: bpy.types.Object) -> None:
+    """Has the stencils of a bound mesh found, however long it takes."""
+    _asked_for.add(values.key_of(ob))
+    characters.of(ob).planning.sought = None, "", False
 
 
 def _version(entry: Any) -> tuple[int, int, tuple[str, ...]]:
@@ -222,11 +236,10 @@ def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
             return False
         entry.planning.tail = found
         mail.post(mail.REWIRE, search.key)
-    except probing.NotFound as reason:
-        entry.planning.sought = _version(entry), str(reason)
     except Exception as error:
-        log.exception("the weights of %s could not be found", " and ".join(search.names))
-        entry.planning.sought = _version(entry), str(error)
+        if not isinstance(error, probing.NotFound):
+            log.exception("the weights of %s could not be found", " and ".join(search.names))
+        entry.planning.sought = _version(entry), str(error), isinstance(error, probing.TooLong)
     finally:
         _is_at_it = False
     return True
@@ -237,3 +250,4 @@ def forget() -> None:
     global _search, _may_be_followed
     _search, _may_be_followed = None, True
     _frames.clear()
+    _asked_for.clear()

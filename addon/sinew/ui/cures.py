@@ -9,6 +9,7 @@ from mathutils.kdtree import KDTree
 from ..blender import armatures, meshes
 from ..install import bind, mending
 from ..plan import survey
+from ..stencils import searching
 
 
 def doubles(ob: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -184,6 +185,23 @@ class SelectUnweighted(_Cure, bpy.types.Operator):
         return {"FINISHED"}
 
 
+class FindWeights(_Cure, bpy.types.Operator):
+    """Find the weights of the last modifiers, however long it takes. This goes on while nothing is played or edited;
+    Blender stands still for each of its evaluations"""
+
+    bl_idname = "object.sinew_find_weights"
+    bl_label = "Find the Weights"
+    bl_options = {"REGISTER"}
+    wants_armature = False
+
+    def execute(self, context):
+        if not searching.takes_long(context.active_object):
+            self.report({"ERROR"}, f"{context.active_object.name} lacks no weights that would take long to find")
+            return {"CANCELLED"}
+        searching.take_time(context.active_object)
+        return {"FINISHED"}
+
+
 class BindSmoothing(_Cure, bpy.types.Operator):
     """Bind each Corrective Smooth that needs it to the mesh as it is in the rest pose, with all shape keys at rest"""
 
@@ -220,5 +238,14 @@ class MakeSingleUser(_Cure, bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (KeepGenerated, RemoveDoubles, NormalizeWeights, FillWeights, SelectUnweighted, BindSmoothing, MakeSingleUser)
+CLASSES = (
+    KeepGenerated,
+    RemoveDoubles,
+    NormalizeWeights,
+    FillWeights,
+    SelectUnweighted,
+    FindWeights,
+    BindSmoothing,
+    MakeSingleUser,
+)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -243,6 +243,8 @@ def draw_chain(layout: bpy.types.UILayout, ob: bpy.types.Object, entry: Any) -> 
         notice.draw_sentence(
             column, bpy.context, f"Blender takes over at {entry.run.end}: {searched or entry.run.reason}", False
         )
+        if searching.takes_long(ob):
+            layout.operator(cures.FindWeights.bl_idname)
         end = ob.modifiers.get(entry.run.end)
         if end is not None and survey.why_not_bound(ob, end):
             layout.operator(cures.BindSmoothing.bl_idname)

@@ -1,6 +1,7 @@
 /// Vertices that are weighted sums of others.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -12,18 +13,21 @@
 
 namespace sinew {
 
-/// How each vertex of one mesh is made from those of another, as a Subdivision modifier makes its vertices:
-///   p'(r) = sum_k w(r, k) p(i(r, k)).
+/// How each vertex of one mesh is made from those of another, as the modifiers Subdivision, Mirror and Array make theirs:
+///   p'(r) = s(r) * sum_k w(r, k) p(i(r, k)) + t(r), axis by axis.
 /// Immutable; any number of threads may use it at once.
 class Stencils {
  public:
   /// offsets       R + 1: stencil r has the entries offsets[r] up to offsets[r + 1].
   /// vertices      N, below V.
-  /// weights       N, finite. Equal rows of weights are stored once.
+  /// weights       N, finite. Equal rows of weights, scales and shifts are stored once.
   /// vertex_count  V, of the mesh from which the vertices are made.
+  /// scales        R x 3, the finite s, -1 along the axis of a mirror; empty: 1.
+  /// shifts        R x 3, the finite t, in the unit of the positions; empty: 0.
   /// Throws InputError for what does not fit.
   Stencils(std::span<const std::int64_t> offsets, std::span<const std::int32_t> vertices,
-           std::span<const float> weights, std::ptrdiff_t vertex_count);
+           std::span<const float> weights, std::ptrdiff_t vertex_count, std::span<const float> scales = {},
+           std::span<const float> shifts = {});
   ~Stencils();
 
   /// V.
@@ -32,7 +36,7 @@ class Stencils {
   std::ptrdiff_t count() const { return std::ssize(rows_); }
   /// N.
   std::ptrdiff_t entry_count() const { return std::ssize(vertices_); }
-  /// How many different rows of weights there are.
+  /// How many different rows of weights, scales and shifts there are.
   std::ptrdiff_t pattern_count() const { return std::ssize(pattern_begin_) - 1; }
 
   /// Writes the vertices that are made from these. Each sum is taken in the order of its entries, in float32, so that any
@@ -44,12 +48,19 @@ class Stencils {
   struct Row {
     std::uint32_t begin, pattern;
   };
+  struct Placing {
+    std::array<float, 4> scale{1, 1, 1, 1}, shift{};
+  };
   struct Scratch;
+
+  template <bool kIsPlaced>
+  void apply_rows(const float* points, std::span<float> out, std::size_t begin, std::size_t end) const;
 
   std::ptrdiff_t vertex_count_;
   std::vector<Row> rows_;
   std::vector<std::uint32_t> vertices_, pattern_begin_;  // patterns + 1
   std::vector<float> pattern_weights_;
+  std::vector<Placing> placings_;  // one for each pattern; empty: nothing is scaled or shifted
   std::unique_ptr<Scratch> scratch_;
 };
 

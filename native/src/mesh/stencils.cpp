@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <string>
 #include <string_view>
+#include <utility>
 #include <unordered_map>
 
 #include "base/kept.h"
@@ -23,6 +25,26 @@ constexpr double kMicrosecondsPerEntry = 1e-3;  // measured: an entry is read an
 /// What each processor has registers for.
 using Four [[gnu::vector_size(16)]] = float;
 
+Four four_at(const float* numbers) {
+  Four four;
+  std::memcpy(&four, numbers, sizeof four);
+  return four;
+}
+
+void check_finite(std::string_view name, std::span<const float> numbers) {
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (!std::isfinite(numbers[i])) fail(name, "[", i, "] is ", numbers[i], "; expected a finite number");
+  }
+}
+
+/// What there is of each of so many rows, or of none.
+void check_rows(std::string_view name, std::span<const float> numbers, std::size_t count) {
+  if (!numbers.empty() && numbers.size() != 3 * count) {
+    fail(name, " has ", plural(std::ssize(numbers) / 3, "row"), "; expected ", grouped(std::ptrdiff_t(count)));
+  }
+  check_finite(name, numbers);
+}
+
 }  // namespace
 
 struct Stencils::Scratch {
@@ -30,7 +52,8 @@ struct Stencils::Scratch {
 };
 
 Stencils::Stencils(std::span<const std::int64_t> offsets, std::span<const std::int32_t> vertices,
-                   std::span<const float> weights, std::ptrdiff_t vertex_count)
+                   std::span<const float> weights, std::ptrdiff_t vertex_count, std::span<const float> scales,
+                   std::span<const float> shifts)
     : vertex_count_(vertex_count), pattern_begin_{0}, scratch_(std::make_unique<Scratch>()) {
   check_vertex_count(vertex_count);
   check_vertices("vertices", vertices, vertex_count);
@@ -41,9 +64,7 @@ Stencils::Stencils(std::span<const std::int64_t> offsets, std::span<const std::i
   if (vertices.size() >= std::numeric_limits<std::uint32_t>::max()) {
     fail("vertices has ", plural(std::ssize(vertices), "number"), "; expected fewer than 2^32");
   }
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    if (!std::isfinite(weights[i])) fail("weights[", i, "] is ", weights[i], "; expected a finite number");
-  }
+  check_finite("weights", weights);
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != std::ssize(vertices)) {
     fail("offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ", offsets.empty() ? 0 : offsets.back(),
          "; expected 0 to ", vertices.size(), ", the number of entries");
@@ -51,14 +72,23 @@ Stencils::Stencils(std::span<const std::int64_t> offsets, std::span<const std::i
   for (std::size_t r = 0; r + 1 < offsets.size(); ++r) {
     if (offsets[r + 1] < offsets[r]) fail("offsets[", r + 1, "] is ", offsets[r + 1], ", below the one before");
   }
+  const std::size_t count = offsets.size() - 1;
+  check_rows("scales", scales, count);
+  check_rows("shifts", shifts, count);
+  const bool is_placed = !scales.empty() || !shifts.empty();
   vertices_.assign(vertices.begin(), vertices.end());
-  rows_.reserve(offsets.size() - 1);
-  std::unordered_map<std::string_view, std::uint32_t> patterns;  // by the bytes of their weights
+  rows_.reserve(count);
+  std::unordered_map<std::string, std::uint32_t> patterns;  // by the bytes of their weights and placings
   for (std::size_t r = 0; r + 1 < offsets.size(); ++r) {
     const auto own = weights.subspan(offsets[r], offsets[r + 1] - offsets[r]);
-    const std::string_view bytes(reinterpret_cast<const char*>(own.data()), own.size_bytes());
-    const auto [at, is_new] = patterns.try_emplace(bytes, static_cast<std::uint32_t>(patterns.size()));
+    Placing placing;
+    if (!scales.empty()) std::copy_n(&scales[3 * r], 3, placing.scale.begin());
+    if (!shifts.empty()) std::copy_n(&shifts[3 * r], 3, placing.shift.begin());
+    std::string bytes(reinterpret_cast<const char*>(own.data()), own.size_bytes());
+    if (is_placed) bytes.append(reinterpret_cast<const char*>(&placing), sizeof placing);
+    const auto [at, is_new] = patterns.try_emplace(std::move(bytes), static_cast<std::uint32_t>(patterns.size()));
     if (is_new) {
+      if (is_placed) placings_.push_back(placing);
       pattern_weights_.insert(pattern_weights_.end(), own.begin(), own.end());
       pattern_begin_.push_back(static_cast<std::uint32_t>(pattern_weights_.size()));
     }
@@ -84,19 +114,26 @@ void Stencils::apply(std::span<const float> positions, std::span<float> out) con
   const double microseconds = kMicrosecondsPerEntry * static_cast<double>(entry_count());
   const std::size_t grain = threads_pay(microseconds) ? kRowsPerTask : rows_.size();
   parallel_for(rows_.size(), std::max<std::size_t>(grain, 1), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t r = begin; r < end; ++r) {
-      const float* weight = pattern_weights_.data() + pattern_begin_[rows_[r].pattern];
-      const float* const last = pattern_weights_.data() + pattern_begin_[rows_[r].pattern + 1];
-      const std::uint32_t* vertex = vertices_.data() + rows_[r].begin;
-      Four sum{};
-      for (; weight != last; ++weight, ++vertex) {
-        Four point;
-        std::memcpy(&point, all + kPadded * *vertex, sizeof point);
-        sum += *weight * point;
-      }
-      std::memcpy(&out[3 * r], &sum, 3 * sizeof(float));
-    }
+    placings_.empty() ? apply_rows<false>(all, out, begin, end) : apply_rows<true>(all, out, begin, end);
   });
+}
+
+/// points: V, kPadded each.
+template <bool kIsPlaced>
+void Stencils::apply_rows(const float* points, std::span<float> out, std::size_t begin, std::size_t end) const {
+  for (std::size_t r = begin; r < end; ++r) {
+    const std::uint32_t pattern = rows_[r].pattern;
+    const float* weight = pattern_weights_.data() + pattern_begin_[pattern];
+    const float* const last = pattern_weights_.data() + pattern_begin_[pattern + 1];
+    const std::uint32_t* vertex = vertices_.data() + rows_[r].begin;
+    Four sum{};
+    for (; weight != last; ++weight, ++vertex) sum += *weight * four_at(points + kPadded * *vertex);
+    if constexpr (kIsPlaced) {
+      const Placing& placing = placings_[pattern];
+      sum = sum * four_at(placing.scale.data()) + four_at(placing.shift.data());
+    }
+    std::memcpy(&out[3 * r], &sum, 3 * sizeof(float));
+  }
 }
 
 std::optional<std::vector<std::int32_t>> colours_apart(std::ptrdiff_t vertex_count, std::span<const std::int32_t> edges,

@@ -26,6 +26,7 @@ TYPES = {
     "SOLIDIFY": 0.5,
     "SUBSURF": 2.5,
     "MIRROR": 1,
+    "ARRAY": 0.5,
     "CAST": 1,
     "WAVE": 1,
     "SIMPLE_DEFORM": 1,
@@ -34,11 +35,11 @@ TYPES = {
     "MULTIRES": 0.7,
 }
 DEFORMING = {"ARMATURE", "CORRECTIVE_SMOOTH", "SMOOTH", "HOOK", "LATTICE", "SURFACE_DEFORM", "MESH_DEFORM"}
-TAIL = ("SUBSURF", "SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE")
+TAIL = ("SUBSURF", "SUBSURF", "MASK", "EDGE_SPLIT", "TRIANGULATE", "MIRROR", "ARRAY")
 # The operators that bind modifiers to a cage.
 BINDING = {"SURFACE_DEFORM": "surfacedeform_bind", "MESH_DEFORM": "meshdeform_bind"}
 # What makes more vertices.
-GROWING = {"SUBSURF", "MIRROR", "SOLIDIFY"}
+GROWING = {"SUBSURF", "MIRROR", "ARRAY", "SOLIDIFY"}
 MOST = 8  # modifiers of a mesh
 MOST_VERTICES = 6000  # of an evaluated one, roughly
 
@@ -178,6 +179,9 @@ def set_modifier(random, ob, modifier):
         modifier.quad_method = random.choice(("FIXED", "FIXED_ALTERNATE"))  # others decide by the last bits
     elif modifier.type == "MIRROR":
         modifier.use_mirror_merge = modifier.use_mirror_vertex_groups = False
+    elif modifier.type == "ARRAY":
+        modifier.use_constant_offset, modifier.use_relative_offset = True, random.random() < 0.2
+        modifier.constant_offset_displace = scene.some(random, 3)
     elif modifier.type == "WAVE":
         modifier.height, modifier.time_offset = random.uniform(0.1, 0.5), -random.randrange(50)
     elif modifier.type == "MASK":
