@@ -352,6 +352,28 @@ def test_a_bake_accelerates_rigs(cast):
     assert np.array_equal(found[False], found[True])
 
 
+def test_scripts_in_the_background(cast):
+    """Frames that a script changes are computed after some, and again after an edit."""
+    few, more = range(1, 11), [*range(1, 11)] * 4
+    cast.play(few)
+    assert not cast.rig or not cast.rig.is_frozen
+    cast.play(more)
+    assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
+    turn(cast)
+    cast.play(more)
+    assert cast.rig.is_frozen
+    constraint = [each[0].pose.bones["side"].constraints.new("SHRINKWRAP") for each in both(cast)]
+    for each in constraint:
+        each.target = cast.frozen[3]
+    cast.play(more)
+    assert not cast.rig.is_frozen and "Shrinkwrap" in cast.rig.reason
+    cast.scene.sinew_accelerates_rigs = False
+    for each, (armature, *_) in zip(constraint, both(cast)):
+        armature.pose.bones["side"].constraints.remove(each)
+    cast.play(more)
+    assert not cast.rig.is_frozen
+
+
 def test_a_later_bake_tries_again_what_was_edited_since(cast):
     undisturbed = addon_module("bake.evaluation").undisturbed
     constraints = [each[0].pose.bones["side"].constraints.new("SHRINKWRAP") for each in both(cast)]

@@ -427,7 +427,7 @@ def set_at_random(modifier, random):
             continue  # another object
         try:
             setattr(modifier, name, value)
-        except TypeError:  # an item that Blender does not offer on this mesh
+        except (TypeError, ValueError):  # an item that Blender does not offer on this mesh, or several values
             pass
 
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..host import connections, deform_verts, vector_arrays
-from . import nodes
+from . import nodes, values
 
 
 def read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
@@ -174,6 +174,16 @@ def remove_attribute(mesh: bpy.types.Mesh, name: str) -> None:
     attribute = mesh.attributes.get(name)
     if attribute:
         mesh.attributes.remove(attribute)
+
+
+def clear_keys(ob: bpy.types.Object) -> None:
+    """Removes the shape keys of a mesh object. Blender 4.3 leaves their data-block, of which it complains when it
+    saves."""
+    keys = ob.data.shape_keys
+    if keys is not None:
+        key = values.key_of(keys)
+        ob.shape_key_clear()
+        bpy.data.batch_remove([each for each in bpy.data.shape_keys if values.key_of(each) == key])
 
 
 def copy_geometry(mesh: bpy.types.Mesh, target: bpy.types.Mesh, without: str) -> None:

@@ -1,7 +1,8 @@
 """Accelerates the rigs of bound meshes: those that can be computed are frozen although nobody has asked for it, as long
 as nothing is edited. Such a rig looks and is posed as if it were live; one that cannot be computed stays Blender's.
 
-To read a rig takes up to 0.1 s. So it is done while the user does nothing, one rig after the other."""
+To read a rig takes up to 0.1 s. So it is done while the user does nothing, one rig after the other. In the background,
+where nobody waits, all of them are read once so many frames were changed that it pays."""
 
 from typing import Any
 
@@ -14,6 +15,8 @@ from . import freezing, playing, reasons, rigs
 # counts for as much as a bone.
 LEAST_WORK = 60
 MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried again
+FRAMES_AHEAD = 24  # in the background
+_frames = 0  # that were changed since rigs were last accelerated there
 
 
 def accelerate(scene: Any, layer: Any) -> None:
@@ -21,6 +24,18 @@ def accelerate(scene: Any, layer: Any) -> None:
     number = playing.evaluation_count()
     while scene.sinew_accelerates_rigs and step(scene, layer, number):
         pass
+
+
+def note_frame(scene: Any, graph: Any) -> None:
+    """Accelerates the rigs after some frames, in the background: whoever has changed so many changes more. Call it in a
+    handler, after an evaluation. graph: what was evaluated; renders have their own."""
+    global _frames
+    if playing.is_busy() or graph != graph.view_layer.depsgraph:
+        return
+    _frames += 1
+    if _frames >= FRAMES_AHEAD:
+        _frames = 0
+        accelerate(scene, graph.view_layer)
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:

@@ -43,6 +43,8 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     playing.count_evaluation()
     _guarded(playing.after_evaluation, scene, depsgraph, True)
     _guarded(ghosts.after_evaluation, scene, depsgraph, True)
+    if bpy.app.background:
+        _guarded(accelerating.note_frame, scene, depsgraph)
 
 
 @persistent

@@ -54,8 +54,7 @@ def provide(
             _give_mesh(canvas, ob.data.copy())
             canvas.data.name = NAME
             meshes.remove_attribute(canvas.data, nodes.POSITION_ATTRIBUTE)  # as the mesh's is, where it has a canvas
-            if canvas.data.shape_keys is not None:
-                canvas.shape_key_clear()
+            meshes.clear_keys(canvas)
     elif canvas.data != ob.data:
         _give_mesh(canvas, ob.data)
     if not canvas_survey.has_modifiers_of(canvas, ob, names, shown):  # which may name groups of the mesh

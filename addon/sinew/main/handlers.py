@@ -34,6 +34,7 @@ _bone_names: dict[Any, list[str]] = {}  # key of an armature's data -> names of 
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
 # access to the file's data.
 _is_file_unknown = True
+_is_rendering = False
 
 
 @persistent
@@ -45,6 +46,10 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
         evaluations.note_playing(any(each.screen.is_animation_playing for each in bpy.context.window_manager.windows))
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
+    if _is_rendering:
+        # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes had
+        # on the viewport's frame.
+        mail.deliver()
 
 
 @persistent
@@ -61,7 +66,8 @@ def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         characters.sweep()
     if not HAS_EVENT_LOOP:
         searching.note_frame(depsgraph.mode == "RENDER")
-    mail.deliver()
+    if depsgraph.mode != "RENDER":
+        mail.deliver()
 
 
 def _pose(scene):
@@ -176,11 +182,15 @@ def after_save(*_: Any) -> None:
 
 @persistent
 def before_render(scene: bpy.types.Scene, *_: Any) -> None:
+    global _is_rendering
+    _is_rendering = True
     searching.note_render(scene, True)
 
 
 @persistent
 def after_render(scene: bpy.types.Scene, *_: Any) -> None:
+    global _is_rendering
+    _is_rendering = False
     searching.note_render(scene, False)
 
 

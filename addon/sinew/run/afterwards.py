@@ -19,7 +19,7 @@ from .graph_copy import GraphCopy
 def is_waiting(ob: Any) -> bool:
     """Whether an evaluated object was deformed, but not restored."""
     copy = graph_copies.at(ob.as_pointer())
-    return copy is not None and copy.unrestored is not None
+    return copy is not None and copy.unrestored is not None and marks.is_marked(ob, "OBJECT")
 
 
 def restore(depsgraph: Any) -> None:

@@ -72,8 +72,7 @@ class Canvas:
         mesh = self._mesh_of()
         mesh.name = NAME
         scene, copy = bpy.data.scenes.new(NAME), bpy.data.objects.new(NAME, mesh)
-        if mesh.shape_keys is not None:
-            copy.shape_key_clear()
+        meshes.clear_keys(copy)
         self._made = scene, copy, mesh
         for group in self._ob.vertex_groups:
             if group.name not in copy.vertex_groups:
