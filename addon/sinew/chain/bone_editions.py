@@ -46,6 +46,12 @@ def of(armature: Any) -> tuple[int, int]:
         return key, number
 
 
+def known(data: Any) -> int | None:
+    """Returns the number of the edition of evaluated armature data, or None if it was not read since Blender has copied
+    them."""
+    return _copies.get(data.as_pointer(), (None,))[0] if marks.is_marked(data, "ARMATURE") else None
+
+
 def is_last(address: int, number: int) -> bool:
     """Whether that edition was the last one read from the evaluated armature data at that address, and not in Edit
     Mode, in which bones do not deform."""

@@ -38,6 +38,12 @@ def note_frame(scene: Any, graph: Any) -> None:
         accelerate(scene, graph.view_layer)
 
 
+def forget() -> None:
+    """Counts frames anew, as after a file was loaded."""
+    global _frames
+    _frames = 0
+
+
 def step(scene: Any, layer: Any, number: int) -> bool:
     """Takes the next step, in the main thread, outside an evaluation, while the user does nothing. number: of the
     evaluations until now; a rig that could not be computed is tried again only if there were others since. Returns

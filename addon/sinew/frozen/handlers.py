@@ -56,8 +56,8 @@ def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None
 
 @persistent
 def after_load(*_: Any) -> None:
-    rigs.forget()
-    computing.forget()
+    for forget in (rigs.forget, computing.forget, accelerating.forget):
+        forget()
 
 
 @persistent

@@ -118,7 +118,7 @@ def _moved_by_others(rig: rigs.Rig) -> str:
 def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: bool) -> list[rigs.Rig]:
     """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
     shown = [rig for rig in own if rig.shown == frame]
-    lacking = [rig for rig, is_left in zip(shown, rigs.are_left(graph, shown)) if not is_left]
+    lacking = [rig for rig, is_left in zip(shown, rigs.are_left(graph, shown, is_new_frame)) if not is_left]
     for rig in own:
         if rig.pose is None:  # Blender has evaluated it
             rig.shown, rig.pose = frame, rig.at(frame)

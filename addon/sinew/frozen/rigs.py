@@ -250,9 +250,11 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
     return moment is not None and _show(graph, [(rig, moment)])[0]
 
 
-def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
+def are_left(graph: Any, own: Sequence[Rig], looks_at_bones: bool) -> list[bool]:
     """Whether the evaluated bones of armatures, and the keys that follow them, are as their last poses have left
-    them."""
+    them. looks_at_bones: otherwise only at the keys; what an evaluation has done to bones is seen after it."""
+    if not looks_at_bones:
+        return [rig.pose is not None and _have_values(rig, graph, rig.pose) for rig in own]
     found = iter(_show(graph, [(rig, rig.pose) for rig in own if rig.pose is not None]))
     return [rig.pose is not None and next(found) for rig in own]
 

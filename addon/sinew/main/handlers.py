@@ -10,6 +10,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..blender import meshes, nodes, values
+from ..chain import bone_editions
 from ..clips import posing
 from ..clips.clip_store import has_poses
 from ..feedback import notice
@@ -30,7 +31,8 @@ _seen_gathering = None  # characters.gathering() at the last update
 _seen_members: frozenset[int] | None = None  # characters.members() at the last update
 _said: set[str] = set()  # errors of the timer that were logged
 _tails: dict[int, Any] = {}  # while a file is saved: key of a bound mesh -> situation.Tail
-_bone_names: dict[Any, list[str]] = {}  # key of an armature's data -> names of its bones
+# Key of an armature's data -> (number of the edition of its bones, if that is known, their names)
+_bones: dict[Any, tuple[int | None, list[str]]] = {}
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
 # access to the file's data.
 _is_file_unknown = True
@@ -47,8 +49,8 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
     if _is_rendering:
-        # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes had
-        # on the viewport's frame.
+        # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes
+        # had on the viewport's frame.
         mail.deliver()
 
 
@@ -136,7 +138,7 @@ def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph)
     _note_edits(objects, affected, edits, may_lack)
     _note_animation(characters.known() if edits.of_actions else affected.values())
     for armature in edits.armatures:
-        posing.forget_if_edited(armature)
+        posing.forget_if_edited(armature.original)
     copied = characters.with_copy()
     if copied:
         deformed_copies.follow(copied, depsgraph, edits.keys)
@@ -212,13 +214,13 @@ def on_undo_redo(*_: Any) -> None:
 
 def forget() -> None:
     characters.forget()
-    _bone_names.clear()
+    _bones.clear()
     forget_what_was_seen()
 
 
 def forget_what_was_seen() -> None:
     if not values.KEYS_OUTLIVE_UNDO:
-        _bone_names.clear()
+        _bones.clear()
     evaluations.forget()
     deformed_copies.forget()
     posing.forget()
@@ -237,7 +239,7 @@ class Edits:
     # or place, but Blender need not shade it anew.
     own_keys: set = field(default_factory=set)
     meshes: list = field(default_factory=list)  # (original mesh object, whether its geometry has changed)
-    armatures: list = field(default_factory=list)  # original armature data
+    armatures: list = field(default_factory=list)  # evaluated armature data
     vertex_parents: set = field(default_factory=set)  # keys of the objects whose vertices updated objects follow
 
     @classmethod
@@ -249,7 +251,7 @@ class Edits:
             if update.is_updated_shading or not update.is_updated_geometry:
                 edits.own_keys.add(values.key_of(block))
             if isinstance(block, bpy.types.Armature):  # also if only the pose has changed
-                edits.armatures.append(block.original)
+                edits.armatures.append(block)
             elif isinstance(block, bpy.types.Object) and block.type == "MESH":
                 edits.meshes.append((block.original, update.is_updated_geometry))
             if isinstance(block, bpy.types.Object) and canvas_survey.is_parented_to_vertices(block):
@@ -278,12 +280,15 @@ def _has_other_members():
 
 
 def _has_other_bones(armatures):
-    """Whether the bones of an armature have changed since its last update. armatures: their data."""
+    """Whether the bones of an armature have changed since its last update. armatures: their evaluated data."""
     has_others = False
     for data in armatures:
-        key, names = values.key_of(data), data.bones.keys()
-        has_others |= _bone_names.get(key) != names
-        _bone_names[key] = names
+        key, edition = values.key_of(data), bone_editions.known(data)
+        last_edition, last_names = _bones.get(key, (None, None))
+        if edition is None or edition != last_edition:
+            names = data.original.bones.keys()
+            has_others |= last_names != names
+            _bones[key] = edition, names
     return has_others
 
 
