@@ -79,12 +79,13 @@ void bind_stencils(py::module_& module) {
       .def_property_readonly("entry_count", &Stencils::entry_count, "N.")
       .def_property_readonly("pattern_count", &Stencils::pattern_count,
                              "How many different rows of weights, scales and shifts there are.")
-      .def("apply", &applied, py::arg("positions"), py::arg("out") = py::none(),
-           "Makes the vertices: p'(r) = s(r) sum_k w(r, k) p(i(r, k)) + t(r), axis by axis, in float32 and in the order "
-           "of the entries, so that any number of threads gives the same bits. The GIL is released.\n\n"
-           "positions: (V, 3) float32, C-contiguous.\n"
-           "out: (R, 3) float32, C-contiguous, not overlapping positions; made if None.\n\n"
-           "Returns out. Raises ValueError for another shape or dtype.");
+      .def(
+          "apply", &applied, py::arg("positions"), py::arg("out") = py::none(),
+          "Makes the vertices: p'(r) = s(r) sum_k w(r, k) p(i(r, k)) + t(r), axis by axis, in float32 and in the order "
+          "of the entries, so that any number of threads gives the same bits. The GIL is released.\n\n"
+          "positions: (V, 3) float32, C-contiguous.\n"
+          "out: (R, 3) float32, C-contiguous, not overlapping positions; made if None.\n\n"
+          "Returns out. Raises ValueError for another shape or dtype.");
 
   module.def(
       "colours_apart", &py_colours_apart, py::arg("vertex_count"), py::arg("edges"), py::arg("face_offsets"),

@@ -1,6 +1,8 @@
 """The rigs of bound meshes are computed although nobody has frozen them: while the user does nothing they are read, and
 then look and are edited as if they were live. The second character of the cast stays live."""
 
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -59,10 +61,67 @@ def test_it_needs_no_recording_and_no_memory(cast):
     assert not recorded().get(cast.live[0]).is_idle
 
 
-def test_reading_takes_one_step_for_each_rig(cast):
+def test_reading_and_comparing_take_one_step_for_each_rig(cast):
     recorded().get(cast.live[0]).stays_live = False
-    assert wait(cast) == 2
+    assert wait(cast) == 4
     assert all(recorded().get(each[0]).is_frozen for each in both(cast))
+
+
+def data_names():
+    return [[each.name for each in blocks] for blocks in (bpy.data.scenes, bpy.data.objects, bpy.data.actions)]
+
+
+def test_it_is_compared_with_blender_before_it_is_shown(cast):
+    cast.scene.frame_set(4)
+    before, names = [[[*bone.location] for bone in each[0].pose.bones] for each in both(cast)], data_names()
+    accelerate(cast)
+    assert cast.rig.source.compared and cast.rig.source.compared <= set(range(1, 11))
+    assert [[[*bone.location] for bone in each[0].pose.bones] for each in both(cast)] == before
+    assert data_names() == names and cast.scene.frame_current == 4
+    cast.assert_same()
+    text, _reason = addon_module("ui.rig_line").text_of(cast.rig.ob)
+    assert f"compared on {len(cast.rig.source.compared)} frames" in text and "(Blender " in text
+    cast.play()
+
+
+def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
+    """A key of a later frame that is read wrongly makes no difference on this one."""
+    reading = addon_module("rig_programs.reading")
+    read = reading.read
+
+    def read_wrongly(*arguments):
+        found = read(*arguments)
+        curve = next(each for each in found.description["curves"] if each["path"] == 'pose.bones["bone1"].location')
+        curve["keys"][-1][3] += 0.01
+        return found
+
+    cast.play([1])
+    monkeypatch.setattr(reading, "read", read_wrongly)
+    for each in both(cast):
+        for frame in (1, 10):
+            each[0].pose.bones["bone1"].keyframe_insert("location", frame=frame)
+            each[0].pose.bones["bone1"].location.x += 0.1
+    cast.play([1])
+    wait(cast)
+    assert not cast.rig.is_idle and "bone1 of Rig would have" in cast.rig.reason and "instead of" in cast.rig.reason
+    cast.play()
+    text, reason = addon_module("ui.rig_line").text_of(cast.rig.ob)
+    assert text == "Rig: Blender's" and reason == cast.rig.reason
+    path = tmp_path / "report.json"
+    bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
+    report = json.loads(path.read_text())
+    program = addon_module("native").sinew_native.RigProgram(report["description"])
+    computed = program.evaluate(np.array([report["frame"]], np.float32))[0]
+    assert np.array_equal(computed, np.array(report["computed"], np.float32))
+    assert not np.array_equal(computed, np.array(report["blender"], np.float32))
+    monkeypatch.setattr(reading, "read", read)
+    turn(cast)
+    cast.play([1])
+    wait(cast)
+    assert cast.rig.is_frozen and cast.rig.difference is None, cast.rig.reason
+    with pytest.raises(RuntimeError, match="No difference from Blender was found in Rig"):
+        bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
+    cast.play()
 
 
 @pytest.fixture

@@ -57,6 +57,7 @@ def all_operators():
         cls
         for name in (
             "rig_files",
+            "rig_line",
             "operators",
             "bake",
             "to_bones",

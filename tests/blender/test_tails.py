@@ -504,8 +504,9 @@ def test_what_is_last_is_read_in_the_background(fresh_scene, monkeypatch):
 
 
 @pytest.mark.parametrize("is_persistent", (False, True))
-def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tmp_path, is_persistent):
-    """With levels of its own: after some frames, their stencils are found, too, if canvases stay evaluated."""
+def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tmp_path, capsys, is_persistent):
+    """With levels of its own: after some frames, their stencils are found, too, if canvases stay evaluated. The
+    user is told."""
     searching = addon_module("stencils.searching")
     monkeypatch.setattr(searching, "IS_READ", True)
     monkeypatch.setattr(searching, "FRAMES_AHEAD", 3)
@@ -515,6 +516,9 @@ def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tm
     add_camera(fresh_scene)
     fresh_scene.camera.location = (0, -12, 2.5)
     assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, *pairs[0]))
+    said = capsys.readouterr().out
+    assert ("Sinew: SUBSURF of Tube: computed natively from the next frame on" in said) == is_persistent
+    assert ("SUBSURF of Tube: evaluated by Blender in each frame: Persistent Data lets" in said) != is_persistent
     if is_persistent:
         viewport, render = entry.way.tail.stencils
         assert render is not None and render is not viewport and entry.plan.lacks_stencils[0] == (viewport is None)

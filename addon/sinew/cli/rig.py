@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..rig_programs import checking, reading
 
@@ -22,7 +21,7 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
     lines = [f"{ob.name}: {len(ob.pose.bones):,} bones"]
     if options.output:
         with open(options.output, "w", encoding="utf-8") as file:
-            json.dump(read.description, file, default=as_list)
+            json.dump(read.description, file, default=reading.as_list)
         document["output"] = options.output
         lines.append(f"written to {options.output}")
     document["refused"] = refusals(read)
@@ -55,12 +54,6 @@ def refusals(read: reading.Reading) -> list[str]:
     except ValueError as error:
         return [str(error)]
     return []
-
-
-def as_list(array: Any) -> Any:
-    if isinstance(array, np.ndarray):
-        return array.tolist()
-    raise TypeError(f"{type(array).__name__} is no part of a description")
 
 
 def chosen_armature(name: str | None) -> bpy.types.Object:

@@ -4,7 +4,8 @@
 `stored_keys` finds which frames an edit of keyframes changes; `followers` finds what follows an armature; `reasons` are
 why it cannot be frozen; `rigs` is what is known of each armature, and gives the recorded shapes to others
 (`rigs.shapes`); `shapes` are those of its meshes; `changes` records and drops; `freezing` has the states, and freezes
-and thaws; `playing` plays and checks around each evaluation; `handlers` calls it.
+and thaws; `computing` computes what rigs allow, `comparing` compares that with Blender, and `accelerating` has it done
+unasked; `playing` plays and checks around each evaluation; `handlers` calls it.
 
 How it works: a frame change reaches an armature through its action alone. Blender looks at the action only while it
 builds relations, so it is taken away in memory for that moment (host/relations.py). From then on the bones are not

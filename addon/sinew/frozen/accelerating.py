@@ -9,7 +9,7 @@ from typing import Any
 from ..blender import armatures
 from ..rig_programs import reading
 from ..run import characters
-from . import freezing, playing, reasons, rigs
+from . import comparing, freezing, playing, reasons, rigs
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -65,6 +65,11 @@ def step(scene: Any, layer: Any, number: int) -> bool:
         freezing.want(rig, True)
         if not (rig.source.is_proven and rig.is_posable):
             reasons.look_at_each([rig], scene, layer)
+            _note(rig, not rig.reason, number)
+            return True
+        if not rig.source.compared:
+            comparing.compare(rig, scene)
+            rig.reason = rig.source.refusal
             _note(rig, not rig.reason, number)
             return True
     if due:

@@ -101,6 +101,11 @@ def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
             rig.keep(frame, moment)
 
 
+def moment(rig: rigs.Rig, frame: float) -> rigs.Moment:
+    """Returns a moment of an armature with a program."""
+    return _moments([rig], [[frame]])[0][0]
+
+
 def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
     """Reads the program of an armature, or why there is none."""
     rig.source, rig.tempo = _read(rig, scene, graph), changes.tempo_of(scene)

@@ -42,6 +42,8 @@ class Source:
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
     heads: dict[int, Any] = field(default_factory=dict)  # of bones, by frame, see paths.py
+    compared: set[int] = field(default_factory=set)  # frames on which it is what Blender has, see comparing.py
+    blender_milliseconds: float = 0.0  # that Blender takes for a frame
 
 
 @dataclass
@@ -75,6 +77,7 @@ class Rig:
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
     stays_live: bool = False  # somebody has thawed it
     milliseconds: float = 0.0  # to compute a moment, the last time
+    difference: Any = None  # comparing.Difference of its last program, or None
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
     tried_at: int = 0

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
+import numpy as np
 
 from . import bones, constraints, driven_keys, drivers, properties, targets
 
@@ -18,6 +19,13 @@ class Reading:
     description: dict[str, Any]
     targets: targets.Targets
     outside: drivers.Outside
+
+
+def as_list(array: Any) -> Any:
+    """Returns what JSON can hold of an array of a description. For `default` of json.dump."""
+    if isinstance(array, np.ndarray):
+        return array.tolist()
+    raise TypeError(f"{type(array).__name__} is no part of a description")
 
 
 def read(

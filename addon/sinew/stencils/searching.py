@@ -209,6 +209,9 @@ def note_render(scene: bpy.types.Scene, begins: bool) -> None:
     and evaluates all of the canvases anew, which takes as long as without them."""
     global _evaluates_anew
     _evaluates_anew = begins and not scene.render.use_persistent_data
+    if _evaluates_anew and bpy.app.background:
+        for ob in _lacking(True):
+            _say(ob, "evaluated by Blender in each frame: Persistent Data lets Sinew compute it")
 
 
 def note_frame(is_render: bool) -> None:
@@ -220,9 +223,13 @@ def note_frame(is_render: bool) -> None:
         key = values.key_of(ob), is_render
         _frames[key] = _frames.get(key, 0) + 1
         if _frames[key] >= FRAMES_AHEAD:
-            search = Search(ob, bpy.context.scene, is_render)
-            log.info("Finding the weights of %s of %s", " and ".join(search.names), ob.name)
-            _bit(search, ob, float("inf"))
+            _bit(Search(ob, bpy.context.scene, is_render), ob, float("inf"))
+            reason = _in_vain(characters.of(ob))
+            _say(ob, f"evaluated by Blender, since {reason}" if reason else "computed natively from the next frame on")
+
+
+def _say(ob: bpy.types.Object, what: str) -> None:
+    print(f"Sinew: {' and '.join(characters.of(ob).plan.run.tail)} of {ob.name}: {what}", flush=True)
 
 
 def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:

@@ -1,11 +1,15 @@
 """What the panels say about the rig of a mesh: whether it is computed natively, or why it is not."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ExportHelper
 
 from ..feedback import notice
-from ..frozen import rigs
+from ..frozen import comparing, rigs
 from ..rig_programs import reading
 
 
@@ -20,6 +24,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
         column.label(text=text, icon="ARMATURE_DATA")
     if reason:
         notice.draw_sentence(column, context, reason, False)
+    if _differing(armature) is not None:
+        column.operator(ReportRig.bl_idname).armature = armature.name
 
 
 def text_of(armature: Any) -> tuple[str, str]:
@@ -28,9 +34,47 @@ def text_of(armature: Any) -> tuple[str, str]:
     if rig is None:
         return "", ""
     if rig.is_frozen and rig.source.is_proven:
-        return f"Rig: native, {rig.milliseconds:.2f} ms", ""
+        blender, frames = rig.source.blender_milliseconds, len(rig.source.compared)
+        compared = f" (Blender {blender:.2f}), compared on {frames} frame{'s' * (frames != 1)}" if frames else ""
+        return f"Rig: native, {rig.milliseconds:.2f} ms{compared}", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: frozen", ""
     if rig.stays_live:
         return "Rig: Blender's, because it was thawed", ""
     return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
+
+
+def _differing(armature: Any) -> rigs.Rig | None:
+    """Returns what is known of an armature whose bones were computed otherwise than Blender's, or None."""
+    rig = rigs.get(armature)
+    return rig if rig is not None and rig.difference is not None else None
+
+
+class ReportRig(bpy.types.Operator, ExportHelper):
+    """Write the rig and both poses of the frame on which they differ to a file, for Sinew's developers"""
+
+    bl_idname = "object.sinew_report_rig"
+    bl_label = "Report"
+
+    filename_ext = ".json"
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
+
+    def execute(self, context):
+        ob = bpy.data.objects.get(self.armature)
+        rig = _differing(ob) if ob is not None else None
+        if rig is None:
+            self.report({"ERROR"}, f"No difference from Blender was found in {self.armature or 'any armature'}")
+            return {"CANCELLED"}
+        try:
+            found = comparing.report(rig, context.evaluated_depsgraph_get())
+            Path(self.filepath).write_text(json.dumps(found, default=reading.as_list) + "\n", encoding="utf-8")
+        except (ValueError, OSError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {self.filepath}")
+        return {"FINISHED"}
+
+
+CLASSES = (ReportRig,)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -6,8 +6,8 @@
 #include <limits>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <unordered_map>
+#include <utility>
 
 #include "base/kept.h"
 #include "base/parallel.h"

@@ -1,0 +1,100 @@
+"""Compares what is computed of an armature with Blender before anybody sees it: on frames across the scene's range,
+which Blender evaluates in a scene of their own, so that nothing that is shown changes."""
+
+import random
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..host import poses
+from ..rig_programs import checking, driven_keys, reading
+from . import computing, freezing, rigs
+
+NAME = ".Sinew Frames"
+MOST_FRAMES = 16
+SECONDS = 0.1  # after which no other frame is begun
+
+
+@dataclass
+class Difference:
+    """A frame on which Blender's bones are others than those that were computed."""
+
+    frame: int
+    blender: np.ndarray  # (B, 4, 4) float32, the poses of all bones
+    computed: np.ndarray
+
+    def sentence(self, ob: bpy.types.Object) -> str:
+        far = checking.distances(self.computed, self.blender)
+        bone = int((far > 0).argmax())  # the first, which others follow
+        if not far[bone]:
+            return f"on frame {self.frame}, channels or B-bones of {ob.name} are not those that were computed"
+        row, column = divmod(int(np.abs(self.computed[bone] - self.blender[bone]).argmax()), 4)
+        numbers = f"{self.computed[bone, row, column]:.9g} instead of {self.blender[bone, row, column]:.9g}"
+        return f"on frame {self.frame}, {ob.pose.bones[bone].name} of {ob.name} would have {numbers} in its matrix"
+
+
+def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> None:
+    """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
+    is no program. Call it in the main thread, outside an evaluation. Relations have to be built again after it."""
+    source, spent, began = rig.source, [], perf_counter()
+    with _on_frames(rig.ob, scene) as evaluated_on:
+        for frame in _some(scene):
+            start = perf_counter()
+            copy = evaluated_on(frame)
+            spent.append(1e3 * (perf_counter() - start))
+            if not poses.are_posed([(copy, computing.moment(rig, frame).pose)])[0]:
+                computed = source.program.evaluate(np.array([frame], np.float32))[0]
+                rig.difference = Difference(frame, checking.matrices_of(copy.pose.bones), computed)
+                rig.source = rigs.Source(refusal=rig.difference.sentence(rig.ob))
+                return
+            source.compared.add(frame)
+            if perf_counter() - began > SECONDS:
+                break
+    rig.difference = None
+    source.blender_milliseconds = median(spent[1:] or spent)  # the first one builds relations
+
+
+def _some(scene: bpy.types.Scene) -> list[int]:
+    """Returns some frames of the scene's range, in a random order."""
+    frames = range(scene.frame_start, scene.frame_end + 1)
+    return random.sample(frames, min(len(frames), MOST_FRAMES))
+
+
+@contextmanager
+def _on_frames(ob: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[Any]:
+    """Gives a function that returns the evaluated copy of an object on a frame. The originals of all that is evaluated
+    get the values of the frame, so the scene's own frame is the last."""
+    own = bpy.data.scenes.new(NAME)
+    layer = own.view_layers[0]
+
+    def evaluated_on(frame: int) -> Any:
+        own.frame_current = frame
+        layer.update()
+        return ob.evaluated_get(layer.depsgraph)
+
+    try:
+        with freezing.building():
+            own.collection.objects.link(ob)
+            yield evaluated_on
+            evaluated_on(scene.frame_current)
+    finally:
+        bpy.data.scenes.remove(own)
+
+
+def report(rig: rigs.Rig, graph: Any) -> dict[str, Any]:
+    """Returns all that is needed to find out why an armature differs, for JSON: its description, and both poses."""
+    counts = sum(len(numbers) for _keys, numbers in rigs.keyed(rig, graph))
+    found: Any = rig.difference
+    return {
+        "description": reading.read(rig.ob, graph, rigs.keyed(rig, graph)).description,
+        "driven keys": list(map(driven_keys.path_of, range(counts))),
+        "frame": found.frame,
+        "blender": found.blender.tolist(),
+        "computed": found.computed.tolist(),
+    }
