@@ -67,6 +67,18 @@ def test_reading_and_comparing_take_one_step_for_each_rig(cast):
     assert all(recorded().get(each[0]).is_frozen for each in both(cast))
 
 
+def test_others_are_computed_while_one_is_compared(cast):
+    accelerate(cast)
+    other = recorded().get(cast.live[0])
+    other.stays_live = False
+    while not other.is_frozen:
+        assert accelerating().step(cast.scene, layer(), evaluations())
+        layer().update()
+        assert cast.rig.is_frozen
+    assert other.source.compared
+    cast.play()
+
+
 def data_names():
     return [[each.name for each in blocks] for blocks in (bpy.data.scenes, bpy.data.objects, bpy.data.actions)]
 

@@ -333,8 +333,8 @@ TEST(Bends, RefuseWhatDoesNotFit) {
   EXPECT_EQ(said([](Given& g) { g.offsets.pop_back(); }),
             "offsets has 2 entries; expected 3, one more than there are vertices");
   EXPECT_EQ(said([](Given& g) { g.offsets[2] = 4; }),
-            "offsets runs from 0 to 4; expected 0 to 3, the number of influences");
-  EXPECT_EQ(said([](Given& g) { g.offsets[1] = 5; }), "offsets decreases at entry 1 (from 5 to 3)");
+            "offsets goes from 0 to 4; expected 0 to 3, the number of influences");
+  EXPECT_EQ(said([](Given& g) { g.offsets[1] = 5; }), "offsets[2] is 3, below the one before");
   EXPECT_EQ(said([](Given& g) { g.bones.pop_back(); }),
             "bones has 2 entries and weights has 3; expected as many of each");
   EXPECT_EQ(said([](Given& g) { g.bones[1] = 2; }), "influence 1 names bone 2; there are 2 bones");

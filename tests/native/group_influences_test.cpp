@@ -28,9 +28,9 @@ TEST(GroupInfluences, RefusesSizesThatDoNotFit) {
     return complaint([&] { group_influences(offsets, groups, weights, {}); });
   };
   EXPECT_EQ(said({0, 1}, {0}, {1, 1}), "groups has 1 entries and weights has 2; expected as many of each");
-  EXPECT_EQ(said({}, {}, {}), "offsets does not run from 0 to 0, the number of entries");
-  EXPECT_EQ(said({0, 2}, {0}, {1}), "offsets does not run from 0 to 1, the number of entries");
-  EXPECT_EQ(said({0, 2, 1, 2}, {0, 0}, {1, 1}), "offsets decreases at vertex 1 (from 2 to 1)");
+  EXPECT_EQ(said({}, {}, {}), "offsets is empty; expected one number more than there are rows");
+  EXPECT_EQ(said({0, 2}, {0}, {1}), "offsets goes from 0 to 2; expected 0 to 1, the number of entries");
+  EXPECT_EQ(said({0, 2, 1, 2}, {0, 0}, {1, 1}), "offsets[2] is 1, below the one before");
 }
 
 }  // namespace

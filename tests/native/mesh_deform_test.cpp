@@ -130,8 +130,8 @@ TEST(MeshDeform, RefusesWhatIsWrong) {
   };
   EXPECT_EQ(said([](Caged&) {}), "(no complaint)");
   EXPECT_EQ(said([](Caged& c) { c.offsets.clear(); }),
-            "offsets is empty; expected one number more than there are vertices");
-  EXPECT_TRUE(said([](Caged& c) { c.offsets[3] = 5000; }).starts_with("offsets goes from "));
+            "offsets is empty; expected one number more than there are rows");
+  EXPECT_TRUE(said([](Caged& c) { c.offsets[3] = 5000; }).ends_with(", below the one before"));
   EXPECT_TRUE(said([](Caged& c) { c.of_cage.pop_back(); }).starts_with("cage_vertices has "));
   EXPECT_TRUE(said([](Caged& c) { c.of_cage.back() = 8; }).ends_with("follows vertex 8 of a cage that has 8 vertices"));
   EXPECT_EQ(said([&](Caged& c) { c.weights[0] = nan; }), "weights is not finite at influence 0");

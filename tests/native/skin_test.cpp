@@ -79,10 +79,10 @@ TEST(Skin, RefusesWhatIsWrong) {
   EXPECT_EQ(said(kTwo, {}, {0, 1}, {1, 1}, 2), "offsets has 0 entries; expected 3, one more than there are vertices");
   EXPECT_EQ(said(kTwo, one_each, {0, 1}, {1}, 2), "joints has 2 entries and weights has 1; expected as many of each");
   EXPECT_EQ(said(kTwo, {1, 1, 2}, {0, 1}, {1, 1}, 2),
-            "offsets runs from 1 to 2; expected 0 to 2, the number of influences");
+            "offsets goes from 1 to 2; expected 0 to 2, the number of influences");
   EXPECT_EQ(said(kTwo, {0, 1, 3}, {0, 1}, {1, 1}, 2),
-            "offsets runs from 0 to 3; expected 0 to 2, the number of influences");
-  EXPECT_EQ(said(kTwo, {0, 3, 2}, {0, 1}, {1, 1}, 2), "offsets decreases at vertex 1 (from 3 to 2)");
+            "offsets goes from 0 to 3; expected 0 to 2, the number of influences");
+  EXPECT_EQ(said(kTwo, {0, 3, 2}, {0, 1}, {1, 1}, 2), "offsets[2] is 2, below the one before");
   EXPECT_EQ(said({1, 2, 3, 4, kNan, 6}, one_each, {0, 1}, {1, 1}, 2), "the rest position of vertex 1 is not finite");
   EXPECT_EQ(said(kTwo, one_each, {0, 2}, {1, 1}, 2), "influence 1 names joint 2; there are 2 joints");
   EXPECT_EQ(said(kTwo, one_each, {-1, 0}, {1, 1}, 2), "influence 0 names joint -1; there are 2 joints");

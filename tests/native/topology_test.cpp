@@ -79,14 +79,14 @@ TEST(Topology, RefusesWhatIsWrong) {
   EXPECT_EQ(said(3, {0, 3}, {}, {}), "edges names vertex 3; the mesh has 3 vertices");
   EXPECT_EQ(said(3, {0, -1}, {}, {}), "edges names vertex -1; the mesh has 3 vertices");
   EXPECT_EQ(said(3, {}, {0, 3}, {0, 1, 7}), "corner_vertices names vertex 7; the mesh has 3 vertices");
-  EXPECT_EQ(said(3, {}, {}, {0, 1, 2}), "face_offsets goes from 0 to 0; expected 0 to 3, the number of corners");
+  EXPECT_EQ(said(3, {}, {}, {0, 1, 2}), "face_offsets is empty; expected one number more than there are rows");
   EXPECT_EQ(said(3, {}, {1, 3}, {0, 1, 2}), "face_offsets goes from 1 to 3; expected 0 to 3, the number of corners");
   EXPECT_EQ(said(3, {}, {0, 2, 3}, {0, 1, 2}), "face 0 has 2 corners; expected three at least");
-  EXPECT_EQ(said(3, {}, {0, 5, 3}, {0, 1, 2}), "face_offsets is 5 after face 0; expected 0 to 3");
-  EXPECT_EQ(said(3, {}, {0, 3, 1, 6}, {0, 1, 2, 0, 1, 2}), "face 1 has -2 corners; expected three at least");
+  EXPECT_EQ(said(3, {}, {0, 5, 3}, {0, 1, 2}), "face_offsets[2] is 3, below the one before");
+  EXPECT_EQ(said(3, {}, {0, 3, 1, 6}, {0, 1, 2, 0, 1, 2}), "face_offsets[2] is 1, below the one before");
   // Differences of these do not fit in 32 bits.
   EXPECT_EQ(said(3, {}, {0, std::numeric_limits<std::int32_t>::max(), -10, 6}, {0, 1, 2, 0, 1, 2}),
-            "face_offsets is 2147483647 after face 0; expected 0 to 6");
+            "face_offsets[2] is -10, below the one before");
   EXPECT_EQ(said(3, {0, 1, 1, 2}, {0, 3}, {0, 1, 2}),
             "face 0 has a side from vertex 2 to vertex 0, which is not one of the edges");
 }

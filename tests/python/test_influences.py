@@ -108,9 +108,11 @@ def test_sizes_of_groups_that_do_not_fit():
         return str(error.value)
 
     assert said([0, 1], [0], [1, 1]) == "groups has 1 entries and weights has 2; expected as many of each"
-    for offsets in ([], [0], [1, 1], [0, 2]):
-        assert said(offsets, [0], [1]) == "offsets does not run from 0 to 1, the number of entries"
-    assert said([0, 2, 1, 2], [0, 0], [1, 1]) == "offsets decreases at vertex 1 (from 2 to 1)"
+    assert said([], [0], [1]) == "offsets is empty; expected one number more than there are rows"
+    for offsets in ([0], [1, 1], [0, 2]):
+        ends = f"from {offsets[0]} to {offsets[-1]}"
+        assert said(offsets, [0], [1]) == f"offsets goes {ends}; expected 0 to 1, the number of entries"
+    assert said([0, 2, 1, 2], [0, 0], [1, 1]) == "offsets[2] is 1, below the one before"
 
 
 def test_entries_keep_their_order():

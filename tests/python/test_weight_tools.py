@@ -546,8 +546,8 @@ def test_a_table_from_lists_adds_what_is_named_twice():
     table = sinew.WeightTable(np.array([0, 3, 3]), np.array([2, 0, 2]), np.array([0.25, 0, 0.5]), 3)
     assert table.dense().tolist() == [[0, 0, 0.75], [0, 0, 0]]
     for change, message in (
-        ({"offsets": np.array([0, 4, 3])}, "offsets is 4 after vertex 0; expected 0 to 3"),
-        ({"offsets": np.array([0, 3, 4])}, "offsets does not go from 0 to 3"),
+        ({"offsets": np.array([0, 4, 3])}, r"offsets\[2\] is 3, below the one before"),
+        ({"offsets": np.array([0, 3, 4])}, "offsets goes from 0 to 4; expected 0 to 3"),
         ({"bones": np.array([0, 1, 3])}, "bones names bone 3 at vertex 0; there are 3 bones"),
         ({"bones": np.array([0, 1])}, "bones has 2 numbers, weights 3"),
         ({"weights": np.array([0, -1, 0])}, "weights is -1 at vertex 0, bone 1; expected 0 or more"),

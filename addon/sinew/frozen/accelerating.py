@@ -69,6 +69,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
             return True
         if not rig.source.compared:
             comparing.compare(rig, scene)
+            freezing.keep_frozen(scene, layer)
             rig.reason = rig.source.refusal
             _note(rig, not rig.reason, number)
             return True

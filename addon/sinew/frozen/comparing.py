@@ -41,7 +41,8 @@ class Difference:
 
 def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> None:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
-    is no program. Call it in the main thread, outside an evaluation. Relations have to be built again after it."""
+    is no program. Call it in the main thread, outside an evaluation, and freezing.keep_frozen after it: Blender builds
+    relations again."""
     source, spent, began = rig.source, [], perf_counter()
     with _on_frames(rig.ob, scene) as evaluated_on:
         for frame in _some(scene):

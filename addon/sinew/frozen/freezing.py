@@ -120,6 +120,12 @@ def thaw(chosen: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
         rig.state, rig.reason = State.LIVE, ""
 
 
+def keep_frozen(scene: Any, layer: Any) -> None:
+    """Builds relations without the keyframes of what is frozen, where Blender would build them with these in its next
+    evaluation. Call it in the main thread, outside an evaluation."""
+    _build(rigs.frozen(), scene, layer)
+
+
 @contextmanager
 def all_live(scene: Any, layer: Any) -> Iterator[None]:
     """Has Blender evaluate all armatures inside the `with` block."""
@@ -360,7 +366,7 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         if rig.state is State.WANTED
         and (not rig.is_selected or rig.is_posable)
         and not (is_playing and (rig.reason or rig.shown is None))
-        and not (rig.needs_program and (rig.tries > 0 or not rig.source.is_proven))
+        and not (rig.needs_program and (rig.tries > 0 or not (rig.source.is_proven and rig.source.compared)))
         and (rigs.now(rig, scene) is not None or not is_playing and computing.can_be(rig))
         and (rig.ob.mode == "OBJECT" or rig.is_posable and rig.ob.mode == "POSE")
     ]

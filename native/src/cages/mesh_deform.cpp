@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/aligned.h"
+#include "base/offsets.h"
 #include "base/parallel.h"
 #include "base/vertex_numbers.h"
 #include "cages/mesh_deform_kernel.h"
@@ -126,10 +127,10 @@ struct MeshDeform::Blocks {
 MeshDeform::MeshDeform(const Binding& binding, const VertexGroup& group)
     : vertex_count_(std::ssize(binding.offsets) - 1),
       bound_(binding.cage_positions.begin(), binding.cage_positions.end()) {
-  if (vertex_count_ < 0) fail("offsets is empty; expected one number more than there are vertices");
   const std::ptrdiff_t cage_vertices = cage_vertex_count();
   check_vertex_numbers("cage_positions", binding.cage_positions, 3 * cage_vertices, "the cage");
   const std::ptrdiff_t count = std::ssize(binding.weights);
+  check_offsets("offsets", binding.offsets, count, "influences");
   if (std::ssize(binding.cage_vertices) != count) {
     fail("cage_vertices has ", plural(std::ssize(binding.cage_vertices), "number"), "; weights has ", count);
   }
@@ -138,9 +139,6 @@ MeshDeform::MeshDeform(const Binding& binding, const VertexGroup& group)
   const auto blocks = std::make_shared<Blocks>();
   for (std::ptrdiff_t v = 0; v < vertex_count_; ++v) {
     const std::int32_t begin = binding.offsets[v], end = binding.offsets[v + 1];
-    if (begin < 0 || end < begin || end > count) {
-      fail("offsets goes from ", begin, " to ", end, " at vertex ", v, "; there are ", plural(count, "influence"));
-    }
     float sum = 0;
     Eigen::Array3f place = Eigen::Array3f::Zero();
     for (std::int32_t i = begin; i < end; ++i) {

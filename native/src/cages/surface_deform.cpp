@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/offsets.h"
 #include "base/parallel.h"
 #include "base/vertex_numbers.h"
 
@@ -19,12 +20,6 @@ constexpr std::size_t kPiece = 1024;
 
 using Four = Eigen::Array4f;
 
-void check_offsets(const char* name, std::span<const std::int32_t> offsets, std::ptrdiff_t count, std::ptrdiff_t end) {
-  bool fits = std::ssize(offsets) == count + 1 && offsets.front() == 0 && offsets.back() == end;
-  for (std::ptrdiff_t i = 0; fits && i < count; ++i) fits = offsets[i] <= offsets[i + 1];
-  if (!fits) fail(name, " does not go from 0 to ", end, " in ", plural(count, "step"));
-}
-
 }  // namespace
 
 SurfaceDeform::SurfaceDeform(std::ptrdiff_t vertex_count, const Binding& binding, const VertexGroup& group)
@@ -32,8 +27,8 @@ SurfaceDeform::SurfaceDeform(std::ptrdiff_t vertex_count, const Binding& binding
   check_vertex_count(vertex_count);
   const std::vector<float> weights = weights_of(group, vertex_count);
   const std::ptrdiff_t count = std::ssize(binding.attachments);
-  check_offsets("offsets", binding.offsets, std::ssize(binding.vertices), count);
-  check_offsets("corner_offsets", binding.corner_offsets, count, std::ssize(binding.corners));
+  check_offsets("offsets", binding.offsets, count, "attachments", std::ssize(binding.vertices), "vertices");
+  check_offsets("corner_offsets", binding.corner_offsets, std::ssize(binding.corners), "corners", count, "attachments");
   check_vertex_numbers("distances", binding.distances, count, "the binding");
   check_vertex_numbers("influences", binding.influences, count, "the binding");
   check_vertex_numbers("weights", binding.weights, std::ssize(binding.weights), "the binding");

@@ -4,7 +4,7 @@
 #include <mutex>
 #include <optional>
 
-#include "base/check.h"
+#include "base/offsets.h"
 #include "base/parallel.h"
 #include "mesh/faces.h"
 
@@ -48,13 +48,11 @@ void check_given_weights(const DecompositionStart& start, std::ptrdiff_t vertice
     fail("the weights are those of ", plural(std::ssize(start.offsets) - 1, "vertex"), "; rest has ",
          plural(vertices, "vertex"));
   }
-  if (start.offsets.front() != 0 || start.offsets.back() != std::ssize(start.joints) ||
-      start.joints.size() != start.weights.size()) {
-    fail("offsets ends at ", start.offsets.back(), ", with ", plural(std::ssize(start.joints), "joint"), " and ",
-         plural(std::ssize(start.weights), "weight"), "; expected three equal numbers");
+  if (start.joints.size() != start.weights.size()) {
+    fail("joints has ", plural(std::ssize(start.joints), "number"), ", weights ", grouped(std::ssize(start.weights)));
   }
+  check_offsets<std::int64_t>("offsets", start.offsets, std::ssize(start.joints), "joints");
   for (std::size_t v = 0; v + 1 < start.offsets.size(); ++v) {
-    if (start.offsets[v] > start.offsets[v + 1]) fail("offsets decreases after vertex ", v);
     double sum = 0;
     for (auto i = start.offsets[v]; i < start.offsets[v + 1]; ++i) {
       if (start.joints[i] < 0 || start.joints[i] >= start.weighted_joints) {

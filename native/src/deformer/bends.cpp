@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/check.h"
+#include "base/offsets.h"
 #include "sinew/skin.h"
 
 namespace sinew {
@@ -15,19 +15,7 @@ void check_vertices(std::span<const std::int64_t> vertices, std::span<const std:
     if (vertices[i] < 0) fail("entry ", i, " of vertices is ", vertices[i], "; expected 0 or more");
     if (i > 0 && vertices[i] <= vertices[i - 1]) fail("vertices does not increase at entry ", i);
   }
-  if (offsets.size() != vertices.size() + 1) {
-    fail("offsets has ", plural(std::ssize(offsets), "entry"), "; expected ", grouped(std::ssize(vertices) + 1),
-         ", one more than there are vertices");
-  }
-  if (offsets.front() != 0 || offsets.back() != influences) {
-    fail("offsets runs from ", offsets.front(), " to ", offsets.back(), "; expected 0 to ", influences,
-         ", the number of influences");
-  }
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    if (offsets[i] > offsets[i + 1]) {
-      fail("offsets decreases at entry ", i, " (from ", offsets[i], " to ", offsets[i + 1], ")");
-    }
-  }
+  check_offsets("offsets", offsets, influences, "influences", std::ssize(vertices), "vertices");
 }
 
 void check_influences(std::span<const std::int32_t> bones, std::span<const float> weights, std::ptrdiff_t bone_count) {

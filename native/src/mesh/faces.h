@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "base/check.h"
+#include "base/offsets.h"
 #include "sinew/faces.h"
 
 namespace sinew {
@@ -22,16 +22,11 @@ inline void check_faces(const Faces& faces, std::ptrdiff_t vertices, const char*
                         const char* offsets_name = "face_offsets") {
   check_vertices(vertices_name, faces.vertices, vertices);
   const auto& offsets = faces.offsets;
-  const std::ptrdiff_t corners = std::ssize(faces.vertices);
-  if (offsets.empty() && corners == 0) return;
-  if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners) {
-    fail(offsets_name, " goes from ", offsets.empty() ? 0 : offsets.front(), " to ",
-         offsets.empty() ? 0 : offsets.back(), "; expected 0 to ", corners, ", the number of corners");
-  }
+  if (offsets.empty() && faces.vertices.empty()) return;
+  check_offsets<std::int32_t>(offsets_name, offsets, std::ssize(faces.vertices), "corners");
   for (std::size_t f = 0; f + 1 < offsets.size(); ++f) {
-    const std::ptrdiff_t begin = offsets[f], end = offsets[f + 1];
-    if (end < 0 || end > corners) fail(offsets_name, " is ", end, " after face ", f, "; expected 0 to ", corners);
-    if (end - begin < 3) fail("face ", f, " has ", plural(end - begin, "corner"), "; expected three at least");
+    const std::int32_t count = offsets[f + 1] - offsets[f];
+    if (count < 3) fail("face ", f, " has ", plural(count, "corner"), "; expected three at least");
   }
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/kept.h"
+#include "base/offsets.h"
 #include "base/parallel.h"
 #include "base/vertex_numbers.h"
 #include "mesh/faces.h"
@@ -65,13 +66,7 @@ Stencils::Stencils(std::span<const std::int64_t> offsets, std::span<const std::i
     fail("vertices has ", plural(std::ssize(vertices), "number"), "; expected fewer than 2^32");
   }
   check_finite("weights", weights);
-  if (offsets.empty() || offsets.front() != 0 || offsets.back() != std::ssize(vertices)) {
-    fail("offsets goes from ", offsets.empty() ? 0 : offsets.front(), " to ", offsets.empty() ? 0 : offsets.back(),
-         "; expected 0 to ", vertices.size(), ", the number of entries");
-  }
-  for (std::size_t r = 0; r + 1 < offsets.size(); ++r) {
-    if (offsets[r + 1] < offsets[r]) fail("offsets[", r + 1, "] is ", offsets[r + 1], ", below the one before");
-  }
+  check_offsets("offsets", offsets, std::ssize(vertices), "entries");
   const std::size_t count = offsets.size() - 1;
   check_rows("scales", scales, count);
   check_rows("shifts", shifts, count);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/check.h"
+#include "base/offsets.h"
 #include "mesh/faces.h"
 #include "mush/implicit_smoothing.h"
 #include "mush/mush_precomputation.h"
@@ -44,13 +44,10 @@ void check_finite(const char* name, std::span<const float> numbers) {
 void check_arrays(const Skin& skin, const MushArrays& arrays) {
   check_variant(arrays.variant);
   const std::ptrdiff_t vertices = skin.vertex_count(), entries = std::ssize(arrays.joints);
-  check_count("offsets", arrays.offsets.size(), vertices + 1);
   check_count("omega", arrays.omega.size(), entries * MushArrays::width_of(arrays.variant));
   check_count("centers", arrays.centers.size(), 3 * vertices);
   check_count("scales", arrays.scales.size(), vertices);
-  if (!std::ranges::is_sorted(arrays.offsets) || arrays.offsets.front() != 0 || arrays.offsets.back() != entries) {
-    fail("offsets does not increase from 0 to ", grouped(entries), ", the number of joints");
-  }
+  check_offsets<std::int64_t>("offsets", arrays.offsets, entries, "joints", vertices, "vertices");
   for (const std::int32_t joint : arrays.joints) {
     if (joint >= 0 && joint < skin.joint_count()) continue;
     fail("joints names joint ", joint, "; the skin has ", plural(skin.joint_count(), "joint"));

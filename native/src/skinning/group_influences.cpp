@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "base/check.h"
+#include "base/offsets.h"
 
 namespace sinew {
 namespace {
@@ -17,15 +17,7 @@ void check(std::span<const std::int64_t> offsets, std::size_t groups, std::size_
     fail("groups has ", grouped(static_cast<long long>(groups)), " entries and weights has ",
          grouped(static_cast<long long>(weights)), "; expected as many of each");
   }
-  const auto total = static_cast<std::int64_t>(groups);
-  if (offsets.empty() || offsets.front() != 0 || offsets.back() != total) {
-    fail("offsets does not run from 0 to ", grouped(total), ", the number of entries");
-  }
-  for (std::size_t v = 0; v + 1 < offsets.size(); ++v) {
-    if (offsets[v] > offsets[v + 1]) {
-      fail("offsets decreases at vertex ", v, " (from ", offsets[v], " to ", offsets[v + 1], ")");
-    }
-  }
+  check_offsets("offsets", offsets, static_cast<std::ptrdiff_t>(groups), "entries");
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <map>
 #include <mutex>
 
-#include "base/check.h"
+#include "base/offsets.h"
 #include "base/steady_instruction_set.h"
 #include "skinning/blocked_skin.h"
 #include "skinning/kernels.h"
@@ -100,24 +100,13 @@ void Skin::check() const {
     fail("rest_positions has ", plural(rest_positions_.size(), "number"), "; expected three per vertex");
   }
   const std::size_t vertices = rest_positions_.size() / 3;
-  if (offsets_.size() != vertices + 1) {
-    fail("offsets has ", plural(offsets_.size(), "entry"), "; expected ", grouped(vertices + 1),
-         ", one more than there are vertices");
-  }
   if (joints_.size() != weights_.size()) {
     fail("joints has ", grouped(joints_.size()), " entries and weights has ", grouped(weights_.size()),
          "; expected as many of each");
   }
   const auto total = static_cast<std::int64_t>(joints_.size());
-  if (offsets_.front() != 0 || offsets_.back() != total) {
-    fail("offsets runs from ", offsets_.front(), " to ", offsets_.back(), "; expected 0 to ", total,
-         ", the number of influences");
-  }
-  for (std::size_t v = 0; v < vertices; ++v) {
-    if (offsets_[v] > offsets_[v + 1]) {
-      fail("offsets decreases at vertex ", v, " (from ", offsets_[v], " to ", offsets_[v + 1], ")");
-    }
-  }
+  check_offsets<std::int64_t>("offsets", offsets_, total, "influences", static_cast<std::ptrdiff_t>(vertices),
+                              "vertices");
   check_positions(rest_positions_);
   std::uint32_t largest_joint = 0;
   for (const std::int32_t joint : joints_) largest_joint = std::max(largest_joint, static_cast<std::uint32_t>(joint));

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "base/check.h"
+#include "base/offsets.h"
 #include "sinew/skin.h"
 
 namespace sinew {
@@ -45,16 +45,11 @@ WeightTable WeightTable::from_lists(std::span<const std::int64_t> offsets, std::
   if (bones.size() != weights.size()) {
     fail("bones has ", plural(std::ssize(bones), "number"), ", weights ", grouped(std::ssize(weights)));
   }
-  if (offsets.empty() || offsets.front() != 0 || offsets.back() != std::ssize(bones)) {
-    fail("offsets does not go from 0 to ", bones.size(), ", the number of bones");
-  }
+  check_offsets("offsets", offsets, std::ssize(bones), "bones");
   WeightTable table(bone_count);
   table.reserve(offsets.size() - 1, bones.size());
   std::vector<BoneWeight> row;
   for (std::size_t v = 0; v + 1 < offsets.size(); ++v) {
-    if (offsets[v + 1] < offsets[v] || offsets[v + 1] > std::ssize(bones)) {
-      fail("offsets is ", offsets[v + 1], " after vertex ", v, "; expected ", offsets[v], " to ", bones.size());
-    }
     row.clear();
     for (std::int64_t i = offsets[v]; i < offsets[v + 1]; ++i) {
       if (bones[i] < 0 || bones[i] >= bone_count) {
