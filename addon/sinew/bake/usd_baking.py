@@ -8,6 +8,7 @@ from contextlib import ExitStack
 import bpy
 import numpy as np
 
+from ..blender import bounds
 from . import evaluation, part_files, usd
 from .baked import Baked
 from .character import LinearCharacter, NotLinear
@@ -118,7 +119,7 @@ class _Skinned:
         skinned = self._character.skinned(kept)
         if skinned.shape != positions.shape:
             raise NotLinear("its vertices are not those of its mesh")
-        size = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
+        size = bounds.diagonal(positions)
         off = float(np.abs(skinned - positions).max(initial=0.0))
         if not off <= TOLERANCE * size:
             share = off / size if size else off

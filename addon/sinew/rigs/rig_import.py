@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes, weight_writing
+from ..blender import bounds, meshes, weight_writing
 from ..clips import clip_store
 from ..feedback import progress
 from ..install import bind, deformed_copy, shared_group
@@ -184,7 +184,7 @@ def build_armature(context: bpy.types.Context, name: str, rig: Any, created: lis
 def visible_tails(rig: Any) -> np.ndarray:
     """Returns (J, 3): the bones' tails, adjusted so that no bone has zero length."""
     heads, tails = np.array(rig.skeleton.heads), np.array(rig.skeleton.tails)
-    shortest = SHORTEST_BONE * float(np.linalg.norm(np.ptp(rig.positions, axis=0)) or 1)
+    shortest = SHORTEST_BONE * (bounds.diagonal(rig.positions) or 1)
     degenerate = np.linalg.norm(tails - heads, axis=1) < 1e-3 * shortest
     tails[degenerate] = heads[degenerate] + (0, shortest, 0)
     return tails

@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import meshes, modifier_types, modifiers
+from ..blender import bounds, meshes, modifier_types, modifiers
 from ..native import sinew_native
 from ..plan import tails
 
@@ -224,6 +224,6 @@ def compare(stencils: Any, positions: np.ndarray, expected: np.ndarray) -> None:
     if len(expected) != stencils.count:
         raise NotFound("it has another number of vertices in another shape")
     off = np.abs(stencils.apply(positions) - expected).max(initial=0)
-    size = float(np.linalg.norm(np.ptp(expected, axis=0))) if len(expected) else 0.0
+    size = bounds.diagonal(expected)
     if not off <= TOLERANCE * size:
         raise NotFound(f"it was off by {off / (size or 1):.1e} of its size in a shape with which it was compared")

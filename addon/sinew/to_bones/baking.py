@@ -10,6 +10,7 @@ import numpy as np
 
 from ..bake import evaluation
 from ..bake.frame_range import FrameRange
+from ..blender import bounds
 from ..native import sinew_native
 from ..plan import bindable
 from ..weights import background
@@ -149,7 +150,7 @@ def new_joints(found: Any, rest: np.ndarray) -> Joints:
     total = np.bincount(found.joints, found.weights, minlength=count)
     squares = np.bincount(found.joints, found.weights * off, minlength=count)
     lengths = np.sqrt(squares / np.maximum(total, 1e-12))
-    size = float(np.linalg.norm(np.ptp(rest, axis=0)))
+    size = bounds.diagonal(rest)
     digits = len(str(count - 1))
     return Joints(
         tuple(f"bone_{j:0{digits}}" for j in range(count)),

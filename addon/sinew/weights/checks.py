@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..blender import bounds
 from ..deform import influences
 from . import bone_segments
 
@@ -96,7 +97,7 @@ def check(
     found.most_influences = int(counts.max(initial=0))
     found.bones_used = np.unique(bones)
     shares = values / sums[vertices]
-    size = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
+    size = bounds.diagonal(positions)
     found.vertices[FAR_BONES] = _far(vertices, bones, shares, positions, heads, tails, size)
     found.vertices[ISLANDS], found.islands_apart = _apart(
         vertices, bones, shares, is_weighted, positions, edges, len(heads), size, find_near

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..blender import bounds
+
 ANGLE = 60.0  # degrees
 STRETCHED = 2.5  # an edge that becomes this many times as long is stretched
 _BENT = 0.01  # a vertex with a smaller share in the bone and those below it, or in all others, moves as if it had none
@@ -90,7 +92,7 @@ def bent(points: np.ndarray, share: np.ndarray, head: np.ndarray, axis: np.ndarr
 
 def check(mesh: Mesh, bones: Bones, degrees: float = ANGLE) -> list[TestPose]:
     """Returns a TestPose for each bone that bends anything, in the order of the bones."""
-    size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0))) if len(mesh.positions) else 0.0
+    size = bounds.diagonal(mesh.positions)
     found = []
     for bone in np.unique(mesh.bones[mesh.weights > 0]).tolist():
         share = shares(mesh, bones, bone)

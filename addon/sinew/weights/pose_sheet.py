@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..blender import bounds
 from ..plan import bindable
 from . import checking, pictures, pose_checks
 
@@ -40,8 +41,8 @@ def _tile(mesh: Any, bones: Any, pose: pose_checks.TestPose, degrees: float, tex
     posed = pose_checks.bent(mesh.positions, share, bones.heads[pose.bone], axis, degrees)
     bends = (share > 0.01) & (share < 0.99)
     part = posed[bends] if bends.any() else posed
-    size = np.linalg.norm(np.ptp(mesh.positions, axis=0))
-    width = max(_WIDTH * np.linalg.norm(np.ptp(part, axis=0)) / np.sqrt(3), _LEAST * size, 1e-30)
+    size = bounds.diagonal(mesh.positions)
+    width = max(_WIDTH * bounds.diagonal(part) / np.sqrt(3), _LEAST * size, 1e-30)
     z = -_VIEW / np.linalg.norm(_VIEW)
     x = np.cross(z, (0, 0, 1))
     x /= np.linalg.norm(x)

@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 
+from ..blender import bounds
 from . import checks
 
 GROUP = "Rigid"  # the name of the vertex group
@@ -31,7 +32,7 @@ def selected(ob: bpy.types.Object) -> np.ndarray:
 def pieces(marked: np.ndarray, positions: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Returns (V,) int32: the same number for the marked vertices (V,) bool that edges (E, 2) between them connect, or
     that are at the same place; -1 for all others."""
-    size = float(np.linalg.norm(np.ptp(positions, axis=0))) if len(positions) else 0.0
+    size = bounds.diagonal(positions)
     weld = checks.welded(positions, size)
     marked = marked & np.isin(weld, weld[marked])
     inside = edges[marked[edges].all(axis=1)]

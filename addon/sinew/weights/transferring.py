@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..blender import bounds
 from ..deform import influences
 from ..native import sinew_native
 from ..plan import bindable
@@ -226,7 +227,7 @@ def _names(objects):
 
 def _unmatched_islands(mesh: solid.Solid, matched: np.ndarray) -> int:
     """Returns how many parts of a mesh have no matched vertex."""
-    size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0)))
+    size = bounds.diagonal(mesh.positions)
     weld = checks.welded(mesh.positions, size)
     label = checks.islands(len(weld), weld[mesh.edges()])[weld]
     return len(np.setdiff1d(label, label[matched]))
