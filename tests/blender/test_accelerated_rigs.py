@@ -96,6 +96,53 @@ def test_it_is_compared_with_blender_before_it_is_shown(cast):
     cast.play()
 
 
+def test_an_edit_without_a_key_outlives_the_comparison(cast):
+    """Of what makes no difference on this frame, too: Blender sets all keyed values on each frame that it evaluates."""
+    for armature, *_ in both(cast):
+        for name, value in (("whole", 3), ("part", 0.25)):
+            armature[name] = value
+            for frame in (1, 10):
+                armature.keyframe_insert(f'["{name}"]', frame=frame)
+        armature.update_tag()
+    cast.scene.frame_set(4)
+    for name, value in (("whole", 5), ("part", 0.75)):
+        for armature, *_ in both(cast):
+            armature[name] = value
+            armature.update_tag()
+        layer().update()
+        wait(cast)
+        assert cast.rig.ob[name] == value
+        cast.play([3, 4])
+    assert (cast.rig.ob["whole"], cast.rig.ob["part"]) == (3, 0.25)
+    wait(cast)
+    accelerate(cast)
+    assert len(cast.rig.source.compared) > 1
+
+
+def test_of_what_else_moves_nothing_is_evaluated_on_other_frames(cast):
+    """It may have been edited without a key."""
+    shape = bpy.data.objects.new("Shape", None)
+    for frame in (1, 10):
+        shape.location.x = frame
+        shape.keyframe_insert("location", frame=frame)
+    cast.scene.collection.objects.link(shape)
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].custom_shape = shape
+    cast.scene.frame_set(4)
+    shape.location.x = 50
+    layer().update()
+    wait(cast)
+    assert shape.location.x == 50
+    cast.play()
+
+
+def test_a_character_that_is_frozen_is_compared_first(cast):
+    select(cast.rig.ob)
+    bpy.ops.object.sinew_freeze()
+    assert cast.rig.is_frozen and len(cast.rig.source.compared) > 1 and not cast.rig.needs_program
+    cast.play()
+
+
 def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     """A key of a later frame that is read wrongly makes no difference on this one."""
     reading = addon_module("rig_programs.reading")

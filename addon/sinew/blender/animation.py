@@ -96,7 +96,10 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
             continue
         value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
         keyed = curve.evaluate(time)
-        if isinstance(value, float) and abs(value - keyed) > 1e-5 * max(1.0, abs(keyed)):
+        rounded = (
+            1e-5 * max(1.0, abs(keyed)) if isinstance(value, float) else 0.999
+        )  # of whole numbers, as Blender does
+        if isinstance(value, (int, float)) and abs(value - keyed) > rounded:
             return curve.data_path
     return ""
 

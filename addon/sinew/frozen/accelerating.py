@@ -71,7 +71,7 @@ def step(scene: Any, layer: Any, number: int) -> bool:
             comparing.compare(rig, scene)
             freezing.keep_frozen(scene, layer)
             rig.reason = rig.source.refusal
-            _note(rig, not rig.reason, number)
+            _note(rig, bool(rig.source.compared), number)
             return True
     if due:
         freezing.freeze(due, scene, layer)

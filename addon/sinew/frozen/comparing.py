@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..blender import animation, dependencies
 from ..host import poses
 from ..rig_programs import checking, driven_keys, reading
 from . import computing, freezing, rigs
@@ -41,24 +42,40 @@ class Difference:
 
 def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> None:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
-    is no program. Call it in the main thread, outside an evaluation, and freezing.keep_frozen after it: Blender builds
-    relations again."""
-    source, spent, began = rig.source, [], perf_counter()
-    with _on_frames(rig.ob, scene) as evaluated_on:
-        for frame in _some(scene):
-            start = perf_counter()
-            copy = evaluated_on(frame)
-            spent.append(1e3 * (perf_counter() - start))
-            if not poses.are_posed([(copy, computing.moment(rig, frame).pose)])[0]:
-                computed = source.program.evaluate(np.array([frame], np.float32))[0]
-                rig.difference = Difference(frame, checking.matrices_of(copy.pose.bones), computed)
-                rig.source = rigs.Source(refusal=rig.difference.sentence(rig.ob))
-                return
-            source.compared.add(frame)
-            if perf_counter() - began > SECONDS:
-                break
+    is no program. Blender writes the values of an evaluated frame into the originals, so nothing is compared while the
+    armature has been edited without a key, and no other frame if keyframes move anything else that it needs. Call it in
+    the main thread, outside an evaluation, and freezing.keep_frozen after it: Blender builds relations again."""
+    source, spent, now = rig.source, [], scene.frame_current
+    if animation.unkeyed_path(rig.ob, scene.frame_current_final):
+        return
+    source.compared.add(now)
+    if any(_is_keyed(each) for each in dependencies.used([rig.ob], bpy.data.user_map()) if each != rig.ob):
+        return
+    with _on_frames(rig.ob) as evaluated_on:
+        try:
+            evaluated_on(now)  # which builds relations
+            began = perf_counter()
+            for frame in _some(scene):
+                start = perf_counter()
+                copy = evaluated_on(frame)
+                spent.append(1e3 * (perf_counter() - start))
+                if not poses.are_posed([(copy, computing.moment(rig, frame).pose)])[0]:
+                    computed = source.program.evaluate(np.array([frame], np.float32))[0]
+                    rig.difference = Difference(frame, checking.matrices_of(copy.pose.bones), computed)
+                    rig.source = rigs.Source(refusal=rig.difference.sentence(rig.ob))
+                    return
+                source.compared.add(frame)
+                if perf_counter() - began > SECONDS:
+                    break
+        finally:
+            evaluated_on(now)
     rig.difference = None
-    source.blender_milliseconds = median(spent[1:] or spent)  # the first one builds relations
+    source.blender_milliseconds = median(spent or [0.0])
+
+
+def _is_keyed(block: bpy.types.ID) -> bool:
+    data = getattr(block, "animation_data", None)
+    return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
 
 
 def _some(scene: bpy.types.Scene) -> list[int]:
@@ -68,9 +85,8 @@ def _some(scene: bpy.types.Scene) -> list[int]:
 
 
 @contextmanager
-def _on_frames(ob: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[Any]:
-    """Gives a function that returns the evaluated copy of an object on a frame. The originals of all that is evaluated
-    get the values of the frame, so the scene's own frame is the last."""
+def _on_frames(ob: bpy.types.Object) -> Iterator[Any]:
+    """Gives a function that has Blender evaluate an object on a frame and returns its evaluated copy."""
     own = bpy.data.scenes.new(NAME)
     layer = own.view_layers[0]
 
@@ -83,7 +99,6 @@ def _on_frames(ob: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[Any]:
         with freezing.building():
             own.collection.objects.link(ob)
             yield evaluated_on
-            evaluated_on(scene.frame_current)
     finally:
         bpy.data.scenes.remove(own)
 

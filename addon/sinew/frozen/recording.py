@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import computing, freezing, reasons, rigs
+from . import comparing, computing, freezing, reasons, rigs
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
@@ -61,6 +61,10 @@ def steps(
     for rig in own:
         rig.reason = reasons.why_live(rig, scene, layer) if reasons.unkeyed_bone(rig, scene) else ""
     own = [rig for rig in own if not rig.reason]
+    for rig in own:
+        if rig.source.is_proven and not rig.source.compared:
+            comparing.compare(rig, scene)
+    freezing.keep_frozen(scene, layer)
     first, last = frame_range(scene)
     computing.fill(own, range(first, last + 1))
     wanted = [rig for rig in own if rig.is_wanted]

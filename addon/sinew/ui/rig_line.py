@@ -35,7 +35,7 @@ def text_of(armature: Any) -> tuple[str, str]:
         return "", ""
     if rig.is_frozen and rig.source.is_proven:
         blender, frames = rig.source.blender_milliseconds, len(rig.source.compared)
-        compared = f" (Blender {blender:.2f}), compared on {frames} frame{'s' * (frames != 1)}" if frames else ""
+        compared = f" (Blender {blender:.2f}), compared on {frames} frames" if blender else ""
         return f"Rig: native, {rig.milliseconds:.2f} ms{compared}", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: frozen", ""
