@@ -1,5 +1,6 @@
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -58,7 +59,7 @@ void bind_stencils(py::module_& module) {
              const Numbers<std::int64_t> own_offsets = list_of<std::int64_t>("offsets", offsets);
              const Numbers<std::int32_t> own_vertices = list_of<std::int32_t>("vertices", vertices);
              const Numbers<float> own_weights = list_of<float>("weights", weights);
-             const py::ssize_t count = offsets.size() - 1;
+             const py::ssize_t count = std::max<py::ssize_t>(offsets.size() - 1, 0);
              const std::vector<float> own_scales = rows_of("scales", scales, count);
              const std::vector<float> own_shifts = rows_of("shifts", shifts, count);
              const py::gil_scoped_release release;

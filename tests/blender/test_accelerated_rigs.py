@@ -96,9 +96,13 @@ def test_it_is_compared_with_blender_before_it_is_shown(cast):
     cast.play()
 
 
-def test_an_edit_without_a_key_outlives_the_comparison(cast):
-    """Of what makes no difference on this frame, too: Blender sets all keyed values on each frame that it evaluates."""
+@pytest.mark.parametrize("has_track", (False, True))
+def test_an_edit_without_a_key_outlives_the_comparison(cast, has_track):
+    """Of what makes no difference on this frame, too: Blender sets all keyed values on each frame that it evaluates.
+    has_track: an NLA track without strips."""
     for armature, *_ in both(cast):
+        if has_track:
+            armature.animation_data.nla_tracks.new()
         for name, value in (("whole", 3), ("part", 0.25)):
             armature[name] = value
             for frame in (1, 10):
@@ -117,6 +121,26 @@ def test_an_edit_without_a_key_outlives_the_comparison(cast):
     wait(cast)
     accelerate(cast)
     assert len(cast.rig.source.compared) > 1
+
+
+def test_a_frame_that_cannot_be_computed_is_found_by_the_comparison(cast):
+    for armature, *_ in both(cast):
+        armature["by"] = 1.0
+        armature.keyframe_insert('["by"]', frame=4)
+        armature["by"] = 0.0
+        armature.keyframe_insert('["by"]', frame=5)
+        driver = armature.pose.bones["side"].driver_add("location", 0).driver
+        driver.expression = "1 / by"
+        variable = driver.variables.new()
+        variable.name, variable.targets[0].id, variable.targets[0].data_path = "by", armature, '["by"]'
+        armature.update_tag()
+    cast.scene.frame_set(4)
+    before = [[*each.location] for each in cast.rig.ob.pose.bones]
+    wait(cast)
+    assert not cast.rig.is_frozen and "side" in cast.rig.reason, cast.rig.reason
+    assert [[*each.location] for each in cast.rig.ob.pose.bones] == before
+    assert all(curve.driver.is_valid for curve in cast.rig.ob.animation_data.drivers)
+    cast.play()
 
 
 def test_of_what_else_moves_nothing_is_evaluated_on_other_frames(cast):

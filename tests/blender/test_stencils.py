@@ -78,7 +78,7 @@ def add_modifiers(ob, tail):
         modifier = ob.modifiers.new(kind, kind)
         for name, value in settings.items():
             if hasattr(modifier, name):  # newer Blenders have more
-                setattr(modifier, name, value)
+                setattr(modifier, name, bpy.data.objects.new(value, None) if value == "Other" else value)
 
 
 @pytest.fixture
@@ -147,6 +147,8 @@ def test_few_frames_are_blenders_to_the_bit(figure, tmp_path):
         [subdivision(), array(use_merge_vertices=True)],
         [subdivision(), array(fit_type="FIT_LENGTH")],
         [subdivision(), array(use_object_offset=True)],
+        [subdivision(), array(offset_object="Other")],
+        [mirror(mirror_object="Other")],
     ),
     ids=lambda tail: "-".join(kind for kind, _ in tail),
 )

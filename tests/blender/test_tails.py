@@ -518,7 +518,9 @@ def test_an_animation_is_rendered_in_the_background(fresh_scene, monkeypatch, tm
     assert_same_pictures(*pictures_of_both(fresh_scene, tmp_path, *pairs[0]))
     said = capsys.readouterr().out
     assert ("Sinew: SUBSURF of Tube: computed natively from the next frame on" in said) == is_persistent
-    assert ("SUBSURF of Tube: evaluated by Blender in each frame: Persistent Data lets" in said) != is_persistent
+    assert (
+        "SUBSURF of Tube: evaluated by Blender in each frame; in animations, Persistent Data lets" in said
+    ) != is_persistent
     if is_persistent:
         viewport, render = entry.way.tail.stencils
         assert render is not None and render is not viewport and entry.plan.lacks_stencils[0] == (viewport is None)

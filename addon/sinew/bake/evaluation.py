@@ -86,8 +86,8 @@ def undisturbed(context: bpy.types.Context) -> Iterator[None]:
     mode = ob.mode if ob is not None and (ob.mode.startswith("EDIT") or ob.mode == "SCULPT") else None
     if mode:
         _set_mode(context, ob, "OBJECT")
-    accelerating.accelerate(scene, context.view_layer)
     try:
+        accelerating.accelerate(scene, context.view_layer)
         yield
     finally:
         scene.frame_set(frame[0], subframe=frame[1])

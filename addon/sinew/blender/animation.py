@@ -84,7 +84,7 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
     """Returns the path of a property that is not as the keyframes of a data-block's own action set it, "" if there is
     none or NLA strips mix."""
     data = block.animation_data
-    if data is None or len(data.nla_tracks):
+    if data is None or data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks):
         return ""
     driven = {(curve.data_path, curve.array_index) for curve in data.drivers}
     for curve in slot_curves(block):

@@ -68,8 +68,8 @@ def step(scene: Any, layer: Any, number: int) -> bool:
             _note(rig, not rig.reason, number)
             return True
         if not rig.source.compared:
-            comparing.compare(rig, scene)
-            freezing.keep_frozen(scene, layer)
+            if comparing.compare(rig, scene):
+                freezing.keep_frozen(scene, layer)
             rig.reason = rig.source.refusal
             _note(rig, bool(rig.source.compared), number)
             return True

@@ -186,7 +186,7 @@ def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:
     for each in reached:
         each.record.drop_within(ranges)
         each.shapes.drop_within(ranges)
-        each.source, each.passing = rigs.Source(), None
+        each.source, each.passing, each.difference = rigs.Source(), None, None
         reached += [
             other
             for other in rigs.known()

@@ -15,7 +15,7 @@ import numpy as np
 from ..blender import animation, dependencies
 from ..host import poses
 from ..rig_programs import checking, driven_keys, reading
-from . import computing, freezing, rigs
+from . import computing, rigs
 
 NAME = ".Sinew Frames"
 MOST_FRAMES = 16
@@ -40,37 +40,41 @@ class Difference:
         return f"on frame {self.frame}, {ob.pose.bones[bone].name} of {ob.name} would have {numbers} in its matrix"
 
 
-def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> None:
+def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
     is no program. Blender writes the values of an evaluated frame into the originals, so nothing is compared while the
     armature has been edited without a key, and no other frame if keyframes move anything else that it needs. Call it in
-    the main thread, outside an evaluation, and freezing.keep_frozen after it: Blender builds relations again."""
+    the main thread, outside an evaluation. Returns whether Blender has evaluated, so that freezing.keep_frozen has to
+    follow."""
     source, spent, now = rig.source, [], scene.frame_current
-    if animation.unkeyed_path(rig.ob, scene.frame_current_final):
-        return
+    if scene.frame_subframe or animation.unkeyed_path(rig.ob, scene.frame_current_final):
+        return False
     source.compared.add(now)
     if any(_is_keyed(each) for each in dependencies.used([rig.ob], bpy.data.user_map()) if each != rig.ob):
-        return
+        return False
     with _on_frames(rig.ob) as evaluated_on:
         try:
             evaluated_on(now)  # which builds relations
             began = perf_counter()
             for frame in _some(scene):
+                moment = computing.moment(rig, frame)
+                if moment is None:  # so that Blender would disable a driver
+                    return True
                 start = perf_counter()
                 copy = evaluated_on(frame)
                 spent.append(1e3 * (perf_counter() - start))
-                if not poses.are_posed([(copy, computing.moment(rig, frame).pose)])[0]:
+                if not poses.are_posed([(copy, moment.pose)])[0]:
                     computed = source.program.evaluate(np.array([frame], np.float32))[0]
                     rig.difference = Difference(frame, checking.matrices_of(copy.pose.bones), computed)
                     rig.source = rigs.Source(refusal=rig.difference.sentence(rig.ob))
-                    return
+                    return True
                 source.compared.add(frame)
                 if perf_counter() - began > SECONDS:
                     break
         finally:
             evaluated_on(now)
-    rig.difference = None
-    source.blender_milliseconds = median(spent or [0.0])
+    source.blender_milliseconds = median(spent)
+    return True
 
 
 def _is_keyed(block: bpy.types.ID) -> bool:
@@ -81,12 +85,13 @@ def _is_keyed(block: bpy.types.ID) -> bool:
 def _some(scene: bpy.types.Scene) -> list[int]:
     """Returns some frames of the scene's range, in a random order."""
     frames = range(scene.frame_start, scene.frame_end + 1)
-    return random.sample(frames, min(len(frames), MOST_FRAMES))
+    return random.Random().sample(frames, min(len(frames), MOST_FRAMES))
 
 
 @contextmanager
 def _on_frames(ob: bpy.types.Object) -> Iterator[Any]:
-    """Gives a function that has Blender evaluate an object on a frame and returns its evaluated copy."""
+    """Gives a function that has Blender evaluate an object on a frame and returns its evaluated copy. Nobody's handlers
+    see that."""
     own = bpy.data.scenes.new(NAME)
     layer = own.view_layers[0]
 
@@ -95,11 +100,16 @@ def _on_frames(ob: bpy.types.Object) -> Iterator[Any]:
         layer.update()
         return ob.evaluated_get(layer.depsgraph)
 
+    lists = bpy.app.handlers.depsgraph_update_pre, bpy.app.handlers.depsgraph_update_post
+    before = [list(each) for each in lists]
     try:
-        with freezing.building():
-            own.collection.objects.link(ob)
-            yield evaluated_on
+        for each in lists:
+            each.clear()
+        own.collection.objects.link(ob)
+        yield evaluated_on
     finally:
+        for each, handlers in zip(lists, before):
+            each[:] = handlers
         bpy.data.scenes.remove(own)
 
 

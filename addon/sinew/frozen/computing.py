@@ -101,9 +101,9 @@ def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
             rig.keep(frame, moment)
 
 
-def moment(rig: rigs.Rig, frame: float) -> rigs.Moment:
-    """Returns a moment of an armature with a program."""
-    return _moments([rig], [[frame]])[0][0]
+def moment(rig: rigs.Rig, frame: float) -> rigs.Moment | None:
+    """Returns a moment of an armature with a program. If that fails, returns None, and it has no program any more."""
+    return next(iter(_moments([rig], [[frame]])[0]), None)
 
 
 def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:

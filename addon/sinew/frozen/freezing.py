@@ -41,18 +41,6 @@ def is_building() -> bool:
     return _is_building
 
 
-@contextmanager
-def building() -> Iterator[None]:
-    """Has handlers do nothing about frozen armatures inside the `with` block: Blender evaluates because this package
-    has asked it to."""
-    global _is_building
-    _is_building = True
-    try:
-        yield
-    finally:
-        _is_building = False
-
-
 def freeze(wanted: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Freezes armatures, and keeps those frozen that already are. `reason` of those that cannot be frozen says why.
     Call it in the main thread, outside an evaluation. scene, layer: what a window shows."""
@@ -167,6 +155,7 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
 def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> None:
     """Has Blender build relations without the keyframes of these armatures, and evaluate. at_home: all that are
     recorded in that view layer."""
+    global _is_building
     graph = layer.depsgraph
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
 
@@ -176,12 +165,16 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
                 rig.watch.mark(graph)
 
     relations.tag()
-    with building(), relations.Rebuilding() as rebuilding:
-        for rig in chosen:
-            rebuilding.without_animation(rig.ob)
-        for ob in hooked.values():
-            rebuilding.on_each_frame(followers.hook_of(ob))
-        rebuilding.build(layer, mark)
+    _is_building = True
+    try:
+        with relations.Rebuilding() as rebuilding:
+            for rig in chosen:
+                rebuilding.without_animation(rig.ob)
+            for ob in hooked.values():
+                rebuilding.on_each_frame(followers.hook_of(ob))
+            rebuilding.build(layer, mark)
+    finally:
+        _is_building = False
     for ob in hooked.values():
         hook = followers.hook_of(ob.evaluated_get(graph))
         if hook is not None:

@@ -7,7 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..feedback import notice
-from ..host import contract, relations
+from ..host import contract, evaluations, relations
 from ..main import callbacks
 from . import accelerating, computing, freezing, ghosts, playing, rigs
 
@@ -72,7 +72,7 @@ def freeze_again() -> float:
     accelerates rigs. Returns the seconds until the next call."""
     global _tried, _has_accelerated
     context = bpy.context
-    if context.window is None or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW"))):
+    if context.window is None or evaluations.is_job_running():
         return SECONDS_BETWEEN_LOOKS
     is_playing = context.screen.is_animation_playing
     if _tried != (playing.evaluation_count(), is_playing):

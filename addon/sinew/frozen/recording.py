@@ -62,9 +62,8 @@ def steps(
         rig.reason = reasons.why_live(rig, scene, layer) if reasons.unkeyed_bone(rig, scene) else ""
     own = [rig for rig in own if not rig.reason]
     for rig in own:
-        if rig.source.is_proven and not rig.source.compared:
-            comparing.compare(rig, scene)
-    freezing.keep_frozen(scene, layer)
+        if rig.source.is_proven and not rig.source.compared and comparing.compare(rig, scene):
+            freezing.keep_frozen(scene, layer)
     first, last = frame_range(scene)
     computing.fill(own, range(first, last + 1))
     wanted = [rig for rig in own if rig.is_wanted]

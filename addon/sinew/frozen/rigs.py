@@ -112,7 +112,7 @@ class Rig:
         """Drops all that is recorded."""
         self.record.clear()
         self.shapes.clear()
-        self.watch, self.source, self.passing = None, Source(), None
+        self.watch, self.source, self.passing, self.difference = None, Source(), None, None
         if self.skins is not None:
             self.skins.clear()
 

@@ -3,6 +3,8 @@
 import ctypes
 from typing import Any
 
+import bpy
+
 from . import contract
 
 _ANIMATION = 1 << 2  # Blender's ID_RECALC_ANIMATION
@@ -40,6 +42,11 @@ def is_animation_tagged(block: Any) -> bool:
     """Whether the keyframes of a data-block are to be evaluated again on the frame that is shown. Inserting a keyframe
     does not ask for that."""
     return bool(_tags(block) & _ANIMATION)
+
+
+def is_job_running() -> bool:
+    """Whether another thread may evaluate: Blender renders, bakes or composites."""
+    return any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW", "OBJECT_BAKE", "COMPOSITE")))
 
 
 def announce() -> None:

@@ -36,7 +36,6 @@ _bones: dict[Any, tuple[int | None, list[str]]] = {}
 # Whether the open file must still be taken over. The add-on may be enabled in an open file, and register() has no
 # access to the file's data.
 _is_file_unknown = True
-_is_rendering = False
 
 
 @persistent
@@ -48,7 +47,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
         evaluations.note_playing(any(each.screen.is_animation_playing for each in bpy.context.window_manager.windows))
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
-    if _is_rendering:
+    if not HAS_EVENT_LOOP:
         # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes
         # had on the viewport's frame.
         mail.deliver()
@@ -184,15 +183,11 @@ def after_save(*_: Any) -> None:
 
 @persistent
 def before_render(scene: bpy.types.Scene, *_: Any) -> None:
-    global _is_rendering
-    _is_rendering = True
     searching.note_render(scene, True)
 
 
 @persistent
 def after_render(scene: bpy.types.Scene, *_: Any) -> None:
-    global _is_rendering
-    _is_rendering = False
     searching.note_render(scene, False)
 
 

@@ -113,7 +113,8 @@ def why_not(modifier: Any, is_animated: bool) -> str:
         return "its result is no weighted sum of the vertices before it"
     if is_animated:
         return "it is animated"
-    return _REASONS[kind](modifier)
+    used = next((each for each in modifiers.settings_of(modifier).values() if isinstance(each, bpy.types.ID)), None)
+    return f"it names {used.name}, which may move: clear that field" if used is not None else _REASONS[kind](modifier)
 
 
 def why_not_for_now(modifier: Any) -> str:
@@ -126,7 +127,7 @@ def why_not_for_now(modifier: Any) -> str:
     if modifier.type == "SUBSURF" and modifier.use_custom_normals and modifier.id_data.data.has_custom_normals:
         return "it makes custom normals, which depend on the shape: switch Use Custom Normals off"
     if modifier.type == "MIRROR" and modifier.id_data.data.has_custom_normals:
-        return "it makes custom normals, which depend on the shape: put it before the armature's"
+        return f"it makes custom normals, which depend on the shape{_or_in_front(modifier, ': ')}"
     return ""
 
 
@@ -144,10 +145,7 @@ def _triangulate(modifier: Any) -> str:
 
 
 def _mirror(modifier: Any) -> str:
-    if modifier.mirror_object is not None:
-        return "it mirrors at another object, which may move"
-    named = {"Merge": modifier.use_mirror_merge, "Bisect": any(modifier.use_bisect_axis)}
-    return _dependent(named, "put it before the armature's")
+    return _dependent(modifier, {"Merge": modifier.use_mirror_merge, "Bisect": any(modifier.use_bisect_axis)})
 
 
 def _array(modifier: Any) -> str:
@@ -155,16 +153,22 @@ def _array(modifier: Any) -> str:
         return "how many copies it makes is no fixed number: set Fit Type to Fixed Count"
     if modifier.use_object_offset:
         return "it depends on another object: switch Object Offset off"
-    if modifier.start_cap is not None or modifier.end_cap is not None:
-        return "it has caps, other objects"
-    named = {"Relative Offset": modifier.use_relative_offset, "Merge": modifier.use_merge_vertices}
-    return _dependent(named, "use Constant Offset" if modifier.use_relative_offset else "put it before the armature's")
+    if modifier.use_relative_offset:
+        return "Relative Offset depends on the shape: use Constant Offset"
+    return _dependent(modifier, {"Merge": modifier.use_merge_vertices})
 
 
-def _dependent(named: dict[str, bool], otherwise: str) -> str:
+def _dependent(modifier: Any, named: dict[str, bool]) -> str:
     """Returns which setting makes the result depend on the shape, a clause, or "". named: name -> whether it is on."""
     name = next((name for name, is_on in named.items() if is_on), "")
-    return f"{name} depends on the shape: switch it off, or {otherwise}" if name else ""
+    return f"{name} depends on the shape: switch {name} off{_or_in_front(modifier, ', or ')}" if name else ""
+
+
+def _or_in_front(modifier: Any, joined: str) -> str:
+    """Returns the advice to move a modifier where it would be evaluated once, if that is possible."""
+    ob = modifier.id_data
+    may_be_front = ob.data.shape_keys is None and any(each.type == "ARMATURE" for each in ob.modifiers)
+    return f"{joined}put the modifier before the armature's" if may_be_front else ""
 
 
 _REASONS = {

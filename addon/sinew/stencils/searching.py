@@ -14,6 +14,7 @@ import numpy as np
 
 from ..blender import materials, meshes, nodes, values
 from ..feedback import notice
+from ..host import evaluations
 from ..plan import canvas_survey, tails, wiring
 from ..plan.situation import Tail
 from ..run import characters, mail, planning
@@ -88,6 +89,7 @@ class Search:
 
 
 _search: Search | None = None
+_told: set[int] = set()  # keys of the objects of which was said that renders do without stencils
 _asked_for: set[int] = set()  # keys of the objects whose stencils somebody wants however long it takes
 _may_be_followed = True
 _edited = 0.0  # when something was
@@ -200,7 +202,7 @@ def _is_busy(context: bpy.types.Context) -> bool:
         context.mode not in MODES
         or perf_counter() - _edited < SECONDS_OF_REST
         or any(window.screen.is_animation_playing for window in windows)
-        or any(map(bpy.app.is_job_running, ("RENDER", "RENDER_PREVIEW", "OBJECT_BAKE", "COMPOSITE")))
+        or evaluations.is_job_running()
     )
 
 
@@ -211,7 +213,9 @@ def note_render(scene: bpy.types.Scene, begins: bool) -> None:
     _evaluates_anew = begins and not scene.render.use_persistent_data
     if _evaluates_anew and bpy.app.background:
         for ob in _lacking(True):
-            _say(ob, "evaluated by Blender in each frame: Persistent Data lets Sinew compute it")
+            if values.key_of(ob) not in _told:
+                _told.add(values.key_of(ob))
+                _say(ob, "evaluated by Blender in each frame; in animations, Persistent Data lets Sinew compute it")
 
 
 def note_frame(is_render: bool) -> None:
@@ -246,9 +250,11 @@ def _bit(search: Search, ob: bpy.types.Object, seconds: float) -> bool:
     except Exception as error:
         if not isinstance(error, probing.NotFound):
             log.exception("the weights of %s could not be found", " and ".join(search.names))
-        entry.planning.sought = _version(entry), str(error), isinstance(error, probing.TooLong)
+        reason = str(error) or type(error).__name__
+        entry.planning.sought = _version(entry), reason, isinstance(error, probing.TooLong)
     finally:
         _is_at_it = False
+    _asked_for.discard(search.key)
     return True
 
 
@@ -257,4 +263,5 @@ def forget() -> None:
     global _search, _may_be_followed
     _search, _may_be_followed = None, True
     _frames.clear()
-    _asked_for.clear()
+    if not values.KEYS_OUTLIVE_UNDO:
+        _asked_for.clear()

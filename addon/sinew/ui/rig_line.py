@@ -24,7 +24,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
         column.label(text=text, icon="ARMATURE_DATA")
     if reason:
         notice.draw_sentence(column, context, reason, False)
-    if _differing(armature) is not None:
+    if getattr(rigs.get(armature), "difference", None) is not None:
         column.operator(ReportRig.bl_idname).armature = armature.name
 
 
@@ -35,19 +35,13 @@ def text_of(armature: Any) -> tuple[str, str]:
         return "", ""
     if rig.is_frozen and rig.source.is_proven:
         blender, frames = rig.source.blender_milliseconds, len(rig.source.compared)
-        compared = f" (Blender {blender:.2f}), compared on {frames} frames" if blender else ""
+        compared = f" (Blender {blender:.2f}), compared on {frames} frame{'s' * (frames != 1)}" if blender else ""
         return f"Rig: native, {rig.milliseconds:.2f} ms{compared}", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: frozen", ""
     if rig.stays_live:
         return "Rig: Blender's, because it was thawed", ""
     return ("Rig: Blender's", rig.reason) if rig.needs_program and rig.reason else ("", "")
-
-
-def _differing(armature: Any) -> rigs.Rig | None:
-    """Returns what is known of an armature whose bones were computed otherwise than Blender's, or None."""
-    rig = rigs.get(armature)
-    return rig if rig is not None and rig.difference is not None else None
 
 
 class ReportRig(bpy.types.Operator, ExportHelper):
@@ -61,8 +55,7 @@ class ReportRig(bpy.types.Operator, ExportHelper):
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self, context):
-        ob = bpy.data.objects.get(self.armature)
-        rig = _differing(ob) if ob is not None else None
+        rig = next((each for each in rigs.known() if each.name == self.armature and each.difference is not None), None)
         if rig is None:
             self.report({"ERROR"}, f"No difference from Blender was found in {self.armature or 'any armature'}")
             return {"CANCELLED"}
