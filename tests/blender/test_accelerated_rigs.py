@@ -92,7 +92,7 @@ def test_it_is_compared_with_blender_before_it_is_shown(cast):
     assert data_names() == names and cast.scene.frame_current == 4
     cast.assert_same()
     text, _reason = addon_module("ui.rig_line").text_of(cast.rig.ob)
-    assert f"compared on {len(cast.rig.source.compared)} frames" in text and "(Blender " in text
+    assert f"Compared on {len(cast.rig.source.compared)} frames" in text and "(Blender " in text
     cast.play()
 
 

@@ -404,7 +404,7 @@ def test_what_is_last_is_left_to_the_viewport(fresh_scene):
 # --- any settings ---------------------------------------------------------------------------------
 
 FIXED = {"name", "is_active", "use_pin_to_last", "use_apply_on_spline", "show_viewport", "show_render"}
-LEVELS = {"count": (1, 3), "levels": (0, 2), "render_levels": (0, 2), "quality": (1, 5), "min_vertices": (4, 6)}
+LEVELS = {"count": (1, 2), "levels": (0, 2), "render_levels": (0, 2), "quality": (1, 5), "min_vertices": (4, 6)}
 
 
 def set_at_random(modifier, random):

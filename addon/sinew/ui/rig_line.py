@@ -20,8 +20,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
     column = layout.column(align=True)
     column.prop(context.scene, "sinew_accelerates_rigs")
     text, reason = text_of(armature) if context.scene.sinew_accelerates_rigs else ("", "")
-    if text:
-        column.label(text=text, icon="ARMATURE_DATA")
+    for line, icon in zip(text.splitlines(), ("ARMATURE_DATA", "BLANK1")):
+        column.label(text=line, icon=icon)
     if reason:
         notice.draw_sentence(column, context, reason, False)
     if getattr(rigs.get(armature), "difference", None) is not None:
@@ -29,13 +29,14 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
 
 
 def text_of(armature: Any) -> tuple[str, str]:
-    """Returns how it is with an armature, and why Blender evaluates it, a sentence; "" for nothing to say."""
+    """Returns how it is with an armature, one or two lines, and why Blender evaluates it, a sentence; "" for nothing to
+    say."""
     rig = rigs.get(armature)
     if rig is None:
         return "", ""
     if rig.is_frozen and rig.source.is_proven:
         blender, frames = rig.source.blender_milliseconds, len(rig.source.compared)
-        compared = f" (Blender {blender:.2f}), compared on {frames} frame{'s' * (frames != 1)}" if blender else ""
+        compared = f" (Blender {blender:.2f})\nCompared on {frames} frame{'s' * (frames != 1)}" if blender else ""
         return f"Rig: native, {rig.milliseconds:.2f} ms{compared}", ""
     if rig.is_idle:
         return "Rig: native" if rig.is_posable else "Rig: frozen", ""
