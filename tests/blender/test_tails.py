@@ -657,7 +657,8 @@ def test_the_last_key_is_removed(fresh_scene):
 
 
 def test_a_mismatch_leaves_it_to_blender(fresh_scene, monkeypatch):
-    monkeypatch.setattr(addon_module("stencils.probing"), "TOLERANCE", 0.0)
+    for name in ("TOLERANCE", "ROUNDING"):
+        monkeypatch.setattr(addon_module("stencils.probing"), name, 0.0)
     pairs = bound(character_with(*PAIRS["subdivision"]))
     find_stencils()
     assert_all_same(pairs)
