@@ -15,8 +15,6 @@ from . import comparing, freezing, playing, reasons, rigs
 # counts for as much as a bone.
 LEAST_WORK = 60
 MOST_TO_SKIP = 64  # steps, before a rig that could not be computed is tried again
-FRAMES_AHEAD = 24  # in the background
-_frames = 0  # that were changed since rigs were last accelerated there
 
 
 def accelerate(scene: Any, layer: Any) -> None:
@@ -26,22 +24,11 @@ def accelerate(scene: Any, layer: Any) -> None:
         pass
 
 
-def note_frame(scene: Any, graph: Any) -> None:
-    """Accelerates the rigs after some frames, in the background: whoever has changed so many changes more. Call it in a
-    handler, after an evaluation. graph: what was evaluated; renders have their own."""
-    global _frames
-    if playing.is_busy() or graph != graph.view_layer.depsgraph:
-        return
-    _frames += 1
-    if _frames >= FRAMES_AHEAD:
-        _frames = 0
+def accelerate_unasked(scene: Any, graph: Any) -> None:
+    """Accelerates the rigs in the background, in a handler after an evaluation. graph: what was evaluated; exporters
+    have their own."""
+    if not playing.is_busy() and graph == graph.view_layer.depsgraph:
         accelerate(scene, graph.view_layer)
-
-
-def forget() -> None:
-    """Counts frames anew, as after a file was loaded."""
-    global _frames
-    _frames = 0
 
 
 def step(scene: Any, layer: Any, number: int) -> bool:

@@ -15,6 +15,9 @@ log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
 _tried = (0, False)  # the number of evaluations at the last attempt, and whether the scene played
 _has_accelerated = False  # all that can be done without another evaluation
+# In the background: whoever has changed so many frames changes more, and it pays to read the rigs.
+FRAMES_AHEAD = 24
+_frames = 0  # that were changed since
 
 
 def _guarded(function: Any, *arguments: Any) -> None:
@@ -40,11 +43,15 @@ def before_update(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    global _frames
     playing.count_evaluation()
     _guarded(playing.after_evaluation, scene, depsgraph, True)
     _guarded(ghosts.after_evaluation, scene, depsgraph, True)
-    if bpy.app.background:
-        _guarded(accelerating.note_frame, scene, depsgraph)
+    if bpy.app.background and depsgraph.mode == "VIEWPORT":
+        _frames += 1
+        if _frames >= FRAMES_AHEAD:
+            _frames = 0
+            _guarded(accelerating.accelerate_unasked, scene, depsgraph)
 
 
 @persistent
@@ -56,8 +63,10 @@ def after_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None
 
 @persistent
 def after_load(*_: Any) -> None:
-    for forget in (rigs.forget, computing.forget, accelerating.forget):
-        forget()
+    global _frames
+    _frames = 0
+    rigs.forget()
+    computing.forget()
 
 
 @persistent
