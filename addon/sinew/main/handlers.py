@@ -47,7 +47,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
         evaluations.note_playing(any(each.screen.is_animation_playing for each in bpy.context.window_manager.windows))
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
-    if not HAS_EVENT_LOOP and not mail.is_empty():
+    if not HAS_EVENT_LOOP and mail.letters:
         # Whatever is tagged after the frame change is copied from the file once more, with the values that keyframes
         # had on the viewport's frame.
         mail.deliver()

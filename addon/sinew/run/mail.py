@@ -11,7 +11,7 @@ log = logging.getLogger("sinew")
 SECONDS_OF_INTEREST = 10.0
 REWIRE = "rewire"  # argument: the key of an object for whose plan the file lacks something
 # (function or the name of a request, arguments); appending is safe from any thread
-_letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
+letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
 _answers: dict[Any, Callable[..., object]] = {}  # by the name of the request
 _asked_at = float("-inf")
 
@@ -23,7 +23,7 @@ def answer(what: str, function: Callable[..., object]) -> None:
 
 def post(function: Callable[..., object] | str, *arguments: Any) -> None:
     """Has the main thread call a function soon. function: may be the name of a request, such as REWIRE."""
-    _letters.append((function, arguments))
+    letters.append((function, arguments))
 
 
 def ask(seconds: float, function: Callable[..., object], *arguments: Any) -> bool:
@@ -54,17 +54,17 @@ def is_asked() -> bool:
 
 
 def is_empty() -> bool:
-    return not _letters
+    return not letters
 
 
 def deliver() -> None:
     """Makes the calls that were posted. Does nothing except in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         return
-    for _ in range(len(_letters)):
-        if not _letters:  # a call made Blender evaluate, which delivered the others
+    for _ in range(len(letters)):
+        if not letters:  # a call made Blender evaluate, which delivered the others
             return
-        function, arguments = _letters.popleft()
+        function, arguments = letters.popleft()
         try:
             _answers.get(function, function)(*arguments)
         except Exception:
@@ -72,4 +72,4 @@ def deliver() -> None:
 
 
 def forget() -> None:
-    _letters.clear()
+    letters.clear()
