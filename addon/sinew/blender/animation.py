@@ -80,11 +80,16 @@ def slot_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     return _curves_in(data.action, getattr(data, "action_slot", None))
 
 
+def plays_strips(data: bpy.types.AnimData) -> bool:
+    """Whether strips of the NLA animate what this is of."""
+    return data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks)
+
+
 def unkeyed_path(block: bpy.types.ID, time: float) -> str:
     """Returns the path of a property that is not as the keyframes of a data-block's own action set it, "" if there is
     none or NLA strips mix."""
     data = block.animation_data
-    if data is None or data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks):
+    if data is None or plays_strips(data):
         return ""
     driven = {(curve.data_path, curve.array_index) for curve in data.drivers}
     for curve in slot_curves(block):
@@ -96,10 +101,8 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
             continue
         value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
         keyed = curve.evaluate(time)
-        rounded = (
-            1e-5 * max(1.0, abs(keyed)) if isinstance(value, float) else 0.999
-        )  # of whole numbers, as Blender does
-        if isinstance(value, (int, float)) and abs(value - keyed) > rounded:
+        off = 1e-5 * max(1.0, abs(keyed)) if isinstance(value, float) else 0.999  # Blender rounds whole numbers
+        if isinstance(value, (int, float)) and abs(value - keyed) > off:
             return curve.data_path
     return ""
 

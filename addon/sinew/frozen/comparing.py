@@ -50,7 +50,7 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
     if scene.frame_subframe or animation.unkeyed_path(rig.ob, scene.frame_current_final):
         return False
     source.compared.add(now)
-    if any(_is_keyed(each) for each in dependencies.used([rig.ob], bpy.data.user_map()) if each != rig.ob):
+    if any(rigs.has_animation(each) for each in dependencies.used([rig.ob], bpy.data.user_map()) if each != rig.ob):
         return False
     with _on_frames(rig.ob) as evaluated_on:
         try:
@@ -75,11 +75,6 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
             evaluated_on(now)
     source.blender_milliseconds = median(spent)
     return True
-
-
-def _is_keyed(block: bpy.types.ID) -> bool:
-    data = getattr(block, "animation_data", None)
-    return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
 
 
 def _some(scene: bpy.types.Scene) -> list[int]:
@@ -115,11 +110,10 @@ def _on_frames(ob: bpy.types.Object) -> Iterator[Any]:
 
 def report(rig: rigs.Rig, graph: Any) -> dict[str, Any]:
     """Returns all that is needed to find out why an armature differs, for JSON: its description, and both poses."""
-    counts = sum(len(numbers) for _keys, numbers in rigs.keyed(rig, graph))
-    found: Any = rig.difference
+    keyed, found = rigs.keyed(rig, graph), rig.difference
     return {
-        "description": reading.read(rig.ob, graph, rigs.keyed(rig, graph)).description,
-        "driven keys": list(map(driven_keys.path_of, range(counts))),
+        "description": reading.read(rig.ob, graph, keyed).description,
+        "driven keys": list(map(driven_keys.path_of, range(sum(len(numbers) for _keys, numbers in keyed)))),
         "frame": found.frame,
         "blender": found.blender.tolist(),
         "computed": found.computed.tolist(),

@@ -357,8 +357,8 @@ def now(rig: Rig, scene: Any) -> Moment | None:
 
 
 def has_animation(ob: Any) -> bool:
-    """Whether an original object has an action or NLA tracks."""
-    data = ob.animation_data
+    """Whether an original data-block has an action or NLA tracks."""
+    data = getattr(ob, "animation_data", None)
     return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..blender import animation
 from ..host import contract, features, keyframes
 
 KEY_NUMBERS = (
@@ -86,7 +87,7 @@ def curves_in_effect(block: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
     data = block.animation_data
     if data is None:
         return
-    if data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks):
+    if animation.plays_strips(data):
         raise Refused(f"{block.name} is animated by strips of the NLA: bake them into one action")
     if data.action is not None:
         yield from of_slot(data.action, getattr(data, "action_slot_handle", 0))
