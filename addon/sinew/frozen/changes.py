@@ -51,15 +51,19 @@ def changed(old: Keys, new: Keys) -> list[tuple[float, float]]:
 def look(own: Iterable[rigs.Rig], graph: Any) -> list[rigs.Rig]:
     """Drops the records of the armatures of a graph on which anything but time has had an effect. Returns those. Looks
     at all before anything is marked again. Edited keyframes are only noted."""
-    edited = []
-    for rig in own:
-        if rig.watch is not None:
-            rig.has_edited_keys |= rig.watch.are_keys_edited(graph)
-            if not rig.watch.holds(graph):
-                edited.append(rig)
+    own = list(own)
+    look_at_keys(own, graph)
+    edited = [rig for rig in own if rig.watch is not None and not rig.watch.holds(graph)]
     for rig in edited:
         drop_all(rig)
     return edited
+
+
+def look_at_keys(own: Iterable[rigs.Rig], graph: Any) -> None:
+    """Notes of which armatures keyframes may have been edited."""
+    for rig in own:
+        if rig.watch is not None:
+            rig.has_edited_keys |= rig.watch.are_keys_edited(graph)
 
 
 def expect_no_more(own: Iterable[rigs.Rig], graph: Any) -> None:

@@ -72,7 +72,10 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
 
 def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     reasons = {}
-    changes.look(own, graph)
+    if is_new_frame:
+        changes.look(own, graph)
+    else:  # what was copied until now, the last evaluation's handlers have seen
+        changes.look_at_keys(own, graph)
     frame = rigs.time_of(own[0].scene)
     for rig in own:
         if rig.is_frozen:
@@ -117,8 +120,8 @@ def _moved_by_others(rig: rigs.Rig) -> str:
 
 def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: bool) -> list[rigs.Rig]:
     """Shows a recorded frame of frozen armatures. Returns those whose bones are not as they were left."""
-    shown = [rig for rig in own if rig.shown == frame]
-    lacking = [rig for rig, is_left in zip(shown, rigs.are_left(graph, shown, is_new_frame)) if not is_left]
+    shown = [rig for rig in own if rig.shown == frame] if is_new_frame else []
+    lacking = [rig for rig, is_left in zip(shown, rigs.are_left(graph, shown)) if not is_left]
     for rig in own:
         if rig.pose is None:  # Blender has evaluated it
             rig.shown, rig.pose = frame, rig.at(frame)
@@ -173,7 +176,7 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
                 rig.shown = None
             if is_new_frame or not freezing.pose(rig):
                 reasons[rig.key] = f"{rig.name} was edited"
-        elif rig.shown != frame or rigs.was_evaluated(rig, graph) and not rigs.shows(rig, graph, rig.pose):
+        elif rig.shown != frame or not rigs.is_left_by(rig, graph):
             reasons[rig.key] = _moved_by_others(rig)
         else:
             rig.watch.note(graph)

@@ -253,13 +253,22 @@ def shows(rig: Rig, graph: Any, moment: Any) -> bool:
     return moment is not None and _show(graph, [(rig, moment)])[0]
 
 
-def are_left(graph: Any, own: Sequence[Rig], looks_at_bones: bool) -> list[bool]:
+def are_left(graph: Any, own: Sequence[Rig]) -> list[bool]:
     """Whether the evaluated bones of armatures, and the keys that follow them, are as their last poses have left
-    them. looks_at_bones: otherwise only at the keys; what an evaluation has done to bones is seen after it."""
-    if not looks_at_bones:
-        return [rig.pose is not None and _have_values(rig, graph, rig.pose) for rig in own]
+    them."""
     found = iter(_show(graph, [(rig, rig.pose) for rig in own if rig.pose is not None]))
     return [rig.pose is not None and next(found) for rig in own]
+
+
+def is_left_by(rig: Rig, graph: Any) -> bool:
+    """Whether an armature's bones, and the keys that follow it, are as its last pose has left them after the evaluation
+    whose handlers run. What that has not evaluated is not looked at."""
+    copy = evaluated_copy(rig, graph)
+    if copy is not None and (evaluations.is_tagged(copy) or evaluations.is_tagged(copy.data)):
+        return shows(rig, graph, rig.pose)
+    follow = keyed(rig, graph)
+    has_evaluated = any(evaluations.is_tagged(keys.evaluated_get(graph)) for keys, _numbers in follow)
+    return not has_evaluated or _have_values(rig, graph, rig.pose)
 
 
 def _show(graph: Any, asked: Sequence[tuple[Rig, Moment]]) -> list[bool]:
@@ -360,13 +369,6 @@ def has_animation(ob: Any) -> bool:
     """Whether an original data-block has an action or NLA tracks."""
     data = getattr(ob, "animation_data", None)
     return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
-
-
-def was_evaluated(rig: Rig, graph: Any) -> bool:
-    """Whether the evaluation whose handlers run has evaluated anything of an armature or of the keys that follow it."""
-    copy = evaluated_copy(rig, graph)
-    blocks = [] if copy is None else [copy, copy.data]
-    return any(map(evaluations.is_tagged, [*blocks, *(keys.evaluated_get(graph) for keys, _ in keyed(rig, graph))]))
 
 
 def find_again() -> None:
