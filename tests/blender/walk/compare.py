@@ -97,15 +97,13 @@ def looseness(ob):
     if any(modifier.type == "CAST" for modifier in ob.modifiers):
         return FEW, np.inf  # it moves vertices away from a center, and one that is there somewhere
     if any(modifier.type in {"SURFACE_DEFORM", "TRIANGULATE"} for modifier in ob.modifiers):
-        return (
-            10 * FEW,
-            10 * LOOSE_TOLERANCE,
-        )  # the last bit of a position decides to which face it is bound, and where faces are cut
+        # The last bit of a position decides to which face it is bound, and where faces are cut.
+        return 20 * FEW, 10 * LOOSE_TOLERANCE
     factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
     kinds = {modifier.type for modifier in ob.modifiers}
-    few = FEW if factors or "SOLIDIFY" in kinds else 0.0
-    if {"SOLIDIFY", "SUBSURF"} <= kinds:
-        few = 10 * FEW  # there are more faces, and they are smaller
+    few = FEW if factors else 0.0
+    if "SOLIDIFY" in kinds:  # along normals, and those of faces without an area have no direction
+        few = 10 * FEW
     return (1.0 if min(factors, default=0) < 0 else few), LOOSE_TOLERANCE
 
 
