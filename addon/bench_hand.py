@@ -55,6 +55,16 @@ def drag(rig, bone_name):
     return times[3:]
 
 
+def play_on(rig):
+    """The frame that is played after a bone was moved by hand."""
+    times = []
+    for step in range(STEPS):
+        bone_named(rig, DRAGGED["torso"]).location[0] += 0.001
+        bpy.context.view_layer.update()
+        times.append(milliseconds(lambda step=step: bpy.context.scene.frame_set(FRAME + step % 2)))
+    return times[3:]
+
+
 def undo(rig):
     """Moves a bone and undoes that, to an earlier move: Blender evaluates again whatever was tagged before the step to
     which it returns, and after binding that is all. No reference outlives an undo."""
@@ -117,6 +127,7 @@ def rows_of(rig, body):
     """Returns {row: function that returns its times}. rig, body: names."""
     dragging = {f"dragging {what}": lambda bone=bone: drag(rig, bone) for what, bone in DRAGGED.items()}
     return dragging | {
+        "the frame after posing": lambda: play_on(rig),
         "a key inserted": lambda: insert_keys(rig),
         "a key moved": lambda: move_keys(rig),
         "Edit Mode and back": lambda: toggle(body, "EDIT"),

@@ -90,6 +90,11 @@ py::array py_evaluate(const RigProgram& program, const py::array& frames, const 
   return poses;
 }
 
+RigProgram py_edited(const RigProgram& program, const py::dict& set, const py::list& curves) {
+  const Inputs inputs(program, set, 1);
+  return program.edited(inputs.given(), animated_values_of(curves));
+}
+
 py::array py_segments(const RigProgram& program, const py::array& frames, const py::dict& set) {
   py::array_t<float> segments;
   evaluate(program, frames, set, [&](py::ssize_t count) {
@@ -288,6 +293,12 @@ void bind_rigs(py::module_& module) {
           "B + 1, where each B-bone's matrices begin in segments(); other bones have none.")
       .def_property_readonly("matrix_names", &RigProgram::matrix_names,
                              "The objects and other rigs' bones whose world matrices come from outside.")
+      .def(
+          "edited", &py_edited, py::arg("set"), py::arg("curves"),
+          "Returns the same rig after an edit of its pose or its keys, without putting it in order again.\n\n"
+          "set: as of evaluate(), but for good: curves replace these values. Not for settings of constraints. curves: "
+          "rows as the description's, which replace those of the same properties. Raises ValueError for a setting of a "
+          "constraint, a number that is not finite, and a property without a curve.")
       .def(
           "evaluate", &py_evaluate, py::arg("frames"), py::arg("set") = py::dict(),
           "Returns the bones' matrices in armature space, (F, B, 4, 4) float32.\n\n"

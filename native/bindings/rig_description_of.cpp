@@ -194,6 +194,14 @@ class Reader {
     return std::move(rig_);
   }
 
+  static AnimatedValue animated_value(const py::handle& object) {
+    Entries entries(object, "a curve");
+    AnimatedValue value{{entries.get<std::string>("path"), entries.get<int>("index", 0)}, {}};
+    value.curve = curve_of(entries);
+    entries.done({"path", "index", "keys", "modifiers", "is_extrapolated", "is_free"});
+    return value;
+  }
+
  private:
   /// Matrices are rows in Python.
   static std::array<float, 16> columns(Entries& entries, const char* key) {
@@ -460,14 +468,6 @@ class Reader {
     return modifier;
   }
 
-  static AnimatedValue animated_value(const py::handle& object) {
-    Entries entries(object, "a curve");
-    AnimatedValue value{{entries.get<std::string>("path"), entries.get<int>("index", 0)}, {}};
-    value.curve = curve_of(entries);
-    entries.done({"path", "index", "keys", "modifiers", "is_extrapolated", "is_free"});
-    return value;
-  }
-
   void read_driver(const py::handle& object) {
     Entries entries(object, "a driver");
     DriverDescription driver;
@@ -517,5 +517,11 @@ class Reader {
 }  // namespace
 
 RigDescription rig_description_of(const py::dict& description) { return Reader().read(description); }
+
+std::vector<AnimatedValue> animated_values_of(const py::list& rows) {
+  std::vector<AnimatedValue> found;
+  for (const py::handle row : rows) found.push_back(Reader::animated_value(row));
+  return found;
+}
 
 }  // namespace sinew::bindings

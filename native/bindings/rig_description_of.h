@@ -10,4 +10,7 @@ namespace sinew::bindings {
 /// Throws InputError, which says where something is missing, unknown or of the wrong kind.
 RigDescription rig_description_of(const pybind11::dict& description);
 
+/// The same for rows of its "curves".
+std::vector<AnimatedValue> animated_values_of(const pybind11::list& rows);
+
 }  // namespace sinew::bindings

@@ -1049,6 +1049,13 @@ class RigProgram:
     @property
     def matrix_names(self) -> list[str]:
         """The objects and other rigs' bones whose world matrices come from outside."""
+    def edited(self, set: dict[str, Any], curves: list[dict[str, Any]]) -> RigProgram:
+        """Returns the same rig after an edit of its pose or its keys, without putting it in order again.
+
+        set: as of evaluate(), but for good: curves replace these values. Not for settings of constraints. curves: rows
+        as the description's, which replace those of the same properties. Raises ValueError for a setting of a
+        constraint, a number that is not finite, and a property without a curve.
+        """
     def evaluate(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
         """Returns the bones' matrices in armature space, (F, B, 4, 4).
 

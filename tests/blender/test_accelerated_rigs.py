@@ -11,7 +11,7 @@ from mathutils import Euler
 from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
-from test_frozen_who import both
+from test_frozen_who import both, can_render
 
 pytestmark = needs_rig_programs
 
@@ -286,6 +286,79 @@ def test_it_is_posed_and_read_again_before_the_next_frame(cast):
         assert cast.rig.is_frozen and cast.rig.source.program is program
 
 
+def scale(armature):
+    armature.pose.bones["bone2"].scale = 1.3, 1, 0.8
+
+
+def set_property(armature):
+    armature["level"] = 0.9
+    armature.update_tag()
+
+
+def insert_key(armature):
+    bone = armature.pose.bones["bone2"]
+    bone.rotation_quaternion = 1, 0.2, 0.3, 0
+    bone.keyframe_insert("rotation_quaternion", frame=5)
+
+
+def move_target(armature):
+    bpy.data.objects[armature["goal"]].location.x += 0.5
+
+
+def set_influence(armature):
+    armature.pose.bones["bone3"].constraints[0].influence = 0.9
+
+
+def set_weight(armature):
+    armature.pose.bones["bone3"].constraints[1].targets[0].weight = 0.2
+
+
+def set_mode(armature):
+    armature.pose.bones["bone1"].rotation_mode = "XYZ"
+
+
+def set_rest(armature):
+    armature.data.bones["bone2"].use_inherit_rotation = False
+
+
+@pytest.mark.parametrize(
+    "change, builds",
+    [(scale, False), (set_property, False), (insert_key, False), (move_target, False)]
+    + [(each, True) for each in (set_influence, set_weight, set_mode, set_rest)],
+)
+def test_posing_and_keys_do_not_have_a_rig_built_again(cast, monkeypatch, change, builds):
+    for armature, *_ in both(cast):
+        goal = bpy.data.objects.new("Goal", None)
+        goal.location = 1, 0, 2
+        cast.scene.collection.objects.link(goal)
+        armature["level"], armature["goal"] = 0.4, goal.name
+        bones = armature.pose.bones
+        copied = bones["bone3"].constraints.new("COPY_LOCATION")
+        copied.target, copied.influence = goal, 0.3
+        mixed = bones["bone3"].constraints.new("ARMATURE")
+        for name, weight in (("bone1", 0.4), ("bone2", 0.6)):
+            target = mixed.targets.new()
+            target.target, target.subtarget, target.weight = armature, name, weight
+        driver = bones["bone2"].driver_add("location", 0).driver
+        driver.expression = "level"
+        variable = driver.variables.new()
+        variable.name = "level"
+        variable.targets[0].id, variable.targets[0].data_path = armature, '["level"]'
+    layer().update()
+    accelerate(cast)
+    cast.play([3])
+    computing, built = addon_module("frozen.computing"), []
+    read = computing.read
+    monkeypatch.setattr(computing, "read", lambda *arguments: built.append(read(*arguments)))
+    for armature, *_ in both(cast):
+        change(armature)
+    layer().update()
+    cast.assert_same()
+    for _ in range(2):
+        cast.play([5, 3, 8])
+    assert cast.rig.is_frozen and bool(built) == builds
+
+
 @pytest.mark.parametrize(
     "change", [lambda cast: move(cast, 3, "bone2"), lambda cast: key(cast, 4)], ids=["pose", "keys"]
 )
@@ -539,3 +612,22 @@ def test_measuring_that_fails_leaves_it_computed(cast):
         assert not cast.rig.is_frozen
         raise KeyError
     assert cast.rig.is_frozen and cast.rig.needs_program
+
+
+def test_renders_compare_it_with_blender(cast, monkeypatch):
+    can_render(cast.scene)
+    accelerate(cast)
+    cast.rig.source.compared.clear()
+    cast.scene.frame_set(3)
+    bpy.ops.render.render()
+    assert cast.rig.is_frozen and cast.rig.source.compared == {3}
+    cast.play([3, 4])
+
+    computing = addon_module("frozen.computing")
+    moment = computing.moment
+    monkeypatch.setattr(computing, "moment", lambda rig, time: moment(rig, time + 1))
+    bpy.ops.render.render()
+    monkeypatch.undo()
+    layer().update()
+    assert not cast.rig.is_idle and "on frame 4, Blender's bones" in cast.rig.reason
+    cast.play()

@@ -426,6 +426,16 @@ def test_a_linked_character_and_an_override(cast, tmp_path):
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "library.blend"))
 
 
+def can_render(scene):
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.render.resolution_x, scene.render.resolution_y = 1, 8, 8
+    scene.cycles.use_denoising = False
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    layer().update()
+
+
 def test_motion_in_a_render_is_live(cast):
     cast.freeze()
     cast.scene.frame_set(3)
@@ -436,13 +446,7 @@ def test_motion_in_a_render_is_live(cast):
         if graph.mode == "RENDER":
             seen[scene.frame_current] = [evaluated(each[1], graph).copy() for each in both(cast)]
 
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.render.resolution_x, scene.render.resolution_y = 1, 8, 8
-    scene.cycles.use_denoising = False
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    layer().update()
+    can_render(scene)
     freezing().freeze_again(scene, layer())
     assert cast.rig.is_frozen
     bpy.app.handlers.frame_change_post.append(look)

@@ -462,9 +462,10 @@ def normals_of(ob):
 
 
 def test_any_settings(fresh_scene):
-    """Positions, corners, normals, UVs and all else are those of the twin."""
-    with_tail = []
-    for seed in range(40):
+    """Positions, corners, normals, UVs and all else are those of the twin. Each of two Blenders of a series has its own
+    half of the settings."""
+    with_tail, first = [], 20 * (bpy.app.version[1] % 2)
+    for seed in range(first, first + 20):
         armature = make_armature()
         ob = make_mesh(armature, seed % 2 == 0)
         for frame in (1, 5, 10):
@@ -492,7 +493,7 @@ def test_any_settings(fresh_scene):
             assert len(off) == 0 or (off > 1e-3).mean() < 2e-3, (said, off.max())
         for each in (*pairs[0], armature):
             bpy.data.objects.remove(each)
-    assert len(with_tail) >= 15, with_tail
+    assert len(with_tail) >= 7, with_tail
 
 
 def test_what_is_last_is_read_in_the_background(fresh_scene, monkeypatch):

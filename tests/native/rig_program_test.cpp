@@ -4,6 +4,7 @@
 
 #include <cstring>
 #include <numbers>
+#include <span>
 
 #include "failures.h"
 #include "memory.h"
@@ -109,6 +110,32 @@ TEST(RigProgram, TakesGivenValuesInsteadOfCurves) {
   EXPECT_EQ(place.count, 3);
   expect_near(poses_of(program, 1, {{{place.first, 3, given, 0}}, {}})[0].location(), {1, 2, 3});
   expect_near(poses_of(program)[0].location(), {7, 0, 0});
+}
+
+TEST(RigProgram, TakesEditsOfValuesAndCurves) {
+  RigDescription rig = two_bones();
+  rig.curves.push_back(curve(bone_path("root", "location"), 0, {{0, 7}}));
+  add_constraint(rig, ConstraintType::copy_rotation, 1, 0).name = "first";
+  const RigProgram program(rig);
+  const RigProgram::Place place = program.find_value(bone_path("root", "location"));
+  const float given[] = {1, 2, 3};
+  const GivenInputs pose{{{place.first, 3, given, 0}}, {}};
+  const AnimatedValue lower = curve(bone_path("root", "location"), 0, {{0, 5}});
+  const RigProgram edited = program.edited(pose, {&lower, 1});
+  expect_near(poses_of(edited)[0].location(), {5, 2, 3});
+  expect_near(poses_of(program)[0].location(), {7, 0, 0});
+
+  const float broken[] = {std::nanf("")};
+  const auto failure = [&](const GivenInputs& values, std::span<const AnimatedValue> curves) {
+    return complaint([&] { program.edited(values, curves); });
+  };
+  EXPECT_EQ(failure({{{place.first, 1, broken, 0}}, {}}, {}),
+            "pose.bones[\"root\"].location[0] is nan; expected a finite number");
+  const AnimatedValue other = curve(bone_path("root", "location"), 1, {{0, 5}});
+  EXPECT_EQ(failure({}, {&other, 1}), "pose.bones[\"root\"].location[1] follows no curve; build the rig again");
+  const int influence = program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
+  EXPECT_EQ(failure({{{influence, 1, given, 0}}, {}}, {}),
+            "pose.bones[\"tip\"].constraints[\"first\"].influence is a setting of a constraint; build the rig again");
 }
 
 TEST(RigProgram, GivesTheSameBitsWithAnyNumberOfThreads) {

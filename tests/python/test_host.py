@@ -540,3 +540,23 @@ def test_a_list_ends_where_it_ends():
     keys = chained([Key(), Key(), Key()])
     assert len(host.list_addresses(ctypes.addressof(keys[0]), 2)) == 2
     assert len(host.list_addresses(ctypes.addressof(keys[0]), 9)) == 3
+
+
+def test_bytes_of_structs_whose_type_follows_from_a_number():
+    class Choice(ctypes.Structure):
+        _fields_ = [("next", ctypes.c_void_p), ("kind", ctypes.c_int16), ("data", ctypes.c_void_p)]
+
+    small, large = ctypes.c_int32(7), (ctypes.c_int32 * 3)(1, 2, 3)
+    last = Choice(None, 2, ctypes.addressof(large))
+    first = Choice(ctypes.addressof(last), 1, ctypes.addressof(small))
+    kinds = {1: host.Described([(0, 4)], [], [], []), 2: host.Described([(0, 12)], [], [], [])}
+    described = host.Described([], [], [], [], [(Choice.kind.offset, Choice.data.offset, kinds)])
+    read = lambda: described.bytes_of_list(ctypes.addressof(first))  # noqa: E731
+    before = read()
+    assert before == b"+" + bytes(small) + b"+" + bytes(large) + b"."
+    large[2] = 4
+    assert read() != before
+    last.kind = 3
+    assert read() is None
+    last.kind, last.data = 2, None
+    assert read() is None

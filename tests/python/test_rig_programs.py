@@ -87,6 +87,31 @@ def test_given_values_replace_curves_and_drivers_replace_them(rig):
     assert values.tolist() == [[0, 0, 1.5, 0.5, 3]] * 2
 
 
+def test_edits_replace_values_and_curves(rig):
+    rig["matrices"] = [{"name": "Cube", "matrix": np.eye(4)}]
+    rig["constraints"][0]["targets"] = [{"outside": "Cube"}]
+    program, location = sinew.RigProgram(rig), 'pose.bones["target"].location'
+    curve = {"path": location, "index": 0, "keys": [[0] * 2 + [0, 5] + [0] * 5 + [0, 0]]}
+    moved = np.eye(4)
+    moved[:3, 3] = 4, 5, 6
+    edited = program.edited({location: [1, 2, 9], '["share"]': 0.25, "lamp": 4, "Cube": moved}, [curve])
+    poses = edited.evaluate(np.zeros(1))[0, :, :3, 3].tolist()
+    assert poses == [[5, 2, 1], [4, 5, 3]]
+    assert program.evaluate(np.zeros(1))[0, :, :3, 3].tolist() == [[0, 0, 1], [0, 0, 3]]
+    assert edited.names == program.names and edited.matrix_names == ["Cube"]
+    for wrong, words in (
+        (({"nothing": 1}, []), "nothing"),
+        (({location: [1, 2]}, []), "location"),
+        (({location: [1, 2, np.nan]}, []), "nan"),
+        (({'pose.bones["owner"].constraints["Copy"].influence': 1}, []), "constraint"),
+        (({}, [{**curve, "index": 1}]), "no curve"),
+        (({}, [{**curve, "keys": [[0.0]]}]), "11 for each key"),
+        (({}, [{"path": location}, 3]), "curve"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            program.edited(*wrong)
+
+
 def test_matrices_from_outside(rig):
     rig["matrices"] = [{"name": "Cube", "matrix": np.eye(4)}]
     rig["constraints"][0]["targets"] = [{"outside": "Cube"}]

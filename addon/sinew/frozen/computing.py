@@ -6,16 +6,18 @@ instead."""
 
 import itertools
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
+from ..blender import animation
 from ..host import poses
 from ..native import sinew_native
-from ..rig_programs import curves, driven_keys, reading
-from . import changes, followers, rigs, settings
+from ..rig_programs import curves, driven_keys, edits, reading
+from . import changes, followers, rigs, settings, watch
 from .followers import Followers
 from .rigs import Source
 
@@ -114,6 +116,53 @@ def read(rig: rigs.Rig, scene: Any, graph: Any) -> None:
         rig.record.clear()  # it was recorded without them
 
 
+class _Last(NamedTuple):
+    """What the last program of an armature was read from."""
+
+    source: Source
+    known: edits.Known
+    keys: changes.Keys  # of its own action
+    watch: watch.Watch
+
+
+def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) -> None:
+    rig.last = None
+    if rig.watch is not None and rig.watch.action is not None and not rig.has_edited_keys:
+        rig.last = _Last(source, edits.Known(rig.ob, read, graph), rig.keys, rig.watch)
+
+
+def read_again(rig: rigs.Rig, graph: Any) -> bool:
+    """Reads of an edited armature what its pose and its keyframes change. Returns whether nothing else has changed
+    since its program was read: neither what follows it nor what it depends on."""
+    last: Any = rig.last
+    rig.last = None
+    if last is None or rig.tempo != changes.tempo_of(rig.scene):
+        return False
+    needed = [last.watch.action, *last.watch.blocks, *(keys for keys, _numbers in rig.followers.keyed)]
+    if not all(map(rigs.is_alive, needed)):
+        return False
+    if rig.ob.parent is not None and not followers.is_still(rig.ob.parent, rig.ob):
+        return False
+    new = watch.Watch(rig.ob, last.watch.blocks, last.watch.action, rig.followers.keyed, graph)
+    keys = changes.keys_of(last.watch.action)
+    numbers = last.keys.curves.differing(keys.curves)
+    has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
+    if numbers is None or not has_same_others or not new.is_like(last.watch):
+        return False
+    all_curves = animation.action_curves(last.watch.action) if numbers else []
+    edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
+    if edit is None or any(map(_may_move, last.known.follows())):
+        return False
+    try:
+        program = last.source.program.edited(*edit)
+    except ValueError:
+        return False
+    rig.source = replace(last.source, program=program, is_proven=False, heads={}, compared=set())
+    rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
+    rig.last = _Last(rig.source, last.known, keys, new)
+    return True
+
+
 def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     keyed = rigs.keyed(rig, graph)
     try:
@@ -131,7 +180,9 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     wanted = list(map(driven_keys.path_of, range(sum(counts))))
     own, is_posable = settings.of(rig.ob, read.description)
     wanted += [setting.path for setting in own]
-    return Source(program, tuple(wanted), counts, tuple(own), is_posable=is_posable)
+    source = Source(program, tuple(wanted), counts, tuple(own), is_posable=is_posable)
+    _remember(rig, read, source, graph)
+    return source
 
 
 def _may_move(block: Any) -> bool:

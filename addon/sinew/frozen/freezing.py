@@ -248,7 +248,7 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
         changes.compare_keys(rig, graph)
         if rig.watch is not None and rig.watch.is_tagged(graph, True):
             changes.drop_all(rig)
-    unread = [rig for rig in posed if rig.source.program is None]
+    unread = [rig for rig in posed if rig.source.program is None and not computing.read_again(rig, graph)]
     found: dict[int, str] = {}
     if not unread:
         return found
@@ -291,7 +291,7 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     frozen again at once."""
     for rig in rigs.idle():
         if rig.graph() in (graph, None):
-            rig.reason = reasons.get(rig.key, "")
+            rig.reason, rig.last = reasons.get(rig.key, ""), None
             if rig.is_frozen or rig.shown is None:
                 _evaluate_keys(rig)
             rig.state = State.SUSPECT

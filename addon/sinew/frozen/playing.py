@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..host import contract, features
+from ..host import contract, features, poses
 from . import changes, computing, freezing, rigs, watch
 
 _evaluations = 0  # that handlers have seen
@@ -149,9 +149,36 @@ def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
         watch.expect(graph, filter(rigs.is_alive, rig.followers.copied))
 
 
+def _compare_in(graph: Any, scene: Any) -> None:
+    """Compares what is computed of frozen armatures with what Blender has evaluated in another graph, such as that of a
+    render."""
+    time = rigs.time_of(scene)
+    for rig in rigs.frozen():
+        home, copy = rig.graph(), rigs.evaluated_copy(rig, graph)
+        if copy is None or home is None or rig.scene != scene or not rig.source.is_proven or rig.watch is None:
+            continue
+        if rig.watch.is_tagged(home, True) or rig.watch.are_keys_edited(home) or not rig.watch.holds(home):
+            continue  # somebody has edited it since
+        moment = computing.moment(rig, time)
+        if moment is None:
+            continue
+        if poses.are_posed([(copy, moment.pose)])[0]:
+            rig.source.compared.add(int(time))
+            continue
+        rig.is_distrusted, rig.is_posable = True, False
+        changes.drop_all(rig)
+        freezing.melt(
+            home, {rig.key: f"on frame {time:g}, Blender's bones of {rig.name} are not those that were computed"}
+        )
+
+
 def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     """Checks what an evaluation has made of frozen armatures, and records those that are live."""
-    if not _has_work() or graph != graph.view_layer.depsgraph:
+    if not _has_work():
+        return
+    if graph != graph.view_layer.depsgraph:
+        if is_new_frame:
+            _compare_in(graph, scene)
         return
     for rig in rigs.known():
         if rig.graph() is None and rigs.evaluated_copy(rig, graph) is not None:

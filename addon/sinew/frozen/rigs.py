@@ -72,6 +72,7 @@ class Rig:
     shapes: Shapes = field(default_factory=lambda: Shapes(store))  # of its meshes
     skins: Any = None  # its onion skins (ghosts.Skins), if they are shown
     source: Source = field(default_factory=Source)
+    last: Any = None  # what its last program was read from, see computing.py
     is_distrusted: bool = False  # a moment that was computed was not what Blender has evaluated
     is_posable: bool = False  # it may be POSED: such a program was proven
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
@@ -112,7 +113,7 @@ class Rig:
         """Drops all that is recorded."""
         self.record.clear()
         self.shapes.clear()
-        self.watch, self.source, self.passing, self.difference = None, Source(), None, None
+        self.watch, self.source, self.passing, self.difference, self.last = None, Source(), None, None, None
         if self.skins is not None:
             self.skins.clear()
 
@@ -268,7 +269,7 @@ def is_left_by(rig: Rig, graph: Any) -> bool:
         return shows(rig, graph, rig.pose)
     follow = keyed(rig, graph)
     has_evaluated = any(evaluations.is_tagged(keys.evaluated_get(graph)) for keys, _numbers in follow)
-    return not has_evaluated or _have_values(rig, graph, rig.pose)
+    return not has_evaluated and len(follow) == len(rig.pose.keys) or _have_values(rig, graph, rig.pose)
 
 
 def _show(graph: Any, asked: Sequence[tuple[Rig, Moment]]) -> list[bool]:

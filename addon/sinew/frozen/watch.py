@@ -36,6 +36,15 @@ class Watch:
         self._busy: set[int] = set()  # keys of the other blocks that the last evaluation has changed
         self.mark(graph)
 
+    def is_like(self, other: "Watch") -> bool:
+        """Whether two watch the same, of shape keys with the same drivers and settings."""
+        return (
+            self.keys == other.keys
+            and [(key, self._states[key][1]) for key, _numbers in self.follow]
+            == [(key, other._states[key][1]) for key, _numbers in other.follow]
+            and all(self._states[key][0].differing(other._states[key][0]) == [] for key, _numbers in self.follow)
+        )
+
     def mark(self, graph: Any) -> None:
         """Marks all, as they are now."""
         for block in self.blocks:

@@ -134,7 +134,7 @@ def forget() -> None:
     _known = None
     _losses += 1
     _compared.clear()
-    for function in (holds, offset, size, struct_size, plain_regions, unused_byte, place):
+    for function in (holds, offset, size, struct_size, has_struct, plain_regions, unused_byte, place):
         function.cache_clear()
 
 
@@ -196,17 +196,22 @@ def size(kind: str, name: str) -> int:
 
 @functools.cache
 def struct_size(kind: str) -> int:
-    """Returns the size of a struct, in bytes. Raises KeyError if no member of it is in the list."""
-    members.MEMBERS[kind]
+    """Returns the size of a struct, in bytes. Raises KeyError if Blender does not describe it."""
     return _look().structs[kind].size
 
 
 @functools.cache
-def plain_regions(kind: str, without: str = "") -> list[tuple[int, int]]:
-    """Returns [(offset, size)] in bytes of all that a struct contains except addresses, and one member."""
+def has_struct(kind: str) -> bool:
+    """Whether Blender describes a struct."""
+    return kind in _look().structs
+
+
+@functools.cache
+def plain_regions(kind: str, *without: str) -> list[tuple[int, int]]:
+    """Returns [(offset, size)] in bytes of all that a struct contains except addresses, and some members."""
     members.MEMBERS[kind]
     found: list[tuple[int, int]] = []
-    for offset, size in _plain(_look().structs, kind, 0, without):
+    for offset, size in _plain(_look().structs, kind, 0, *without):
         if found and sum(found[-1]) == offset:
             found[-1] = found[-1][0], found[-1][1] + size
         else:
@@ -214,9 +219,9 @@ def plain_regions(kind: str, without: str = "") -> list[tuple[int, int]]:
     return found
 
 
-def _plain(structs: dict[str, layout.Struct], kind: str, start: int, without: str = "") -> Iterator[tuple[int, int]]:
+def _plain(structs: dict[str, layout.Struct], kind: str, start: int, *without: str) -> Iterator[tuple[int, int]]:
     for name, (offset, of_type, size) in structs[kind].members.items():
-        if name[0] in "*(" or name == without:
+        if name[0] in "*(" or name in without:
             continue
         if of_type in structs:
             for place in range(offset, offset + size, structs[of_type].size):

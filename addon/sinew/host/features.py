@@ -50,6 +50,7 @@ FAST_CORRECTIVE = "Fast path of Corrective Smooth"
 FAST_SMOOTH = "Fast path of Smooth"
 FREEZING = "Frozen characters"
 CONSTRAINTS = "Animated constraints of computed rigs"
+POSED = "Edits of computed rigs"
 
 _FULL = "take more steps on each frame"
 FEATURES = {
@@ -164,6 +165,12 @@ FEATURES = {
         "bConstraint.enforce bConstraint.flag",
         (FREEZING,),
         "the influence and mute of a constraint",
+    ),
+    POSED: Feature(
+        "after each edit of its pose or its keyframes, all of a computed rig is read again, which takes longer",
+        "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first",
+        (EDITIONS, DRIVERS, FREEZING),
+        "where a bone's constraints are",
     ),
 }
 

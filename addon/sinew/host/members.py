@@ -103,6 +103,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
     "bPose": {"chanbase": _LIST, "**chan_array": _pointer("bPoseChannel")},
     "bPoseChannel": {
         "*next": _pointer("bPoseChannel", 0),
+        "constraints": _LIST,
         "chan_mat": Member("float", 64),
         "runtime": Member("bPoseChannel_Runtime", None),
         "pose_mat": Member("float", 64),
@@ -117,7 +118,15 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "*bbone_pose_mats": _pointer("Mat4"),
         "*bbone_dual_quats": _pointer("DualQuat"),
     },
-    "bConstraint": {"enforce": _float(), "flag": _short()},
+    "bConstraint": {
+        "*next": _pointer("bConstraint", 0),
+        "*data": _pointer("void"),
+        "type": _short(),
+        "enforce": _float(),
+        "flag": _short(),
+    },
+    "bArmatureConstraint": {"targets": _LIST},
+    "bConstraintTarget": {"*next": _pointer("bConstraintTarget", 0)},
     "DriverTarget": {"*id": _pointer("ID", shown="id"), "*rna_path": _pointer("char"), "pchan_name": _name()},
     "DriverVar": {
         "*next": _pointer("DriverVar", 0),

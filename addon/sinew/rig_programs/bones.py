@@ -45,10 +45,8 @@ def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
 def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
     """Returns the bones in the order of the pose."""
     bones, posed = ob.data.bones, ob.pose.bones
-    names = [bone.name for bone in posed]
-    places = {name: place for place, name in enumerate(bone.name for bone in bones)}
-    row = np.array([places[name] for name in names], np.intp)  # of the armature's columns
-    columns: dict[str, list] = {"name": names, "values": values_of(bones, posed, row).tolist()}
+    row, names = places_of(ob), [bone.name for bone in posed]
+    columns: dict[str, list] = {"name": names, "values": values_of(ob, row).tolist()}
     for name, (width, kind) in OF_REST.items():
         numbers = column(bones, name, width, kind)[row]
         side = {16: 4, 9: 3}.get(width)
@@ -85,9 +83,15 @@ def connected_children(ob: bpy.types.Object) -> dict[str, str]:
     return {bone.parent.name: bone.name for bone in ob.data.bones if bone.use_connect and bone.parent is not None}
 
 
-def values_of(bones: Any, posed: Any, row: np.ndarray) -> np.ndarray:
-    """Returns B x N numbers in the order of the library's table of bone settings."""
-    columns = []
+def places_of(ob: bpy.types.Object) -> np.ndarray:
+    """Returns where the armature has each bone of the pose."""
+    places = {name: place for place, name in enumerate(bone.name for bone in ob.data.bones)}
+    return np.array([places[bone.name] for bone in ob.pose.bones], np.intp)
+
+
+def values_of(ob: bpy.types.Object, row: np.ndarray) -> np.ndarray:
+    """Returns B x N numbers in the order of the library's table of bone settings. row: as places_of returns it."""
+    bones, posed, columns = ob.data.bones, ob.pose.bones, []
     for name, width, is_of_rest in bone_settings():
         kind = bool if name.startswith(("lock_ik", "use_ik_limit")) else np.float32
         numbers = column(bones if is_of_rest else posed, name, width, kind).reshape(len(row), width)

@@ -52,10 +52,15 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
             for curve in curves.curves_in_effect(block):
                 path = path_of(start, curve)
                 if is_wanted(ob, path, found) and exists(block, curve.data_path):
-                    row = {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
-                    yield row if path.endswith(CHANNELS) else row | curves.rounding_of(curve)
+                    yield curve_row(path, curve)
         except curves.Refused as reason:
             found.refused.append(str(reason))
+
+
+def curve_row(path: str, curve: bpy.types.FCurve) -> dict[str, Any]:
+    """Raises Refused."""
+    row = {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
+    return row if path.endswith(CHANNELS) else row | curves.rounding_of(curve)
 
 
 def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:

@@ -47,6 +47,10 @@ class Targets:
             self._actions[key] = found
         return self._actions[key]
 
+    def has_actions(self) -> bool:
+        """Whether constraints use actions."""
+        return bool(self._actions)
+
     def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
         """Returns the present world matrices from outside, each 4 x 4."""
         return {name: matrix_of(target, bone, depsgraph) for name, (target, bone) in self.outside.items()}

@@ -1,7 +1,11 @@
 #include <pybind11/stl.h>
 
+#include <cstdint>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -21,7 +25,18 @@ struct Described {
   std::vector<std::ptrdiff_t> texts;                            // of the address of a text
   std::vector<Part> structs;                                    // of the address of a struct
   std::vector<Part> lists;                                      // of the address of the first struct of a list
+
+  /// An address of a struct, whose type follows from a number.
+  struct Choice {
+    std::ptrdiff_t kind = 0;  // offset of that number, an int16
+    std::ptrdiff_t address = 0;
+    std::map<int, std::shared_ptr<const Described>> kinds;
+  };
+  std::vector<Choice> choices;
 };
+
+/// A struct of a type that is not described.
+struct Unknown {};
 
 void append(Address at, const Described& described, std::string& to);
 
@@ -49,30 +64,54 @@ void append(Address at, const Described& described, std::string& to) {
     if (there != 0) append(there, described_by(part), to);
   }
   for (const auto& part : described.lists) append_list(read<Address>(at + part.first), described_by(part), to);
+  for (const Described::Choice& choice : described.choices) {
+    const auto kind = choice.kinds.find(read<std::int16_t>(at + choice.kind));
+    const auto there = read<Address>(at + choice.address);
+    if (kind == choice.kinds.end() || there == 0) throw Unknown();
+    append(there, *kind->second, to);
+  }
 }
 
-py::bytes bytes_of_list(const Described& described, Address first) {
+std::optional<py::bytes> bytes_of_list(const Described& described, Address first) {
   std::string found;
-  append_list(first, described, found);
+  try {
+    append_list(first, described, found);
+  } catch (const Unknown&) {
+    return std::nullopt;
+  }
   return found;
 }
+
+using ChoiceOfPython = std::tuple<std::ptrdiff_t, std::ptrdiff_t, std::map<int, std::shared_ptr<Described>>>;
 
 }  // namespace
 
 void bind_described(py::module_& host) {
   py::class_<Described, std::shared_ptr<Described>>(host, "Described",
                                                     "Tells what to read of one of Blender's structs. Immutable.")
-      .def(py::init([](std::vector<std::pair<std::ptrdiff_t, std::size_t>> regions, std::vector<std::ptrdiff_t> texts,
-                       const std::vector<std::pair<std::ptrdiff_t, std::shared_ptr<Described>>>& structs,
-                       const std::vector<std::pair<std::ptrdiff_t, std::shared_ptr<Described>>>& lists) {
-             return std::make_shared<Described>(Described{
-                 std::move(regions), std::move(texts), {structs.begin(), structs.end()}, {lists.begin(), lists.end()}});
-           }),
-           py::arg("regions"), py::arg("texts"), py::arg("structs"), py::arg("lists"),
-           "regions: [(offset, size)]; texts: offsets of addresses of texts; structs, lists: [(offset, Described)] of "
-           "addresses of a struct and of the first one of a list, None for a struct like this one. In bytes.")
+      .def(
+          py::init([](std::vector<std::pair<std::ptrdiff_t, std::size_t>> regions, std::vector<std::ptrdiff_t> texts,
+                      const std::vector<std::pair<std::ptrdiff_t, std::shared_ptr<Described>>>& structs,
+                      const std::vector<std::pair<std::ptrdiff_t, std::shared_ptr<Described>>>& lists,
+                      const std::vector<ChoiceOfPython>& choices) {
+            auto described = std::make_shared<Described>(Described{std::move(regions),
+                                                                   std::move(texts),
+                                                                   {structs.begin(), structs.end()},
+                                                                   {lists.begin(), lists.end()},
+                                                                   {}});
+            for (const auto& [kind, address, kinds] : choices) {
+              described->choices.push_back({kind, address, {kinds.begin(), kinds.end()}});
+            }
+            return described;
+          }),
+          py::arg("regions"), py::arg("texts"), py::arg("structs"), py::arg("lists"),
+          py::arg("choices") = std::vector<ChoiceOfPython>(),
+          "regions: [(offset, size)]; texts: offsets of addresses of texts; structs, lists: [(offset, Described)] of "
+          "addresses of a struct and of the first one of a list, None for a struct like this one; choices: [(offset of "
+          "an int16, offset of an address of a struct, {int16: Described})]. In bytes.")
       .def("bytes_of_list", &bytes_of_list, py::arg("first"),
-           "Returns the bytes of all structs of a list, each of which begins with the address of the next.\n\n"
+           "Returns the bytes of all structs of a list, each of which begins with the address of the next, or None if "
+           "one has a choice that is not described.\n\n"
            "first: address of the first one, or 0.");
 }
 

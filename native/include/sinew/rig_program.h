@@ -83,6 +83,13 @@ class RigProgram {
   /// Throws InputError, which names what is wrong or what is not covered: see docs/rigs.md.
   explicit RigProgram(const RigDescription& description);
   RigProgram(RigProgram&&) noexcept;
+
+  /// Returns the same rig after an edit of its pose or its keys, without putting it in order again.
+  ///
+  /// given   what the description holds from now on, for all frames; curves replace it. Not for settings of constraints.
+  /// curves  replace those of the same properties
+  /// Throws InputError for a setting of a constraint, a number that is not finite, and a property without a curve.
+  RigProgram edited(const GivenInputs& given, std::span<const AnimatedValue> curves) const;
   ~RigProgram();
 
   std::ptrdiff_t bone_count() const { return static_cast<std::ptrdiff_t>(bone_names_.size()); }
@@ -117,6 +124,8 @@ class RigProgram {
   std::array<double, kRigPartCount> profile(std::span<const float> frames, const GivenInputs& given) const;
 
  private:
+  RigProgram(std::unique_ptr<const rig::Program> program, const RigProgram& like);
+
   std::unique_ptr<const rig::Program> program_;
   std::unique_ptr<rig::States> states_;
   std::vector<std::string> bone_names_;

@@ -265,11 +265,10 @@ void add_driver(const RigDescription& rig, const DriverDescription& given, Progr
   program.drivers.push_back({value, std::move(variables), named(owner, [&] { return Driver(given); })});
 }
 
-void add_curve(const AnimatedValue& given, Program& program) {
+ProgramCurve curve_of(const AnimatedValue& given, const Program& program) {
   const int value = place_of(program.map, given.value, "curve");
   const ValueKind kind = program.map.values()[value].kind;
-  program.curves.push_back(
-      {value, named("the curve of " + program.map.name(value), [&] { return FCurve(given.curve, kind); })});
+  return {value, named("the curve of " + program.map.name(value), [&] { return FCurve(given.curve, kind); })};
 }
 
 /// Refuses settings whose result does not follow from a frame alone, or that are not computed.
@@ -355,7 +354,7 @@ Program build_program(const RigDescription& rig) {
   for (int i = 0; i < static_cast<int>(rig.bones.size()); ++i) add_bone(rig, i, program);
   for (int i = 0; i < static_cast<int>(rig.constraints.size()); ++i) add_constraint(rig, i, program);
   for (const OutsideMatrix& matrix : rig.matrices) program.outside.push_back(matrix_of(matrix.matrix));
-  for (const AnimatedValue& curve : rig.curves) add_curve(curve, program);
+  for (const AnimatedValue& curve : rig.curves) program.curves.push_back(curve_of(curve, program));
   for (const DriverDescription& driver : rig.drivers) add_driver(rig, driver, program);
   check_settings(rig, program);
   assign_constraints(program);
@@ -363,6 +362,13 @@ Program build_program(const RigDescription& rig) {
   for (Tree& tree : program.trees) add_plans(program, tree);
   program.order = put_in_order(program);
   return program;
+}
+
+void replace_curve(const AnimatedValue& given, Program& program) {
+  ProgramCurve curve = curve_of(given, program);
+  const auto found = std::ranges::find(program.curves, curve.value, &ProgramCurve::value);
+  if (found == program.curves.end()) fail(program.map.name(curve.value), " follows no curve; build the rig again");
+  *found = std::move(curve);
 }
 
 }  // namespace sinew::rig

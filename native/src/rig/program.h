@@ -151,4 +151,7 @@ inline std::span<const Operation> trees_from(const Program& program, std::size_t
 /// Checks a description and puts it in order. Throws InputError.
 Program build_program(const RigDescription& description);
 
+/// Gives a property that follows a curve another one. Throws InputError if it follows none.
+void replace_curve(const AnimatedValue& given, Program& program);
+
 }  // namespace sinew::rig

@@ -1,6 +1,8 @@
 #include "sinew/rig_program.h"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 #include "base/check.h"
 #include "base/parallel.h"
@@ -27,6 +29,12 @@ class Borrowed {
   std::unique_ptr<rig::State> state_;
 };
 
+rig::Mat4 matrix_from(const float* numbers) {
+  rig::Mat4 matrix;
+  for (int i = 0; i < 16; ++i) matrix[i / 4][i % 4] = numbers[i];
+  return matrix;
+}
+
 /// Puts what the caller gives for a frame into a state.
 void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptrdiff_t frame, rig::State& state) {
   state.given.clear();
@@ -40,8 +48,7 @@ void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptr
     }
   }
   for (const GivenMatrix& matrix : given.matrices) {
-    const float* numbers = matrix.numbers + frame * matrix.frame_stride;
-    for (int i = 0; i < 16; ++i) state.outside[matrix.index][i / 4][i % 4] = numbers[i];
+    state.outside[matrix.index] = matrix_from(matrix.numbers + frame * matrix.frame_stride);
   }
 }
 
@@ -65,6 +72,31 @@ RigProgram::RigProgram(const RigDescription& description)
   for (const rig::Bone& bone : program_->bones) {
     segment_begin_.push_back(segment_begin_.back() + (bone.is_bendy() ? bone.bend.segments + 1 : 0));
   }
+}
+
+RigProgram::RigProgram(std::unique_ptr<const rig::Program> program, const RigProgram& like)
+    : program_(std::move(program)),
+      states_(std::make_unique<rig::States>()),
+      bone_names_(like.bone_names_),
+      matrix_names_(like.matrix_names_),
+      parents_(like.parents_),
+      segment_begin_(like.segment_begin_) {}
+
+RigProgram RigProgram::edited(const GivenInputs& given, std::span<const AnimatedValue> curves) const {
+  auto program = std::make_unique<rig::Program>(*program_);
+  for (const GivenValues& values : given.values) {
+    for (int place = values.first; place < values.first + values.count; ++place) {
+      const float number = values.numbers[place - values.first];
+      if (program->map.is_of_constraint(place)) {
+        fail(program->map.name(place), " is a setting of a constraint; build the rig again");
+      }
+      if (!std::isfinite(number)) fail(program->map.name(place), " is ", number, "; expected a finite number");
+      program->map.set_initial(place, number);
+    }
+  }
+  for (const GivenMatrix& matrix : given.matrices) program->outside[matrix.index] = matrix_from(matrix.numbers);
+  for (const AnimatedValue& curve : curves) rig::replace_curve(curve, *program);
+  return {std::move(program), *this};
 }
 
 RigProgram::RigProgram(RigProgram&&) noexcept = default;

@@ -207,6 +207,11 @@ int ValueMap::find_element(std::string_view path) const {
   return -1;
 }
 
+bool ValueMap::is_of_constraint(int value) const {
+  const auto after_bones = static_cast<int>(bone_names_.size()) * kBoneValueCount;
+  return value >= after_bones && (properties_.empty() || value < properties_.front().second);
+}
+
 int ValueMap::find_outside(std::string_view name) const {
   const auto found = outside_.find(std::string(name));
   return found == outside_.end() ? -1 : found->second;

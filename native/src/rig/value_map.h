@@ -48,6 +48,11 @@ class ValueMap {
   /// Returns -1 if there is none.
   int find_outside(std::string_view name) const;
 
+  /// Whether a number is a setting of a constraint, or the weight of one of its targets.
+  bool is_of_constraint(int value) const;
+
+  void set_initial(int value, float number) { values_[value].initial = number; }
+
   /// The path of a number, with its index, for messages.
   std::string name(int value) const;
 

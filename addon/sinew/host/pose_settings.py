@@ -1,0 +1,79 @@
+"""Reads the bytes of all settings of an armature's pose: of its bones, but not how they are posed, and their
+constraints."""
+
+import functools
+from typing import Any
+
+import bpy
+
+from ..native import sinew_native
+from . import contract, features, proof
+from .members import CHANNELS
+
+# What evaluations write into bones, what is selected, and what is only drawn.
+_NOT_SET = (
+    *("flag", "selectflag", "chan_mat", "pose_mat", "disp_mat", "disp_tail_mat", "constinv", "pose_head", "pose_tail"),
+    "runtime",
+)
+# The struct of a type of constraint. Those that are not here use more than one, or what they follow is not in it.
+_STRUCTS = {
+    "CHILD_OF": "bChildOfConstraint",
+    "COPY_LOCATION": "bLocateLikeConstraint",
+    "COPY_ROTATION": "bRotateLikeConstraint",
+    "COPY_SCALE": "bSizeLikeConstraint",
+    "COPY_TRANSFORMS": "bTransLikeConstraint",
+    "DAMPED_TRACK": "bDampTrackConstraint",
+    "FLOOR": "bMinMaxConstraint",
+    "IK": "bKinematicConstraint",
+    "LIMIT_DISTANCE": "bDistLimitConstraint",
+    "LIMIT_LOCATION": "bLocLimitConstraint",
+    "LIMIT_ROTATION": "bRotLimitConstraint",
+    "LIMIT_SCALE": "bSizeLimitConstraint",
+    "LOCKED_TRACK": "bLockTrackConstraint",
+    "MAINTAIN_VOLUME": "bSameVolumeConstraint",
+    "PIVOT": "bPivotConstraint",
+    "STRETCH_TO": "bStretchToConstraint",
+    "TRACK_TO": "bTrackToConstraint",
+    "TRANSFORM": "bTransformConstraint",
+}
+_ARMATURE = "bArmatureConstraint"
+
+
+def _whole(kind: str, *lists: tuple[int, Any]) -> Any:
+    return sinew_native.host.Described([(0, contract.struct_size(kind))], [], [], list(lists))
+
+
+@functools.cache
+def _layout() -> Any:
+    """Returns what is read of the bones."""
+    first = contract.offset("ListBase", "*first")
+    numbers = {item.identifier: item.value for item in bpy.types.Constraint.bl_rna.properties["type"].enum_items}
+    kinds = {numbers[name]: _whole(kind) for name, kind in _STRUCTS.items() if contract.has_struct(kind)}
+    targets = contract.offset(_ARMATURE, "targets") + first
+    kinds[numbers["ARMATURE"]] = _whole(_ARMATURE, (targets, _whole("bConstraintTarget")))
+    choice = contract.offset("bConstraint", "type"), contract.offset("bConstraint", "*data"), kinds
+    constraint = sinew_native.host.Described([(0, contract.struct_size("bConstraint"))], [], [], [], [choice])
+    own = contract.plain_regions("bPoseChannel", *CHANNELS, *_NOT_SET)
+    lists = [(contract.offset("bPoseChannel", "constraints") + first, constraint)]
+    return sinew_native.host.Described(own, [], [], lists)
+
+
+def forget() -> None:
+    """Discards the layout. For tests."""
+    _layout.cache_clear()
+
+
+def read(ob: bpy.types.Object) -> bytes | None:
+    """Returns bytes that are equal at two times if all settings of the pose of an original armature object are, and the
+    addresses of what its constraints follow. None if they cannot be read, as with a constraint of another type."""
+    if not contract.has(features.POSED) or not len(ob.pose.bones):
+        return None
+    if proof.is_due("constraints of poses"):
+        bone = next((each for each in ob.pose.bones if len(each.constraints)), None)
+        if bone is not None:
+            at = contract.offset("bPoseChannel", "constraints") + contract.offset("ListBase", "*first")
+            if contract.address_at(bone.as_pointer() + at) != bone.constraints[0].as_pointer():
+                contract.distrust(features.POSED, "the constraints of a bone are not where they were")
+                return None
+            proof.give("constraints of poses")
+    return _layout().bytes_of_list(ob.pose.bones[0].as_pointer())

@@ -1,0 +1,131 @@
+"""Reads again what posing and keyframes have changed of an armature that was read before, if nothing else has changed.
+
+To read and build a large rig takes as long as several frames, and after most edits nearly all of it is as it was."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..blender import animation, values
+from ..host import bones as bone_bytes
+from ..host import driver_bytes, keyframes, pose_settings
+from . import bones, curves, drivers, paths, properties, reading, tables
+
+
+class Known:
+    """What an armature object was read from: what has to be the same, and the numbers that may have changed."""
+
+    def __init__(self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph) -> None:
+        self._state = None if read.targets.has_actions() else _state(ob)
+        if self._state is None:
+            return
+        self._targets, self._outside = read.targets, read.outside
+        self._places = bones.places_of(ob)
+        self._curves = {(row["path"], row["index"]) for row in read.description["curves"]}
+        self._is_keyed = _which_are_keyed(ob, self._curves)
+        self._numbers = self._read(ob, graph)
+
+    def edit(
+        self, ob: bpy.types.Object, graph: bpy.types.Depsgraph, edited: list[bpy.types.FCurve]
+    ) -> tuple[dict[str, Any], list[dict[str, Any]]] | None:
+        """Returns what RigProgram.edited is given, or None if something else has changed. From then on, these are the
+        numbers that are known. edited: the curves of the object's action whose keyframes are others."""
+        if self._state is None or _state(ob) != self._state:
+            return None
+        rows = [self._row_of(curve) for curve in edited if paths.has_effect(paths.normalised(curve.data_path))]
+        before, self._numbers = self._numbers, self._read(ob, graph)
+        if None in rows or [_limits(row) for row in before[1]] != [_limits(row) for row in self._numbers[1]]:
+            self._state = None
+            return None
+        given: dict[str, Any] = dict(self._given_of_bones(ob, before[0]))
+        for old, new in zip(before[1], self._numbers[1]):
+            if old["value"] != new["value"]:
+                given[new["path"]] = new["value"] if len(new["value"]) > 1 else new["value"][0]
+        return given | self._numbers[2], [row for row in rows if row is not None]
+
+    def follows(self) -> Iterator[bpy.types.ID]:
+        """Yields the data-blocks that it reads from outside."""
+        yield from (block for block, _what in (*self._targets.outside.values(), *self._outside.read.values()))
+
+    def _read(self, ob: bpy.types.Object, graph: bpy.types.Depsgraph) -> tuple[np.ndarray, list, dict[str, Any]]:
+        """Returns the numbers of bones, the custom properties, and what comes from outside."""
+        outside = self._outside.values(graph) | self._targets.matrices(graph)
+        return bones.values_of(ob, self._places), list(properties.properties_of(ob)), outside
+
+    def _given_of_bones(self, ob: bpy.types.Object, before: np.ndarray) -> Iterator[tuple[str, Any]]:
+        now = self._numbers[0]
+        differs = (now.view(np.int32) != before.view(np.int32)) & ~self._is_keyed
+        names = ob.pose.bones.keys() if differs.any() else ()
+        first = 0
+        for name, count, is_of_rest in tables.bone_settings():
+            own = slice(first, first + count)
+            for bone in np.flatnonzero(differs[:, own].any(axis=1)).tolist():
+                start = "data" if is_of_rest else "pose"
+                numbers = now[bone, own]
+                path = f'{start}.bones["{bpy.utils.escape_identifier(names[bone])}"].{name}'
+                yield path, numbers if count > 1 else numbers[0]
+            first += count
+
+    def _row_of(self, curve: bpy.types.FCurve) -> dict[str, Any] | None:
+        """Returns the row of a curve, or None if it had none, or has none any more."""
+        path = paths.normalised(curve.data_path)
+        if (path, curve.array_index) not in self._curves or not list(curves.unmuted([curve])):
+            return None
+        try:
+            return drivers.curve_row(path, curve)
+        except curves.Refused:
+            return None
+
+
+def _limits(row: dict[str, Any]) -> list[Any]:
+    return [value for name, value in row.items() if name != "value"]
+
+
+def _which_are_keyed(ob: bpy.types.Object, keyed: set[tuple[str, int]]) -> np.ndarray:
+    """Returns which numbers of the bones follow curves, in the order of bones.values_of."""
+    first, columns = 0, {}
+    for name, count, is_of_rest in tables.bone_settings():
+        if not is_of_rest:
+            columns[name] = first
+        first += count
+    rows = {bone.name: number for number, bone in enumerate(ob.pose.bones)}
+    found = np.zeros((len(rows), first), bool)
+    for path, index in keyed:
+        match = paths.BONE.match(path)
+        column = columns.get(path[match.end() + 1 :]) if match and path.startswith("pose.") else None
+        row = rows.get(bpy.utils.unescape_identifier(match[1])) if match else None
+        if column is not None and row is not None:
+            found[row, column + index] = True
+    return found
+
+
+def _modifiers_of(curve: bpy.types.FCurve) -> Any:
+    try:
+        return [curves.modifier_of(curve, each) for each in curve.modifiers if not each.mute and each.is_valid]
+    except curves.Refused as reason:
+        return str(reason)
+
+
+def _state(ob: bpy.types.Object) -> Any:
+    """Returns what is equal at two times if all that an armature object is read from is, except for how it is posed,
+    its custom properties, its keyframes, and what comes from outside. None if that cannot be told."""
+    data = ob.animation_data
+    if data is None or len(data.nla_tracks) or data.use_tweak_mode or not bone_bytes.can_read():
+        return None
+    found: list[Any] = [pose_settings.read(ob), bone_bytes.read_bytes(ob.data)]
+    for block in (ob, ob.data):
+        own = animation.drivers_of(block)
+        stored = keyframes.read(own)
+        found.append(driver_bytes.read(own, is_whole=True))
+        found.append([(stored.settings(i), stored.keys(i).tobytes()) for i in range(len(own))])
+        found.append([_modifiers_of(each) for i, each in enumerate(own) if not stored.is_local(i)])
+    if None in found:
+        return None
+    of_data = ob.data.animation_data
+    blocks = [data.action, ob.parent, ob.data, of_data.action if of_data is not None else None]
+    found += [None if each is None else values.key_of(each) for each in blocks]
+    found += [getattr(data, "action_slot_handle", 0), ob.parent_type, ob.parent_bone, len(ob.constraints)]
+    found += [ob.rigid_body is None, ob.data.pose_position, ob.pose.ik_solver, ob.mode == "EDIT"]
+    return [*found, [list(row) for row in ob.matrix_world]]
