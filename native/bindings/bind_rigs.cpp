@@ -296,7 +296,9 @@ void bind_rigs(py::module_& module) {
       .def(
           "edited", &py_edited, py::arg("set"), py::arg("curves"),
           "Returns the same rig after an edit of its pose or its keys, without putting it in order again.\n\n"
-          "set: as of evaluate(), but for good: curves replace these values. Not for settings of constraints. curves: "
+          "set: as of evaluate(), but for good and as Blender stores it: curves replace these values. Not for settings "
+          "of "
+          "constraints. curves: "
           "rows as the description's, which replace those of the same properties. Raises ValueError for a setting of a "
           "constraint, a number that is not finite, and a property without a curve.")
       .def(

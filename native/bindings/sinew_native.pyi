@@ -1052,9 +1052,9 @@ class RigProgram:
     def edited(self, set: dict[str, Any], curves: list[dict[str, Any]]) -> RigProgram:
         """Returns the same rig after an edit of its pose or its keys, without putting it in order again.
 
-        set: as of evaluate(), but for good: curves replace these values. Not for settings of constraints. curves: rows
-        as the description's, which replace those of the same properties. Raises ValueError for a setting of a
-        constraint, a number that is not finite, and a property without a curve.
+        set: as of evaluate(), but for good and as Blender stores it: curves replace these values. Not for settings of
+        constraints. curves: rows as the description's, which replace those of the same properties. Raises ValueError
+        for a setting of a constraint, a number that is not finite, and a property without a curve.
         """
     def evaluate(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
         """Returns the bones' matrices in armature space, (F, B, 4, 4).

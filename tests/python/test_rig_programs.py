@@ -103,6 +103,7 @@ def test_edits_replace_values_and_curves(rig):
         (({"nothing": 1}, []), "nothing"),
         (({location: [1, 2]}, []), "location"),
         (({location: [1, 2, np.nan]}, []), "nan"),
+        (({"Cube": np.full((4, 4), np.inf)}, []), "Cube"),
         (({'pose.bones["owner"].constraints["Copy"].influence': 1}, []), "constraint"),
         (({}, [{**curve, "index": 1}]), "no curve"),
         (({}, [{**curve, "keys": [[0.0]]}]), "11 for each key"),

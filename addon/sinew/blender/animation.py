@@ -72,6 +72,14 @@ def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
     ]
 
 
+def in_muted_groups(action: bpy.types.Action) -> list[int]:
+    """Returns the numbers of those of action_curves that a muted group mutes. Blender 4.4 and later evaluate these."""
+    if hasattr(action, "layers") or not any(group.mute for group in action.groups):
+        return []
+    own = enumerate(action.fcurves)
+    return [number for number, curve in own if curve.group is not None and curve.group.mute]
+
+
 def slot_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     """Returns the F-curves by which a data-block's own action moves it."""
     data = block.animation_data

@@ -30,8 +30,7 @@ def keys_of(action: Any) -> Keys:
     others = {i: dependencies.plain(each) for i, each in enumerate(curves) if not stored.is_local(i)}
     flat = frozenset(i for i, each in enumerate(curves) if each.extrapolation == "CONSTANT")
     layers = [dependencies.plain(each) for each in getattr(action, "layers", ())]
-    groups = getattr(action, "groups", ())
-    return Keys(stored, others, flat, (layers, [(group.name, group.mute) for group in groups]))
+    return Keys(stored, others, flat, (layers, animation.in_muted_groups(action)))
 
 
 def changed(old: Keys, new: Keys) -> list[tuple[float, float]]:
@@ -48,22 +47,19 @@ def changed(old: Keys, new: Keys) -> list[tuple[float, float]]:
     return stored_keys.changed({i: curve(old, i) for i in numbers}, {i: curve(new, i) for i in numbers})
 
 
-def look(own: Iterable[rigs.Rig], graph: Any) -> list[rigs.Rig]:
+def look(own: Iterable[rigs.Rig], graph: Any, looks_at_copies: bool = True) -> list[rigs.Rig]:
     """Drops the records of the armatures of a graph on which anything but time has had an effect. Returns those. Looks
-    at all before anything is marked again. Edited keyframes are only noted."""
-    own = list(own)
-    look_at_keys(own, graph)
-    edited = [rig for rig in own if rig.watch is not None and not rig.watch.holds(graph)]
-    for rig in edited:
-        drop_all(rig)
-    return edited
-
-
-def look_at_keys(own: Iterable[rigs.Rig], graph: Any) -> None:
-    """Notes of which armatures keyframes may have been edited."""
+    at all before anything is marked again. Edited keyframes are only noted. looks_at_copies: otherwise only keyframes
+    are looked at; what was copied until now, the last evaluation's handlers have seen."""
+    edited = []
     for rig in own:
         if rig.watch is not None:
             rig.has_edited_keys |= rig.watch.are_keys_edited(graph)
+            if looks_at_copies and not rig.watch.holds(graph):
+                edited.append(rig)
+    for rig in edited:
+        drop_all(rig)
+    return edited
 
 
 def expect_no_more(own: Iterable[rigs.Rig], graph: Any) -> None:

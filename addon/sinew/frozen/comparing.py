@@ -26,18 +26,24 @@ SECONDS = 0.1  # after which no other frame is begun
 class Difference:
     """A frame on which Blender's bones are others than those that were computed."""
 
-    frame: int
+    frame: float
     blender: np.ndarray  # (B, 4, 4) float32, the poses of all bones
     computed: np.ndarray
+
+    @classmethod
+    def between(cls, rig: rigs.Rig, copy: bpy.types.Object, frame: float) -> "Difference":
+        """copy: evaluated on that frame."""
+        computed = rig.source.program.evaluate(np.array([frame], np.float32))[0]
+        return cls(frame, checking.matrices_of(copy.pose.bones), computed)
 
     def sentence(self, ob: bpy.types.Object) -> str:
         far = checking.distances(self.computed, self.blender)
         bone = int((far > 0).argmax())  # the first, which others follow
         if not far[bone]:
-            return f"on frame {self.frame}, channels or B-bones of {ob.name} are not those that were computed"
+            return f"on frame {self.frame:g}, channels or B-bones of {ob.name} are not those that were computed"
         row, column = divmod(int(np.abs(self.computed[bone] - self.blender[bone]).argmax()), 4)
         numbers = f"{self.computed[bone, row, column]:.9g} instead of {self.blender[bone, row, column]:.9g}"
-        return f"on frame {self.frame}, {ob.pose.bones[bone].name} of {ob.name} would have {numbers} in its matrix"
+        return f"on frame {self.frame:g}, {ob.pose.bones[bone].name} of {ob.name} would have {numbers} in its matrix"
 
 
 def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
@@ -64,8 +70,7 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
                 copy = evaluated_on(frame)
                 spent.append(1e3 * (perf_counter() - start))
                 if not poses.are_posed([(copy, moment.pose)])[0]:
-                    computed = source.program.evaluate(np.array([frame], np.float32))[0]
-                    rig.difference = Difference(frame, checking.matrices_of(copy.pose.bones), computed)
+                    rig.difference = Difference.between(rig, copy, frame)
                     rig.source = rigs.Source(refusal=rig.difference.sentence(rig.ob))
                     return True
                 source.compared.add(frame)

@@ -126,7 +126,6 @@ class _Last(NamedTuple):
 
 
 def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) -> None:
-    rig.last = None
     if rig.watch is not None and rig.watch.action is not None and not rig.has_edited_keys:
         rig.last = _Last(source, edits.Known(rig.ob, read, graph), rig.keys, rig.watch)
 
@@ -150,12 +149,12 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     if numbers is None or not has_same_others or not new.is_like(last.watch):
         return False
     all_curves = animation.action_curves(last.watch.action) if numbers else []
-    edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
-    if edit is None or any(map(_may_move, last.known.follows())):
-        return False
     try:
+        edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
+        if edit is None or any(map(_may_move, last.known.follows())):
+            return False
         program = last.source.program.edited(*edit)
-    except ValueError:
+    except (ValueError, ReferenceError):
         return False
     rig.source = replace(last.source, program=program, is_proven=False, heads={}, compared=set())
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
@@ -164,7 +163,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
 
 
 def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
-    keyed = rigs.keyed(rig, graph)
+    keyed, rig.last = rigs.keyed(rig, graph), None
     try:
         old, new = changes.tempo_of(scene)
         if old != new:

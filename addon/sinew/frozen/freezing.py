@@ -26,7 +26,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, values
+from ..blender import animation, dependencies, values
 from ..host import contract, evaluations, features, poses, relations
 from . import changes, computing, followers, reasons, rigs, watch
 from .followers import Followers
@@ -248,8 +248,10 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
         changes.compare_keys(rig, graph)
         if rig.watch is not None and rig.watch.is_tagged(graph, True):
             changes.drop_all(rig)
-    unread = [rig for rig in posed if rig.source.program is None and not computing.read_again(rig, graph)]
-    found: dict[int, str] = {}
+    found = {rig.key: f"what {rig.name} follows was edited" for rig in posed if _is_behind(rig, graph)}
+    changes.look(rigs.at_home(graph), graph)  # before what was copied is marked
+    unread = [rig for rig in posed if rig.source.program is None and rig.key not in found]
+    unread = [rig for rig in unread if not computing.read_again(rig, graph)]
     if not unread:
         return found
     users = bpy.data.user_map()
@@ -267,6 +269,16 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
         except followers.NotFreezable as reason:
             found[rig.key] = str(reason)
     return found
+
+
+def _is_behind(rig: rigs.Rig, graph: Any) -> bool:
+    """Whether Blender has yet to evaluate where an armature is, or anything outside of it that is read from evaluated
+    copies."""
+    copy = rigs.evaluated_copy(rig, graph)
+    if copy is None or evaluations.is_transform_tagged(copy):
+        return True
+    outside = dependencies.outside_of(rig.ob) if rig.last is None else rig.last.known.follows()
+    return any(evaluations.is_tagged(each.evaluated_get(graph)) for each in outside)
 
 
 def select(graph: Any) -> None:

@@ -1,12 +1,11 @@
 """Plays the records of frozen armatures before each evaluation, and checks the result after it."""
 
-import threading
 from typing import Any
 
 import bpy
 
-from ..host import contract, features, poses
-from . import changes, computing, freezing, rigs, watch
+from ..host import contract, evaluations, features, poses
+from . import changes, comparing, computing, freezing, rigs, watch
 
 _evaluations = 0  # that handlers have seen
 
@@ -25,7 +24,7 @@ def evaluation_count() -> int:
 def is_busy() -> bool:
     """Whether handlers should do nothing: this package has Blender evaluate, or the call is not from the main
     thread."""
-    return freezing.is_building() or threading.current_thread() is not threading.main_thread()
+    return freezing.is_building() or not evaluations.is_in_main_thread()
 
 
 def _has_work() -> bool:
@@ -72,11 +71,8 @@ def before_evaluation(scene: Any, is_new_frame: bool) -> None:
 
 def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
     reasons = {}
-    if is_new_frame:
-        changes.look(own, graph)
-    else:  # what was copied until now, the last evaluation's handlers have seen
-        changes.look_at_keys(own, graph)
     frame = rigs.time_of(own[0].scene)
+    changes.look(own, graph, is_new_frame or any(rig.shown != frame for rig in own))
     for rig in own:
         if rig.is_frozen:
             why = _look(rig, graph, frame, is_new_frame)
@@ -152,24 +148,29 @@ def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
 def _compare_in(graph: Any, scene: Any) -> None:
     """Compares what is computed of frozen armatures with what Blender has evaluated in another graph, such as that of a
     render."""
-    time = rigs.time_of(scene)
+    time, reasons = rigs.time_of(scene), {}
     for rig in rigs.frozen():
         home, copy = rig.graph(), rigs.evaluated_copy(rig, graph)
         if copy is None or home is None or rig.scene != scene or not rig.source.is_proven or rig.watch is None:
             continue
-        if rig.watch.is_tagged(home, True) or rig.watch.are_keys_edited(home) or not rig.watch.holds(home):
-            continue  # somebody has edited it since
-        moment = computing.moment(rig, time)
+        if rig.watch.may_be_edited(home):
+            continue
+        moment = rig.at(time) or computing.moment(rig, time)
         if moment is None:
             continue
         if poses.are_posed([(copy, moment.pose)])[0]:
-            rig.source.compared.add(int(time))
+            rig.source.compared |= {int(time)} if time == int(time) else set()
             continue
-        rig.is_distrusted, rig.is_posable = True, False
+        difference = comparing.Difference.between(rig, copy, time)
+        # Something may have been edited so that Blender has not noticed it yet. If it differs again, that is not so.
+        rig.is_distrusted, rig.has_differed = rig.has_differed, True
+        rig.is_posable = rig.is_posable and not rig.is_distrusted
         changes.drop_all(rig)
-        freezing.melt(
-            home, {rig.key: f"on frame {time:g}, Blender's bones of {rig.name} are not those that were computed"}
-        )
+        rig.difference, reasons[rig.graph().view_layer.as_pointer(), rig.key] = difference, difference.sentence(rig.ob)
+    for home in rigs.graphs(rigs.frozen()) if reasons else ():
+        own = {key: why for (layer, key), why in reasons.items() if layer == home.view_layer.as_pointer()}
+        if own:
+            freezing.melt(home, own)
 
 
 def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:

@@ -78,6 +78,7 @@ class Rig:
     needs_program: bool = False  # it is wanted frozen only if it is computed, see accelerating.py
     stays_live: bool = False  # somebody has thawed it
     milliseconds: float = 0.0  # to compute a moment, the last time
+    has_differed: bool = False  # from what Blender has evaluated elsewhere, once
     difference: Any = None  # comparing.Difference of its last program, or None
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0

@@ -100,6 +100,14 @@ class Watch:
         except ReferenceError:
             return True
 
+    def may_be_edited(self, graph: Any) -> bool:
+        """Whether somebody may have edited any of them since Blender has evaluated them, or the action."""
+        try:
+            is_tagged = any(evaluations.is_tagged(block.evaluated_get(graph)) for block in self.blocks)
+        except ReferenceError:
+            return True
+        return is_tagged or self.are_keys_edited(graph) or not self.holds(graph)
+
     def mark_expected(self, graph: Any) -> None:
         """Marks those that were expected to be copied."""
         expected = _expected.get(graph.view_layer.as_pointer(), ())

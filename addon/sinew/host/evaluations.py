@@ -1,16 +1,23 @@
 """Tells whether Blender is evaluating an object, and whether it calls handlers afterwards."""
 
 import ctypes
+import threading
 from typing import Any
 
 import bpy
 
 from . import contract
 
-_ANIMATION = 1 << 2  # Blender's ID_RECALC_ANIMATION
+_MAIN_THREAD = threading.main_thread().ident
+_TRANSFORM, _ANIMATION = 1 << 0, 1 << 2  # Blender's ID_RECALC_TRANSFORM and ID_RECALC_ANIMATION
 _announced = 0  # evaluations for which Blender has called the handlers before it, but not those after it
 _is_playing = False
 _has_been_set = False  # the flags of any object
+
+
+def is_in_main_thread() -> bool:
+    """Whether the call is from the main thread. A render evaluates in its own, while the user may be editing."""
+    return threading.get_ident() == _MAIN_THREAD
 
 
 def is_running(ob: Any) -> bool:
@@ -36,6 +43,11 @@ def _tags(block: Any) -> int:
 def is_tagged(block: Any) -> bool:
     """Whether anything of an evaluated data-block is tagged to be evaluated."""
     return bool(_tags(block))
+
+
+def is_transform_tagged(block: Any) -> bool:
+    """Whether the place of an evaluated object is to be evaluated."""
+    return bool(_tags(block) & _TRANSFORM)
 
 
 def is_animation_tagged(block: Any) -> bool:

@@ -170,7 +170,7 @@ FEATURES = {
         "after each edit of its pose or its keyframes, all of a computed rig is read again, which takes longer",
         "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first",
         (EDITIONS, DRIVERS, FREEZING),
-        "where a bone's constraints are",
+        "where a bone's constraints are, and the type of the first",
     ),
 }
 

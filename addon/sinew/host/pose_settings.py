@@ -1,6 +1,7 @@
 """Reads the bytes of all settings of an armature's pose: of its bones, but not how they are posed, and their
 constraints."""
 
+import ctypes
 import functools
 from typing import Any
 
@@ -43,12 +44,19 @@ def _whole(kind: str, *lists: tuple[int, Any]) -> Any:
     return sinew_native.host.Described([(0, contract.struct_size(kind))], [], [], list(lists))
 
 
+def _numbers() -> dict[str, int]:
+    """Returns the numbers of the types of constraints."""
+    kinds: Any = bpy.types.Constraint.bl_rna.properties["type"]
+    return {item.identifier: item.value for item in kinds.enum_items}
+
+
 @functools.cache
 def _layout() -> Any:
     """Returns what is read of the bones."""
     first = contract.offset("ListBase", "*first")
-    numbers = {item.identifier: item.value for item in bpy.types.Constraint.bl_rna.properties["type"].enum_items}
-    kinds = {numbers[name]: _whole(kind) for name, kind in _STRUCTS.items() if contract.has_struct(kind)}
+    numbers = _numbers()
+    known = {name: kind for name, kind in _STRUCTS.items() if name in numbers and contract.has_struct(kind)}
+    kinds = {numbers[name]: _whole(kind) for name, kind in known.items()}
     targets = contract.offset(_ARMATURE, "targets") + first
     kinds[numbers["ARMATURE"]] = _whole(_ARMATURE, (targets, _whole("bConstraintTarget")))
     choice = contract.offset("bConstraint", "type"), contract.offset("bConstraint", "*data"), kinds
@@ -71,8 +79,11 @@ def read(ob: bpy.types.Object) -> bytes | None:
     if proof.is_due("constraints of poses"):
         bone = next((each for each in ob.pose.bones if len(each.constraints)), None)
         if bone is not None:
+            first: Any = bone.constraints[0]
             at = contract.offset("bPoseChannel", "constraints") + contract.offset("ListBase", "*first")
-            if contract.address_at(bone.as_pointer() + at) != bone.constraints[0].as_pointer():
+            is_there = contract.address_at(bone.as_pointer() + at) == first.as_pointer()
+            place = first.as_pointer() + contract.offset("bConstraint", "type")
+            if not is_there or ctypes.c_int16.from_address(place).value != _numbers()[first.type]:
                 contract.distrust(features.POSED, "the constraints of a bone are not where they were")
                 return None
             proof.give("constraints of poses")

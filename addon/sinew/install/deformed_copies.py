@@ -4,13 +4,12 @@ That happens in a handler that runs after the evaluation of a viewport. Evaluati
 """
 
 import logging
-import threading
 from collections.abc import Collection, Iterable
 
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import vector_arrays
+from ..host import evaluations, vector_arrays
 from ..plan import ways, wiring
 from ..run import afterwards, characters, graph_copy
 from . import deformed_copy
@@ -67,7 +66,7 @@ def tidy(objects: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, ma
 
 def _is_ours(depsgraph):
     """Whether deformed copies follow this evaluation: not a render's, and only in the main thread."""
-    return depsgraph.mode != "RENDER" and threading.current_thread() is threading.main_thread()
+    return depsgraph.mode != "RENDER" and evaluations.is_in_main_thread()
 
 
 def why_it_stays(ob: bpy.types.Object) -> str:

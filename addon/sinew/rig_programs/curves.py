@@ -14,6 +14,7 @@ KEY_NUMBERS = (
 )
 # Interpolations as Blender numbers them: up to LINEAR handles have no effect, up to BEZIER easings have none.
 LINEAR, BEZIER = 1, 2
+GROUPS_MUTE = bpy.app.version < (4, 4, 0)  # later versions evaluate the curves of muted groups
 
 
 class Refused(ValueError):
@@ -109,7 +110,7 @@ def of_slot(action: bpy.types.Action, handle: int) -> Iterator[bpy.types.FCurve]
 
 def unmuted(curves: Iterable[bpy.types.FCurve]) -> Iterator[bpy.types.FCurve]:
     for curve in curves:
-        group = curve.group
+        group = curve.group if GROUPS_MUTE else None
         if curve.mute or (group is not None and group.mute) or not curve.is_valid:
             continue
         if curve.is_empty and not len(curve.sampled_points):

@@ -18,12 +18,13 @@ class Known:
     """What an armature object was read from: what has to be the same, and the numbers that may have changed."""
 
     def __init__(self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph) -> None:
-        self._state = None if read.targets.has_actions() else _state(ob)
+        self._targets, self._outside, rows = read.targets, read.outside, read.description["curves"]
+        self._curves = {(row["path"], row["index"]) for row in rows}
+        is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
+        self._state = _state(ob) if is_clear else None
         if self._state is None:
             return
-        self._targets, self._outside = read.targets, read.outside
         self._places = bones.places_of(ob)
-        self._curves = {(row["path"], row["index"]) for row in read.description["curves"]}
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
 
@@ -31,9 +32,12 @@ class Known:
         self, ob: bpy.types.Object, graph: bpy.types.Depsgraph, edited: list[bpy.types.FCurve]
     ) -> tuple[dict[str, Any], list[dict[str, Any]]] | None:
         """Returns what RigProgram.edited is given, or None if something else has changed. From then on, these are the
-        numbers that are known. edited: the curves of the object's action whose keyframes are others."""
+        numbers that are known. edited: the curves of the object's action whose keyframes are others. Raises ValueError
+        if something from outside can no longer be read."""
         if self._state is None or _state(ob) != self._state:
             return None
+        own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
+        edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
         rows = [self._row_of(curve) for curve in edited if paths.has_effect(paths.normalised(curve.data_path))]
         before, self._numbers = self._numbers, self._read(ob, graph)
         if None in rows or [_limits(row) for row in before[1]] != [_limits(row) for row in self._numbers[1]]:
@@ -110,7 +114,8 @@ def _modifiers_of(curve: bpy.types.FCurve) -> Any:
 
 def _state(ob: bpy.types.Object) -> Any:
     """Returns what is equal at two times if all that an armature object is read from is, except for how it is posed,
-    its custom properties, its keyframes, and what comes from outside. None if that cannot be told."""
+    its custom properties, its keyframes, what comes from outside, and what Blender builds relations for, such as the
+    handles of a B-bone. None if that cannot be told."""
     data = ob.animation_data
     if data is None or len(data.nla_tracks) or data.use_tweak_mode or not bone_bytes.can_read():
         return None
@@ -123,9 +128,9 @@ def _state(ob: bpy.types.Object) -> Any:
         found.append([_modifiers_of(each) for i, each in enumerate(own) if not stored.is_local(i)])
     if None in found:
         return None
-    of_data = ob.data.animation_data
-    blocks = [data.action, ob.parent, ob.data, of_data.action if of_data is not None else None]
-    found += [None if each is None else values.key_of(each) for each in blocks]
+    if animation.keyed_curves(ob.data):
+        return None
+    found += [None if each is None else values.key_of(each) for each in (data.action, ob.parent, ob.data)]
     found += [getattr(data, "action_slot_handle", 0), ob.parent_type, ob.parent_bone, len(ob.constraints)]
-    found += [ob.rigid_body is None, ob.data.pose_position, ob.pose.ik_solver, ob.mode == "EDIT"]
+    found += [ob.rigid_body is None, ob.data.pose_position, ob.pose.ik_solver, ob.mode == "EDIT", ob.data.is_editmode]
     return [*found, [list(row) for row in ob.matrix_world]]

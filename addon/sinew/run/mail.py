@@ -7,6 +7,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
+from ..host import evaluations
+
 log = logging.getLogger("sinew")
 SECONDS_OF_INTEREST = 10.0
 REWIRE = "rewire"  # argument: the key of an object for whose plan the file lacks something
@@ -59,7 +61,7 @@ def is_empty() -> bool:
 
 def deliver() -> None:
     """Makes the calls that were posted. Does nothing except in the main thread."""
-    if threading.current_thread() is not threading.main_thread():
+    if not evaluations.is_in_main_thread():
         return
     for _ in range(len(letters)):
         if not letters:  # a call made Blender evaluate, which delivered the others

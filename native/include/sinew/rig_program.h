@@ -86,7 +86,8 @@ class RigProgram {
 
   /// Returns the same rig after an edit of its pose or its keys, without putting it in order again.
   ///
-  /// given   what the description holds from now on, for all frames; curves replace it. Not for settings of constraints.
+  /// given   what the description holds from now on, for all frames and as Blender stores it; curves replace it. Not for
+  ///         settings of constraints.
   /// curves  replace those of the same properties
   /// Throws InputError for a setting of a constraint, a number that is not finite, and a property without a curve.
   RigProgram edited(const GivenInputs& given, std::span<const AnimatedValue> curves) const;

@@ -94,7 +94,13 @@ RigProgram RigProgram::edited(const GivenInputs& given, std::span<const Animated
       program->map.set_initial(place, number);
     }
   }
-  for (const GivenMatrix& matrix : given.matrices) program->outside[matrix.index] = matrix_from(matrix.numbers);
+  for (const GivenMatrix& matrix : given.matrices) {
+    for (int i = 0; i < 16; ++i) {
+      if (std::isfinite(matrix.numbers[i])) continue;
+      fail("matrix \"", matrix_names_[matrix.index], "\" has ", matrix.numbers[i], " in it; expected finite numbers");
+    }
+    program->outside[matrix.index] = matrix_from(matrix.numbers);
+  }
   for (const AnimatedValue& curve : curves) rig::replace_curve(curve, *program);
   return {std::move(program), *this};
 }
