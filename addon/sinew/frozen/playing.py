@@ -4,7 +4,8 @@ from typing import Any
 
 import bpy
 
-from ..host import contract, evaluations, features, poses
+from ..host import contract, features, poses
+from ..run import mail
 from . import changes, comparing, computing, freezing, rigs, watch
 
 _evaluations = 0  # that handlers have seen
@@ -24,7 +25,7 @@ def evaluation_count() -> int:
 def is_busy() -> bool:
     """Whether handlers should do nothing: this package has Blender evaluate, or the call is not from the main
     thread."""
-    return freezing.is_building() or not evaluations.is_in_main_thread()
+    return freezing.is_building() or not mail.is_main_thread()
 
 
 def _has_work() -> bool:

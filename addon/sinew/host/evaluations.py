@@ -1,23 +1,16 @@
 """Tells whether Blender is evaluating an object, and whether it calls handlers afterwards."""
 
 import ctypes
-import threading
 from typing import Any
 
 import bpy
 
 from . import contract
 
-_MAIN_THREAD = threading.main_thread().ident
 _TRANSFORM, _ANIMATION = 1 << 0, 1 << 2  # Blender's ID_RECALC_TRANSFORM and ID_RECALC_ANIMATION
 _announced = 0  # evaluations for which Blender has called the handlers before it, but not those after it
 _is_playing = False
 _has_been_set = False  # the flags of any object
-
-
-def is_in_main_thread() -> bool:
-    """Whether the call is from the main thread. A render evaluates in its own, while the user may be editing."""
-    return threading.get_ident() == _MAIN_THREAD
 
 
 def is_running(ob: Any) -> bool:

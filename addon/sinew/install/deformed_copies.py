@@ -9,9 +9,9 @@ from collections.abc import Collection, Iterable
 import bpy
 
 from ..blender import meshes, nodes, values
-from ..host import evaluations, vector_arrays
+from ..host import vector_arrays
 from ..plan import ways, wiring
-from ..run import afterwards, characters, graph_copy
+from ..run import afterwards, characters, graph_copy, mail
 from . import deformed_copy
 
 log = logging.getLogger("sinew")
@@ -66,7 +66,7 @@ def tidy(objects: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, ma
 
 def _is_ours(depsgraph):
     """Whether deformed copies follow this evaluation: not a render's, and only in the main thread."""
-    return depsgraph.mode != "RENDER" and evaluations.is_in_main_thread()
+    return depsgraph.mode != "RENDER" and mail.is_main_thread()
 
 
 def why_it_stays(ob: bpy.types.Object) -> str:

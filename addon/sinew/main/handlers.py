@@ -42,7 +42,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
     write_lock.look()
     take_over_open_file()
     characters.see_surroundings()
-    if evaluations.is_in_main_thread():
+    if mail.is_main_thread():
         evaluations.note_playing(any(each.screen.is_animation_playing for each in bpy.context.window_manager.windows))
     if characters.may_follow_clips():
         _in_main_thread(_pose, scene)
@@ -56,7 +56,7 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if characters.may_follow_clips():
         _in_main_thread(_pose_anew, scene, depsgraph)
-    if not evaluations.is_in_main_thread():
+    if not mail.is_main_thread():
         return
     _learn_graphs(depsgraph)
     copied = characters.with_copy()
@@ -90,7 +90,7 @@ def _learn_graphs(depsgraph):
 def _in_main_thread(function, *arguments):
     """Calls a function in the main thread. A render evaluates in its own thread, while the user may be editing the data
     that poses are written to."""
-    if evaluations.is_in_main_thread() or not HAS_EVENT_LOOP or not mail.ask(SECONDS_TO_WAIT, function, *arguments):
+    if mail.is_main_thread() or not HAS_EVENT_LOOP or not mail.ask(SECONDS_TO_WAIT, function, *arguments):
         # If the main thread does not respond, it is waiting for this thread, as when the file is closed.
         function(*arguments)
 
@@ -382,7 +382,7 @@ def _put_handlers_back():
 
 def take_over_open_file() -> None:
     global _is_file_unknown
-    if not _is_file_unknown or not evaluations.is_in_main_thread():
+    if not _is_file_unknown or not mail.is_main_thread():
         return
     _is_file_unknown = False
     places.place_layout()

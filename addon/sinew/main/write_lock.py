@@ -19,7 +19,7 @@ import threading
 import bpy
 
 from ..blender import values
-from ..host import evaluations
+from ..run import mail
 from . import callbacks
 
 MAY_STAY = values.VERSION < (5, 1, 0)
@@ -90,7 +90,7 @@ def may_write() -> bool:  # type: ignore[return] # a scene's name_full cannot be
 def look() -> None:
     """Clears the flag if it is set. Call it in the main thread while nothing is drawn; in others it does nothing."""
     global _reading
-    is_elsewhere = not evaluations.is_in_main_thread()
+    is_elsewhere = not mail.is_main_thread()
     if not MAY_STAY or is_elsewhere or _reading is not None or may_write():
         return
     _reading = _Reading()

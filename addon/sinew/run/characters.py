@@ -14,7 +14,6 @@ import bpy
 
 from ..blender import animation, armatures, meshes, values
 from ..chain import bone_editions
-from ..host import evaluations
 from ..native import sinew_native
 from ..plan import canvas_survey
 from . import graph_copies, mail, planning
@@ -275,7 +274,7 @@ def note_canvas(entry: Character) -> None:
 def see_surroundings() -> None:
     """Hands what may have changed in the rest of the file over to the plans that depend on it. Before an evaluation;
     does nothing except in the main thread."""
-    if not _through_canvas or not evaluations.is_in_main_thread():
+    if not _through_canvas or not mail.is_main_thread():
         return
     if not any(_has_edited_objects(scene) for scene in bpy.data.scenes):
         return

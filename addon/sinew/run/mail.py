@@ -7,15 +7,19 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
-from ..host import evaluations
-
 log = logging.getLogger("sinew")
 SECONDS_OF_INTEREST = 10.0
+_MAIN_THREAD = threading.main_thread().ident
 REWIRE = "rewire"  # argument: the key of an object for whose plan the file lacks something
 # (function or the name of a request, arguments); appending is safe from any thread
 letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
 _answers: dict[Any, Callable[..., object]] = {}  # by the name of the request
 _asked_at = float("-inf")
+
+
+def is_main_thread() -> bool:
+    """Whether the call is from the main thread. A render evaluates in its own, while the user may be editing."""
+    return threading.get_ident() == _MAIN_THREAD
 
 
 def answer(what: str, function: Callable[..., object]) -> None:
@@ -61,7 +65,7 @@ def is_empty() -> bool:
 
 def deliver() -> None:
     """Makes the calls that were posted. Does nothing except in the main thread."""
-    if not evaluations.is_in_main_thread():
+    if not is_main_thread():
         return
     for _ in range(len(letters)):
         if not letters:  # a call made Blender evaluate, which delivered the others

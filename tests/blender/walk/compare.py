@@ -96,11 +96,11 @@ def looseness(ob):
     """(which part of the vertices may be farther off, by what part of the diagonal)."""
     if any(modifier.type == "CAST" for modifier in ob.modifiers):
         return FEW, np.inf  # it moves vertices away from a center, and one that is there somewhere
-    if any(modifier.type in {"SURFACE_DEFORM", "TRIANGULATE"} for modifier in ob.modifiers):
-        # The last bit of a position decides to which face it is bound, and where faces are cut.
-        return 20 * FEW, 10 * LOOSE_TOLERANCE
-    factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
     kinds = {modifier.type for modifier in ob.modifiers}
+    if not kinds.isdisjoint({"SURFACE_DEFORM", "TRIANGULATE"}):
+        # The last bit of a position decides to which face it is bound, and where faces are cut.
+        return (50 if "SOLIDIFY" in kinds else 20) * FEW, 10 * LOOSE_TOLERANCE
+    factors = [modifier.factor for modifier in ob.modifiers if modifier.type == "CORRECTIVE_SMOOTH"]
     few = FEW if factors else 0.0
     if "SOLIDIFY" in kinds:  # along normals, and those of faces without an area have no direction
         few = 10 * FEW
