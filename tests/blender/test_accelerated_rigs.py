@@ -320,6 +320,8 @@ def set_mode(armature):
 def mute_group(armature):
     action = armature.animation_data.action
     curve = next(each for each in addon_module("blender.animation").slot_curves(armature) if "bone1" in each.data_path)
+    if curve.group is None:  # the official 4.2 makes none
+        curve.group = action.groups.new("Group")
     curve.group.mute = True
     action.update_tag()  # which Blender does not do
     armature.update_tag(refresh={"TIME"})
