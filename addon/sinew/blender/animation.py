@@ -8,6 +8,8 @@ import bpy
 
 from ..host import actions
 
+GROUPS_MUTE = bpy.app.version < (4, 4, 0)  # later versions evaluate the curves of muted groups
+
 
 def animated_properties(ob: bpy.types.Object, modifier: bpy.types.Modifier) -> list[str]:
     """Returns the sorted names of the modifier's properties that drivers or keyframes of the object animate."""
@@ -73,8 +75,8 @@ def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
 
 
 def in_muted_groups(action: bpy.types.Action) -> list[int]:
-    """Returns the numbers of those of action_curves that a muted group mutes. Blender 4.4 and later evaluate these."""
-    if hasattr(action, "layers") or not any(group.mute for group in action.groups):
+    """Returns the numbers of those of action_curves that a muted group mutes."""
+    if not GROUPS_MUTE or not any(group.mute for group in action.groups):
         return []
     own = enumerate(action.fcurves)
     return [number for number, curve in own if curve.group is not None and curve.group.mute]

@@ -151,7 +151,7 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     all_curves = animation.action_curves(last.watch.action) if numbers else []
     try:
         edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
-        if edit is None or any(map(_may_move, last.known.follows())):
+        if edit is None or any(map(_may_move, last.known.follows)):
             return False
         program = last.source.program.edited(*edit)
     except (ValueError, ReferenceError):
@@ -169,7 +169,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         if old != new:
             raise curves.Refused(f"{scene.name} maps its frames to other times")
         read = reading.read(rig.ob, graph, keyed)
-        for block, _what in (*read.targets.outside.values(), *read.outside.read.values()):
+        for block in read.follows():
             if _may_move(block):
                 raise curves.Refused(f"{rig.name} follows {block.name}, which may move")
         program = sinew_native.RigProgram(read.description)

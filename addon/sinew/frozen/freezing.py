@@ -248,10 +248,10 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
         changes.compare_keys(rig, graph)
         if rig.watch is not None and rig.watch.is_tagged(graph, True):
             changes.drop_all(rig)
-    found = {rig.key: f"what {rig.name} follows was edited" for rig in posed if _is_behind(rig, graph)}
     changes.look(rigs.at_home(graph), graph)  # before what was copied is marked
-    unread = [rig for rig in posed if rig.source.program is None and rig.key not in found]
-    unread = [rig for rig in unread if not computing.read_again(rig, graph)]
+    unread = [rig for rig in posed if rig.source.program is None]
+    found = {rig.key: f"what {rig.name} follows was edited" for rig in unread if _is_behind(rig, graph)}
+    unread = [rig for rig in unread if rig.key not in found and not computing.read_again(rig, graph)]
     if not unread:
         return found
     users = bpy.data.user_map()
@@ -277,8 +277,8 @@ def _is_behind(rig: rigs.Rig, graph: Any) -> bool:
     copy = rigs.evaluated_copy(rig, graph)
     if copy is None or evaluations.is_transform_tagged(copy):
         return True
-    outside = dependencies.outside_of(rig.ob) if rig.last is None else rig.last.known.follows()
-    return any(evaluations.is_tagged(each.evaluated_get(graph)) for each in outside)
+    outside = dependencies.outside_of(rig.ob) if rig.last is None else rig.last.known.follows
+    return any(not rigs.is_alive(each) or evaluations.is_tagged(each.evaluated_get(graph)) for each in outside)
 
 
 def select(graph: Any) -> None:

@@ -149,7 +149,7 @@ def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
 def _compare_in(graph: Any, scene: Any) -> None:
     """Compares what is computed of frozen armatures with what Blender has evaluated in another graph, such as that of a
     render."""
-    time, reasons = rigs.time_of(scene), {}
+    time, differing = rigs.time_of(scene), []
     for rig in rigs.frozen():
         home, copy = rig.graph(), rigs.evaluated_copy(rig, graph)
         if copy is None or home is None or rig.scene != scene or not rig.source.is_proven or rig.watch is None:
@@ -167,11 +167,12 @@ def _compare_in(graph: Any, scene: Any) -> None:
         rig.is_distrusted, rig.has_differed = rig.has_differed, True
         rig.is_posable = rig.is_posable and not rig.is_distrusted
         changes.drop_all(rig)
-        rig.difference, reasons[rig.graph().view_layer.as_pointer(), rig.key] = difference, difference.sentence(rig.ob)
-    for home in rigs.graphs(rigs.frozen()) if reasons else ():
-        own = {key: why for (layer, key), why in reasons.items() if layer == home.view_layer.as_pointer()}
-        if own:
-            freezing.melt(home, own)
+        differing.append((rig, difference))
+    reasons = {}
+    for rig, difference in differing:  # not before: to drop one may drop others
+        rig.difference, reasons[rig.key] = difference, difference.sentence(rig.ob)
+    for home in rigs.graphs(rig for rig, _difference in differing):
+        freezing.melt(home, reasons)
 
 
 def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:

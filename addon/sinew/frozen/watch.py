@@ -38,12 +38,8 @@ class Watch:
 
     def is_like(self, other: "Watch") -> bool:
         """Whether two watch the same, of shape keys with the same drivers and settings."""
-        return (
-            self.keys == other.keys
-            and [(key, self._states[key][1]) for key, _numbers in self.follow]
-            == [(key, other._states[key][1]) for key, _numbers in other.follow]
-            and all(self._states[key][0].differing(other._states[key][0]) == [] for key, _numbers in self.follow)
-        )
+        same = self.keys == other.keys and self._states.keys() == other._states.keys()
+        return same and all(_are_equal(state, other._states[key]) for key, state in self._states.items())
 
     def mark(self, graph: Any) -> None:
         """Marks all, as they are now."""
@@ -68,7 +64,7 @@ class Watch:
                 elif key in expected:
                     copies.mark(copy)
                 elif not copies.is_marked(copy):
-                    if key not in self._states or not _is_same(block, self._states[key]):
+                    if key not in self._states or not _are_equal(_state_of(block), self._states[key]):
                         return False
                     copies.mark(copy)
         except ReferenceError:  # it no longer exists
@@ -140,9 +136,8 @@ def _state_of(keys: Any) -> tuple[Any, list[Any]]:
     return curves, [read, *found]
 
 
-def _is_same(keys: Any, state: tuple[Any, list[Any]]) -> bool:
-    curves, others = _state_of(keys)
-    return others == state[1] and curves.differing(state[0]) == []
+def _are_equal(state: tuple[Any, list[Any]], other: tuple[Any, list[Any]]) -> bool:
+    return state[1] == other[1] and state[0].differing(other[0]) == []
 
 
 def _mark(block: Any, graph: Any) -> None:

@@ -134,7 +134,7 @@ def forget() -> None:
     _known = None
     _losses += 1
     _compared.clear()
-    for function in (holds, offset, size, struct_size, has_struct, plain_regions, unused_byte, place):
+    for function in (holds, offset, size, struct_size, plain_regions, unused_byte, place):
         function.cache_clear()
 
 
@@ -196,14 +196,9 @@ def size(kind: str, name: str) -> int:
 
 @functools.cache
 def struct_size(kind: str) -> int:
-    """Returns the size of a struct, in bytes. Raises KeyError if Blender does not describe it."""
+    """Returns the size of a struct, in bytes. Raises KeyError if it is not in the list."""
+    members.MEMBERS[kind]
     return _look().structs[kind].size
-
-
-@functools.cache
-def has_struct(kind: str) -> bool:
-    """Whether Blender describes a struct."""
-    return kind in _look().structs
 
 
 @functools.cache

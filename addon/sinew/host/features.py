@@ -168,7 +168,8 @@ FEATURES = {
     ),
     POSED: Feature(
         "after each edit of its pose or its keyframes, all of a computed rig is read again, which takes longer",
-        "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first",
+        "bPoseChannel.*next bPoseChannel.constraints bConstraint bArmatureConstraint bConstraintTarget ListBase.*first "
+        + " ".join(members.CONSTRAINTS.values()),
         (EDITIONS, DRIVERS, FREEZING),
         "where a bone's constraints are, and the type of the first",
     ),

@@ -59,6 +59,27 @@ CHANNELS = {
     "scale_out": 12,
     **dict.fromkeys(("roll1", "roll2", "curveInX", "curveInY", "curveOutX", "curveOutY", "ease1", "ease2"), 4),
 }
+# The struct of a type of constraint. Those that are not here use more than one, or what they follow is not in it.
+CONSTRAINTS = {
+    "CHILD_OF": "bChildOfConstraint",
+    "COPY_LOCATION": "bLocateLikeConstraint",
+    "COPY_ROTATION": "bRotateLikeConstraint",
+    "COPY_SCALE": "bSizeLikeConstraint",
+    "COPY_TRANSFORMS": "bTransLikeConstraint",
+    "DAMPED_TRACK": "bDampTrackConstraint",
+    "FLOOR": "bMinMaxConstraint",
+    "IK": "bKinematicConstraint",
+    "LIMIT_DISTANCE": "bDistLimitConstraint",
+    "LIMIT_LOCATION": "bLocLimitConstraint",
+    "LIMIT_ROTATION": "bRotLimitConstraint",
+    "LIMIT_SCALE": "bSizeLimitConstraint",
+    "LOCKED_TRACK": "bLockTrackConstraint",
+    "MAINTAIN_VOLUME": "bSameVolumeConstraint",
+    "PIVOT": "bPivotConstraint",
+    "STRETCH_TO": "bStretchToConstraint",
+    "TRACK_TO": "bTrackToConstraint",
+    "TRANSFORM": "bTransformConstraint",
+}
 # A pointer's name begins with "*". The type of a pointer is omitted if it differs between Blender versions.
 MEMBERS: dict[str, dict[str, Member]] = {
     "ID": {"*orig_id": _pointer("ID", shown="original"), "recalc": _int(), "us": _int()},
@@ -125,6 +146,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "enforce": _float(),
         "flag": _short(),
     },
+    **{kind: {} for kind in CONSTRAINTS.values()},
     "bArmatureConstraint": {"targets": _LIST},
     "bConstraintTarget": {"*next": _pointer("bConstraintTarget", 0)},
     "DriverTarget": {"*id": _pointer("ID", shown="id"), "*rna_path": _pointer("char"), "pchan_name": _name()},

@@ -9,34 +9,13 @@ import bpy
 
 from ..native import sinew_native
 from . import contract, features, proof
-from .members import CHANNELS
+from .members import CHANNELS, CONSTRAINTS
 
 # What evaluations write into bones, what is selected, and what is only drawn.
 _NOT_SET = (
     *("flag", "selectflag", "chan_mat", "pose_mat", "disp_mat", "disp_tail_mat", "constinv", "pose_head", "pose_tail"),
     "runtime",
 )
-# The struct of a type of constraint. Those that are not here use more than one, or what they follow is not in it.
-_STRUCTS = {
-    "CHILD_OF": "bChildOfConstraint",
-    "COPY_LOCATION": "bLocateLikeConstraint",
-    "COPY_ROTATION": "bRotateLikeConstraint",
-    "COPY_SCALE": "bSizeLikeConstraint",
-    "COPY_TRANSFORMS": "bTransLikeConstraint",
-    "DAMPED_TRACK": "bDampTrackConstraint",
-    "FLOOR": "bMinMaxConstraint",
-    "IK": "bKinematicConstraint",
-    "LIMIT_DISTANCE": "bDistLimitConstraint",
-    "LIMIT_LOCATION": "bLocLimitConstraint",
-    "LIMIT_ROTATION": "bRotLimitConstraint",
-    "LIMIT_SCALE": "bSizeLimitConstraint",
-    "LOCKED_TRACK": "bLockTrackConstraint",
-    "MAINTAIN_VOLUME": "bSameVolumeConstraint",
-    "PIVOT": "bPivotConstraint",
-    "STRETCH_TO": "bStretchToConstraint",
-    "TRACK_TO": "bTrackToConstraint",
-    "TRANSFORM": "bTransformConstraint",
-}
 _ARMATURE = "bArmatureConstraint"
 
 
@@ -55,8 +34,7 @@ def _layout() -> Any:
     """Returns what is read of the bones."""
     first = contract.offset("ListBase", "*first")
     numbers = _numbers()
-    known = {name: kind for name, kind in _STRUCTS.items() if name in numbers and contract.has_struct(kind)}
-    kinds = {numbers[name]: _whole(kind) for name, kind in known.items()}
+    kinds = {numbers[name]: _whole(kind) for name, kind in CONSTRAINTS.items() if name in numbers}
     targets = contract.offset(_ARMATURE, "targets") + first
     kinds[numbers["ARMATURE"]] = _whole(_ARMATURE, (targets, _whole("bConstraintTarget")))
     choice = contract.offset("bConstraint", "type"), contract.offset("bConstraint", "*data"), kinds

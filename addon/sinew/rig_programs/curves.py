@@ -14,7 +14,6 @@ KEY_NUMBERS = (
 )
 # Interpolations as Blender numbers them: up to LINEAR handles have no effect, up to BEZIER easings have none.
 LINEAR, BEZIER = 1, 2
-GROUPS_MUTE = bpy.app.version < (4, 4, 0)  # later versions evaluate the curves of muted groups
 
 
 class Refused(ValueError):
@@ -24,9 +23,7 @@ class Refused(ValueError):
 def curve_of(curve: bpy.types.FCurve) -> dict[str, Any]:
     """Returns keys (K x 11, float32), modifiers and extrapolation of an F-curve. Raises Refused."""
     found: dict[str, Any] = {"keys": keys_of(curve)}
-    modifiers = [
-        modifier_of(curve, modifier) for modifier in curve.modifiers if not modifier.mute and modifier.is_valid
-    ]
+    modifiers = modifiers_of(curve)
     if modifiers:
         found["modifiers"] = modifiers
     if curve.extrapolation == "LINEAR":
@@ -64,6 +61,11 @@ def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
             points.foreach_get(name, single)
             keys[:, column] = single
     return keys
+
+
+def modifiers_of(curve: bpy.types.FCurve) -> list[dict[str, Any]]:
+    """Returns those that have an effect. Raises Refused."""
+    return [modifier_of(curve, each) for each in curve.modifiers if not each.mute and each.is_valid]
 
 
 def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
@@ -110,7 +112,7 @@ def of_slot(action: bpy.types.Action, handle: int) -> Iterator[bpy.types.FCurve]
 
 def unmuted(curves: Iterable[bpy.types.FCurve]) -> Iterator[bpy.types.FCurve]:
     for curve in curves:
-        group = curve.group if GROUPS_MUTE else None
+        group = curve.group if animation.GROUPS_MUTE else None
         if curve.mute or (group is not None and group.mute) or not curve.is_valid:
             continue
         if curve.is_empty and not len(curve.sampled_points):

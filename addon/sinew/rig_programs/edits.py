@@ -18,7 +18,8 @@ class Known:
     """What an armature object was read from: what has to be the same, and the numbers that may have changed."""
 
     def __init__(self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph) -> None:
-        self._targets, self._outside, rows = read.targets, read.outside, read.description["curves"]
+        self._targets, self._outside, self.follows = read.targets, read.outside, read.follows()
+        rows = read.description["curves"]
         self._curves = {(row["path"], row["index"]) for row in rows}
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
         self._state = _state(ob) if is_clear else None
@@ -41,17 +42,12 @@ class Known:
         rows = [self._row_of(curve) for curve in edited if paths.has_effect(paths.normalised(curve.data_path))]
         before, self._numbers = self._numbers, self._read(ob, graph)
         if None in rows or [_limits(row) for row in before[1]] != [_limits(row) for row in self._numbers[1]]:
-            self._state = None
             return None
         given: dict[str, Any] = dict(self._given_of_bones(ob, before[0]))
         for old, new in zip(before[1], self._numbers[1]):
             if old["value"] != new["value"]:
                 given[new["path"]] = new["value"] if len(new["value"]) > 1 else new["value"][0]
         return given | self._numbers[2], [row for row in rows if row is not None]
-
-    def follows(self) -> Iterator[bpy.types.ID]:
-        """Yields the data-blocks that it reads from outside."""
-        yield from (block for block, _what in (*self._targets.outside.values(), *self._outside.read.values()))
 
     def _read(self, ob: bpy.types.Object, graph: bpy.types.Depsgraph) -> tuple[np.ndarray, list, dict[str, Any]]:
         """Returns the numbers of bones, the custom properties, and what comes from outside."""
@@ -62,15 +58,12 @@ class Known:
         now = self._numbers[0]
         differs = (now.view(np.int32) != before.view(np.int32)) & ~self._is_keyed
         names = ob.pose.bones.keys() if differs.any() else ()
-        first = 0
-        for name, count, is_of_rest in tables.bone_settings():
-            own = slice(first, first + count)
+        for name, own, is_of_rest in tables.bone_columns():
             for bone in np.flatnonzero(differs[:, own].any(axis=1)).tolist():
                 start = "data" if is_of_rest else "pose"
                 numbers = now[bone, own]
                 path = f'{start}.bones["{bpy.utils.escape_identifier(names[bone])}"].{name}'
-                yield path, numbers if count > 1 else numbers[0]
-            first += count
+                yield path, numbers if len(numbers) > 1 else numbers[0]
 
     def _row_of(self, curve: bpy.types.FCurve) -> dict[str, Any] | None:
         """Returns the row of a curve, or None if it had none, or has none any more."""
@@ -89,13 +82,9 @@ def _limits(row: dict[str, Any]) -> list[Any]:
 
 def _which_are_keyed(ob: bpy.types.Object, keyed: set[tuple[str, int]]) -> np.ndarray:
     """Returns which numbers of the bones follow curves, in the order of bones.values_of."""
-    first, columns = 0, {}
-    for name, count, is_of_rest in tables.bone_settings():
-        if not is_of_rest:
-            columns[name] = first
-        first += count
+    columns = {name: own.start for name, own, is_of_rest in tables.bone_columns() if not is_of_rest}
     rows = {bone.name: number for number, bone in enumerate(ob.pose.bones)}
-    found = np.zeros((len(rows), first), bool)
+    found = np.zeros((len(rows), tables.bone_columns()[-1][1].stop), bool)
     for path, index in keyed:
         match = paths.BONE.match(path)
         column = columns.get(path[match.end() + 1 :]) if match and path.startswith("pose.") else None
@@ -107,7 +96,7 @@ def _which_are_keyed(ob: bpy.types.Object, keyed: set[tuple[str, int]]) -> np.nd
 
 def _modifiers_of(curve: bpy.types.FCurve) -> Any:
     try:
-        return [curves.modifier_of(curve, each) for each in curve.modifiers if not each.mute and each.is_valid]
+        return curves.modifiers_of(curve)
     except curves.Refused as reason:
         return str(reason)
 

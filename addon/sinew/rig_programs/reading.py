@@ -20,6 +20,10 @@ class Reading:
     targets: targets.Targets
     outside: drivers.Outside
 
+    def follows(self) -> list[bpy.types.ID]:
+        """Returns the data-blocks that are read from outside."""
+        return [block for block, _what in (*self.targets.outside.values(), *self.outside.read.values())]
+
 
 def as_list(array: Any) -> Any:
     """Returns what JSON can hold of an array of a description. For `default` of json.dump."""

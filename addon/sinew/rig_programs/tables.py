@@ -1,5 +1,6 @@
 """The library's tables of settings."""
 
+import itertools
 from functools import cache
 
 from ..native import sinew_native
@@ -14,6 +15,13 @@ def bone_settings() -> list[tuple[str, int, bool]]:
         found.append((name, count, name in seen))  # those of the pose come first
         seen.add(name)
     return found
+
+
+@cache
+def bone_columns() -> list[tuple[str, slice, bool]]:
+    """Returns the same, with where each is among a bone's numbers."""
+    ends = itertools.accumulate(count for _name, count, _is_of_rest in bone_settings())
+    return [(name, slice(end - count, end), of_rest) for (name, count, of_rest), end in zip(bone_settings(), ends)]
 
 
 @cache
