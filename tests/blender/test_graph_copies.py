@@ -217,3 +217,37 @@ def test_the_least_used_copy_goes_first(fresh_scene, monkeypatch):
             layer.update()
         assert copies.count() <= 2
         assert_same_shape(ob, twin)
+
+
+def test_what_is_to_be_restored_stays_known(fresh_scene, monkeypatch):
+    """Blender calls no handlers after a second evaluation, so keys may stay overwritten when others need room."""
+    (ob, twin, _armature), _other = two_characters()
+    copies = addon_module("run.graph_copies")
+    play(fresh_scene)
+    layer = fresh_scene.view_layers.new("Layer")
+    layer.update()
+    known = copies.at(ob.evaluated_get(layer.depsgraph).as_pointer())
+    known.unrestored = ob
+    monkeypatch.setattr(copies, "MOST_PER_MESH", 1)
+    for other in [fresh_scene.view_layers.new(f"Layer {i}") for i in range(3)]:
+        other.update()
+    assert known in copies.of_mesh(known.character)
+
+
+@pytest.mark.says_errors
+def test_an_error_in_one_graph_leaves_the_others_alone(fresh_scene, monkeypatch):
+    (ob, twin, _armature), _other = two_characters()
+    copies, in_pass = addon_module("run.graph_copies"), addon_module("run.in_pass")
+    play(fresh_scene)
+    own = copies.at(ob.evaluated_get(bpy.context.view_layer.depsgraph).as_pointer())
+
+    def fail(*_arguments):
+        raise ValueError("it cannot be done")
+
+    monkeypatch.setattr(in_pass, "_prepare", fail)
+    fresh_scene.view_layers.new("Layer").update()
+    assert own.character.status.error == "it cannot be done"
+    assert copies.of_mesh(own.character) == [own]
+    monkeypatch.undo()
+    play(fresh_scene)
+    assert_same_shape(ob, twin)

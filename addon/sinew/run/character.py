@@ -110,7 +110,3 @@ class Character:
     def is_deforming(self) -> bool:
         """Whether Sinew deformed the mesh in its last evaluation."""
         return self.last is not None and self.last.is_deforming
-
-    def forget_shape(self) -> None:
-        """Has all graphs read everything anew."""
-        graph_copies.forget(self)

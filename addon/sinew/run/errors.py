@@ -5,20 +5,22 @@ import logging
 import bpy
 
 from ..feedback import notice
-from . import characters, mail
+from . import characters, graph_copies, mail
 from .character import Character
+from .graph_copy import GraphCopy
 
 log = logging.getLogger("sinew")
 
 
-def keep(entry: Character, error: Exception) -> None:
-    """Stores an error with its mesh and reports it once, until a frame succeeds or the error changes."""
+def keep(entry: Character, copy: GraphCopy, error: Exception) -> None:
+    """Stores an error with its mesh and reports it once, until a frame succeeds or the error changes. What is known of
+    the evaluated copy in which it occurred is discarded; other graphs keep theirs."""
     sentence = str(error)
     if sentence != entry.status.error:
         entry.status.error = sentence
         mail.post(_say, entry.name[0], error)
     entry.status.note_failure()
-    entry.forget_shape()
+    graph_copies.discard(copy)
 
 
 def _say(name: str, error: Exception) -> None:

@@ -56,11 +56,16 @@ def unrestored() -> list[tuple[int, GraphCopy]]:
     return [(address, copy) for address, copy in tuple(_copies.items()) if copy.unrestored is not None]
 
 
-def forget(character: Any = None) -> None:
-    """Discards what is known of the evaluated copies of one object. None: of all objects."""
+def discard(known: GraphCopy) -> None:
+    """Discards what is known of one evaluated object."""
     for address, copy in tuple(_copies.items()):
-        if character is None or copy.character is character:
+        if copy is known:
             _copies.pop(address, None)
+
+
+def forget() -> None:
+    """Discards all."""
+    _copies.clear()
 
 
 def has_strays() -> bool:
@@ -91,7 +96,9 @@ def count() -> int:
 
 
 def _evict(mesh_count: int) -> None:
-    """Makes room for one more."""
-    while len(_copies) >= MOST_PER_MESH * mesh_count:
-        oldest = min(tuple(_copies.items()), key=lambda item: item[1].used)
-        _copies.pop(oldest[0], None)
+    """Makes room for one more. What has something to restore stays: nobody else knows what that is."""
+    surplus = len(_copies) + 1 - MOST_PER_MESH * mesh_count
+    if surplus > 0:
+        restored = [item for item in tuple(_copies.items()) if item[1].unrestored is None]
+        for address, _copy in sorted(restored, key=lambda item: item[1].used)[:surplus]:
+            _copies.pop(address, None)

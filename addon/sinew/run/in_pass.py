@@ -53,7 +53,7 @@ def deform_now(ob: Any) -> None:
         entry = characters.of(ob)
         copy = entry.copy_of(ob)
         copy.unrestored = ob.original  # which the fast path has not noted
-        errors.keep(entry, error)
+        errors.keep(entry, copy, error)
         _leave(entry, copy, ob)
 
 
@@ -212,7 +212,7 @@ def _leave(entry: Character, copy: GraphCopy, ob: Any) -> None:
             switching.switch(ob, copy.plan, False)
         _give_keys_back(copy, ob)
     except Exception as error:
-        errors.keep(entry, error)
+        errors.keep(entry, copy, error)
 
 
 def _rest(copy: GraphCopy, ob: Any) -> None:
