@@ -167,6 +167,7 @@ def test_a_character_that_is_frozen_is_compared_first(cast):
     cast.play()
 
 
+@pytest.mark.says_errors
 def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     """A key of a later frame that is read wrongly makes no difference on this one."""
     reading = addon_module("rig_programs.reading")
@@ -205,6 +206,69 @@ def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     with pytest.raises(RuntimeError, match="No difference from Blender was found in Rig"):
         bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
     cast.play()
+
+
+@pytest.fixture
+def misread(monkeypatch):
+    """A function that has all bones read as if they were elsewhere, or again as they are."""
+    reading = addon_module("rig_programs.reading")
+    read = reading.read
+
+    def moved(*arguments):
+        found = read(*arguments)
+        for bone in found.description["bones"]:
+            bone["matrix_local"][0][3] += 0.01
+        return found
+
+    def switch(is_on):
+        monkeypatch.setattr(reading, "read", moved if is_on else read)
+
+    return switch
+
+
+@pytest.mark.says_errors
+def test_a_difference_on_the_first_frame_is_reported(cast, misread, tmp_path, caplog):
+    misread(True)
+    wait(cast)
+    assert not cast.rig.is_idle and "on frame 1, " in cast.rig.reason and "would have" in cast.rig.reason
+    assert [record.levelname for record in caplog.records] == ["WARNING"] and cast.rig.reason in caplog.text
+    path = tmp_path / "report.json"
+    bpy.ops.object.sinew_report_rig(filepath=str(path), armature=cast.rig.ob.name)
+    assert json.loads(path.read_text())["frame"] == 1
+    misread(False)
+    turn(cast)
+    cast.play([1])
+    accelerate(cast)
+    assert cast.rig.difference is None
+
+
+@pytest.mark.says_errors
+@pytest.mark.parametrize("is_ahead", (False, True))
+def test_what_is_read_again_after_an_edit_is_compared_with_the_edit(cast, misread, is_ahead):
+    cast.scene.frame_set(3)
+    accelerate(cast)
+
+    def edit():
+        turn(cast)
+        wait(cast) if is_ahead else cast.scene.frame_set(5)
+
+    for _ in range(2):
+        edit()
+        assert cast.rig.is_idle and 3 in cast.rig.source.compared, cast.rig.reason
+        cast.play([4, 5, 3])
+        assert cast.rig.is_frozen
+    for time in (1, 2):
+        misread(True)
+        cast.rig.last = None  # so that all of it is read
+        edit()
+        layer().update()
+        assert not cast.rig.is_idle and "on frame 3, " in cast.rig.difference.sentence(cast.rig.ob)
+        assert cast.rig.difference.given and cast.rig.is_distrusted == (time == 2)
+        misread(False)
+        turn(cast)
+        cast.play([4, 5, 3])
+        wait(cast)
+        assert cast.rig.is_frozen == (time == 1), cast.rig.reason
 
 
 @pytest.fixture
@@ -669,6 +733,7 @@ def test_measuring_that_fails_leaves_it_computed(cast):
     assert cast.rig.is_frozen and cast.rig.needs_program
 
 
+@pytest.mark.says_errors
 def test_renders_compare_it_with_blender(cast):
     can_render(cast.scene)
     accelerate(cast)

@@ -399,6 +399,7 @@ def test_a_handler_that_poses_on_each_frame(cast):
 # --- trust ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.says_errors
 def test_what_is_computed_otherwise_than_by_blender_is_recorded(cast):
     """On this frame or a later one: it is noticed as soon as Blender evaluates it."""
     freeze_unplayed(cast)
@@ -418,6 +419,7 @@ def test_what_is_computed_otherwise_than_by_blender_is_recorded(cast):
     cast.assert_same()
 
 
+@pytest.mark.says_errors
 def test_a_program_that_does_not_compute_this_frame_is_not_used(cast, monkeypatch):
     monkeypatch.setattr(computing().rigs, "shows", lambda *_: False)
     freezing().freeze([cast.rig], cast.scene, layer())

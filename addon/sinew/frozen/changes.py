@@ -1,14 +1,15 @@
 """Records armatures while they play, and drops from the records what an edit changes: all, or of keyframes of the
 armature's own action those frames on which they matter."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import bpy
 
 from ..blender import animation, armatures, dependencies, values
 from ..host import keyframes
-from . import followers, rigs, stored_keys, watch
+from . import differences, followers, rigs, stored_keys, watch
 from .followers import Followers
 
 MOST_TO_SKIP = 63  # frames, of an armature that somebody edits on each
@@ -99,8 +100,10 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
             drop_all(rig)
         elif moment is not None and not rigs.shows(rig, graph, moment):  # something has changed that was not noticed
             if rig.source.is_proven:
-                rig.is_distrusted, rig.is_posable = True, False
-            drop_all(rig)
+                rig.has_differed = True
+                differences.note(rig, differ(rig, rigs.evaluated_copy(rig, graph), rigs.time_of(scene)))
+            else:
+                drop_all(rig)
     begin([rig for rig in own if rig.watch is None], scene, graph)
     frame: Any = rigs.whole_frame(scene)
     for rig in own:
@@ -176,6 +179,18 @@ def drop_all(rig: rigs.Rig) -> None:
     if rig.watch is not None and 0 < len(rig.record) <= 2:
         rig.to_skip, rig.restless = rig.restless, min(2 * rig.restless + 1, MOST_TO_SKIP)
     drop(rig, [stored_keys.ALL])
+
+
+def differ(
+    rig: rigs.Rig, copy: Any, time: float, given: Mapping[str, Any] = MappingProxyType({})
+) -> differences.Difference:
+    """Drops an armature whose program has computed something else than Blender, and returns what. If it is the second
+    time, it is not computed any more. copy, time, given: as differences.Difference.between takes them."""
+    difference = differences.Difference.between(rig, copy, time, given)
+    rig.is_distrusted, rig.has_differed = rig.has_differed, True
+    rig.is_posable = rig.is_posable and not rig.is_distrusted
+    drop_all(rig)
+    return difference
 
 
 def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:

@@ -4,46 +4,19 @@ which Blender evaluates in a scene of their own, so that nothing that is shown c
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from statistics import median
 from time import perf_counter
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..blender import animation, dependencies
 from ..host import poses
-from ..rig_programs import checking, driven_keys, reading
-from . import computing, rigs
+from . import computing, differences, rigs
 
 NAME = ".Sinew Frames"
 MOST_FRAMES = 16
 SECONDS = 0.1  # after which no other frame is begun
-
-
-@dataclass
-class Difference:
-    """A frame on which Blender's bones are others than those that were computed."""
-
-    frame: float
-    blender: np.ndarray  # (B, 4, 4) float32, the poses of all bones
-    computed: np.ndarray
-
-    @classmethod
-    def between(cls, rig: rigs.Rig, copy: bpy.types.Object, frame: float) -> "Difference":
-        """copy: evaluated on that frame."""
-        computed = rig.source.program.evaluate(np.array([frame], np.float32))[0]
-        return cls(frame, checking.matrices_of(copy.pose.bones), computed)
-
-    def sentence(self, ob: bpy.types.Object) -> str:
-        far = checking.distances(self.computed, self.blender)
-        bone = int((far > 0).argmax())  # the first, which others follow
-        if not far[bone]:
-            return f"on frame {self.frame:g}, channels or B-bones of {ob.name} are not those that were computed"
-        row, column = divmod(int(np.abs(self.computed[bone] - self.blender[bone]).argmax()), 4)
-        numbers = f"{self.computed[bone, row, column]:.9g} instead of {self.blender[bone, row, column]:.9g}"
-        return f"on frame {self.frame:g}, {ob.pose.bones[bone].name} of {ob.name} would have {numbers} in its matrix"
 
 
 def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
@@ -70,8 +43,8 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
                 copy = evaluated_on(frame)
                 spent.append(1e3 * (perf_counter() - start))
                 if not poses.are_posed([(copy, moment.pose)])[0]:
-                    rig.difference = Difference.between(rig, copy, frame)
-                    rig.source = rigs.Source(refusal=rig.difference.sentence(rig.ob))
+                    sentence = differences.note(rig, differences.Difference.between(rig, copy, frame))
+                    rig.source = rigs.Source(refusal=sentence)
                     return True
                 source.compared.add(frame)
                 if perf_counter() - began > SECONDS:
@@ -111,15 +84,3 @@ def _on_frames(ob: bpy.types.Object) -> Iterator[Any]:
         for each, handlers in zip(lists, before):
             each[:] = handlers
         bpy.data.scenes.remove(own)
-
-
-def report(rig: rigs.Rig, graph: Any) -> dict[str, Any]:
-    """Returns all that is needed to find out why an armature differs, for JSON: its description, and both poses."""
-    keyed, found = rigs.keyed(rig, graph), rig.difference
-    return {
-        "description": reading.read(rig.ob, graph, keyed).description,
-        "driven keys": list(map(driven_keys.path_of, range(sum(len(numbers) for _keys, numbers in keyed)))),
-        "frame": found.frame,
-        "blender": found.blender.tolist(),
-        "computed": found.computed.tolist(),
-    }

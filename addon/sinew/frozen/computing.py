@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 
 from ..blender import animation
-from ..host import poses
+from ..host import evaluations, poses
 from ..native import sinew_native
 from ..rig_programs import curves, driven_keys, edits, reading
-from . import changes, followers, rigs, settings, watch
+from . import changes, differences, followers, rigs, settings, watch
 from .followers import Followers
 from .rigs import Source
 
@@ -49,6 +49,9 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
             rig.keep(frame, moment)
         elif rig.source.is_proven:  # something has changed that was not noticed
             changes.drop_all(rig)
+        elif not animation.unkeyed_path(rig.ob, scene.frame_current_final):
+            copy = rigs.evaluated_copy(rig, graph)
+            differences.note(rig, differences.Difference.between(rig, copy, rigs.time_of(scene)))
 
 
 class _Ahead:
@@ -160,6 +163,23 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
     rig.last = _Last(rig.source, last.known, keys, new)
     return True
+
+
+def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
+    """Compares what was read of armatures that are POSED with the bones that Blender has evaluated since, from the
+    channels that they have. Returns how those that are others differ, sentences by key."""
+    found = {}
+    for rig in own:
+        copy, time, rig.posed_on = rigs.evaluated_copy(rig, graph), rig.posed_on, None
+        if copy is None or time is None or rig.last is None or evaluations.is_tagged(copy):
+            continue
+        given = dict(rig.last.known.keyed())
+        given |= {each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))}
+        if differences.Difference.between(rig, copy, time, given).is_any():
+            found[rig.key] = differences.note(rig, changes.differ(rig, copy, time, given))
+        elif time == int(time):
+            rig.source.compared.add(int(time))
+    return found
 
 
 def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:

@@ -210,8 +210,15 @@ def pose(rig: rigs.Rig) -> bool:
     """Lets Blender evaluate the bones of a frozen armature that was edited, from a handler. Returns whether it may."""
     changes.drop_all(rig)
     if rig.is_posable:
-        rig.state, rig.pose = State.POSED, None
+        rig.state, rig.pose, rig.posed_on = State.POSED, None, None
     return rig.is_posable
+
+
+def note_posed(rig: rigs.Rig, graph: Any) -> None:
+    """Notes whether the evaluation whose handlers run has evaluated the bones of an armature that is POSED."""
+    copy = rigs.evaluated_copy(rig, graph)
+    if copy is not None and evaluations.is_tagged(copy):
+        rig.posed_on = rigs.time_of(rig.scene)
 
 
 def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
@@ -237,13 +244,15 @@ def resume(posed: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
 
 def read_ahead(rig: rigs.Rig) -> None:
     """Reads the program of an armature that is POSED before another frame needs it. Call it outside an evaluation."""
-    for reason in _read_edited([rig], rig.graph()).values():
-        rig.source = rigs.Source(refusal=reason)
+    graph = rig.graph()
+    found = _read_edited([rig], graph)
+    if found:
+        melt(graph, found)
 
 
 def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
-    """Reads the programs of armatures that are POSED, of those that were edited since they were read. Returns why
-    others have none, by key."""
+    """Reads the programs of armatures that are POSED, of those that were edited since they were read, and compares them
+    with what Blender has made of the edit. Returns why others have none, by key."""
     for rig in posed:
         changes.compare_keys(rig, graph)
         if rig.watch is not None and rig.watch.is_tagged(graph, True):
@@ -252,9 +261,14 @@ def _read_edited(posed: list[rigs.Rig], graph: Any) -> dict[int, str]:
     unread = [rig for rig in posed if rig.source.program is None]
     found = {rig.key: f"what {rig.name} follows was edited" for rig in unread if _is_behind(rig, graph)}
     unread = [rig for rig in unread if rig.key not in found and not computing.read_again(rig, graph)]
-    if not unread:
-        return found
-    users = bpy.data.user_map()
+    found |= _read_anew(unread, graph)
+    return found | computing.differing([rig for rig in posed if rig.key not in found], graph)
+
+
+def _read_anew(unread: list[rigs.Rig], graph: Any) -> dict[int, str]:
+    """Reads armatures as if they had never been read. Returns why some have no program, by key."""
+    found: dict[int, str] = {}
+    users = bpy.data.user_map() if unread else {}
     each_followers = followers.find([rig.ob for rig in unread], users, graph)
     for rig in unread:
         own = each_followers[rig.ob]

@@ -6,7 +6,7 @@ import bpy
 
 from ..host import contract, features, poses
 from ..run import mail
-from . import changes, comparing, computing, freezing, rigs, watch
+from . import changes, computing, differences, freezing, rigs, watch
 
 _evaluations = 0  # that handlers have seen
 
@@ -162,15 +162,11 @@ def _compare_in(graph: Any, scene: Any) -> None:
         if poses.are_posed([(copy, moment.pose)])[0]:
             rig.source.compared |= {int(time)} if time == int(time) else set()
             continue
-        difference = comparing.Difference.between(rig, copy, time)
         # Something may have been edited so that Blender has not noticed it yet. If it differs again, that is not so.
-        rig.is_distrusted, rig.has_differed = rig.has_differed, True
-        rig.is_posable = rig.is_posable and not rig.is_distrusted
-        changes.drop_all(rig)
-        differing.append((rig, difference))
+        differing.append((rig, changes.differ(rig, copy, time)))
     reasons = {}
     for rig, difference in differing:  # not before: to drop one may drop others
-        rig.difference, reasons[rig.key] = difference, difference.sentence(rig.ob)
+        reasons[rig.key] = differences.note(rig, difference)
     for home in rigs.graphs(rig for rig, _difference in differing):
         freezing.melt(home, reasons)
 
@@ -199,6 +195,8 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
     changes.look(own, graph)
     watch.expect_no_more(graph)
     for rig in own:
+        if rig.is_idle and not rig.is_frozen:
+            freezing.note_posed(rig, graph)
         if not rig.is_frozen or rig.key in reasons:
             continue
         if rig.watch is None:

@@ -79,7 +79,8 @@ class Rig:
     stays_live: bool = False  # somebody has thawed it
     milliseconds: float = 0.0  # to compute a moment, the last time
     has_differed: bool = False  # from what Blender has evaluated elsewhere, once
-    difference: Any = None  # comparing.Difference of its last program, or None
+    difference: Any = None  # differences.Difference of its last program, or None
+    posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
     tried_at: int = 0

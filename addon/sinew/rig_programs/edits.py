@@ -23,9 +23,7 @@ class Known:
         self._curves = {(row["path"], row["index"]) for row in rows}
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
         self._state = _state(ob) if is_clear else None
-        if self._state is None:
-            return
-        self._places = bones.places_of(ob)
+        self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
 
@@ -46,8 +44,18 @@ class Known:
         given: dict[str, Any] = dict(self._given_of_bones(ob, before[0]))
         for old, new in zip(before[1], self._numbers[1]):
             if old["value"] != new["value"]:
-                given[new["path"]] = new["value"] if len(new["value"]) > 1 else new["value"][0]
+                given[new["path"]] = _given(new["value"])
         return given | self._numbers[2], [row for row in rows if row is not None]
+
+    def keyed(self) -> Iterator[tuple[str, Any]]:
+        """Yields the numbers that the bones had of what keyframes set, by path, as RigProgram.evaluate is given them."""
+        numbers = self._numbers[0]
+        for name, own, is_of_rest in tables.bone_columns():
+            for bone in np.flatnonzero(self._is_keyed[:, own].any(axis=1)).tolist():
+                yield self._path_of(bone, name, is_of_rest), _given(numbers[bone, own])
+
+    def _path_of(self, bone: int, name: str, is_of_rest: bool) -> str:
+        return f'{"data" if is_of_rest else "pose"}.bones["{bpy.utils.escape_identifier(self._names[bone])}"].{name}'
 
     def _read(self, ob: bpy.types.Object, graph: bpy.types.Depsgraph) -> tuple[np.ndarray, list, dict[str, Any]]:
         """Returns the numbers of bones, the custom properties, and what comes from outside."""
@@ -57,13 +65,9 @@ class Known:
     def _given_of_bones(self, ob: bpy.types.Object, before: np.ndarray) -> Iterator[tuple[str, Any]]:
         now = self._numbers[0]
         differs = (now.view(np.int32) != before.view(np.int32)) & ~self._is_keyed
-        names = ob.pose.bones.keys() if differs.any() else ()
         for name, own, is_of_rest in tables.bone_columns():
             for bone in np.flatnonzero(differs[:, own].any(axis=1)).tolist():
-                start = "data" if is_of_rest else "pose"
-                numbers = now[bone, own]
-                path = f'{start}.bones["{bpy.utils.escape_identifier(names[bone])}"].{name}'
-                yield path, numbers if len(numbers) > 1 else numbers[0]
+                yield self._path_of(bone, name, is_of_rest), _given(now[bone, own])
 
     def _row_of(self, curve: bpy.types.FCurve) -> dict[str, Any] | None:
         """Returns the row of a curve, or None if it had none, or has none any more."""
@@ -74,6 +78,11 @@ class Known:
             return drivers.curve_row(path, curve)
         except curves.Refused:
             return None
+
+
+def _given(numbers: Any) -> Any:
+    """Returns the numbers of a path as RigProgram.evaluate is given them."""
+    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _limits(row: dict[str, Any]) -> list[Any]:

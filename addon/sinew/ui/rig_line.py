@@ -9,7 +9,7 @@ from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..feedback import notice
-from ..frozen import comparing, rigs
+from ..frozen import differences, rigs
 from ..rig_programs import reading
 
 
@@ -61,7 +61,7 @@ class ReportRig(bpy.types.Operator, ExportHelper):
             self.report({"ERROR"}, f"No difference from Blender was found in {self.armature or 'any armature'}")
             return {"CANCELLED"}
         try:
-            found = comparing.report(rig, context.evaluated_depsgraph_get())
+            found = differences.report(rig, context.evaluated_depsgraph_get())
             Path(self.filepath).write_text(json.dumps(found, default=reading.as_list) + "\n", encoding="utf-8")
         except (ValueError, OSError) as error:
             self.report({"ERROR"}, str(error))
