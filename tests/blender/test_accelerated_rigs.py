@@ -509,14 +509,39 @@ def test_undo(cast):
     assert cast.rig.is_frozen
 
 
-def test_adding_an_object_lets_it_be_computed_again(cast):
+def add_object(_cast):
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("New", None))
+
+
+def hide_a_mesh(cast):
+    for _armature, mesh, *_ in both(cast):
+        mesh.hide_viewport = True
+
+
+def add_a_constraint(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["side"].constraints.new("COPY_LOCATION").target = armature
+
+
+@pytest.mark.parametrize("is_playing", (False, True))
+@pytest.mark.parametrize("change, is_read", ((add_object, False), (hide_a_mesh, False), (add_a_constraint, True)))
+def test_when_blender_has_built_relations_it_is_computed_as_before(cast, monkeypatch, change, is_read, is_playing):
     accelerate(cast)
-    cast.scene.collection.objects.link(bpy.data.objects.new("New", None))
+    cast.play([2, 3])
+    computing, reads = addon_module("frozen.computing"), []
+    read = computing.read
+    monkeypatch.setattr(computing, "read", lambda *arguments: reads.append(read(*arguments)))
+    before = set(cast.rig.source.compared)
+    change(cast)
     layer().update()
-    cast.assert_same()
+    cast.play([4])
+    freezing().freeze_again(cast.scene, layer(), is_playing)
+    if not is_read:
+        assert cast.rig.is_frozen and not reads and cast.rig.source.compared >= before, cast.rig.reason
+    cast.play([5, 6])
     wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
     cast.play()
-    assert cast.rig.is_frozen
 
 
 def test_a_pose_that_is_not_keyed_keeps_it_live(cast):

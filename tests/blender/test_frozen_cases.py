@@ -479,6 +479,7 @@ def test_the_states(cast):
     cast.play()
 
 
+@pytest.mark.says_errors
 @pytest.mark.parametrize("place", ["without_animation", "on_each_frame", "build", "sum_again", "show"])
 def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
     relations = addon_module("host.relations")

@@ -38,7 +38,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     if rig.source.is_proven and rig.at(frame) is not None:
         return
     changes.meet(rig, found if isinstance(found, Followers) else Followers(), users, graph)
-    if rig.source.program is None:
+    if rig.source.program is None and not read_again(rig, graph):
         read(rig, scene, graph)
     start = perf_counter()
     found_now = _moments([rig], [[frame]])[0]
@@ -47,7 +47,9 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         if rigs.shows(rig, graph, moment):
             rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
             rig.keep(frame, moment)
-        elif rig.source.is_proven:  # something has changed that was not noticed
+            continue
+        rig.last = None
+        if rig.source.is_proven:  # something has changed that was not noticed
             changes.drop_all(rig)
         elif not animation.unkeyed_path(rig.ob, scene.frame_current_final):
             copy = rigs.evaluated_copy(rig, graph)
@@ -134,8 +136,8 @@ def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) 
 
 
 def read_again(rig: rigs.Rig, graph: Any) -> bool:
-    """Reads of an edited armature what its pose and its keyframes change. Returns whether nothing else has changed
-    since its program was read: neither what follows it nor what it depends on."""
+    """Reads of an armature, which may have been edited, what its pose and its keyframes change. Returns whether nothing
+    else has changed since its program was read: neither the shape keys that follow it nor what it depends on."""
     last: Any = rig.last
     rig.last = None
     if last is None or rig.tempo != changes.tempo_of(rig.scene):
@@ -145,7 +147,9 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         return False
     if rig.ob.parent is not None and not followers.is_still(rig.ob.parent, rig.ob):
         return False
-    new = watch.Watch(rig.ob, last.watch.blocks, last.watch.action, rig.followers.keyed, graph)
+    if last.source.counts != tuple(len(numbers) for _keys, numbers in rigs.keyed(rig, graph)):
+        return False
+    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, last.watch.action, rig.followers.keyed, graph)
     keys = changes.keys_of(last.watch.action)
     numbers = last.keys.curves.differing(keys.curves)
     has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
@@ -159,7 +163,8 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         program = last.source.program.edited(*edit)
     except (ValueError, ReferenceError):
         return False
-    rig.source = replace(last.source, program=program, is_proven=False, heads={}, compared=set())
+    compared = set() if any(edit) else last.source.compared
+    rig.source = replace(last.source, program=program, is_proven=False, heads={}, compared=compared)
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
     rig.last = _Last(rig.source, last.known, keys, new)
     return True
@@ -174,7 +179,9 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         if copy is None or time is None or rig.last is None or evaluations.is_tagged(copy):
             continue
         given = dict(rig.last.known.keyed())
-        given |= {each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))}
+        given |= {
+            each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
+        }
         if differences.Difference.between(rig, copy, time, given).is_any():
             found[rig.key] = differences.note(rig, changes.differ(rig, copy, time, given))
         elif time == int(time):

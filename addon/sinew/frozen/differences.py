@@ -48,11 +48,12 @@ class Difference:
 
 
 def note(rig: rigs.Rig, difference: Difference) -> str:
-    """Keeps a difference of an armature, and logs it. Returns the sentence for the panel."""
+    """Keeps a difference of an armature, which is read as a whole the next time, and logs it. Returns the sentence for
+    the panel."""
     sentence = difference.sentence(rig.ob)
     if rig.difference is None or rig.difference.sentence(rig.ob) != sentence:
         log.warning("what was computed is not what Blender has: %s", sentence)
-    rig.difference = difference
+    rig.difference, rig.last = difference, None
     return sentence
 
 

@@ -317,7 +317,9 @@ def melt(graph: Any, reasons: dict[int, str]) -> None:
     frozen again at once."""
     for rig in rigs.idle():
         if rig.graph() in (graph, None):
-            rig.reason, rig.last = reasons.get(rig.key, ""), None
+            rig.reason = reasons.get(rig.key, "")
+            if rig.reason:
+                rig.last = None
             if rig.is_frozen or rig.shown is None:
                 _evaluate_keys(rig)
             rig.state = State.SUSPECT
@@ -385,7 +387,15 @@ def freeze_again(scene: Any, layer: Any, is_playing: bool = False) -> None:
         if rig.state is State.WANTED
         and (not rig.is_selected or rig.is_posable)
         and not (is_playing and (rig.reason or rig.shown is None))
-        and not (rig.needs_program and (rig.tries > 0 or not (rig.source.is_proven and rig.source.compared)))
+    ]
+    # Blender has built relations for something else: nearly always they can be computed as before.
+    dropped = [rig for rig in waiting if rig.needs_program and rig.last and rig.source.program is None]
+    if dropped:
+        reasons.look_at_each(dropped, scene, layer)
+    waiting = [
+        rig
+        for rig in waiting
+        if not (rig.needs_program and (rig.tries > 0 or not (rig.source.is_proven and rig.source.compared)))
         and (rigs.now(rig, scene) is not None or not is_playing and computing.can_be(rig))
         and (rig.ob.mode == "OBJECT" or rig.is_posable and rig.ob.mode == "POSE")
     ]
