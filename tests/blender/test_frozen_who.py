@@ -194,23 +194,6 @@ def with_timed_driver(cast, armature, _ob, _prop):
     return "may change on each frame by itself"
 
 
-def with_driver_elsewhere(cast, armature, _ob, _prop):
-    light = bpy.data.lights.new("Lamp", "POINT")
-    driver = light.driver_add("energy").driver
-    variable = driver.variables.new()
-    variable.type = "TRANSFORMS"
-    variable.targets[0].id, variable.targets[0].bone_target = armature, "bone1"
-    return "Lamp is driven by its bones"
-
-
-def with_driven_object(cast, armature, _ob, prop):
-    driver = prop.driver_add("scale", 0).driver
-    variable = driver.variables.new()
-    variable.type = "TRANSFORMS"
-    variable.targets[0].id, variable.targets[0].bone_target = armature, "bone1"
-    return "a driver of Prop"
-
-
 def with_cloth(cast, _armature, ob, _prop):
     ob.modifiers.new("Cloth", "CLOTH")
     return "is simulated"

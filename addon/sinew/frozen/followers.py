@@ -1,5 +1,6 @@
 """Finds all that follows an armature, or why it could not follow a frozen one."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -7,11 +8,16 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, nodes, values
+from ..host import poses, relations
 from ..plan import wiring
+from ..rig_programs import paths
+from .shapes import is_alive
 
 # Constraints that depend on the frame, or on what cannot be watched.
 TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "FOLLOW_PATH"}
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
+# What drivers may read of a bone on each frame.
+_RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace)
 
@@ -25,12 +31,24 @@ class Followers:
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
     # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
     keyed: list[tuple[Any, tuple[int, ...]]] = field(default_factory=list)
+    driven: list[tuple[Any, str, int]] = field(default_factory=list)  # other drivers: data-block, path, index
+    # What these read of the armature that keyframes or drivers set, and is no channel of a bone, with who reads it.
+    reads: dict[str, str] = field(default_factory=dict)
     keys: frozenset[int] = frozenset()  # of all these objects
     copied: list[Any] = field(default_factory=list)  # the data-blocks that Blender copies again when they are tagged
 
     @property
     def objects(self) -> list[Any]:
         return [*self.hooked, *self.placed, *self.shaped]
+
+    def drivers(self) -> list[Any]:
+        """Returns the other drivers."""
+        found = [block.animation_data.drivers.find(path, index=index) for block, path, index in self.driven]
+        return [each for each in found if each is not None]
+
+    def driven_blocks(self) -> list[Any]:
+        """Returns the data-blocks that have them."""
+        return list(dict.fromkeys(block for block, _path, _index in self.driven if is_alive(block)))
 
 
 class NotFreezable(ValueError):
@@ -61,14 +79,14 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
         if driven:
             found.keyed.append((user, driven))
             continue
+        before = len(found.driven)
         for block in (user, getattr(user, "node_tree", None)):
-            for curve in _drivers_on(block, rig) if block is not None else ():
-                raise NotFreezable(
-                    f"{user.name} is driven by {_reading(curve, rig)}, and a driver does not notice a frozen armature: "
-                    "it would stand still"
-                )
+            for curve in _drivers_on(block, rig) if block is not None and _is_evaluated(block, graph) else ():
+                _add_driven(block, curve, user.name, rig, found)
         if isinstance(user, bpy.types.NodeTree):
             groups.add(user)
+        elif len(found.driven) > before:
+            continue
         elif isinstance(user, bpy.types.Camera) and not getattr(user.dof, "focus_subtarget", ""):
             continue  # it looks at the armature's place, which stays
         elif not isinstance(user, (*_LISTS, bpy.types.Library)) and _is_evaluated(user, graph):
@@ -105,10 +123,9 @@ def _is_evaluated(block: Any, graph: Any) -> bool:
 def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
     if nodes.is_canvas(ob) or not _is_evaluated(ob, graph):
         return
-    for curve in _drivers_on(ob, rig):
-        raise NotFreezable(
-            f"a driver of {ob.name} reads {_reading(curve, rig)}, and a driver does not notice a frozen armature"
-        )
+    own_drivers = _drivers_on(ob, rig)
+    for curve in own_drivers:
+        _add_driven(ob, curve, ob.name, rig, found)
     if ob.type == "ARMATURE":
         if ob.data == rig.data and rig not in dependencies.outside_of(ob):
             return  # shares its bones, not its pose
@@ -135,7 +152,7 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
             f"{ob.name} is deformed by its parent: use an Armature modifier (Object > Convert, or parent it with "
             "Armature Deform), which Sinew can follow"
         )
-    is_known = ob.parent == rig or rig in dependencies.pointers(ob.sinew)
+    is_known = ob.parent == rig or rig in dependencies.pointers(ob.sinew) or bool(own_drivers)
     if any(rig in dependencies.pointers(modifier) or modifier.type == "NODES" for modifier in ob.modifiers):
         (found.hooked if hook_of(ob) is not None else found.shaped).append(ob)
         is_known = True
@@ -202,16 +219,34 @@ def _exists(block: Any, path: str) -> bool:
     return True
 
 
-def _reading(curve: Any, rig: Any) -> str:
-    """Returns what of an armature a driver reads, in a few words."""
+def _add_driven(block: Any, curve: Any, name: str, rig: Any, found: Followers) -> None:
+    """Takes note of a driver that reads an armature. name: of the data-block, for people. Raises NotFreezable."""
+    try:
+        relations.on_each_frame(curve.driver)
+    except ValueError as reason:
+        raise NotFreezable(f"the driver of {curve.data_path} of {name} reads it, and {reason}") from None
+    found.driven.append((block, curve.data_path, curve.array_index))
+    for path in filter(None, _paths_read(curve, rig)):
+        bone = paths.BONE.match(path)
+        channel = bone and re.match(r"\.(\w+)", path[bone.end() :])
+        is_recorded = path.startswith("pose.") and channel is not None and channel[1] in _RECORDED
+        if not is_recorded and any(path.startswith(each) for each in animation.animated_paths(rig)):
+            found.reads[path] = f"{curve.data_path} of {name}"
+        elif path.startswith("data."):
+            if any(path[5:].startswith(each) for each in animation.animated_paths(rig.data)):
+                found.reads[path] = f"{curve.data_path} of {name}"
+
+
+def _paths_read(curve: Any, rig: Any) -> list[str]:
+    """Returns the paths from an armature object that a driver reads; "" for its bones."""
+    found = []
     for variable in curve.driver.variables:
         for target in variable.targets:
-            if target.id not in (rig, rig.data):
-                continue
-            if variable.type in {"SINGLE_PROP", "CONTEXT_PROP"}:
-                dot = "" if target.data_path.startswith("[") else "."
-                return f"{target.id.name}{dot}{target.data_path}"
-    return "its bones"
+            if target.id in (rig, rig.data):
+                is_path = variable.type in {"SINGLE_PROP", "CONTEXT_PROP"}
+                start = "data." if target.id == rig.data else ""
+                found.append(paths.normalised(start + target.data_path) if is_path else "")
+    return found
 
 
 def _driven_values(keys: Any, rig: Any) -> tuple[int, ...]:

@@ -28,6 +28,7 @@ import bpy
 
 from ..blender import animation, dependencies, values
 from ..host import contract, evaluations, features, poses, relations
+from ..plan import wiring
 from . import changes, computing, followers, reasons, rigs, watch
 from .followers import Followers
 from .rigs import State
@@ -158,6 +159,7 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     global _is_building
     graph = layer.depsgraph
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
+    driven = [curve for rig in chosen for curve in rig.followers.drivers()]
 
     def mark() -> None:
         for rig in at_home:
@@ -171,14 +173,17 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
             for rig in chosen:
                 rebuilding.without_animation(rig.ob)
             for ob in hooked.values():
-                rebuilding.on_each_frame(followers.hook_of(ob))
+                rebuilding.on_each_frame(followers.hook_of(ob), f"{wiring.CALLS} + 0 * frame")
+            for curve in driven:
+                rebuilding.on_each_frame(curve)
             rebuilding.build(layer, mark)
     finally:
         _is_building = False
-    for ob in hooked.values():
-        hook = followers.hook_of(ob.evaluated_get(graph))
-        if hook is not None:
-            relations.sum_again(hook)
+    for original in [*map(followers.hook_of, hooked.values()), *driven]:
+        copy = original.id_data.evaluated_get(graph).animation_data
+        found = copy and copy.drivers.find(original.data_path, index=original.array_index)
+        if found:
+            relations.type_again(found, original)
 
 
 def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> list[Any]:
@@ -194,8 +199,8 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> list[Any]:
     if rigs.shows(rig, graph, pose):
         return []
     rigs.show(rig, graph, pose)
-    for ob in rig.followers.objects:
-        ob.update_tag()
+    for block in (*rig.followers.objects, *rig.followers.driven_blocks()):
+        block.update_tag()
     return rig.followers.copied
 
 

@@ -125,8 +125,8 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
             if not rigs.show(rig, graph, rig.pose):
                 lacking.append(rig)
             _tag_followers(rig, graph)
-            for ob in rig.followers.hooked if not is_new_frame else ():
-                ob.update_tag()
+            for block in (*rig.followers.hooked, *rig.followers.driven_blocks()) if not is_new_frame else ():
+                block.update_tag()
     steps = [(rig, rig.at(frame)) for rig in own if rig.shown != frame]
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:

@@ -57,6 +57,10 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
     computing.prove(rig, own, users, scene, layer.depsgraph)
     if rig.needs_program and not (rig.source.is_proven and rig.is_posable):
         return why_not_computed(rig, scene)
+    unknown = own.reads.keys() - {each.path for each in rig.source.settings}
+    if unknown:
+        path = min(unknown)
+        return f"the driver of {own.reads[path]} reads {path} of {rig.name}, which is animated and not recorded"
     if rig.ob.mode == "POSE" and not rig.is_posable:
         return being_edited(rig.ob)
     reason = why_live(rig, scene, layer)

@@ -297,11 +297,17 @@ def show(rig: Rig, graph: Any, moment: Any) -> bool:
     bones are others than those that were recorded."""
     is_shown = poses.play(evaluated_copy(rig, graph), moment.pose)
     poses.play_original(rig.ob, moment.pose)
-    settings.write(rig.ob, rig.source.settings, moment.settings, None)
+    _write_settings(rig, graph, moment, ())
     for (keys, numbers), recorded in zip(keyed(rig, graph), moment.keys):
         key_blocks.set_values(keys.evaluated_get(graph), numbers, recorded)
         key_blocks.set_values(keys, numbers, recorded)
     return is_shown
+
+
+def _write_settings(rig: Rig, graph: Any, moment: Moment, before: Sequence[float]) -> None:
+    settings.write(rig.ob, rig.source.settings, moment.settings, before or None)
+    if rig.followers.driven:  # drivers read the evaluated copy
+        settings.write(evaluated_copy(rig, graph), rig.source.settings, moment.settings, None)
 
 
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
@@ -327,7 +333,7 @@ def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
     results = [is_left and next(stepped) for _rig, _moment, _follow, is_left in found]
     for (rig, moment, follow, _is_left), is_shown in zip(found, results):
         if is_shown:
-            settings.write(rig.ob, rig.source.settings, moment.settings, rig.pose.settings or None)
+            _write_settings(rig, graph, moment, rig.pose.settings)
         for (evaluated, keys, numbers), recorded in zip(follow, moment.keys) if is_shown else ():
             key_blocks.set_values(evaluated, numbers, recorded)
             key_blocks.set_values(keys, numbers, recorded)

@@ -7,6 +7,8 @@ relations again undoes the effect.
 """
 
 import ctypes
+import keyword
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -14,8 +16,8 @@ import bpy
 
 from . import contract, features, layout, proof
 
-ON_EACH_FRAME = "deform + 0 * frame"  # simple expression of a hook's variable; "frame" makes it depend on the frame
-_SCRIPTED, _SUM = 1, 2  # types of drivers
+_TYPES = {"AVERAGE": 0, "SCRIPTED": 1, "SUM": 2, "MIN": 3, "MAX": 4}  # of drivers
+LONGEST = 256  # bytes of an expression
 
 
 class _Place(NamedTuple):
@@ -64,24 +66,25 @@ class Rebuilding:
         self._change(action, bytes(size))
         self._change(strips, bytes(strips_size))
 
-    def on_each_frame(self, hook: Any) -> None:
-        """Has Blender evaluate a hook, the driver of an original, on each frame. Raises contract.Broken."""
-        driver = hook.driver
-        kind, size = contract.region(driver, "ChannelDriver", "type")
-        if driver.type == "SCRIPTED":
+    def on_each_frame(self, curve: Any, text: str = "") -> None:
+        """Has Blender evaluate a driver of an original on each frame. text: an expression with its value, if not
+        on_each_frame's. Raises contract.Broken, and ValueError as on_each_frame does."""
+        text = text or on_each_frame(curve.driver)
+        if not text or curve.driver.type == "SCRIPTED" and curve.driver.expression == text:
             return
-        if ctypes.c_int32.from_address(kind).value != _SUM or driver.type != "SUM":
+        kind, size = contract.region(curve.driver, "ChannelDriver", "type")
+        if ctypes.c_int32.from_address(kind).value != _TYPES[curve.driver.type]:
             raise contract.distrust(features.FREEZING, "drivers have other types")
-        parsed, _size = contract.region(driver, "ChannelDriver", "*expr_simple")
-        text, length = contract.region(driver, "ChannelDriver", "expression")
-        self._change(text, ON_EACH_FRAME.encode().ljust(length, b"\0"))
-        self._change(kind, _SCRIPTED.to_bytes(size, "little"))
-        if contract.address_at(parsed):  # another expression, which is the driver's to free; if none, Blender parses
-            self._change(parsed, _parsed(driver, parsed).to_bytes(8, "little"))
+        place, length = contract.region(curve.driver, "ChannelDriver", "expression")
+        parsed, _size = contract.region(curve.driver, "ChannelDriver", "*expr_simple")
+        self._change(place, text.encode().ljust(length, b"\0"))
+        self._change(kind, _TYPES["SCRIPTED"].to_bytes(size, "little"))
         if proof.is_due("drivers on each frame"):
-            if (driver.type, driver.expression) != ("SCRIPTED", ON_EACH_FRAME):
+            if (curve.driver.type, curve.driver.expression) != ("SCRIPTED", text):
                 raise contract.distrust(features.FREEZING, "drivers are not where they were")
             proof.give("drivers on each frame")
+        # Another expression than its own, which is the driver's to free.
+        self._change(parsed, _parsed(curve.driver, parsed).to_bytes(8, "little"))
 
     def build(self, view_layer: bpy.types.ViewLayer, then: Callable[[], None]) -> None:
         """Has Blender build the relations of a view layer's graph, and evaluate. All else that was tagged must have
@@ -115,41 +118,63 @@ class Rebuilding:
         ctypes.memmove(address, to, len(to))
 
 
-_parsed_address = 0  # of the parsed ON_EACH_FRAME, which all hooks share and nothing frees
+def on_each_frame(driver: Any) -> str:
+    """Returns an expression with the value of a driver that depends on the frame; "" if the driver does. Raises
+    ValueError with a clause if there is none."""
+    names = [variable.name for variable in driver.variables]
+    if driver.type == "SCRIPTED" and re.search(r"\bframe\b", driver.expression) and "frame" not in names:
+        return ""
+    listed = ", ".join(names)
+    values = {
+        "SCRIPTED": driver.expression,
+        "SUM": " + ".join(names),
+        "AVERAGE": f"({' + '.join(names)}) / {len(names)}",
+        "MIN": f"min({listed})" if len(names) > 1 else listed,
+        "MAX": f"max({listed})" if len(names) > 1 else listed,
+    }
+    text = f"({values[driver.type]}) + 0 * frame"
+    if "frame" in names or not all(name.isidentifier() and not keyword.iskeyword(name) for name in names):
+        raise ValueError(f"its variables need other names than {listed}")
+    if not names or len(text.encode()) >= LONGEST:
+        raise ValueError("its expression is too long" if names else "it has no variables")
+    return text
+
+
+def type_again(copy: Any, original: Any) -> None:
+    """Gives a driver of an evaluated copy that was made inside a Rebuilding the type of the original's."""
+    kind = ctypes.c_int32.from_address(contract.region(copy.driver, "ChannelDriver", "type")[0])
+    if kind.value == _TYPES["SCRIPTED"]:
+        kind.value = _TYPES[original.driver.type]
+
+
+_parsed_texts: dict[str, int] = {}  # addresses of parsed expressions, which no driver keeps and nothing else frees
 
 
 def _parsed(driver: Any, place: int) -> int:
-    """Returns the address of the parsed ON_EACH_FRAME, which is the expression of this driver now. place: where the
-    driver keeps the address of its own."""
-    global _parsed_address
-    if not _parsed_address:
+    """Returns the address of the parsed expression of a driver, of which Blender only sees that it depends on the
+    frame. place: where the driver keeps the address of its own, of what it was before."""
+    text = driver.expression
+    if text not in _parsed_texts:
         own = contract.address_at(place)
         ctypes.c_uint64.from_address(place).value = 0
-        is_simple = driver.is_simple_expression  # Blender parses it here
-        _parsed_address = contract.address_at(place)
+        driver.is_simple_expression  # noqa: B018  # Blender parses it here
+        found = contract.address_at(place)
         ctypes.c_uint64.from_address(place).value = own
-        if not is_simple or not _parsed_address:
+        if not found:
             raise contract.distrust(features.FREEZING, "expressions are not parsed where they were")
-    return _parsed_address
+        _parsed_texts[text] = found
+    return _parsed_texts[text]
 
 
 def release() -> None:
-    """Has Blender free what `_parsed` has made, by giving it to a driver that is removed."""
-    global _parsed_address
-    if _parsed_address:
-        with layout.temporary_data() as data:
+    """Has Blender free what `_parsed` has made, by giving it to drivers that are removed."""
+    with layout.temporary_data() as data:
+        while _parsed_texts:
             driver = data.objects.new("Driver", None).driver_add("location", 0).driver
             place = contract.region(driver, "ChannelDriver", "*expr_simple")[0]
+            _text, address = _parsed_texts.popitem()
             if contract.address_at(place) == 0:
-                ctypes.c_uint64.from_address(place).value = _parsed_address
-                _parsed_address = 0
-
-
-def sum_again(hook: Any) -> None:
-    """Restores the type of a hook, the driver of an evaluated copy that was made inside a Rebuilding."""
-    kind = ctypes.c_int32.from_address(contract.region(hook.driver, "ChannelDriver", "type")[0])
-    if kind.value == _SCRIPTED:
-        kind.value = _SUM
+                ctypes.c_uint64.from_address(place).value = address
 
 
 def tag() -> Any:

@@ -23,6 +23,7 @@ from ..host import driver_bytes
 from . import driver_variables
 
 HOOK = "sinew.deform_now"
+CALLS = "deform"  # the variable that reads it
 CARRIER = "use_apply_on_spline"  # of a modifier: affects only curves
 SHOWS = ("show_viewport", "show_render")  # of a modifier
 BINDS = ("use_vertex_groups", "use_bone_envelopes")  # of an Armature modifier
@@ -125,7 +126,7 @@ def hook_variables(
     Blender evaluates the variables in this order, so those that Sinew reads come before the one that calls it.
     """
     mesh = ob.data
-    wanted: list[tuple[str, str, Any, str]] = [("deform", "OBJECT", ob, HOOK)]
+    wanted: list[tuple[str, str, Any, str]] = [(CALLS, "OBJECT", ob, HOOK)]
     if not waits:
         return wanted
     switches, copied = [], []

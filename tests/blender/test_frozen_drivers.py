@@ -1,0 +1,220 @@
+"""Drivers of anything that read a frozen armature: lamps, materials, objects, modifiers, visibility. Two of each, of which
+one reads the armature of the live character, are equal on each frame."""
+
+import bpy
+import pytest
+
+from helpers import addon_module, depsgraph
+from test_frozen import FRAMES, Cast, freezing, layer
+from test_frozen_who import both
+
+
+@pytest.fixture
+def cast(fresh_scene):
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    return Cast(fresh_scene)
+
+
+def add_driver(block, path, armature, kind="SUM", expression="", index=-1, bones=("bone1", "bone3")):
+    driver = block.driver_add(path, index).driver
+    driver.type = kind
+    if expression:
+        driver.expression = expression
+    for name, bone in zip("ab", bones):
+        variable = driver.variables.new()
+        variable.name, variable.type = name, "TRANSFORMS"
+        target = variable.targets[0]
+        target.id, target.bone_target = armature, bone
+        target.transform_type, target.transform_space = "ROT_X", "LOCAL_SPACE"
+    return driver
+
+
+def linked(cast, name, data=None):
+    ob = bpy.data.objects.new(name, data)
+    cast.scene.collection.objects.link(ob)
+    return ob
+
+
+def lamp(cast, armature, *_):
+    ob = linked(cast, "Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    add_driver(ob.data, "energy", armature)
+    return lambda graph: ob.evaluated_get(graph).data.energy
+
+
+def lamp_by_expression(cast, armature, *_):
+    ob = linked(cast, "Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    add_driver(ob.data, "energy", armature, "SCRIPTED", "sin(a) * 3 - b")
+    return lambda graph: ob.evaluated_get(graph).data.energy
+
+
+def material(_cast, armature, _mesh, other, _prop):
+    found = bpy.data.materials.new("Skin")
+    found.use_nodes = True
+    socket = found.node_tree.nodes.new("ShaderNodeValue").outputs[0]
+    add_driver(socket, "default_value", armature, "MAX")
+    other.data.materials.append(found)
+    path = socket.path_from_id("default_value")
+    return lambda graph: found.evaluated_get(graph).node_tree.path_resolve(path)
+
+
+def scaled_object(cast, armature, *_):
+    ob = linked(cast, "Prop")
+    add_driver(ob, "scale", armature, "AVERAGE", index=0)
+    child = linked(cast, "Child")
+    child.parent, child.location.x = ob, 1
+    return lambda graph: tuple(child.evaluated_get(graph).matrix_world.translation)
+
+
+def hidden_object(cast, armature, *_):
+    ob = linked(cast, "Prop", bpy.data.meshes.new("Prop"))
+    add_driver(ob, "hide_viewport", armature, "SCRIPTED", "a > 0.1")
+    return lambda graph: ob.evaluated_get(graph).hide_viewport
+
+
+def custom_property(cast, armature, *_):
+    ob = linked(cast, "Prop")
+    ob["x"] = 0.0
+    add_driver(ob, '["x"]', armature, "MIN")
+    add_driver(ob, "location", armature, "SCRIPTED", "a + c", index=2)
+    target = ob.animation_data.drivers[-1].driver.variables.new()
+    target.name, target.targets[0].id, target.targets[0].data_path = "c", ob, '["x"]'
+    return lambda graph: (ob.evaluated_get(graph)["x"], ob.evaluated_get(graph).matrix_world.translation.z)
+
+
+def modifier(_cast, armature, _mesh, other, _prop):
+    found = other.modifiers.new("Shift", "DISPLACE")
+    add_driver(found, "strength", armature, "SUM", bones=("bone2",))
+    return lambda graph: tuple(other.evaluated_get(graph).data.vertices[7].co)
+
+
+def modifier_of_a_bound_mesh(_cast, armature, mesh, *_):
+    mesh.modifiers.new("Soft", "CORRECTIVE_SMOOTH").iterations = 2
+    add_driver(mesh.modifiers["Soft"], "factor", armature, "SCRIPTED", "0.5 + a / 3", bones=("bone2",))
+    return lambda graph: tuple(mesh.evaluated_get(graph).data.vertices[7].co)
+
+
+def any_setting_of_keys(_cast, armature, _mesh, other, _prop):
+    """Not only a key's value."""
+    other.shape_key_add(name="Basis")
+    other.shape_key_add(name="Wide").value = 0.5
+    for point in other.data.shape_keys.key_blocks["Wide"].data:
+        point.co *= 1.3
+    add_driver(other.data.shape_keys.key_blocks["Wide"], "mute", armature, "SCRIPTED", "a > 0.1")
+    return lambda graph: tuple(other.evaluated_get(graph).data.vertices[7].co)
+
+
+def keyed_property(cast, armature, *_):
+    """Of the armature."""
+    bone = armature.pose.bones["bone2"]
+    for frame, bone["cloth"] in ((1, 0.0), (10, 1.0)):
+        bone.keyframe_insert('["cloth"]', frame=frame)
+    armature.update_tag()  # Blender's copy does not have the property yet
+    ob = linked(cast, "Prop")
+    target = ob.driver_add("location", 0).driver.variables.new().targets[0]
+    target.id, target.data_path = armature, 'pose.bones["bone2"]["cloth"]'
+    ob.animation_data.drivers[0].driver.type = "SUM"
+    return lambda graph: ob.evaluated_get(graph).matrix_world.translation.x
+
+
+READERS = [
+    lamp,
+    lamp_by_expression,
+    material,
+    scaled_object,
+    hidden_object,
+    custom_property,
+    modifier,
+    modifier_of_a_bound_mesh,
+    any_setting_of_keys,
+    keyed_property,
+]
+
+
+@pytest.mark.parametrize("make", READERS)
+def test_what_drivers_make_of_a_frozen_armature(cast, make):
+    if make is keyed_property and not addon_module("rig_programs.reading").CAN_READ:
+        pytest.skip("custom properties are not recorded")
+    readers = [make(cast, *each) for each in both(cast)]
+    layer().update()
+    cast.freeze()
+    seen = set()
+
+    def compare():
+        cast.assert_same()
+        ours, theirs = (reader(depsgraph()) for reader in readers)
+        assert ours == theirs
+        seen.add(ours)
+
+    for frame in [*FRAMES, 4]:
+        cast.scene.frame_set(frame)
+        compare()
+    cast.scene.frame_current = 6  # without a change of the frame
+    layer().update()
+    compare()
+    assert cast.rig.is_frozen, cast.rig.reason
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].rotation_mode = "XYZ"
+        armature.pose.bones["bone1"].rotation_euler.x += 0.4
+    layer().update()
+    compare()
+    for frame in (7, 2):
+        cast.scene.frame_set(frame)
+        compare()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.scene.frame_set(5)
+    compare()
+    cast.thaw()
+    compare()
+    for frame in (3, 8):
+        cast.scene.frame_set(frame)
+        compare()
+    assert len(seen) > 1
+
+
+def test_the_file_keeps_its_drivers(cast):
+    lamp_by_expression(cast, *cast.frozen)
+    lamp(cast, *cast.frozen)
+    layer().update()
+
+    def drivers():
+        found = [each.animation_data.drivers[0].driver for each in bpy.data.lights]
+        return [(each.type, each.expression, each.is_simple_expression) for each in found]
+
+    before = drivers()
+    cast.freeze()
+    assert drivers() == before
+    cast.thaw()
+    assert drivers() == before
+
+
+def refused(cast):
+    layer().update()
+    cast.record()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert not cast.rig.is_frozen
+    return cast.rig.reason
+
+
+@pytest.mark.parametrize("name", ("frame", "a b"))
+def test_a_driver_whose_variables_cannot_be_in_an_expression(cast, name):
+    driver = add_driver(bpy.data.lights.new("Lamp", "POINT"), "energy", cast.frozen[0], bones=("bone1",))
+    linked(cast, "Lamp", bpy.data.lights["Lamp"])
+    driver.variables[0].name = name
+    if driver.variables[0].name != name:
+        pytest.skip("this Blender does not allow such a name")
+    assert "the driver of energy of Lamp reads it, and its variables need other names than " + name in refused(cast)
+
+
+def test_a_driver_with_a_long_expression(cast):
+    linked(cast, "Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    add_driver(bpy.data.lights["Lamp"], "energy", cast.frozen[0], "SCRIPTED", "a" + " + b" * 62)
+    assert "reads it, and its expression is too long" in refused(cast)
+
+
+@pytest.mark.usefixtures("no_program")
+def test_what_is_animated_and_not_recorded(cast):
+    keyed_property(cast, *cast.frozen)
+    assert refused(cast) == (
+        'the driver of location of Prop.002 reads pose.bones["bone2"]["cloth"] of Rig, which is animated and not recorded'
+    )
