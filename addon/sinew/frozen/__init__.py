@@ -1,4 +1,4 @@
-"""Frozen characters: an armature that nobody edits plays its recorded poses, and Blender does not evaluate it.
+"""Frozen characters: an armature plays poses that are computed or were recorded, and Blender does not evaluate it.
 
 `records` keeps poses and shapes within a limit of memory; `watch` notices edits of what a pose depends on, and
 `stored_keys` finds which frames an edit of keyframes changes; `followers` finds what follows an armature; `reasons` are

@@ -93,19 +93,20 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
     for rig in own:
         rig.to_skip = max(rig.to_skip - 1, 0)
     own = able
+    frame: Any = rigs.whole_frame(scene)
     for rig in own:
         compare_keys(rig, graph)
-        moment = rigs.now(rig, scene)
+        moment, copy = rigs.now(rig, scene), rigs.evaluated_copy(rig, graph)
         if rig.tempo != tempo_of(scene):
             drop_all(rig)
-        elif moment is not None and not rigs.shows(rig, graph, moment):  # something has changed that was not noticed
-            if rig.source.is_proven:
-                rig.has_differed = True
-                differences.note(rig, differ(rig, rigs.evaluated_copy(rig, graph), rigs.time_of(scene)))
-            else:
-                drop_all(rig)
+        elif moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
+            continue
+        elif rig.source.is_proven:  # something has changed that was not noticed
+            rig.has_differed = True
+            differences.note(rig, differ(rig, copy, frame))
+        else:
+            drop_all(rig)
     begin([rig for rig in own if rig.watch is None], scene, graph)
-    frame: Any = rigs.whole_frame(scene)
     for rig in own:
         if frame not in rig.record:
             rig.record.put(frame, rigs.moment_of(rig, graph))

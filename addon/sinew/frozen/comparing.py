@@ -42,7 +42,7 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
                 start = perf_counter()
                 copy = evaluated_on(frame)
                 spent.append(1e3 * (perf_counter() - start))
-                if not poses.are_posed([(copy, moment.pose)])[0]:
+                if not poses.are_posed([(copy, moment.pose)])[0] and not differences.is_near(rig, copy, frame):
                     sentence = differences.note(rig, differences.Difference.between(rig, copy, frame))
                     rig.source = rigs.Source(refusal=sentence)
                     return True

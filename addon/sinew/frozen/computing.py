@@ -44,7 +44,8 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     found_now = _moments([rig], [[frame]])[0]
     rig.milliseconds = 1e3 * (perf_counter() - start)
     for moment in found_now:
-        if rigs.shows(rig, graph, moment):
+        copy = rigs.evaluated_copy(rig, graph)
+        if rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
             rig.source.is_proven, rig.is_posable = True, rig.source.is_posable
             rig.keep(frame, moment)
             continue
@@ -52,8 +53,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         if rig.source.is_proven:  # something has changed that was not noticed
             changes.drop_all(rig)
         elif not animation.unkeyed_path(rig.ob, scene.frame_current_final):
-            copy = rigs.evaluated_copy(rig, graph)
-            differences.note(rig, differences.Difference.between(rig, copy, rigs.time_of(scene)))
+            differences.note(rig, differences.Difference.between(rig, copy, frame))
 
 
 class _Ahead:

@@ -8,14 +8,15 @@
     SUSPECT  Relations may still be those of FROZEN, but something is in doubt, so its record is not played. They are
              tagged: Blender builds them anew in its next evaluation, with the keyframes.
 
-                       freeze: it cannot be
-            LIVE --------------------------> WANTED <-----------------------------+
-             ^ |                               |                                  |
-             | |  freeze (_build)              |  freeze, freeze_again (_build)   |  settle: Blender has evaluated
-             | v                               v                                  |  its keyframes
-            SUSPECT ------ it is built ----> FROZEN ----- melt: any doubt ----> SUSPECT
-             ^                                 |
-             +------------- thaw --------------+
+    LIVE -------- want, freeze --------> WANTED <--- settle: Blender has evaluated its keyframes ---+
+     ^ ^                                  |  |                                                      |
+     | +---------- keep_records ----------+  | freeze, freeze_again                                 |
+     |                                       v                                                      |
+     +---------------- thaw -------------- FROZEN -------------- melt: any doubt --------------> SUSPECT
+     |                                      |  ^                                                    ^
+     |                         pose: edited |  | resume: its program was read                       |
+     |                                      v  |                                                    |
+     +---------------- thaw --------------- POSED -------------- melt: any doubt -------------------+
 
 `_build` makes all that it changes SUSPECT first. So if it ends by an exception, they are live after the next
 evaluation, and nothing of them is wrong."""

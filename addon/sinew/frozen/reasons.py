@@ -9,7 +9,7 @@ import bpy
 from ..blender import animation, dependencies, values
 from ..clips import clip_store
 from ..run import characters
-from . import changes, computing, followers, rigs
+from . import changes, computing, differences, followers, rigs
 from .followers import NotFreezable
 
 MOST_NAMES = 3  # that a reason lists
@@ -118,9 +118,10 @@ def _drop_what_is_wrong(rig: rigs.Rig, scene: Any, layer: Any) -> None:
     elif rig.watch is not None and rig.tempo != changes.tempo_of(scene):
         changes.drop_all(rig)
     changes.compare_keys(rig, graph)
-    moment = rigs.now(rig, scene)
-    if moment is not None and not rigs.shows(rig, graph, moment):
-        changes.drop_all(rig)
+    moment, copy = rigs.now(rig, scene), rigs.evaluated_copy(rig, graph)
+    if moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, scene.frame_current):
+        return
+    changes.drop_all(rig)
 
 
 def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:

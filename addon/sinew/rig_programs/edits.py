@@ -48,7 +48,7 @@ class Known:
         return given | self._numbers[2], [row for row in rows if row is not None]
 
     def keyed(self) -> Iterator[tuple[str, Any]]:
-        """Yields the numbers that the bones had of what keyframes set, by path, as RigProgram.evaluate is given them."""
+        """Yields what the bones had of what keyframes set, by path, as RigProgram.evaluate is given it."""
         numbers = self._numbers[0]
         for name, own, is_of_rest in tables.bone_columns():
             for bone in np.flatnonzero(self._is_keyed[:, own].any(axis=1)).tolist():
