@@ -120,6 +120,14 @@ def test_links_are_found():
     assert {"the-two-outputs", "a-frame"} <= anchors(DOCS / "how-it-works.md")
 
 
+def test_the_picture_of_the_folders_has_all_of_them():
+    text = (DOCS / "rooms.svg").read_text(encoding="utf-8")
+    words = set(re.findall(r"\w+", " ".join(re.findall(r"<text[^>]*>([^<]+)<", text))))
+    for folder in (ROOT / "addon/sinew", ROOT / "native/src"):
+        folders = {each.name for each in folder.iterdir() if each.is_dir() and each.name != "__pycache__"}
+        assert folders and folders <= words, folders - words
+
+
 def builds():
     """(version, build) of each line of the one list of versions."""
     script = (ROOT / ".ci/blender").read_text(encoding="utf-8")
