@@ -161,6 +161,7 @@ def measure(characters, rounds=ROUNDS):
         return [bpy.data.objects[name] for name in meshes]
 
     def take(way):
+        bpy.context.scene.sinew_accelerates_rigs = way == "accelerated"
         settle()
         for row, function in rows_of(rigs[0], body).items():
             if way == "accelerated":

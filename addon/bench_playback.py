@@ -3,13 +3,15 @@
     blender -b --python-exit-code 1 --python addon/bench_playback.py -- [options]
 
 Medians of whole `scene.frame_set` calls over 40 different frames, alternating between the rig alone (the
-meshes hidden), Blender's modifiers with Sinew's handlers removed, and Sinew. The figure to compare is the time that
-the meshes add to the rig alone: how many times smaller it is with Sinew. Without options: a chain
+meshes hidden), Blender's modifiers with Sinew's handlers removed, Sinew while Blender evaluates the rigs, and Sinew
+with rigs accelerated, if they are large enough. Of the first three, the figure to compare is the time that the meshes
+add to the rig alone: how many times smaller it is with Sinew. Without options: a chain
 of 22 bones with up to a million vertices and ten such characters in one scene, and Rigify's human.
 """
 
 import argparse
 import contextlib
+import importlib
 import json
 import statistics
 import sys
@@ -43,6 +45,18 @@ def without_handlers():
     finally:
         for handlers, handler in taken:
             handlers.append(handler)
+
+
+@contextlib.contextmanager
+def rigs_accelerated(are):
+    """Has Sinew compute all rigs that it can, or none. Gives whether it computes any."""
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    accelerating, known = (importlib.import_module(f"{ADDON}.frozen.{name}") for name in ("accelerating", "rigs"))
+    scene.sinew_accelerates_rigs = are
+    if are:
+        accelerating.accelerate(scene, layer)
+    yield bool(known.frozen())
+    scene.sinew_accelerates_rigs = False
 
 
 def frame_times(looked_at=()):
@@ -108,8 +122,14 @@ def measure(rig, vertices, count=1, stack="", outputs=("MODIFIER",)):
             bound[output] = perf_counter() - start
             if stack.startswith("behind-"):
                 frame_times()  # in which stencils are found
-            times.setdefault(output, []).extend(frame_times(looked_at))
-            worst = max(worst, difference(shapes(meshes), wanted))
+            with rigs_accelerated(False):
+                times.setdefault(output, []).extend(frame_times(looked_at))
+                worst = max(worst, difference(shapes(meshes), wanted))
+            with rigs_accelerated(output == "MODIFIER") as are_any:
+                if are_any:
+                    times.setdefault("accelerated", []).extend(frame_times(looked_at))
+                    worst = max(worst, difference(shapes(meshes), wanted))
+            select(*meshes)
             bpy.ops.object.sinew_unbind()
     assert worst < TOLERANCE, f"Sinew's shape is {worst:.3g} of the diagonal off the modifier's"
     return row_of(
@@ -135,6 +155,7 @@ def row_of(medians, about):
         "rig_ms": rig,
         "modifier_ms": modifier,
         "sinew_ms": sinew,
+        "accelerated_ms": medians.get("accelerated"),
         "sinew_mesh_ms": medians.get("MESH"),
         "times_faster": modifier / sinew,
         "modifier_adds_ms": added,
@@ -195,6 +216,7 @@ def line(row):
                 number(row["rig_ms"]),
                 number(row["modifier_ms"]),
                 number(row["sinew_ms"]),
+                number(row["accelerated_ms"]),
                 number(row["sinew_mesh_ms"]),
                 number(row["modifier_adds_ms"]),
                 number(row["sinew_adds_ms"]),
@@ -241,7 +263,7 @@ def main(arguments):
 def table(options):
     """Prints a line for each row, and returns all rows."""
     print(f"\nBlender {bpy.app.version_string}, milliseconds per frame, medians of {len(FRAMES)} frames\n")
-    columns = "rig (bones)", "vertices", "with", "rig alone", "modifier", "Sinew", "output Mesh"
+    columns = "rig (bones)", "vertices", "with", "rig alone", "modifier", "Sinew", "accelerated", "output Mesh"
     return print_rows((*columns, "modifier adds", "Sinew adds", "less", "accelerate, s"), rows(options), line)
 
 

@@ -27,7 +27,16 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_playback import FRAMES, TOLERANCE, difference, frame_times, number, shapes, without_handlers
+from bench_playback import (
+    FRAMES,
+    TOLERANCE,
+    difference,
+    frame_times,
+    number,
+    rigs_accelerated,
+    shapes,
+    without_handlers,
+)
 from bench_rigs import ADDON, add_keys, animate, drive_by_some_bone, make_generated, make_mesh, select
 
 BODY, BODY_VERTICES, BODY_KEYS = "Body", 30_000, 20
@@ -189,8 +198,10 @@ def measure(characters, without=(), each_part=False, rounds=SHOT_ROUNDS):
             wanted = shapes_at_the_end(meshes)
         select(*meshes)
         assert bpy.ops.object.sinew_bind() == {"FINISHED"}
-        take_parts("sinew")
-        worst = max(worst, difference(shapes_at_the_end(meshes), wanted))
+        for who, are in (("sinew", False), ("accelerated", True)):
+            with rigs_accelerated(are):
+                take_parts(who)
+                worst = max(worst, difference(shapes_at_the_end(meshes), wanted))
         select(*meshes)  # hiding has deselected them
         assert bpy.ops.object.sinew_unbind() == {"FINISHED"}
         with without_handlers():
@@ -216,13 +227,15 @@ def row_of(times, part, meshes):
         "rigs_ms": float(np.median(rigs)),
         "modifiers_ms": float(np.median(modifiers)),
         "sinew_ms": float(np.median(ours)),
+        "accelerated_ms": float(np.median(times["accelerated", part])),
         "times_faster": float(np.median(modifiers / ours)),
+        "accelerated_times_faster": float(np.median(modifiers / np.array(times["accelerated", part]))),
         "modifiers_add_ms": float(added),
         "sinew_adds_ms": float(ours_added),
         "adds_times_less": float(added / ours_added) if ours_added > 0 else None,
         "modifiers_a_mesh_ms": float(added / len(meshes)),
         "sinew_a_mesh_ms": float(ours_added / len(meshes)),
-        "rounds": {name: times[name, part] for name in ("modifiers", "sinew")} | {"rigs": times["rigs"]},
+        "rounds": {name: times[name, part] for name in ("modifiers", "sinew", "accelerated")} | {"rigs": times["rigs"]},
     }
 
 
@@ -231,6 +244,8 @@ def line(row):
         f"{row['part']} ({row['meshes']})",
         *(number(row[name]) for name in ("set_ms", "rigs_ms", "modifiers_ms", "sinew_ms")),
         number(row["times_faster"], "x"),
+        number(row["accelerated_ms"]),
+        number(row["accelerated_times_faster"], "x"),
         *(number(row[name]) for name in ("modifiers_add_ms", "sinew_adds_ms")),
         number(row["adds_times_less"], "x"),
         *(f"{row[name]:.3f}" for name in ("modifiers_a_mesh_ms", "sinew_a_mesh_ms")),
@@ -261,14 +276,14 @@ def main(arguments):
         f"medians of {SHOT_ROUNDS} x {len(FRAMES)} frames\n"
     )
     print(
-        "| meshes | set alone | set and rigs | modifiers | Sinew | faster | modifiers add | Sinew adds | less "
-        "| modifiers, per mesh | Sinew, per mesh |"
+        "| meshes | set alone | set and rigs | modifiers | Sinew | faster | accelerated | faster | modifiers add "
+        "| Sinew adds | less | modifiers, per mesh | Sinew, per mesh |"
     )
-    print("|" + "---|" * 11)
+    print("|" + "---|" * 13)
     rows, worst = measure(options.characters, options.without, options.parts)
     for row in rows:
         print(line(row), flush=True)
-    print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * 10)
+    print(f"| Shapes of all meshes: off by {worst:.1e} of the diagonal at most |" + " |" * 12)
     if options.json:
         found = {"blender": bpy.app.version_string, "without": options.without, "difference": worst, "rows": rows}
         Path(options.json).write_text(json.dumps(found, indent=1) + "\n")

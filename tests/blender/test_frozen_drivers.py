@@ -1,5 +1,5 @@
-"""Drivers of anything that read a frozen armature: lamps, materials, objects, modifiers, visibility. There are two of each,
-which are equal on each frame: one reads the armature of the live character."""
+"""Drivers of anything that read a frozen armature: lamps, materials, objects, modifiers, visibility. There are two of
+each, which are equal on each frame: one reads the armature of the live character."""
 
 import bpy
 import pytest
