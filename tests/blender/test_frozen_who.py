@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from characters import add_shape_keys, make_armature, pose, smoothed
+from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose, smoothed
 from helpers import addon_module, depsgraph, evaluated, import_rig, select
 from test_frozen import FRAMES, Cast, freezing, layer, recorded
 
@@ -150,6 +150,57 @@ def test_one_that_follows_another_is_frozen_with_it(cast):
     layer().update()
     cast.play([10, 9, 1])
     cast.play()
+
+
+def in_a_hand(other, armature):
+    other.parent, other.parent_type, other.parent_bone = armature, "BONE", "bone3"
+
+
+def constrained_to_a_bone(other, armature):
+    constraint = other.constraints.new("CHILD_OF")
+    constraint.target, constraint.subtarget = armature, "bone3"
+
+
+@pytest.mark.parametrize("is_bound", (False, True))
+@pytest.mark.parametrize("has_keys", (False, True))
+@pytest.mark.parametrize("prepare", (in_a_hand, constrained_to_a_bone, follow))
+def test_another_armature_that_follows_it_stays_live(cast, prepare, has_keys, is_bound):
+    """As that of a bow, or of clothes."""
+    meshes, others = [], []
+    for armature, *_ in both(cast):
+        other = make_armature()
+        others.append(other)
+        for frame in (1, 5, 10) if has_keys else ():
+            pose(other, frame + 3, False)
+            pose(other, frame, False)
+        prepare(other, armature)
+        meshes.append(make_mesh(other, False))
+        if is_bound:
+            accelerate(meshes[-1])
+    select()
+    layer().update()
+    cast.freeze()
+    seen = []
+
+    def compare():
+        cast.assert_same()
+        assert np.array_equal(evaluated(meshes[0]), evaluated(meshes[1]))
+        ours, theirs = (each.evaluated_get(depsgraph()).matrix_world for each in others)
+        assert ours == theirs
+        seen.append((tuple(evaluated(meshes[0])[-1]), tuple(ours.translation)))
+
+    for frame in [*FRAMES, 4]:
+        cast.scene.frame_set(frame)
+        compare()
+    assert len(set(seen)) > 5 and cast.rig.is_frozen, cast.rig.reason
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].location.x += 0.3
+    layer().update()
+    compare()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    for frame in (7, 2):
+        cast.scene.frame_set(frame)
+        compare()
 
 
 def test_of_two_one_is_thawed(cast):

@@ -130,22 +130,16 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
         if ob.data == rig.data and rig not in dependencies.outside_of(ob):
             return  # shares its bones, not its pose
         if rig in dependencies.outside_of(ob):
-            if not (ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)):
-                raise NotFreezable(
-                    f"the armature {ob.name} follows its bones and has no keyframes: it would not notice a frozen one"
-                )
             if any(
                 target == rig for curve in dependencies.drivers_of_both(ob) for target in dependencies.read_by(curve)
             ):
                 raise NotFreezable(
                     f"drivers of the armature {ob.name} read it, and a driver does not notice a frozen one"
                 )
-        if (
-            ob.parent == rig
-            and ob.parent_type != "OBJECT"
-            or any(rig in dependencies.targets_of(each) for each in ob.constraints)
-        ):
-            raise NotFreezable(f"the armature {ob.name} hangs on its bones; freezing it with this one is not supported")
+            if not (ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)):
+                found.shaped.append(ob)  # nothing but these bones has Blender evaluate it
+        if _hangs_on(ob, rig):  # so that it cannot be frozen itself
+            found.placed.append(ob)
         return
     if ob.parent == rig and ob.parent_type == "ARMATURE":
         raise NotFreezable(
@@ -156,15 +150,17 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
     if any(rig in dependencies.pointers(modifier) or modifier.type == "NODES" for modifier in ob.modifiers):
         (found.hooked if hook_of(ob) is not None else found.shaped).append(ob)
         is_known = True
-    if (
-        ob.parent == rig
-        and ob.parent_type == "BONE"
-        or any(rig in dependencies.targets_of(each) for each in ob.constraints)
-    ):
+    if _hangs_on(ob, rig):
         found.placed.append(ob)
         is_known = True
     if not is_known:
         raise NotFreezable(f"{ob.name} uses it in a way that Sinew does not know")
+
+
+def _hangs_on(ob: Any, rig: Any) -> bool:
+    """Whether bones of an armature say where an object is."""
+    is_child = ob.parent == rig and ob.parent_type == "BONE"
+    return is_child or any(rig in dependencies.targets_of(each) for each in ob.constraints)
 
 
 def is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
