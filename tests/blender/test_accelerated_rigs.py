@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Euler
 
-from helpers import addon_module, depsgraph, evaluated, needs_rig_programs, select
+from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
 from test_frozen_who import both, can_render
@@ -818,3 +818,43 @@ def test_renders_compare_it_with_blender(cast):
             assert cast.rig.is_frozen == (time == 1)
     finally:
         bpy.app.handlers.frame_change_post.remove(disturb)
+
+
+@pytest.mark.parametrize("is_override", (False, True))
+def test_linked_characters_and_overrides(cast, tmp_path, is_override):
+    """An override has the name of what it overrides, which is in the file, too."""
+    character = bpy.data.collections.new("Character")
+    cast.scene.collection.children.link(character)
+    for each in both(cast):
+        for ob in each:
+            character.objects.link(ob)
+            cast.scene.collection.objects.unlink(ob)
+    names = [[ob.name for ob in each] for each in both(cast)]
+
+    def find():
+        objects = {ob.name: ob for ob in bpy.data.objects if bool(ob.override_library) == is_override}
+        cast.scene = bpy.context.scene
+        cast.frozen, cast.live = ([objects[name] for name in each] for each in names)
+        keep_live(cast)
+
+    into_a_shot(tmp_path, is_override)
+    cast.scene = bpy.context.scene
+    cast.scene.frame_start, cast.scene.frame_end = 1, 10
+    find()
+    bpy.ops.ed.undo_push(message="before")
+    accelerate(cast)
+    cast.play()
+    if is_override:
+        turn(cast)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("New", None))
+    layer().update()
+    bpy.ops.ed.undo_push(message="edited")
+    wait(cast)
+    cast.play([3, 4])
+    bpy.ops.ed.undo()
+    find()
+    layer().update()
+    cast.assert_same()
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()

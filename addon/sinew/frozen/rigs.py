@@ -54,6 +54,7 @@ class Rig:
     key: int
     name: str
     record: records.Record
+    library: str | None = None  # that it is linked from; an override of it has the same name
     state: State = State.LIVE
     reason: str = ""  # why it is live although it is wanted frozen, a sentence
     followers: Followers = field(default_factory=Followers)
@@ -187,6 +188,7 @@ def learn(ob: Any) -> Rig:
     found = get(ob)
     if found is None:
         found = _rigs[values.key_of(ob)] = Rig(ob, values.key_of(ob), ob.name, records.Record(store))
+        found.library = ob.library.filepath if ob.library is not None else None
         found.tracks = tracks_of(ob)
     return found
 
@@ -388,7 +390,7 @@ def find_again() -> None:
         if not is_alive(rig.ob):
             rig.clear()
             del _rigs[key]
-            rig.ob = bpy.data.objects.get(rig.name)
+            rig.ob = bpy.data.objects.get((rig.name, rig.library))
             if rig.ob is not None and rig.ob.type == "ARMATURE":
                 rig.key = values.key_of(rig.ob)
                 _rigs[rig.key] = rig

@@ -25,7 +25,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, armature: Any) 
     if reason:
         notice.draw_sentence(column, context, reason, False)
     if getattr(rigs.get(armature), "difference", None) is not None:
-        column.operator(ReportRig.bl_idname).armature = armature.name
+        column.operator(ReportRig.bl_idname).armature = armature.name_full
 
 
 def text_of(armature: Any) -> tuple[str, str]:
@@ -56,7 +56,7 @@ class ReportRig(bpy.types.Operator, ExportHelper):
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self, context):
-        rig = next((each for each in rigs.known() if each.name == self.armature and each.difference is not None), None)
+        rig = next((each for each in rigs.known() if each.ob.name_full == self.armature and each.difference is not None), None)
         if rig is None:
             self.report({"ERROR"}, f"No difference from Blender was found in {self.armature or 'any armature'}")
             return {"CANCELLED"}
