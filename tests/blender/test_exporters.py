@@ -6,7 +6,17 @@ import pytest
 
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, make_tube, pose, smoothed
 from exporting import enable_exporters, operator, skip_without
-from helpers import addon_module, assert_same_on_all_frames, diagonal, evaluated, is_deforming, maps_files, twin_of, way
+from helpers import (
+    addon_module,
+    assert_same_on_all_frames,
+    diagonal,
+    evaluated,
+    is_deforming,
+    maps_files,
+    needs_rig_programs,
+    twin_of,
+    way,
+)
 
 FRAMES = range(1, 5)
 USD = ("wm.usd_export", "wm.usd_import", "usdc")
@@ -111,6 +121,24 @@ def test_a_bound_character_is_exported_as_an_unbound_one(tmp_path, name, with_ke
     export(name, unbound)
     accelerate(ob)
     assert way(ob) == ("KEYS" if with_keys else "ATTRIBUTE")
+    export(name, bound)
+    unbound, bound = imported(name, unbound), imported(name, bound)
+    assert set(bound) == set(unbound) and len(unbound) > len(FRAMES)
+    errors = {key: float(np.abs(bound[key] - value).max(initial=0.0)) for key, value in unbound.items()}
+    assert max(errors.values()) < 1e-5, errors
+
+
+@needs_rig_programs
+@pytest.mark.parametrize("name", EXPORTERS)
+def test_a_character_whose_rig_is_computed_is_exported_as_an_unbound_one(tmp_path, name, monkeypatch):
+    ob = make_figure(True, False)
+    unbound, bound = [tmp_path / folder / f"shot.{EXPORTERS[name][2]}" for folder in ("unbound", "bound")]
+    export(name, unbound)
+    accelerate(ob)
+    accelerating, rigs = (addon_module(f"frozen.{each}") for each in ("accelerating", "rigs"))
+    monkeypatch.setattr(accelerating, "LEAST_WORK", 0)
+    accelerating.accelerate(bpy.context.scene, bpy.context.view_layer)
+    assert len(rigs.frozen()) == 1, [rig.reason for rig in rigs.known()]
     export(name, bound)
     unbound, bound = imported(name, unbound), imported(name, bound)
     assert set(bound) == set(unbound) and len(unbound) > len(FRAMES)
