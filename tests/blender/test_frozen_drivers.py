@@ -172,6 +172,42 @@ def test_what_drivers_make_of_a_frozen_armature(cast, make):
     assert len(seen) > 1
 
 
+@pytest.fixture(params=("computed", "recorded"))
+def way(request):
+    if request.param == "recorded":
+        request.getfixturevalue("no_program")
+    return request.param
+
+
+def test_drivers_of_the_armature_that_depend_on_the_frame(cast, way):
+    for armature, *_ in both(cast):
+        driver = armature.pose.bones["side"].driver_add("location", 1).driver
+        driver.type, driver.expression = "SCRIPTED", "sin(frame / 3) + frame * 0.01"
+        armature.pose.bones["bone2"]["wave"] = 0.0
+        driver = armature.driver_add('pose.bones["bone2"]["wave"]').driver
+        driver.type, driver.expression = "SCRIPTED", "cos(frame)"
+    layer().update()
+    cast.freeze()
+    if way == "computed":
+        for frame in (2.25, 7.5):
+            cast.scene.frame_set(int(frame), subframe=frame % 1)
+            cast.assert_same()
+    shapes = cast.play([*FRAMES, 4])
+    assert cast.rig.is_frozen and len({tuple(each.ravel()) for each in shapes}) > 5
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].location.x += 0.4
+    layer().update()
+    cast.assert_same()
+    cast.play([6, 2])
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play([6, 2, 9])
+    driver = cast.frozen[0].animation_data.drivers[0].driver
+    assert driver.expression == "sin(frame / 3) + frame * 0.01"
+    cast.thaw()
+    cast.play()
+
+
 def test_the_file_keeps_its_drivers(cast):
     lamp_by_expression(cast, *cast.frozen)
     lamp(cast, *cast.frozen)

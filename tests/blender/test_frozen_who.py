@@ -241,7 +241,7 @@ def with_constraint(cast, armature, _ob, _prop):
 
 def with_timed_driver(cast, armature, _ob, _prop):
     driver = armature.pose.bones["bone1"].driver_add("bbone_curveinx").driver
-    driver.type, driver.expression = "SCRIPTED", "frame / 10"
+    driver.type, driver.expression = "SCRIPTED", "frame / 10 + len([])"
     return "may change on each frame by itself"
 
 

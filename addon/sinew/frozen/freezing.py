@@ -173,6 +173,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
         with relations.Rebuilding() as rebuilding:
             for rig in chosen:
                 rebuilding.without_animation(rig.ob)
+                for curve in animation.drivers_of(rig.ob):
+                    rebuilding.on_no_frame(curve, rigs.time_of(rig.scene))
             for ob in hooked.values():
                 rebuilding.on_each_frame(followers.hook_of(ob), f"{wiring.CALLS} + 0 * frame")
             for curve in driven:

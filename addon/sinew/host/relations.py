@@ -18,6 +18,7 @@ from . import contract, features, layout, proof
 
 _TYPES = {"AVERAGE": 0, "SCRIPTED": 1, "SUM": 2, "MIN": 3, "MAX": 4}  # of drivers
 LONGEST = 256  # bytes of an expression
+_FRAME = re.compile(r"\bframe\b")
 
 
 class _Place(NamedTuple):
@@ -69,7 +70,15 @@ class Rebuilding:
     def on_each_frame(self, curve: Any, text: str = "") -> None:
         """Has Blender evaluate a driver of an original on each frame. text: an expression with its value, if not
         on_each_frame's. Raises contract.Broken, and ValueError as on_each_frame does."""
-        text = text or on_each_frame(curve.driver)
+        self._say(curve, text or on_each_frame(curve.driver))
+
+    def on_no_frame(self, curve: Any, frame: float) -> None:
+        """Has Blender evaluate a driver of an original as if it were always on that frame. Raises contract.Broken, and
+        ValueError with a clause if that cannot be done."""
+        self._say(curve, on_no_frame(curve.driver, frame))
+
+    def _say(self, curve: Any, text: str) -> None:
+        """Gives a driver an expression. text: "" for its own."""
         if not text or curve.driver.type == "SCRIPTED" and curve.driver.expression == text:
             return
         kind, size = contract.region(curve.driver, "ChannelDriver", "type")
@@ -118,11 +127,26 @@ class Rebuilding:
         ctypes.memmove(address, to, len(to))
 
 
+def depends_on_frame(driver: Any) -> bool:
+    """Whether a driver's expression has the word that stands for the frame."""
+    has_word = driver.type == "SCRIPTED" and _FRAME.search(driver.expression) is not None
+    return has_word and all(variable.name != "frame" for variable in driver.variables)
+
+
+def on_no_frame(driver: Any, frame: float) -> str:
+    """Returns the expression of a driver with a number in place of the frame; "" if it does not depend on it. Raises
+    ValueError with a clause if that would be too long."""
+    text = _FRAME.sub(f"({frame:.9g})", driver.expression) if depends_on_frame(driver) else ""
+    if len(text.encode()) >= LONGEST:
+        raise ValueError("its expression is too long")
+    return text
+
+
 def on_each_frame(driver: Any) -> str:
     """Returns an expression with the value of a driver that depends on the frame; "" if the driver does. Raises
     ValueError with a clause if there is none."""
     names = [variable.name for variable in driver.variables]
-    if driver.type == "SCRIPTED" and re.search(r"\bframe\b", driver.expression) and "frame" not in names:
+    if depends_on_frame(driver):
         return ""
     listed = ", ".join(names)
     values = {
@@ -147,14 +171,16 @@ def type_again(copy: Any, original: Any) -> None:
         kind.value = _TYPES[original.driver.type]
 
 
-_parsed_texts: dict[str, int] = {}  # addresses of parsed expressions, which no driver keeps and nothing else frees
+# Addresses of two parsed expressions, which no driver keeps and nothing else frees: of one that does not depend on the
+# frame, and of one that does. Of an original's, Blender only asks that.
+_parsed_kinds: dict[bool, int] = {}
 
 
 def _parsed(driver: Any, place: int) -> int:
-    """Returns the address of the parsed expression of a driver, of which Blender only sees that it depends on the
-    frame. place: where the driver keeps the address of its own, of what it was before."""
-    text = driver.expression
-    if text not in _parsed_texts:
+    """Returns the address of a parsed expression that depends on the frame if a driver's does. place: where the driver
+    keeps the address of its own, of what it was before."""
+    kind = depends_on_frame(driver)
+    if kind not in _parsed_kinds:
         own = contract.address_at(place)
         ctypes.c_uint64.from_address(place).value = 0
         driver.is_simple_expression  # noqa: B018  # Blender parses it here
@@ -162,17 +188,17 @@ def _parsed(driver: Any, place: int) -> int:
         ctypes.c_uint64.from_address(place).value = own
         if not found:
             raise contract.distrust(features.FREEZING, "expressions are not parsed where they were")
-        _parsed_texts[text] = found
-    return _parsed_texts[text]
+        _parsed_kinds[kind] = found
+    return _parsed_kinds[kind]
 
 
 def release() -> None:
     """Has Blender free what `_parsed` has made, by giving it to drivers that are removed."""
     with layout.temporary_data() as data:
-        while _parsed_texts:
+        while _parsed_kinds:
             driver = data.objects.new("Driver", None).driver_add("location", 0).driver
             place = contract.region(driver, "ChannelDriver", "*expr_simple")[0]
-            _text, address = _parsed_texts.popitem()
+            _kind, address = _parsed_kinds.popitem()
             if contract.address_at(place) == 0:
                 ctypes.c_uint64.from_address(place).value = address
 

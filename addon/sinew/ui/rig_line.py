@@ -56,8 +56,8 @@ class ReportRig(bpy.types.Operator, ExportHelper):
     armature: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def execute(self, context):
-        rig = next((each for each in rigs.known() if each.ob.name_full == self.armature and each.difference is not None), None)
-        if rig is None:
+        rig = next((each for each in rigs.known() if each.ob.name_full == self.armature), None)
+        if rig is None or rig.difference is None:
             self.report({"ERROR"}, f"No difference from Blender was found in {self.armature or 'any armature'}")
             return {"CANCELLED"}
         try:
