@@ -65,6 +65,20 @@ def play_on(rig):
     return times[3:]
 
 
+def with_an_update():
+    """Frames after each of which another add-on's handler has the view layer updated."""
+
+    def update(*_):
+        bpy.context.view_layer.update()
+
+    bpy.app.handlers.frame_change_post.append(update)
+    try:
+        times = [milliseconds(lambda step=step: bpy.context.scene.frame_set(FRAME - step)) for step in range(STEPS)]
+    finally:
+        bpy.app.handlers.frame_change_post.remove(update)
+    return times[3:]
+
+
 def undo(rig):
     """Moves a bone and undoes that, to an earlier move: Blender evaluates again whatever was tagged before the step to
     which it returns, and after binding that is all. No reference outlives an undo."""
@@ -128,6 +142,7 @@ def rows_of(rig, body):
     dragging = {f"dragging {what}": lambda bone=bone: drag(rig, bone) for what, bone in DRAGGED.items()}
     return dragging | {
         "the frame after posing": lambda: play_on(rig),
+        "a frame, and another add-on's update": with_an_update,
         "a key inserted": lambda: insert_keys(rig),
         "a key moved": lambda: move_keys(rig),
         "Edit Mode and back": lambda: toggle(body, "EDIT"),
