@@ -458,8 +458,15 @@ def follow_a_goal(cast):
 )
 def test_posing_and_keys_do_not_have_a_rig_built_again(cast, monkeypatch, change, builds):
     follow_a_goal(cast)
+    for armature, *_ in both(cast):  # which is written on each frame
+        switched = armature.pose.bones["side"].constraints.new("COPY_ROTATION")
+        switched.target, switched.subtarget = armature, "bone1"
+        for frame, switched.influence, switched.mute in ((1, 0.1, False), (6, 0.8, True), (10, 0.4, False)):
+            switched.keyframe_insert("influence", frame=frame)
+            switched.keyframe_insert("mute", frame=frame)
+    cast.scene.frame_set(1)
     accelerate(cast)
-    cast.play([3])
+    cast.play([7, 3])
     computing, built = addon_module("frozen.computing"), []
     read = computing.read
     monkeypatch.setattr(computing, "read", lambda *arguments: built.append(read(*arguments)))

@@ -307,9 +307,10 @@ def show(rig: Rig, graph: Any, moment: Any) -> bool:
 
 
 def _write_settings(rig: Rig, graph: Any, moment: Moment, before: Sequence[float]) -> None:
-    settings.write(rig.ob, rig.source.settings, moment.settings, before or None)
-    if rig.followers.driven:  # drivers read the evaluated copy
-        settings.write(evaluated_copy(rig, graph), rig.source.settings, moment.settings, None)
+    """Writes into the evaluated copy, too: drivers of others read it, and if what the armature follows is edited,
+    Blender evaluates the bones with these settings."""
+    for ob in (rig.ob, evaluated_copy(rig, graph)):
+        settings.write(ob, rig.source.settings, moment.settings, before or None)
 
 
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:

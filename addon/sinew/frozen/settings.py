@@ -1,5 +1,5 @@
 """What keyframes and drivers of a rig set besides the channels of its bones: custom properties, and the influence and
-mute of constraints. While Blender does not evaluate the rig, they are written into the original as Blender would.
+mute of constraints. While Blender does not evaluate the rig, they are written as Blender would.
 
 Nothing here tags the original: Blender copies it only when somebody edits it."""
 
@@ -54,7 +54,7 @@ def read(ob: Any, settings: Sequence[Setting]) -> tuple[float, ...]:
 
 
 def write(ob: Any, settings: Sequence[Setting], values: Sequence[float], before: Sequence[float] | None) -> None:
-    """Writes values into an original armature object. before: the values that were written last, or None."""
+    """Writes values into an armature object, original or evaluated. before: those that were written last, or None."""
     for number, (setting, value) in enumerate(zip(settings, values)):
         if before is not None and before[number] == value:
             continue

@@ -1,5 +1,5 @@
-"""Reads the bytes of all settings of an armature's pose: of its bones, but not how they are posed, and their
-constraints."""
+"""Reads the bytes of all settings of an armature's pose: of its bones, but not how they are posed, and of their
+constraints, but neither influence nor flags, which are written on each frame if they are animated."""
 
 import ctypes
 import functools
@@ -16,6 +16,7 @@ _NOT_SET = (
     *("flag", "selectflag", "chan_mat", "pose_mat", "disp_mat", "disp_tail_mat", "constinv", "pose_head", "pose_tail"),
     "runtime",
 )
+_WRITTEN = "enforce", "flag"
 _ARMATURE = "bArmatureConstraint"
 
 
@@ -38,7 +39,11 @@ def _layout() -> Any:
     targets = contract.offset(_ARMATURE, "targets") + first
     kinds[numbers["ARMATURE"]] = _whole(_ARMATURE, (targets, _whole("bConstraintTarget")))
     choice = contract.offset("bConstraint", "type"), contract.offset("bConstraint", "*data"), kinds
-    constraint = sinew_native.host.Described([(0, contract.struct_size("bConstraint"))], [], [], [], [choice])
+    written = sorted((contract.offset("bConstraint", name), contract.size("bConstraint", name)) for name in _WRITTEN)
+    starts = [0, *(sum(each) for each in written)]
+    ends = [*(start for start, _size in written), contract.struct_size("bConstraint")]
+    regions = [(start, end - start) for start, end in zip(starts, ends)]
+    constraint = sinew_native.host.Described(regions, [], [], [], [choice])
     own = contract.plain_regions("bPoseChannel", *CHANNELS, *_NOT_SET)
     lists = [(contract.offset("bPoseChannel", "constraints") + first, constraint)]
     return sinew_native.host.Described(own, [], [], lists)

@@ -13,6 +13,8 @@ from ..host import bones as bone_bytes
 from ..host import driver_bytes, keyframes, pose_settings
 from . import bones, curves, drivers, paths, properties, reading, tables
 
+_WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
+
 
 class Known:
     """What an armature object was read from: what has to be the same, and the numbers that may have changed."""
@@ -23,6 +25,10 @@ class Known:
         self._curves = {(row["path"], row["index"]) for row in rows}
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
         self._state = _state(ob) if is_clear else None
+        animated = {row["path"] for row in (*rows, *read.description["drivers"])}
+        paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
+        self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
+        self._switches = list(self._read_switches(ob))
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
@@ -33,7 +39,7 @@ class Known:
         """Returns what RigProgram.edited is given, or None if something else has changed. From then on, these are the
         numbers that are known. edited: the curves of the object's action whose keyframes are others. Raises ValueError
         if something from outside can no longer be read."""
-        if self._state is None or _state(ob) != self._state:
+        if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
             return None
         own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
         edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
@@ -46,6 +52,13 @@ class Known:
             if old["value"] != new["value"]:
                 given[new["path"]] = _given(new["value"])
         return given | self._numbers[2], [row for row in rows if row is not None]
+
+    def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
+        """Yields influence, mute and validity of each constraint, None for what is written on each frame."""
+        constraints = (each for bone in ob.pose.bones for each in bone.constraints)
+        for each, is_written in zip(constraints, self._is_written):
+            own = each.influence, each.mute
+            yield (*(None if known else value for value, known in zip(own, is_written)), each.is_valid)
 
     def keyed(self) -> Iterator[tuple[str, Any]]:
         """Yields what the bones had of what keyframes set, by path, as RigProgram.evaluate is given it."""
