@@ -68,7 +68,8 @@ def reduced(ob):
         dense, meshes.read_positions(ob.data), np.array(motions), max_influences=2
     )
     assert largest.max() > 0, "there was something to reduce"
-    writing.replace(ob, *writing.entries_of(found))
+    own = native.WeightTable.from_dense(found)
+    writing.replace(ob, own.offsets, own.bones, own.weights)
 
 
 def exported(name, tmp_path, *objects):

@@ -9,7 +9,7 @@ from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from characters import add_shape_keys, make_armature, make_tube, pose, twin_of
-from helpers import addon_module, select
+from helpers import addon_module, evaluated, select
 from test_automatic_weights import BONES, armature_of, dense, group_names, paint, parent, places
 
 
@@ -487,6 +487,69 @@ def test_a_mirror_modifier_finds_the_groups_of_the_other_side(what):
         assert "arm.R" not in group_names(half)
 
 
+def make_half():
+    """A ball whose sides follow bones of their own, and the positive half of a garment around it, whose other half a
+    Mirror modifier makes."""
+    ob, armature = make_symmetric()
+    ob.vertex_groups.clear()
+    for name, share in {"spine": lambda x: 1 - abs(x), "arm.L": lambda x: x, "arm.R": lambda x: -x}.items():
+        group = ob.vertex_groups.new(name=name)
+        for vertex in ob.data.vertices:
+            if share(vertex.co.x) > 1e-4:
+                group.add([vertex.index], share(vertex.co.x), "REPLACE")
+    half = suit_of(ob, name="Half")
+    select(half)
+    addon_module("blender.meshes").select_vertices(half.data, [vertex.co.x < -1e-4 for vertex in half.data.vertices])
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.delete(type="VERT")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    half.modifiers.new("Mirror", "MIRROR")
+    return ob, half, armature
+
+
+def shape_in_a_pose(ob, armature):
+    """What Blender shows, deformed behind other modifiers, when each bone is turned in its own way."""
+    if not any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
+        ob.modifiers.new("Armature", "ARMATURE").object = armature
+    pose(armature, 1, False)
+    return evaluated(ob)
+
+
+@pytest.mark.parametrize("way", ("operator", "again", "command"))
+def test_the_mirrored_half_of_a_garment_follows_its_own_side(way, sinew, tmp_path):
+    ob, half, armature = make_half()
+    whole = twin_of(half)
+    select(whole)
+    bpy.ops.object.modifier_apply(modifier="Mirror")
+    transfer(ob, whole)
+    if way == "command":
+        names, path = (ob.name, half.name, whole.name, armature.name), str(tmp_path / "half.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        assert sinew("weights", "transfer", path, "--from", names[0], "--to", names[1])[0] == 0
+        ob, half, whole, armature = (bpy.data.objects[name] for name in names)
+    else:
+        transfer(ob, half)
+    if way == "again":  # after an older version, which did not make it
+        half.vertex_groups.remove(half.vertex_groups["arm.R"])
+        transfer(ob, half)
+    assert set(group_names(half)) == {"spine", "arm.L", "arm.R"}
+    expected, found = shape_in_a_pose(whole, armature), shape_in_a_pose(half, armature)
+    assert found.shape == expected.shape and np.abs(found - expected).max() < 1e-4
+    half.vertex_groups.remove(half.vertex_groups["arm.R"])
+    assert np.abs(shape_in_a_pose(half, armature) - expected).max() > 0.1, "the pose tells nothing"
+
+
+@pytest.mark.parametrize("operator", ("smooth_weights", "mirror_weights", "reduce_influences"))
+def test_each_tool_makes_the_groups_of_the_mirrored_half(operator):
+    ob, half, armature = make_half()
+    transfer(ob, half)
+    half.vertex_groups.remove(half.vertex_groups["arm.R"])
+    half.modifiers.new("Armature", "ARMATURE").object = armature
+    settings = {"poses": "TEST", "max_influences": 1} if operator == "reduce_influences" else {}
+    assert run(operator, half, **settings) == {"FINISHED"}
+    assert set(group_names(half)) == {"spine", "arm.L", "arm.R"}
+
+
 # --- Smooth ---------------------------------------------------------------------------------------
 
 
@@ -728,6 +791,35 @@ def test_bones_without_the_other_side_are_told():
     report = made.write()
     assert report.unpaired == ("arm.L",) and "1 bone without a bone on the other side (arm.L)" in report.sentence()
     assert "arm.R" not in ob.vertex_groups and np.allclose(dense(ob, SIDES).sum(axis=1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("right", ("mixamorig:RightArm", "mixamorig:RightForeArm"))
+def test_sides_that_blender_cannot_flip_are_found_by_place(right):
+    """Blender's flip_name knows left and right only at the ends of names, and with a separator in between."""
+    names = ("mixamorig:Hips", "mixamorig:LeftArm", right, "mixamorig:LeftHand")
+    ob, armature = make_symmetric(names)
+    for old, name in zip(("spine", "arm.L", "Left toe"), (names[0], names[1], names[3])):
+        ob.vertex_groups[old].name = name
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name, x in zip(names, (0, 1, -1, 2)):
+        bone = armature.data.edit_bones[name]
+        bone.head.x = bone.tail.x = x
+        bone.head.z, bone.tail.z = 1, 2
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.utils.flip_name(names[1]) == names[1]
+    before = dense(ob, names)
+    made = addon_module("weights.editing").Mirroring(ob)
+    made.compute()
+    report = made.write()
+    after = dense(ob, names)
+    points = np.array([vertex.co for vertex in ob.data.vertices])
+    twins = np.array([np.argmin(np.linalg.norm(points - point * (-1, 1, 1), axis=1)) for point in points])
+    is_left, is_right = points[:, 0] > 1e-4, points[:, 0] < -1e-4
+    assert np.array_equal(after[is_left], before[is_left])
+    assert np.abs(after[is_right] - before[twins][:, [0, 2, 1, 3]][is_right]).max() < 1e-5
+    assert report.unpaired == ("mixamorig:LeftHand",)
+    assert "1 bone without a bone on the other side (mixamorig:LeftHand)" in report.sentence()
 
 
 def test_nothing_to_copy_from():

@@ -77,6 +77,7 @@ PURE = {
     "weights.pictures",
     "weights.pose_checks",
     "weights.checks",
+    "weights.entries",
     "weights.mirrored_bones",
     "weights.reports",
 }

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import armatures, meshes, nodes, values
-from ..deform.influences import Bones, Rules, influences
+from ..deform.influences import Bones, Rules, columns_of_groups, influences
 from ..native import sinew_native
 
 
@@ -36,8 +36,7 @@ class LinearCharacter:
         self.rest = meshes.read_positions(ob.data)
         bones = Bones(**armatures.read_bones(self._armature))
         offsets, groups, weights = meshes.read_object_weights(ob)
-        index = {name: i for i, name in enumerate(bones.names)}
-        bone_of_group = np.array([index.get(group.name, -1) for group in ob.vertex_groups], np.int32)
+        bone_of_group = columns_of_groups(ob.vertex_groups.keys(), bones.names)
         own = influences(offsets, groups, weights, bone_of_group, bones, Rules(), lambda: self.rest)
         bone_of_joint = np.repeat(np.arange(len(bones.names)), bones.joint_counts)
         self._used = np.unique(bone_of_joint[own.joints])

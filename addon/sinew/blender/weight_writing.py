@@ -18,16 +18,6 @@ def replace(ob: bpy.types.Object, offsets: np.ndarray, groups: np.ndarray, weigh
     ob.data.update_tag()
 
 
-def entries_of(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns offsets (V + 1,), groups (N,) and weights (N,) of the weights above 0 in dense (V, groups), the largest
-    of a vertex first."""
-    rows, columns = np.nonzero(dense > 0)
-    values = dense[rows, columns]
-    order = np.lexsort((-values, rows))
-    offsets = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=len(dense)))))
-    return offsets, columns[order], values[order]
-
-
 def _make_room(ob, offsets):
     """Gives each vertex as many entries as it needs, with any content. Blender's API cannot write the weights of many
     vertices at once, but it adds many vertices to a group, or removes them, and only Blender can allocate entries."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..blender import armatures, values
 from ..deform.clips import transformed
-from ..deform.influences import Bones, Influences, Rules, group_weights, influences
+from ..deform.influences import Bones, Influences, Rules, columns_of_groups, group_weights, influences
 from ..host import motions
 from ..native import sinew_native
 from . import living, methods
@@ -155,8 +155,6 @@ def make_layer(
     method's precomputed data, or None; kept: reads that data."""
     settings, method, number = made_of[0]
     bones = Bones(**armatures.read_bones(armature))
-    index = {name: i for i, name in enumerate(bones.names)}
-    bone_of_group = np.array([index.get(name, -1) for name in weights.names], np.int32)
     mask = weights.of_group(settings.mask_group)
     if mask is not None and settings.mask_invert:
         mask = 1 - mask
@@ -168,7 +166,7 @@ def make_layer(
         weights.offsets,
         weights.groups,
         weights.weights,
-        bone_of_group,
+        columns_of_groups(weights.names, bones.names),
         bones,
         Rules(settings.use_vertex_groups, settings.use_envelopes),
         lambda: transformed(inverse, rest.astype(np.float64)),

@@ -6,7 +6,7 @@ Letters: V vertices, B bones, N influences. A *joint* of the deformer is a bone,
 joint that never moves, which is the last one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,6 +81,13 @@ class Influences:
     unnormalized_count: int = 0  # vertices whose weights in the mesh do not sum to 1
 
 
+def columns_of_groups(groups: Iterable[str], names: Iterable[str]) -> np.ndarray:
+    """Returns (G + 1,) int32: the place of each vertex group's name among the names, of bones; -1 for one that is not
+    there, and at the end for entries whose group, -1, was removed."""
+    columns = {name: column for column, name in enumerate(names)}
+    return np.array([columns.get(name, -1) for name in groups] + [-1], np.int32)
+
+
 def influences(
     offsets: np.ndarray,
     groups: np.ndarray,
@@ -92,10 +99,10 @@ def influences(
     segment_at: Callable[[int, np.ndarray], tuple[int, float]] | None = None,
 ) -> Influences:
     """Returns the Influences of a mesh. offsets (V + 1,), groups (N,), weights (N,): the weights of each vertex, in the
-    order in which Blender stores them; group -1: none. bone_of_group (G,): -1 for a group without a bone. points():
-    a function that returns the rest positions (V, 3) in the armature's space; for most meshes it is not called.
-    segment_at(bone, point): for a curved B-bone, returns the segment at a point and the point's position within it, 0
-    to 1.
+    order in which Blender stores them; group -1: none. bone_of_group (G,), or as columns_of_groups returns it: -1 for a
+    group without a bone. points(): a function that returns the rest positions (V, 3) in the armature's space; for most
+    meshes it is not called. segment_at(bone, point): for a curved B-bone, returns the segment at a point and the
+    point's position within it, 0 to 1.
     """
     counts = (bone_of_group >= 0) & rules.use_vertex_groups
     counts[counts] = bones.deform[bone_of_group[counts]]

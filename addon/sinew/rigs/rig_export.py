@@ -11,6 +11,7 @@ import numpy as np
 from ..blender import armatures, meshes, values
 from ..clips import clip_store
 from ..deform.clips import transformed
+from ..deform.influences import columns_of_groups
 from ..feedback import progress
 from ..native import sinew_native
 from ..plan import bindable
@@ -102,9 +103,7 @@ def skeleton_from_bones(armature: Any, files_from_armature: np.ndarray) -> tuple
 def dense_weights(ob: Any, names: Sequence[str], columns: np.ndarray) -> np.ndarray:
     """Returns (V, columns): the weights of each joint's vertex group, unchanged from the mesh."""
     offsets, groups, weights = meshes.read_object_weights(ob)
-    column_of_name = {name: column for name, column in zip(names, columns) if column >= 0}
-    column_of_group = np.array([column_of_name.get(group.name, -1) for group in ob.vertex_groups] + [-1])
-    column = column_of_group[groups]
+    column = np.append(columns, -1)[columns_of_groups(ob.vertex_groups.keys(), names)][groups]
     rows = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     dense = np.zeros((len(offsets) - 1, int(np.max(columns, initial=-1)) + 1))
     used = column >= 0

@@ -213,7 +213,8 @@ def build_mesh(
         if column >= 0:
             ob.vertex_groups.new(name=names[joint])
             columns.append(column)
-    weight_writing.replace(ob, *weight_writing.entries_of(np.asarray(rig.weights)[:, columns]))
+    own = sinew_native.WeightTable.from_dense(np.asarray(rig.weights)[:, columns])
+    weight_writing.replace(ob, own.offsets, own.bones, own.weights)
 
     ob.parent = armature
     modifier = ob.modifiers.new("Armature", "ARMATURE")

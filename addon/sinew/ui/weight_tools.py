@@ -158,8 +158,9 @@ class SmoothWeights(EditsWeights, bpy.types.Operator):
 
 class MirrorWeights(EditsWeights, bpy.types.Operator):
     """Copy the weights of one side to the other, by the closest points of the mirrored surface, so that both sides may
-    have different vertices. Bones change places by their names, as in Blender. With a vertex or face mask, only the
-    selected vertices change. Locked vertex groups and groups of other bones stay"""
+    have different vertices. Bones change places with those of the other side, which are found by their names, or by
+    their rest positions. With a vertex or face mask, only the selected vertices change. Locked vertex groups and groups
+    of other bones stay"""
 
     bl_idname = "object.sinew_mirror_weights"
     bl_label = "Mirror (Sinew)"

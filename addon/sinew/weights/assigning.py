@@ -8,11 +8,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..blender import armatures, meshes, weight_writing
+from ..blender import armatures
 from ..deform import influences
 from ..native import sinew_native
-from . import bone_segments, reports, rigid, solid
+from . import bone_segments, reports, rigid, solid, table
 from .bone_segments import RestBones
+from .entries import Entries, stacked
 
 FAR_AWAY = 100.0  # sizes of the mesh: how far the bone is that stands for all bones that were not chosen
 
@@ -41,32 +42,11 @@ def refuse(objects: Sequence[bpy.types.Object], armature: bpy.types.Object) -> N
     if armature.data.is_editmode:
         raise ValueError(f"{armature.name} is in Edit Mode; leave it first")
     for ob in objects:
-        why = why_not_writable(ob)
+        why = table.why_not_writable(ob)
         if why:
             raise ValueError(f"{ob.name} {why}")
     if not any(len(ob.data.vertices) for ob in objects):
         raise ValueError(f"{', '.join(ob.name for ob in objects)}: there are no vertices to give weights to")
-
-
-def why_not_writable(ob: bpy.types.Object) -> str:
-    """Returns why the weights of a mesh object cannot be written, as a clause without its subject, or ""."""
-    if ob.type != "MESH":
-        return "is not a mesh; select one"
-    if ob.sinew.copy_of is not None:
-        return f"is the deformed copy of {ob.sinew.copy_of.name}; select that mesh instead"
-    if ob.library is not None or ob.data.library is not None:
-        return "is linked from another file; make its weights in that file"
-    if ob.data.override_library is not None:
-        return "has a mesh from another file (a library override); make its weights in that file"
-    if ob.data.is_editmode:
-        return "is in Edit Mode; leave it first"
-    sharers = meshes.count_sharers(ob)
-    if sharers > 1:
-        return (
-            f"shares its mesh with {reports.counted(sharers - 1, 'other object')}, whose weights would change too; "
-            "make it single-user first (Object > Relations > Make Single User > Object & Data)"
-        )
-    return ""
 
 
 def read_bones(armature: bpy.types.Object) -> RestBones:
@@ -136,7 +116,7 @@ class Assignment:
         self.segments = bone_segments.choose(bones, np.array([*chosen, *rivals]), settings.ends)
         self._refuse_infinite()
         self._solid = solid.collect(self.objects)
-        self._before = [meshes.read_object_weights(ob) for ob in self.objects]
+        self._before = [table.in_groups(ob) for ob in self.objects]
         self._free = np.ones(len(self._solid.positions), bool)
         for number, ob in enumerate(self.objects):
             if free is not None and ob.name in free:
@@ -177,26 +157,13 @@ class Assignment:
     def _fixed_weights(self) -> Any:
         """Returns a sinew_native.WeightTable, fixed vertices x (solved bones + 1): the weights that the fixed vertices
         have, and in the last column what is missing to 1, which other bones hold."""
-        columns = {name: i for i, name in enumerate(self._solved)}
-        row_of = np.cumsum(~self._free) - 1
-        rows, bones, values = [], [], []
-        for number, ob in enumerate(self.objects):
-            of_group = np.array([columns.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
-            offsets, groups, weights = self._before[number]
-            vertices = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)) + self._solid.starts[number]
-            used = (of_group[groups] >= 0) & ~self._free[vertices]
-            rows.append(row_of[vertices[used]])
-            bones.append(of_group[groups[used]])
-            values.append(weights[used])
-        count = int(np.count_nonzero(~self._free))
-        missing = np.clip(1 - np.bincount(np.concatenate(rows), np.concatenate(values), minlength=count), 0, 1)
-        rows.append(np.arange(count))
-        bones.append(np.full(count, len(columns)))
-        order = np.argsort(np.concatenate(rows), kind="stable")
-        offsets = np.concatenate(([0], np.cumsum(np.bincount(np.concatenate(rows), minlength=count))))
-        return sinew_native.WeightTable(
-            offsets, np.concatenate(bones)[order], np.concatenate([*values, missing])[order], len(columns) + 1
-        )
+        columns = [influences.columns_of_groups(ob.vertex_groups.keys(), self._solved) for ob in self.objects]
+        own = stacked(list(map(Entries.renumbered, self._before, columns)), self._solid.starts)
+        own, count = own.where(~self._free[own.vertices]), int(np.count_nonzero(~self._free))
+        own = Entries((np.cumsum(~self._free) - 1)[own.vertices], own.bones, own.weights)
+        missing = np.clip(1 - own.sums(count), 0, 1)
+        rest = Entries(np.arange(count), np.full(count, len(self._solved)), missing)
+        return own.joined(rest).table(count, len(self._solved) + 1)
 
     def compute(self, progress: Any = None) -> bool:
         """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
@@ -229,88 +196,64 @@ class Assignment:
 
     def write(self) -> reports.Report:
         """Writes what was computed: once into each mesh. Returns the report."""
-        offsets = np.asarray(self._found.offsets)
-        vertices = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-        bones, weights = np.asarray(self._found.joints), np.asarray(self._found.weights, np.float64)
+        counts = np.diff(self._found.offsets)
+        found = Entries(
+            np.repeat(np.arange(len(counts)), counts),
+            np.asarray(self._found.joints),
+            np.array(self._found.weights, float),
+        )
         unweighted, used = 0, np.zeros(len(self.names), bool)
         for number, ob in enumerate(self.objects):
-            here = self._range(number)
-            first, last = np.searchsorted(vertices, (here.start, here.stop))
-            own = vertices[first:last] - here.start, bones[first:last], weights[first:last]
-            left, is_used = self._write_object(number, ob, *own)
+            left, is_used = self._write_object(number, ob, found)
             unweighted += left
             used |= is_used
         report = self._report(unweighted, [name for name, is_used in zip(self.names, used) if not is_used])
         reports.remember(report)
         return report
 
-    def _write_object(
-        self, number: int, ob: bpy.types.Object, vertices: np.ndarray, bones: np.ndarray, weights: np.ndarray
-    ) -> tuple[int, np.ndarray]:
-        """Writes the weights of one object. Returns how many of its free vertices no deforming bone moves, and which of
-        the bones it uses, (bones,) bool."""
-        free, is_locked = self._free[self._range(number)], self._locked[number]
-        count = len(free)
-        offsets, groups, values = self._before[number]
-        group_of_bone = add_groups(ob, self.names)
-        is_target = np.zeros(len(ob.vertex_groups) + 1, bool)
-        is_target[group_of_bone[~is_locked]] = True
+    def _write_object(self, number: int, ob: bpy.types.Object, found: Entries) -> tuple[int, np.ndarray]:
+        """Writes the weights of one object, of those of all. Returns how many of its free vertices no deforming bone
+        moves, and which of the bones it uses, (bones,) bool."""
+        here, is_locked, before = self._range(number), self._locked[number], self._before[number]
+        free, count = self._free[here], here.stop - here.start
+        group_of_bone = table.add_groups(ob, self.names)
+        written = group_of_bone[~is_locked]
         deforms = np.array([group.name in self._deforming for group in ob.vertex_groups] + [False])
         is_kept_group = np.array([group.lock_weight for group in ob.vertex_groups] + [False]) & deforms
+        stays = (before.bones >= 0) & ~(np.isin(before.bones, written) & free[before.vertices])
 
-        owner = np.repeat(np.arange(count), np.diff(offsets))
-        kept = (groups >= 0) & (~is_target[groups] | ~free[owner])
-        held = kept & is_kept_group[groups]
-        room = 1 - np.bincount(owner[held], values[held], minlength=count)
-        places = self._settings.max_influences
-        limits = places - np.bincount(owner[kept & deforms[groups] & (values > 0)], minlength=count)
-
-        usable = free[vertices] & (bones < len(is_locked)) & (weights > 0)
-        usable[usable] = ~is_locked[bones[usable]]
-        vertices, bones, weights = vertices[usable], bones[usable], weights[usable]
-        if self._locked[number].any() and not self._has_rivals:
-            vertices, bones, weights = self._with_nearest(number, free, vertices, bones, weights)
-        if places:
-            vertices, bones, weights = largest(vertices, bones, weights, np.maximum(limits, 1))
+        # Of the rivals, and of the column of fixed weights, nothing is written.
+        own = found.where(
+            (found.vertices >= here.start) & (found.vertices < here.stop) & (found.bones < len(is_locked))
+        )
+        own = Entries(own.vertices - here.start, own.bones, own.weights)
+        own = own.where(free[own.vertices] & ~is_locked[own.bones] & (own.weights > 0))
+        if is_locked.any() and not self._has_rivals:
+            own = self._with_nearest(number, free, own)
+        if self._settings.max_influences:
+            moving = before.where(stays & deforms[before.bones] & (before.weights > 0))
+            limits = self._settings.max_influences - np.bincount(moving.vertices, minlength=count)
+            own = own.largest(np.maximum(limits, 1))
         if is_kept_group.any():
             if self._fixed is None and not self._has_rivals:  # otherwise these hold less than 1
-                weights = weights / np.bincount(vertices, weights, minlength=count)[vertices]
-            weights = weights * np.clip(room, 0, 1)[vertices]
-            usable = weights > 0
-            vertices, bones, weights = vertices[usable], bones[usable], weights[usable]
+                own = own.summing_to(np.ones(count))
+            own = own.times(np.clip(1 - before.where(stays & is_kept_group[before.bones]).sums(count), 0, 1))
+            own = own.where(own.weights > 0)
 
-        all_vertices = np.concatenate((owner[kept], vertices))
-        all_groups = np.concatenate((groups[kept], group_of_bone[bones]))
-        all_weights = np.concatenate((values[kept], weights)).astype(np.float32)
-        order = np.lexsort((all_groups, -all_weights, all_vertices))
-        new_offsets = np.concatenate(([0], np.cumsum(np.bincount(all_vertices, minlength=count))))
-        weight_writing.replace(ob, new_offsets, all_groups[order], all_weights[order])
+        everything = table.replace(ob, before, own.renumbered(group_of_bone), written, free)
+        moving = everything.where(deforms[everything.bones])
+        is_used = np.isin(group_of_bone, everything.bones[everything.weights > 0])
+        return int(np.count_nonzero(free & (moving.sums(count) <= influences.SMALLEST_WEIGHT_SUM))), is_used
 
-        moves = deforms[all_groups]
-        sums = np.bincount(all_vertices[moves], all_weights[moves], minlength=count)
-        is_used = np.isin(group_of_bone, np.unique(all_groups[all_weights > 0]))
-        return int(np.count_nonzero(free & (sums <= influences.SMALLEST_WEIGHT_SUM))), is_used
-
-    def _with_nearest(
-        self, number: int, free: np.ndarray, vertices: np.ndarray, bones: np.ndarray, weights: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _with_nearest(self, number: int, free: np.ndarray, own: Entries) -> Entries:
         """Adds the nearest bone that is not locked, for the vertices that have got none because their groups are."""
-        if self._locked[number].all():
-            return vertices, bones, weights
-        missed = np.flatnonzero(free & (np.bincount(vertices, minlength=len(free)) == 0))
-        if not len(missed):
-            return vertices, bones, weights
+        missed = np.flatnonzero(free & (np.bincount(own.vertices, minlength=len(free)) == 0))
+        heads, tails, bones = (part[~self._locked[number][self.segments.bones]] for part in self.segments)
+        if not len(missed) or not len(heads):
+            return own
         points = self._solid.positions[self._range(number)][missed]
-        best, nearest = np.full(len(missed), np.inf), np.zeros(len(missed), int)
-        for head, tail, bone in zip(*self.segments):
-            if not self._locked[number][bone]:
-                own = bone_segments.distances(points, np.broadcast_to(head, points.shape), tail)
-                nearest[own < best] = bone
-                best = np.minimum(best, own)
-        vertices, bones = np.concatenate((vertices, missed)), np.concatenate((bones, nearest))
-        weights = np.concatenate((weights, np.ones(len(missed))))
-        order = np.argsort(vertices, kind="stable")
-        return vertices[order], bones[order], weights[order]
+        _distances, nearest = bone_segments.nearest(points, heads, tails)
+        return own.joined(Entries(missed, bones[nearest], np.ones(len(missed))))
 
     def _report(self, unweighted: int, without_vertices: Sequence[str]) -> reports.Report:
         found = self._found.report
@@ -331,32 +274,3 @@ class Assignment:
             perf_counter() - self._start,
             self._kept,
         )
-
-
-def add_groups(ob: bpy.types.Object, names: Sequence[str]) -> np.ndarray:
-    """Adds the vertex groups of these names that the object lacks; with a Mirror modifier those of the other side, too,
-    since it gives weights of a group to the other half only if there is one. Returns the index of each, (names,)
-    int."""
-    active = ob.vertex_groups.active_index if len(ob.vertex_groups) else 0
-    there = {group.name: group.index for group in ob.vertex_groups}
-    is_mirrored = any(each.type == "MIRROR" and each.use_mirror_vertex_groups for each in ob.modifiers)
-    for name in [*names, *(map(bpy.utils.flip_name, names) if is_mirrored else ())]:
-        if name not in there:
-            there[name] = ob.vertex_groups.new(name=name).index
-    ob.vertex_groups.active_index = active
-    return np.array([there[name] for name in names], int)
-
-
-def largest(
-    vertices: np.ndarray, bones: np.ndarray, weights: np.ndarray, limits: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Keeps the largest weights of each vertex, and scales them to the same sum. vertices, bones, weights (N,);
-    limits (V,): how many a vertex keeps."""
-    order = np.lexsort((bones, -weights, vertices))
-    vertices, bones, weights = vertices[order], bones[order], weights[order]
-    rank = np.arange(len(vertices)) - np.searchsorted(vertices, vertices)
-    kept = rank < limits[vertices]
-    count = len(limits)
-    before, after = (np.bincount(vertices[own], weights[own], minlength=count) for own in (slice(None), kept))
-    scale = before / np.where(after > 0, after, 1)
-    return vertices[kept], bones[kept], weights[kept] * scale[vertices[kept]]

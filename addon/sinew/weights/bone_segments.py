@@ -8,6 +8,7 @@ import numpy as np
 AUTOMATIC, TAIL, CHILD = "AUTOMATIC", "TAIL", "CHILD"
 _TOUCHES = 0.1  # of a bone's length: how far its tail may be from its child's head
 _MEANT = 0.5  # the least share of bones whose tails touch their only child, if people have placed the tails
+_CELLS = 32  # along the longest side of some points, to find the segments that may be nearest
 _SHORTEST = 1e-3  # of a bone's length: a child whose head is nearer shows no direction
 
 
@@ -102,3 +103,29 @@ def distances(points: np.ndarray, heads: np.ndarray, tails: np.ndarray) -> np.nd
     squared = np.einsum("na,na->n", along, along)
     share = np.einsum("na,na->n", offset, along) / np.where(squared > 0, squared, 1)
     return np.linalg.norm(offset - np.clip(share, 0, 1)[:, None] * along, axis=1)
+
+
+def nearest(points: np.ndarray, heads: np.ndarray, tails: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns for each of the points (P, 3) how far the nearest of the segments from heads (S, 3) to tails (S, 3) is,
+    (P,), and its number, (P,) int; infinity and -1 without segments."""
+    best, found = np.full(len(points), np.inf), np.full(len(points), -1)
+    if not len(points) or not len(heads):
+        return best, found
+    low = points.min(axis=0)
+    width = max(float(np.ptp(points, axis=0).max()) / _CELLS, np.finfo(float).tiny)
+    cells = ((points - low) / width).astype(np.int64) @ ((_CELLS + 1) ** np.arange(3))
+    _, first, cell = np.unique(cells, return_index=True, return_inverse=True)
+    # From any point of a cell, a distance differs by at most the cell's diagonal from that of another.
+    middles, diagonal = points[first], np.sqrt(3) * width
+    ends = (
+        (np.broadcast_to(head, middles.shape), np.broadcast_to(tail, middles.shape)) for head, tail in zip(heads, tails)
+    )
+    there = np.array([distances(middles, *each) for each in ends])
+    may_be = there <= (there.min(axis=0) + 2.001 * diagonal)
+    for segment in np.flatnonzero(may_be.any(axis=1)).tolist():
+        chosen = np.flatnonzero(may_be[segment][cell])
+        shape = len(chosen), 3
+        own = distances(points[chosen], np.broadcast_to(heads[segment], shape), np.broadcast_to(tails[segment], shape))
+        nearer = own < best[chosen]
+        best[chosen[nearer]], found[chosen[nearer]] = own[nearer], segment
+    return best, found

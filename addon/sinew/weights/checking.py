@@ -1,6 +1,7 @@
 """Checks the weights of mesh objects: reads them, and collects what `checks` finds."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,8 @@ from mathutils.kdtree import KDTree
 
 from ..blender import meshes
 from ..plan import bindable
-from . import assigning, bone_segments, checks, pose_checks, reports, solid
+from . import assigning, bone_segments, checks, pose_checks, reports, solid, table
+from .entries import Entries
 
 PROBLEMS = (
     (checks.UNWEIGHTED, "Unweighted", "Vertices that no deforming bone moves"),
@@ -96,82 +98,118 @@ class Checkup:
         }
 
 
-def check(
-    objects: Sequence[bpy.types.Object],
-    most_influences: int = checks.MOST_INFLUENCES,
-    degrees: float = pose_checks.ANGLE,
-) -> Checkup:
-    """Checks mesh objects, which have armatures. degrees: by which each bone is bent in the test poses. Raises
-    ValueError if an object has no armature, or is in Edit Mode."""
-    poses: dict[str, list[pose_checks.TestPose]] = {}
-    names_of: dict[str, tuple[str, ...]] = {}
-    found: dict[str, checks.Check] = {}
-    used: dict[Any, set[str]] = {}
-    for ob in objects:
-        armature = bindable.find_armature(ob)
-        if armature is None:
-            raise ValueError(f"{ob.name} has no armature: give it an Armature modifier, or parent it to an armature")
-        if ob.data.is_editmode:
-            raise ValueError(f"{ob.name} is in Edit Mode; leave it first")
-        names, found[ob.name] = _check_object(ob, armature, most_influences)
-        used.setdefault(armature, set()).update(names)
-        mesh, bones = posable(ob, armature)
-        poses[ob.name] = pose_checks.check(mesh, bones, degrees)
-        names_of[ob.name] = tuple(bone.name for bone in armature.data.bones)
-        stretched = [pose.stretched for pose in poses[ob.name]]
-        found[ob.name].vertices[checks.STRETCHED] = np.unique(np.concatenate([np.empty(0, int), *stretched]))
-    if not found:
-        raise ValueError("no mesh with an armature is selected: select one")
-    unused = [
-        bone.name
-        for armature, names in used.items()
-        for bone in armature.data.bones
-        if bone.use_deform and bone.name not in names
-    ]
-    return Checkup(next(iter(used)).name, found, tuple(unused), most_influences, poses, names_of, degrees)
+@dataclass(frozen=True)
+class Subject:
+    """What is read of one mesh object, in world space."""
+
+    armature: str  # its name
+    rest: assigning.RestBones
+    deforming: np.ndarray  # (D,) int: the numbers of the bones that deform
+    weights: Entries  # in these bones
+    mesh: pose_checks.Mesh  # for test poses; with the numbers of all bones
+    bones: pose_checks.Bones
 
 
-def _check_object(ob, armature, most_influences):
-    """Returns the names of the deforming bones that move any vertex of the object, and its Check."""
-    bones = assigning.read_bones(armature)
-    deforming = np.flatnonzero(bones.deform)
-    number = {bones.names[bone]: i for i, bone in enumerate(deforming.tolist())}
-    offsets, groups, weights = meshes.read_object_weights(ob)
-    bone_of_group = np.array([number.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
-    segments = bone_segments.choose(dataclasses.replace(bones, curves={}), deforming)
-    edges, _offsets, _corners = meshes.read_topology(ob.data)
-    own = checks.Weights(offsets, bone_of_group[groups], weights)
-    found = checks.check(
-        own, solid.world_positions(ob), edges, segments.heads, segments.tails, _nearest, most_influences
+def read(ob: bpy.types.Object) -> Subject:
+    """Reads a mesh object and its armature. Raises ValueError if it has none, or is in Edit Mode."""
+    armature = bindable.find_armature(ob)
+    if armature is None:
+        raise ValueError(f"{ob.name} has no armature: give it an Armature modifier, or parent it to an armature")
+    if ob.data.is_editmode:
+        raise ValueError(f"{ob.name} is in Edit Mode; leave it first")
+    rest, own = assigning.read_bones(armature), solid.collect([ob])
+    deforming = np.flatnonzero(rest.deform)
+    weights = Entries.of(table.read(ob, [rest.names[bone] for bone in deforming]).weights)
+    shares = weights.summing_to(np.ones(len(own.positions)))
+    mesh = pose_checks.Mesh(
+        own.positions, meshes.read_topology(ob.data)[0], own.triangles(), shares.renumbered(deforming)
     )
-    return {bones.names[deforming[bone]] for bone in found.bones_used}, found
-
-
-def posable(ob: bpy.types.Object, armature: bpy.types.Object) -> tuple[pose_checks.Mesh, pose_checks.Bones]:
-    """Returns a mesh object and the bones of its armature, all of them, for test poses, in world space."""
-    bones = assigning.read_bones(armature)
-    number = {name: i for i, name in enumerate(bones.names) if bones.deform[i]}
-    offsets, groups, weights = meshes.read_object_weights(ob)
-    bone_of_group = np.array([number.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
-    vertices, owners, values = checks.Weights(offsets, bone_of_group[groups], weights).used()
-    sums = np.bincount(vertices, values, minlength=len(offsets) - 1)
-    edges, _offsets, _corners = meshes.read_topology(ob.data)
-    own = solid.collect([ob])
-    mesh = pose_checks.Mesh(own.positions, edges, own.triangles(), vertices, owners, values / sums[vertices])
     turned = np.array([armature.matrix_world.to_3x3() @ bone.matrix_local.to_3x3() for bone in armature.data.bones])
     axes = turned.transpose(0, 2, 1)
     axes = axes / np.maximum(np.linalg.norm(axes, axis=2, keepdims=True), 1e-30)
-    return mesh, pose_checks.Bones(bones.parents, bones.heads, axes)
+    bones = pose_checks.Bones(rest.parents, rest.heads, axes)
+    return Subject(armature.name, rest, deforming, weights, mesh, bones)
 
 
-def _nearest(points, others, reach):
+class Checking:
+    """Checks mesh objects, which have armatures. It is made in the main thread; `compute` may run in any thread,
+    because it does not touch Blender's data."""
+
+    def __init__(
+        self,
+        objects: Sequence[bpy.types.Object],
+        most_influences: int = checks.MOST_INFLUENCES,
+        degrees: float = pose_checks.ANGLE,
+    ) -> None:
+        """Reads everything. degrees: by which each bone is bent in the test poses. Raises ValueError if an object has
+        no armature, or is in Edit Mode."""
+        if not objects:
+            raise ValueError("no mesh with an armature is selected: select one")
+        self.objects, self._subjects = list(objects), {ob.name: read(ob) for ob in objects}
+        self._most_influences, self._degrees = most_influences, degrees
+        self.share = 0.0  # of the computation that is done
+        self.checkup: Any = None  # a Checkup, once it is computed
+
+    def compute(self, progress: Any = None) -> bool:
+        """Checks. progress: a sinew_native.Progress. Returns False if it was cancelled: there is no checkup."""
+        found: dict[str, checks.Check] = {}
+        poses: dict[str, list[pose_checks.TestPose]] = {}
+        used: dict[str, set[str]] = {}
+
+        def goes_on(share: float) -> bool:
+            self.share = (len(poses) + share) / len(self._subjects)
+            return progress is None or not progress.is_cancelled
+
+        for name, own in self._subjects.items():
+            segments = bone_segments.choose(dataclasses.replace(own.rest, curves={}), own.deforming)
+            found[name] = checks.check(
+                own.weights,
+                own.mesh.positions,
+                own.mesh.edges,
+                segments.heads,
+                segments.tails,
+                functools.partial(_nearest, goes_on),
+                self._most_influences,
+            )
+            used.setdefault(own.armature, set()).update(
+                own.rest.names[bone] for bone in own.deforming[found[name].bones_used]
+            )
+            poses[name] = pose_checks.check(own.mesh, own.bones, self._degrees, goes_on)
+            if not goes_on(0):
+                return False
+            stretched = [np.empty(0, int), *(pose.stretched for pose in poses[name])]
+            found[name].vertices[checks.STRETCHED] = np.unique(np.concatenate(stretched))
+        rests = {own.armature: own.rest for own in self._subjects.values()}
+        unused = [
+            name
+            for armature, rest in rests.items()
+            for name, deforms in zip(rest.names, rest.deform)
+            if deforms and name not in used[armature]
+        ]
+        bones = {name: own.rest.names for name, own in self._subjects.items()}
+        self.checkup = Checkup(
+            next(iter(rests)), found, tuple(unused), self._most_influences, poses, bones, self._degrees
+        )
+        return True
+
+
+def check(objects: Sequence[bpy.types.Object], *settings: Any, **named: Any) -> Checkup:
+    """Returns the Checkup of mesh objects. Settings and errors are those of Checking."""
+    made = Checking(objects, *settings, **named)
+    made.compute()
+    return made.checkup
+
+
+def _nearest(goes_on, points, others, reach):
     """Returns for each of the points (P, 3) (P,) the index of the nearest of the others (Q, 3), -1 beyond reach."""
     tree = KDTree(len(others))
-    for i, place in enumerate(others):
+    for i, place in enumerate(others.tolist()):
         tree.insert(place, i)
     tree.balance()
     result = np.full(len(points), -1)
-    for i, place in enumerate(points):
+    for i, place in enumerate(points.tolist()):
+        if i % 1024 == 0 and not goes_on(0):
+            break
         _place, index, distance = tree.find(place)
         if index is not None and distance <= reach:
             result[i] = index

@@ -8,6 +8,7 @@ import numpy as np
 from ..blender import bounds
 from ..deform import influences
 from . import bone_segments
+from .entries import Entries
 
 MOST_INFLUENCES = 4  # what most game engines allow
 FAR = 2.0  # a bone is far from a vertex if its distance is more than this many times the nearest bone's,
@@ -19,30 +20,6 @@ WELDED = 1e-6  # of the mesh's size: vertices that are not farther from each oth
 
 UNWEIGHTED, SUMS, MANY, FAR_BONES, ISLANDS = "UNWEIGHTED", "SUMS", "MANY", "FAR", "ISLANDS"
 STRETCHED = "STRETCHED"
-
-
-@dataclass
-class Weights:
-    """The weights of a mesh in deforming bones. Entries with the bone -1 count for nothing."""
-
-    offsets: np.ndarray  # (V + 1,)
-    bones: np.ndarray  # (N,) int
-    weights: np.ndarray  # (N,)
-
-    @property
-    def vertices(self) -> np.ndarray:
-        """The vertex of each entry, (N,)."""
-        return np.repeat(np.arange(len(self.offsets) - 1), np.diff(self.offsets))
-
-    @property
-    def count(self) -> int:
-        """V."""
-        return len(self.offsets) - 1
-
-    def used(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns vertices, bones and weights of the entries above 0 in a bone."""
-        chosen = (self.bones >= 0) & (self.weights > 0)
-        return self.vertices[chosen], self.bones[chosen], self.weights[chosen]
 
 
 @dataclass
@@ -73,7 +50,7 @@ class Check:
 
 
 def check(
-    weights: Weights,
+    weights: Entries,
     positions: np.ndarray,
     edges: np.ndarray,
     heads: np.ndarray,
@@ -83,47 +60,34 @@ def check(
 ) -> Check:
     """Returns the Check of a mesh.
 
-    positions (V, 3) and the ends of the bones, heads and tails (B, 3), are in the same space. edges (E, 2).
-    find_near(points, others, reach): a function that returns for each of the points (P, 3) the index of the nearest of
-    the others (Q, 3), or -1 if none is within reach."""
-    found = Check(weights.count)
-    vertices, bones, values = weights.used()
-    sums = np.bincount(vertices, values, minlength=weights.count)
-    counts = np.bincount(vertices, minlength=weights.count)
+    weights: those above 0 in deforming bones, a vertex in a bone once, in the vertices' order. positions (V, 3) and the
+    ends of the bones, heads and tails (B, 3), are in the same space. edges (E, 2). find_near(points, others, reach): a
+    function that returns for each of the points (P, 3) the index of the nearest of the others (Q, 3), or -1 if none is
+    within reach."""
+    found = Check(len(positions))
+    sums, counts = weights.sums(len(positions)), np.bincount(weights.vertices, minlength=len(positions))
     is_weighted = sums > influences.SMALLEST_WEIGHT_SUM
     found.vertices[UNWEIGHTED] = np.flatnonzero(~is_weighted)
     found.vertices[SUMS] = np.flatnonzero(is_weighted & (np.abs(sums - 1) > influences.NORMALIZED_WITHIN))
     found.vertices[MANY] = np.flatnonzero(counts > most_influences)
     found.most_influences = int(counts.max(initial=0))
-    found.bones_used = np.unique(bones)
-    shares = values / sums[vertices]
+    found.bones_used = np.unique(weights.bones)
+    shares = weights.summing_to(np.ones(len(positions)))
     size = bounds.diagonal(positions)
-    found.vertices[FAR_BONES] = _far(vertices, bones, shares, positions, heads, tails, size)
-    found.vertices[ISLANDS], found.islands_apart = _apart(
-        vertices, bones, shares, is_weighted, positions, edges, len(heads), size, find_near
-    )
+    found.vertices[FAR_BONES] = _far(shares, positions, heads, tails, size)
+    found.vertices[ISLANDS], found.islands_apart = _apart(shares, is_weighted, positions, edges, size, find_near)
     return found
 
 
-def _far(
-    vertices: np.ndarray,
-    bones: np.ndarray,
-    shares: np.ndarray,
-    positions: np.ndarray,
-    heads: np.ndarray,
-    tails: np.ndarray,
-    size: float,
-) -> np.ndarray:
+def _far(shares: Entries, positions: np.ndarray, heads: np.ndarray, tails: np.ndarray, size: float) -> np.ndarray:
     """Returns the vertices with a weight in a far bone. The distance is the straight one."""
-    if not len(vertices):
-        return np.empty(0, int)
-    nearest = np.full(len(positions), np.inf)
-    for bone in range(len(heads)):
-        ends = np.broadcast_to(heads[bone], positions.shape), np.broadcast_to(tails[bone], positions.shape)
-        np.minimum(nearest, bone_segments.distances(positions, *ends), out=nearest)
-    own = bone_segments.distances(positions[vertices], heads[bones], tails[bones])
-    is_far = (own > FAR * nearest[vertices] + FAR_AT_LEAST * size) & (shares >= FAR_WEIGHT)
-    return np.unique(vertices[is_far])
+    large = shares.where(shares.weights >= FAR_WEIGHT)
+    own = bone_segments.distances(positions[large.vertices], heads[large.bones], tails[large.bones])
+    may_be = own > FAR_AT_LEAST * size
+    own, vertices = own[may_be], large.vertices[may_be]
+    of, place = np.unique(vertices, return_inverse=True)
+    nearest, _segments = bone_segments.nearest(positions[of], heads, tails)
+    return np.unique(vertices[own > FAR * nearest[place] + FAR_AT_LEAST * size])
 
 
 def islands(count: int, edges: np.ndarray) -> np.ndarray:
@@ -155,44 +119,34 @@ def welded(positions: np.ndarray, size: float) -> np.ndarray:
 
 
 def _apart(
-    vertices: np.ndarray,
-    bones: np.ndarray,
-    shares: np.ndarray,
-    is_weighted: np.ndarray,
-    positions: np.ndarray,
-    edges: np.ndarray,
-    bone_count: int,
-    size: float,
-    find_near: Any,
+    shares: Entries, is_weighted: np.ndarray, positions: np.ndarray, edges: np.ndarray, size: float, find_near: Any
 ) -> tuple[np.ndarray, int]:
     """Returns the vertices of the islands that move apart from the larger island that they lie on, and how many islands
     these are."""
     weld = welded(positions, size)
     label = islands(len(positions), weld[edges] if len(edges) else edges)[weld]
     names, sizes = np.unique(label, return_counts=True)
-    if len(names) < 2 or not bone_count:
+    if len(names) < 2:
         return np.empty(0, int), 0
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty(len(names), int)
     rank[order] = np.arange(len(names))
     ranks = rank[np.searchsorted(names, label)]  # 0: a vertex of the largest island
-    largest = ranks == 0
-    starts = np.searchsorted(vertices, np.arange(len(positions) + 1))
-
-    def row(vertex: int) -> np.ndarray:
-        dense = np.zeros(bone_count)
-        np.add.at(dense, bones[starts[vertex] : starts[vertex + 1]], shares[starts[vertex] : starts[vertex + 1]])
-        return dense
-
-    others = np.flatnonzero(largest & is_weighted)
-    candidates = np.flatnonzero(~largest & is_weighted)
+    others = np.flatnonzero((ranks == 0) & is_weighted)
+    candidates = np.flatnonzero((ranks > 0) & is_weighted)
     near = find_near(positions[candidates], positions[others], TOUCHING * size)
-    touching = near >= 0
-    difference = np.array(
-        [0.5 * np.abs(row(a) - row(others[b])).sum() for a, b in zip(candidates[touching], near[touching])]
-    )
-    own = ranks[candidates[touching]]
-    totals = np.bincount(own, difference, minlength=len(names)) if len(own) else np.zeros(len(names))
-    counts = np.bincount(own, minlength=len(names))
-    is_apart = totals > APART * np.maximum(counts, 1)
+    candidates, others = candidates[near >= 0], others[near[near >= 0]]
+    own = ranks[candidates]
+    totals = np.bincount(own, _differences(shares, len(positions), candidates, others), minlength=len(names))
+    is_apart = totals > APART * np.maximum(np.bincount(own, minlength=len(names)), 1)
     return np.flatnonzero(is_apart[ranks]), int(is_apart.sum())
+
+
+def _differences(shares: Entries, vertex_count: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Returns (P,): half the sum of the differences of the weights of vertices one (P,) and other (P,)."""
+    offsets = shares.offsets(vertex_count)
+    both = shares.at(one, offsets).joined(shares.at(other, offsets).times(np.full(len(other), -1)))
+    both = both.where(np.lexsort((both.bones, both.vertices)))
+    starts = np.flatnonzero((np.diff(both.vertices, prepend=-1) != 0) | (np.diff(both.bones, prepend=-1) != 0))
+    sums = np.add.reduceat(both.weights, starts) if len(starts) else both.weights
+    return 0.5 * np.bincount(both.vertices[starts], np.abs(sums), minlength=len(one))

@@ -68,6 +68,7 @@ class Edit:
         self._refuse_locked()
         self.locked = np.flatnonzero(self.table.locked).astype(np.int32)
         self.made: Any = None  # a sinew_native.WeightTable, once it is computed
+        self.changed: Any = None  # (V,) bool
 
     def columns(self, names: tuple[str, ...], _bones: tuple[str, ...]) -> tuple[str, ...]:
         """Returns the bones that get columns. names: those with weight; bones: all that deform."""
@@ -81,19 +82,29 @@ class Edit:
         """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
         to write."""
         made = self.new_weights(progress)
-        self.made = None if made is None else table.beside_locked(self.table, made)
-        return self.made is not None
+        if made is not None:
+            made, self.changed = table.held(self.table, made, self.free)
+            self.made = made  # the last, because it tells other threads that all is there
+        return made is not None
 
     def new_weights(self, progress: Any) -> Any:
         """Returns a sinew_native.WeightTable, or None if it was cancelled."""
         raise NotImplementedError
 
-    def write(self) -> Report:
+    def write(self) -> Any:
         """Writes what was computed. Returns the report."""
-        assert self.made is not None
-        changed = table.write(self.ob, self.table, self.made, self.free)
+        table.write(self.ob, self.table, self.made, self.changed)
         reports.forget()  # it is about the weights of before
-        return Report((self.ob.name,), self.verb, self.free_count, int(changed.sum()), self.table.locked_names)
+        return self.report(is_written=True)
+
+    def report(self, is_written: bool = False) -> Any:
+        """Returns what was computed, for people."""
+        changed = int(np.count_nonzero(self.changed))
+        return Report((self.ob.name,), self.verb, self.free_count, changed, self.table.locked_names, self.unpaired())
+
+    def unpaired(self) -> tuple[str, ...]:
+        """Returns the names of bones that are of one side, and lack the other."""
+        return ()
 
     @property
     def free_count(self) -> int:
@@ -176,7 +187,6 @@ class Mirroring(Edit):
         return np.array([number[self._other[name] or name] for name in self.table.names], np.int32)
 
     def unpaired(self) -> tuple[str, ...]:
-        """Returns the names of bones that are of one side, and lack the other."""
         return tuple(name for name in self.table.names if self._other[name] is None)
 
     def new_weights(self, progress: Any) -> Any:
@@ -198,8 +208,3 @@ class Mirroring(Edit):
             mask=self.free,
             progress=progress,
         )
-
-    def write(self) -> Report:
-        unpaired = self.unpaired()
-        made = super().write()
-        return Report(made.objects, made.verb, made.vertices, made.changed, made.kept, unpaired)

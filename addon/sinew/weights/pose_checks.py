@@ -1,12 +1,14 @@
 """How weights deform a mesh in test poses, in each of which one bone is bent. Independent of Blender."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..blender import bounds
+from .entries import Entries
 
 ANGLE = 60.0  # degrees
 STRETCHED = 2.5  # an edge that becomes this many times as long is stretched
@@ -46,34 +48,48 @@ class Bones:
     heads: np.ndarray  # (B, 3)
     axes: np.ndarray  # (B, 3, 3): the bones' own X, Y, Z axes, as rows of length 1
 
+    @cached_property
+    def spans(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the bones, (B,), in an order in which those below a bone follow it, and for each bone the number
+        behind the last of those."""
+        children: list[list[int]] = [[] for _ in self.parents]
+        for bone, parent in enumerate(self.parents.tolist()):
+            if parent >= 0:
+                children[parent].append(bone)
+        order, left = [], np.flatnonzero(self.parents < 0).tolist()
+        while left:
+            order.append(left.pop())
+            left += children[order[-1]]
+        sizes = np.ones(len(order), int)
+        for bone in reversed(order):
+            if self.parents[bone] >= 0:
+                sizes[self.parents[bone]] += sizes[bone]
+        first = np.argsort(order).astype(np.int32)
+        return first, (first + sizes).astype(np.int32)
+
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh at rest, with weights of which those of a vertex sum to 1, or to 0."""
+    """A mesh at rest."""
 
     positions: np.ndarray  # (V, 3)
     edges: np.ndarray  # (E, 2) int
     triangles: np.ndarray  # (T, 3) int
-    vertices: np.ndarray  # (N,) int, the vertex of each weight
-    bones: np.ndarray  # (N,) int
-    weights: np.ndarray  # (N,)
+    weights: Entries  # above 0, in the vertices' order; those of a vertex sum to 1, or to 0
+
+    @cached_property
+    def offsets(self) -> np.ndarray:
+        """(V + 1,): where the weights of each vertex begin."""
+        return self.weights.offsets(len(self.positions))
 
 
-def below(parents: np.ndarray, bone: int) -> np.ndarray:
-    """Returns (B,) bool: the bone and all below it."""
-    found = np.zeros(len(parents), bool)
-    found[bone] = True
-    while True:
-        more = found | ((parents >= 0) & found[parents])
-        if np.array_equal(more, found):
-            return found
-        found = more
-
-
-def shares(mesh: Mesh, bones: Bones, bone: int) -> np.ndarray:
-    """Returns (V,): how much of each vertex moves with a bone. Vertices without weights do not move."""
-    chosen = below(bones.parents, bone)[mesh.bones]
-    return np.bincount(mesh.vertices[chosen], mesh.weights[chosen], minlength=len(mesh.positions))
+def shares(mesh: Mesh, bones: Bones, bone: int, vertices: np.ndarray | None = None) -> np.ndarray:
+    """Returns how much of each vertex, or of each of some (P,), moves with a bone. Those without weights do not."""
+    own, count = mesh.weights, len(mesh.positions)
+    if vertices is not None:
+        own, count = own.at(vertices, mesh.offsets), len(vertices)
+    first, last = bones.spans
+    return own.where((first[own.bones] >= first[bone]) & (first[own.bones] < last[bone])).sums(count)
 
 
 def rotation(axis: np.ndarray, degrees: float) -> np.ndarray:
@@ -90,51 +106,92 @@ def bent(points: np.ndarray, share: np.ndarray, head: np.ndarray, axis: np.ndarr
     return points + share[:, None] * (turned - points)
 
 
-def check(mesh: Mesh, bones: Bones, degrees: float = ANGLE) -> list[TestPose]:
-    """Returns a TestPose for each bone that bends anything, in the order of the bones."""
-    size = bounds.diagonal(mesh.positions)
-    found = []
-    for bone in np.unique(mesh.bones[mesh.weights > 0]).tolist():
-        share = shares(mesh, bones, bone)
-        edges = mesh.edges[_bends(share, mesh.edges)]
+def check(
+    mesh: Mesh, bones: Bones, degrees: float = ANGLE, goes_on: Callable[[float], bool] = lambda _share: True
+) -> list[TestPose]:
+    """Returns a TestPose for each bone that bends anything, in the order of the bones. goes_on(share): is told how much
+    is done, and returns whether to go on; if not, some are missing."""
+    size, count, found = bounds.diagonal(mesh.positions), len(mesh.positions), []
+    all_edges, all_faces = (_by_span(mesh, bones, corners) for corners in (mesh.edges, mesh.triangles))
+    used, place = np.unique(mesh.weights.bones).tolist(), np.empty(count, np.int32)
+    for number, bone in enumerate(used):
+        if not goes_on(number / len(used)):
+            break
+        edges, faces = (_split(each, *(end[bone] for end in bones.spans)) for each in (all_edges, all_faces))
+        is_used = np.zeros(count, bool)
+        is_used[edges] = is_used[faces] = True
+        own = np.flatnonzero(is_used)
+        place[own] = np.arange(len(own))
+        share = shares(mesh, bones, bone, own)
+        edges, faces = place[edges], place[faces]
+        edges, faces = edges[_bends(share, edges)], faces[_bends(share, faces)]
         if len(edges):
-            faces = mesh.triangles[_bends(share, mesh.triangles)]
-            poses = [_measure(mesh, bones, bone, share, edges, faces, axis, degrees, size) for axis in "XZ"]
-            found.append(max(poses, key=lambda pose: pose.stretch))
+            found.append(_measure(mesh.positions[own], share, edges, faces, own, bones, bone, degrees, size))
     return found
+
+
+def _by_span(mesh, bones, corners):
+    """Returns edges or faces in classes, by how far apart the bones of their corners are in the order of bones.spans:
+    for each class a number that is larger, the corners, and the first and last of their bones. Sorted by the first;
+    -1: a vertex without weights."""
+    numbers, starts = bones.spans[0][mesh.weights.bones], np.flatnonzero(np.diff(mesh.weights.vertices, prepend=-1))
+    ends = np.full((2, len(mesh.positions)), -1, np.int32)
+    if len(starts):
+        for own, of_vertex in zip(ends, (np.minimum, np.maximum)):
+            own[mesh.weights.vertices[starts]] = of_vertex.reduceat(numbers, starts)
+    low, high = ends[0][corners].min(axis=1), ends[1][corners].max(axis=1)
+    order = np.argsort(low, kind="stable")
+    exponents = np.frexp(high - low)[1][order]
+    classes = [(2**each, order[exponents == each]) for each in np.unique(exponents).tolist()]
+    return [(width, corners[own], low[own], high[own]) for width, own in classes]
+
+
+def _split(classes, first, last):
+    """Returns those edges or faces of which some, but not all bones are from first up to last."""
+    found = [np.empty((0, classes[0][1].shape[1]), np.int32)] if classes else [np.empty((0, 3), np.int32)]
+    for width, corners, low, high in classes:
+        for begin, end in ((first - width, first), (max(first, last - width), last)):
+            own = slice(*np.searchsorted(low, (begin, end)))
+            found.append(corners[own][high[own] >= end])
+    return np.concatenate(found)
 
 
 def _bends(share: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Returns for each edge or face whether not all of its corners stay, or move as one."""
-    own = share[corners]
-    return ~((own < _BENT).all(axis=1) | (own > 1 - _BENT).all(axis=1))
+    moved = (share >= _BENT).astype(np.int8) + (share > 1 - _BENT)  # 0: stays, 2: as one, 1: neither
+    first, *others = (moved[corner] for corner in corners.T)
+    return np.any([first == 1, *(other != first for other in others)], axis=0)
 
 
-def _measure(mesh, bones, bone, share, edges, faces, axis, degrees, size):
-    head, direction = bones.heads[bone], bones.axes[bone, "XYZ".index(axis)]
-    used = np.unique(np.concatenate((edges.reshape(-1), faces.reshape(-1))))
-    rest = mesh.positions[used]
-    posed = bent(rest, share[used], head, direction, degrees)
-    ends, corners = np.searchsorted(used, edges), np.searchsorted(used, faces)
+def _measure(rest, share, edges, faces, vertices, bones, bone, degrees, size):
+    """Returns the worse pose. rest (P, 3) and share (P,): of what bends; edges and faces: of these points; vertices
+    (P,): their numbers in the mesh."""
+    head = bones.heads[bone]
 
     def lengths(points):
-        return np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+        along = points[edges[:, 0]] - points[edges[:, 1]]
+        return np.sqrt(np.einsum("na,na->n", along, along))
 
     def volume(points):
-        a, b, c = (points[corners[:, i]] - head for i in range(3))
+        a, b, c = (points[faces[:, i]] - head for i in range(3))
         return np.einsum("na,na->", a, np.cross(b, c)) / 6
 
-    before = lengths(rest)
-    ratios = np.where(before > _SMALLEST * size, lengths(posed) / np.where(before > 0, before, 1), 1.0)
-    at_rest = volume(rest)
-    is_hollow = not abs(at_rest) > (_SMALLEST * size) ** 3
+    before, at_rest = lengths(rest), volume(rest)
+    is_long, is_hollow = before > _SMALLEST * size, not abs(at_rest) > (_SMALLEST * size) ** 3
+    worst = None
+    for axis, direction in zip("XZ", bones.axes[bone, [0, 2]]):
+        posed = bent(rest, share, head, direction, degrees)
+        ratios = np.where(is_long, lengths(posed) / np.where(is_long, before, 1), 1.0)
+        if worst is None or ratios.max() > worst[0].max():
+            worst = ratios, axis, posed
+    ratios, axis, posed = worst
     return TestPose(
         bone,
         axis,
         float(ratios.max()),
         float(ratios.min()),
         float("nan") if is_hollow else volume(posed) / at_rest,
-        np.unique(edges[ratios > STRETCHED]),
+        np.unique(vertices[edges[ratios > STRETCHED]]),
     )
 
 

@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 
 from ..blender import bounds
-from ..plan import bindable
 from . import checking, pictures, pose_checks
 
 TILE, COLUMNS = 200, 8  # pixels; tiles in a row
@@ -24,11 +23,10 @@ def write(path: Path, objects: Sequence[bpy.types.Object], degrees: float = pose
     anything."""
     tiles = []
     for ob in objects:
-        armature = bindable.find_armature(ob)
-        mesh, bones = checking.posable(ob, armature)
-        names = [bone.name for bone in armature.data.bones]
-        for pose in pose_checks.check(mesh, bones, degrees):
-            tiles.append(_tile(mesh, bones, pose, degrees, f"{names[pose.bone]}  {pose.stretch:.1f}"))
+        own = checking.read(ob)
+        for pose in pose_checks.check(own.mesh, own.bones, degrees):
+            text = f"{own.rest.names[pose.bone]}  {pose.stretch:.1f}"
+            tiles.append(_tile(own.mesh, own.bones, pose, degrees, text))
     if not tiles:
         raise ValueError("no bone bends a mesh: there is nothing to draw; make the weights first")
     pictures.write_png(path, pictures.side_by_side(tiles, min(COLUMNS, len(tiles))))

@@ -1,5 +1,7 @@
 """Leaves each vertex of a mesh object only so many bones, chosen by how far the vertex moves without the others."""
 
+import copy
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..native import sinew_native
-from . import editing, reports, solid, table
+from . import editing, reports, solid
 
 # Returns skinning matrices in world space (F, B, 4, 4) of an armature's bones of these names.
 Pose = Callable[[bpy.types.Object, tuple[str, ...]], np.ndarray]
@@ -77,12 +79,21 @@ class Reduction(editing.Edit):
     ) -> None:
         """Reads the object and, by `pose`, the poses in which moves are measured. Raises ValueError."""
         super().__init__(ob, free)
-        self._settings = settings
+        self.settings = settings
         self._places = solid.world_positions(ob)
         solid.refuse_infinite(ob, self._places)
         self._matrices = np.asarray(pose(self.armature, self.table.names), np.float64)
         self.largest = np.zeros(len(self._places))  # (V,): move of each vertex over the poses, in world space
         self.mean = np.zeros(len(self._places))
+
+    def with_settings(self, settings: Settings) -> "Reduction":
+        """Returns this with other settings, without reading anything again; computed, if only the tolerance is
+        different. May be called while it is computed."""
+        made = copy.copy(self)
+        made.settings = settings
+        if dataclasses.replace(settings, tolerance=self.settings.tolerance) != self.settings:
+            made.made = None
+        return made
 
     def new_weights(self, progress: Any) -> Any:
         has_faces = bool(len(self.face_vertices))
@@ -90,8 +101,8 @@ class Reduction(editing.Edit):
             self.table.weights,
             self._places,
             self._matrices,
-            max_influences=self._settings.max_influences,
-            rings=self._settings.rings if has_faces else 0,
+            max_influences=self.settings.max_influences,
+            rings=self.settings.rings if has_faces else 0,
             face_offsets=self.face_offsets,
             face_vertices=self.face_vertices,
             locked=self.locked,
@@ -107,32 +118,19 @@ class Reduction(editing.Edit):
 
     def over(self) -> np.ndarray:
         """Returns (V,) bool: the vertices that move farther than the tolerance, if there is one."""
-        return (self.largest > self._settings.tolerance) & (self._settings.tolerance > 0)
+        return (self.largest > self.settings.tolerance) & (self.settings.tolerance > 0)
 
     def report(self, is_written: bool = False) -> Report:
-        """Returns what was computed, for people."""
-        assert self.made is not None
-        changed = table.differ(self.made, self.table.weights)
-        if self.free is not None:
-            changed &= self.free
         return Report(
             (self.ob.name,),
             self.free_count,
-            int(changed.sum()),
-            self._settings.max_influences,
+            int(np.count_nonzero(self.changed)),
+            self.settings.max_influences,
             len(self._matrices),
             float(self.largest.max(initial=0)),
-            float(self.mean[changed].mean()) if changed.any() else 0.0,
-            self._settings.tolerance,
+            float(self.mean[self.changed].mean()) if self.changed.any() else 0.0,
+            self.settings.tolerance,
             int(self.over().sum()),
             self.table.locked_names,
             is_written,
         )
-
-    def write(self) -> Any:
-        """Writes what was computed. Returns the report."""
-        assert self.made is not None
-        report = self.report(is_written=True)
-        table.write(self.ob, self.table, self.made, self.free)
-        reports.forget()  # it is about the weights of before
-        return report

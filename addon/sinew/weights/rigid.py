@@ -5,20 +5,19 @@ import numpy as np
 
 from ..blender import bounds
 from . import checks
+from .entries import Entries
 
 GROUP = "Rigid"  # the name of the vertex group
 SIZE = 0.02  # of the mesh's size: smaller loose parts are rigid, such as a person's eyes, teeth, buckles
 
 
-def members(ob: bpy.types.Object, weights: tuple[np.ndarray, np.ndarray, np.ndarray], name: str) -> np.ndarray:
-    """Returns (V,) bool: the vertices with weight in the vertex group of a name. weights: offsets (V + 1,), groups and
-    weights (N,) of the object."""
-    offsets, groups, values = weights
-    found = np.zeros(len(offsets) - 1, bool)
+def members(ob: bpy.types.Object, weights: Entries, name: str) -> np.ndarray:
+    """Returns (V,) bool: the vertices with weight in the vertex group of a name. weights: all of the object's, with
+    groups in place of bones."""
+    found = np.zeros(len(ob.data.vertices), bool)
     group = ob.vertex_groups.get(name) if name else None
     if group is not None:
-        owner = np.repeat(np.arange(len(found)), np.diff(offsets))
-        found[owner[(groups == group.index) & (values > 0)]] = True
+        found[weights.vertices[(weights.bones == group.index) & (weights.weights > 0)]] = True
     return found
 
 

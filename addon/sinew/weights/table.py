@@ -9,47 +9,10 @@ import bpy
 import numpy as np
 
 from ..blender import meshes, weight_writing
-from ..native import sinew_native
+from ..deform import influences
 from ..plan import bindable
-from . import assigning, solid
-
-
-@dataclass(frozen=True)
-class Entries:
-    """Weights above 0, in any order."""
-
-    vertices: np.ndarray  # (N,) int
-    bones: np.ndarray  # (N,) int
-    weights: np.ndarray  # (N,)
-
-    @classmethod
-    def of(cls, weights: Any) -> "Entries":
-        """Returns those of a sinew_native.WeightTable, vertex after vertex, by the bones."""
-        counts = np.diff(weights.offsets)
-        return cls(np.repeat(np.arange(len(counts)), counts), np.array(weights.bones), np.array(weights.weights, float))
-
-    def where(self, chosen: np.ndarray) -> "Entries":
-        """Returns the chosen ones, (N,) bool."""
-        return Entries(self.vertices[chosen], self.bones[chosen], self.weights[chosen])
-
-    def times(self, factors: np.ndarray) -> "Entries":
-        """Returns all, multiplied by a factor for each vertex, (V,)."""
-        return Entries(self.vertices, self.bones, self.weights * factors[self.vertices])
-
-    def sums(self, vertex_count: int) -> np.ndarray:
-        """Returns the sum of each vertex's weights, (V,)."""
-        return np.bincount(self.vertices, self.weights, minlength=vertex_count)
-
-    def joined(self, other: "Entries") -> "Entries":
-        """Returns all of both."""
-        pairs = ((self.vertices, other.vertices), (self.bones, other.bones), (self.weights, other.weights))
-        return Entries(*map(np.concatenate, pairs))
-
-    def table(self, vertex_count: int, bone_count: int) -> Any:
-        """Returns a sinew_native.WeightTable."""
-        order = np.argsort(self.vertices, kind="stable")
-        offsets = np.concatenate(([0], np.cumsum(np.bincount(self.vertices, minlength=vertex_count))))
-        return sinew_native.WeightTable(offsets, self.bones[order], self.weights[order], bone_count)
+from . import reports, solid
+from .entries import Entries, differ
 
 
 @dataclass(frozen=True)
@@ -59,7 +22,7 @@ class Table:
     names: tuple[str, ...]  # of the bones
     weights: Any  # a sinew_native.WeightTable, V x B; a vertex that is twice in a group has the sum
     locked: np.ndarray  # (B,) bool: the groups that stay
-    entries: tuple[np.ndarray, np.ndarray, np.ndarray]  # offsets, groups, weights, as read_object_weights returns them
+    entries: Entries  # all that the object has, as `in_groups` returns them
 
     @property
     def locked_names(self) -> tuple[str, ...]:
@@ -81,9 +44,30 @@ def deforming(armature: bpy.types.Object) -> tuple[str, ...]:
     return tuple(bone.name for bone in armature.data.bones if bone.use_deform)
 
 
+def why_not_writable(ob: bpy.types.Object) -> str:
+    """Returns why the weights of a mesh object cannot be written, as a clause without its subject, or ""."""
+    if ob.type != "MESH":
+        return "is not a mesh; select one"
+    if ob.sinew.copy_of is not None:
+        return f"is the deformed copy of {ob.sinew.copy_of.name}; select that mesh instead"
+    if ob.library is not None or ob.data.library is not None:
+        return "is linked from another file; make its weights in that file"
+    if ob.data.override_library is not None:
+        return "has a mesh from another file (a library override); make its weights in that file"
+    if ob.data.is_editmode:
+        return "is in Edit Mode; leave it first"
+    sharers = meshes.count_sharers(ob)
+    if sharers > 1:
+        return (
+            f"shares its mesh with {reports.counted(sharers - 1, 'other object')}, whose weights would change too; "
+            "make it single-user first (Object > Relations > Make Single User > Object & Data)"
+        )
+    return ""
+
+
 def refuse(ob: bpy.types.Object) -> None:
     """Raises ValueError if the weights of an object cannot be edited."""
-    why = assigning.why_not_writable(ob)
+    why = why_not_writable(ob)
     if why:
         raise ValueError(f"{ob.name} {why}")
     if not len(ob.data.vertices):
@@ -105,28 +89,38 @@ def used_names(ob: bpy.types.Object, names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in names if name in own)
 
 
+def in_groups(ob: bpy.types.Object) -> Entries:
+    """Returns all weights of a mesh object, with vertex groups in place of bones, -1 for one that was removed."""
+    offsets, groups, weights = meshes.read_object_weights(ob)
+    return Entries(np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)), groups, weights)
+
+
 def read(ob: bpy.types.Object, names: Sequence[str]) -> Table:
     """Returns the weights of a mesh object in the groups of these names. A group that is not there has none."""
-    entries = meshes.read_object_weights(ob)
-    offsets, groups, weights = entries
-    columns = {name: column for column, name in enumerate(names)}
-    of_group = np.array([columns.get(group.name, -1) for group in ob.vertex_groups] + [-1], int)
-    column = of_group[groups]
-    own = Entries(np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)), column, weights).where(column >= 0)
+    entries = in_groups(ob)
+    own = entries.renumbered(influences.columns_of_groups(ob.vertex_groups.keys(), names))
     locked = np.array([name in ob.vertex_groups and ob.vertex_groups[name].lock_weight for name in names], bool)
-    return Table(tuple(names), own.table(len(offsets) - 1, len(names)), locked, entries)
+    return Table(tuple(names), own.table(len(ob.data.vertices), len(names)), locked, entries)
 
 
-def differ(one: Any, other: Any) -> np.ndarray:
-    """Returns (V,) bool: the vertices whose weights differ between two of sinew_native.WeightTable."""
-    counts = np.diff(one.offsets)
-    result = counts != np.diff(other.offsets)
-    own, others = (each.where(~result[each.vertices]) for each in (Entries.of(one), Entries.of(other)))
-    result[own.vertices[(own.bones != others.bones) | (own.weights != others.weights)]] = True
-    return result
+def held(table: Table, made: Any, free: np.ndarray | None = None) -> tuple[Any, np.ndarray]:
+    """Returns what vertex groups will hold of new weights, both a sinew_native.WeightTable, and (V,) bool: the vertices
+    that change, of those that are free, (V,) bool, or of all.
+
+    Locked bones keep theirs, and the others share what these leave. Where fewer bones have the sum of many, a weight
+    may be above 1: then all of the vertex are scaled, which moves it alike, unless locked ones would have to be."""
+    made = _beside_locked(table, made)
+    own, before, count = Entries.of(made), Entries.of(table.weights), made.vertex_count
+    largest = np.ones(count)
+    np.maximum.at(largest, own.vertices, own.weights)
+    largest[before.vertices[table.locked[before.bones]]] = 1
+    own = Entries(own.vertices, own.bones, np.minimum(own.times(1 / largest).weights, 1))
+    both = (each.where(~table.locked[each.bones]).table(count, len(table.names)) for each in (own, before))
+    changed = differ(*both)
+    return own.table(count, len(table.names)), changed if free is None else changed & free
 
 
-def beside_locked(table: Table, made: Any) -> Any:
+def _beside_locked(table: Table, made: Any) -> Any:
     """Returns new weights, a sinew_native.WeightTable, in which the locked bones keep theirs, and the others share what
     these leave of the sum. Where the others have got nothing to share, they keep the proportions that they had."""
     if not table.locked.any():
@@ -139,50 +133,48 @@ def beside_locked(table: Table, made: Any) -> Any:
     before, after = before.where(~table.locked[before.bones]), after.where(~table.locked[after.bones])
     has_got = after.sums(count) > 0
     share = after.joined(before.where(~has_got[before.vertices]))
-    sums = share.sums(count)
-    share = share.times(np.clip(total - kept.sums(count), 0, None) / np.where(sums > 0, sums, 1))
+    share = share.summing_to(np.clip(total - kept.sums(count), 0, None))
     return unchanged.joined(kept).joined(share).table(count, len(table.names))
 
 
-def _within_1(table: Table, made: Any) -> Entries:
-    """Returns weights that vertex groups can hold. Where fewer bones have the sum of many, a weight may be above 1:
-    then all of the vertex are scaled, which moves it alike, unless locked ones would have to be."""
-    own, before = Entries.of(made), Entries.of(table.weights)
-    largest = np.ones(made.vertex_count)
-    np.maximum.at(largest, own.vertices, own.weights)
-    largest[before.vertices[table.locked[before.bones]]] = 1
-    return Entries(own.vertices, own.bones, np.clip(own.times(1 / largest).weights, 0, 1).astype(np.float32))
-
-
-def write(ob: bpy.types.Object, table: Table, made: Any, free: np.ndarray | None = None) -> np.ndarray:
-    """Writes new weights, a sinew_native.WeightTable, of the vertices that are free, (V,) bool, or of all; vertex
-    groups are added for bones that have got weight. Locked groups stay. Returns (V,) bool: the vertices that have
-    changed."""
-    own = _within_1(table, made)
-    own, before = (each.where(~table.locked[each.bones]) for each in (own, Entries.of(table.weights)))
-    changed = differ(*(each.table(made.vertex_count, len(table.names)) for each in (own, before)))
-    if free is not None:
-        changed &= free
-    if not changed.any():
-        return changed
-    own = own.where(changed[own.vertices] & (own.weights > 0))
+def write(ob: bpy.types.Object, table: Table, made: Any, changed: np.ndarray) -> None:
+    """Writes what `held` has returned: the weights of the vertices that change. Vertex groups are added for bones that
+    have got weight. Locked groups stay."""
+    own = Entries.of(made)
+    own = own.where(changed[own.vertices] & ~table.locked[own.bones])
     is_written = np.array([name in ob.vertex_groups for name in table.names], bool)
     is_written[own.bones] = True
     written = np.flatnonzero(~table.locked & is_written)
     group_of = np.full(len(table.names), -1)
-    group_of[written] = assigning.add_groups(ob, [table.names[column] for column in written])
+    group_of[written] = add_groups(ob, [table.names[column] for column in written])
+    if changed.any():
+        replace(ob, table.entries, own.renumbered(group_of), group_of[written], changed)
 
-    offsets, groups, weights = table.entries
+
+def replace(ob: bpy.types.Object, before: Entries, new: Entries, replaced: np.ndarray, changed: np.ndarray) -> Entries:
+    """Replaces the weights of a mesh object in some vertex groups, at the vertices that change, (V,) bool. What else it
+    has stays, with its order. before: `in_groups`; new: with vertex groups in place of bones; replaced: numbers of the
+    groups. Returns all that it then has."""
     is_replaced = np.zeros(len(ob.vertex_groups) + 1, bool)
-    is_replaced[group_of[written]] = True
-    vertices = np.repeat(np.arange(len(changed)), np.diff(offsets))
-    kept = (groups >= 0) & ~(is_replaced[groups] & changed[vertices])
-    both = (
-        Entries(vertices, groups, weights).where(kept).joined(Entries(own.vertices, group_of[own.bones], own.weights))
-    )
+    is_replaced[replaced] = True
+    kept = before.where((before.bones >= 0) & ~(is_replaced[before.bones] & changed[before.vertices]))
+    both = kept.joined(new)
     # By size where a vertex has changed, otherwise as it was.
     place = np.where(changed[both.vertices], -both.weights.astype(np.float64), np.arange(len(both.vertices)))
-    order = np.lexsort((both.bones, place, both.vertices))
-    counts = np.bincount(both.vertices, minlength=len(changed))
-    weight_writing.replace(ob, np.concatenate(([0], np.cumsum(counts))), both.bones[order], both.weights[order])
-    return changed
+    both = both.where(np.lexsort((both.bones, place, both.vertices)))
+    weight_writing.replace(ob, both.offsets(len(changed)), both.bones, both.weights)
+    return both
+
+
+def add_groups(ob: bpy.types.Object, names: Sequence[str]) -> np.ndarray:
+    """Adds the vertex groups of these names that the object lacks; with a Mirror modifier those of the other side, too,
+    since it gives weights of a group to the other half only if there is one. Returns the index of each, (names,)
+    int."""
+    active = ob.vertex_groups.active_index if len(ob.vertex_groups) else 0
+    there = {group.name: group.index for group in ob.vertex_groups}
+    is_mirrored = any(each.type == "MIRROR" and each.use_mirror_vertex_groups for each in ob.modifiers)
+    for name in [*names, *(map(bpy.utils.flip_name, names) if is_mirrored else ())]:
+        if name not in there:
+            there[name] = ob.vertex_groups.new(name=name).index
+    ob.vertex_groups.active_index = active
+    return np.array([there[name] for name in names], int)

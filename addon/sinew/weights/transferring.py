@@ -12,6 +12,7 @@ from ..deform import influences
 from ..native import sinew_native
 from ..plan import bindable
 from . import checks, parenting, reports, solid, table
+from .entries import Entries, stacked
 
 
 @dataclass(frozen=True)
@@ -111,19 +112,15 @@ class Transfer:
         self._from = solid.collect(self.sources)
         if not len(self._from.face_vertices):
             raise ValueError(f"{_names(self.sources)} has no faces: weights are copied from the points of faces")
-        rows = [table.Entries.of(table.read(ob, self._source_names).weights) for ob in self.sources]
-        self._weights = table.Entries(
-            np.concatenate([own.vertices + start for own, start in zip(rows, self._from.starts)]),
-            np.concatenate([own.bones for own in rows]),
-            np.concatenate([own.weights for own in rows]),
-        )
+        rows = [Entries.of(table.read(ob, self._source_names).weights) for ob in self.sources]
+        self._weights = stacked(rows, self._from.starts)
         self._to = [solid.collect([ob]) for ob in self.targets]
         more = [tuple(name for name in bones if name not in self._source_names) for _ in self.targets]
         self._tables = [
             table.read(ob, (*self._source_names, *table.used_names(ob, own))) for ob, own in zip(self.targets, more)
         ]
         self._refuse_locked()
-        self._made: list[Any] = []
+        self._made: list[tuple[Any, np.ndarray]] = []  # what `held` returns, for each target
         self.matched: list[np.ndarray] = []  # (V,) bool for each target
 
     def _refuse_other_bones(self, armatures: Any) -> None:
@@ -169,7 +166,7 @@ class Transfer:
             )
             if made is None:
                 return False
-            self._made.append(table.beside_locked(own, made[0]))
+            self._made.append(table.held(own, made[0]))
             self.matched.append(np.asarray(made[1], bool))
         return progress is None or not progress.is_cancelled
 
@@ -177,8 +174,7 @@ class Transfer:
         """Returns the source's weights, a sinew_native.WeightTable with the columns of a target whose groups are
         locked, (B,) bool, without these, as the Armature modifier takes them: they sum to 1, or to 0."""
         own, count = self._weights.where(~locked[self._weights.bones]), len(self._from.positions)
-        sums = own.sums(count)
-        return own.times(1 / np.where(sums > 0, sums, 1)).table(count, len(locked))
+        return own.summing_to(np.ones(count)).table(count, len(locked))
 
     def report(self) -> Report:
         """Returns what was computed, for people."""
@@ -188,10 +184,12 @@ class Transfer:
                 len(matched),
                 int(matched.sum()),
                 _unmatched_islands(to, matched),
-                int(np.count_nonzero(table.Entries.of(made).sums(len(matched)) <= influences.SMALLEST_WEIGHT_SUM)),
+                int(np.count_nonzero(Entries.of(made).sums(len(matched)) <= influences.SMALLEST_WEIGHT_SUM)),
                 own.locked_names,
             )
-            for ob, to, matched, made, own in zip(self.targets, self._to, self.matched, self._made, self._tables)
+            for ob, to, matched, (made, _changed), own in zip(
+                self.targets, self._to, self.matched, self._made, self._tables
+            )
         )
         return Report(tuple(ob.name for ob in self.sources), fits)
 
@@ -199,7 +197,7 @@ class Transfer:
         """Writes what was computed: once into each mesh. Returns the report."""
         report = self.report()
         for ob, own, made in zip(self.targets, self._tables, self._made):
-            table.write(ob, own, made)
+            table.write(ob, own, *made)
         for ob in self._without_modifier:
             parenting.parent(ob, self.armature)
         reports.forget()  # it is about the weights of before
