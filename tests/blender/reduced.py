@@ -4,12 +4,15 @@ nothing; what it has made goes with one Ctrl Z. Run as first_ogre.py is.
 """
 
 import sys
+import threading
+from contextlib import contextmanager
 from pathlib import Path
+from time import sleep
 
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-from helpers import select
+from helpers import addon_module, select
 from test_weight_reduction import counts, make_animated
 from test_weight_tools import dense, entries, suit_of
 from windowed import area, in_area, middle_of, outside, picture, region, run, screen, until
@@ -43,19 +46,64 @@ def in_the_dialog(name):
     with in_area("VIEW_3D"):
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
         bpy.ops.ed.undo_push(message="before")
-        result = bpy.ops.object.sinew_reduce_influences("INVOKE_DEFAULT", max_influences=2, tolerance=0.1)
-    assert result == {"RUNNING_MODAL"} and bpy.context.scene.frame_current == 3
-    yield 1.0
-    assert entries(bpy.data.objects[name]) == before
-    yield from picture("reduce")
-    yield from outside("xdotool key Return")
-    yield from until(lambda: counts(bpy.data.objects[name]).max() == 2)
+    yield from dialog(name)
+    with counted_reductions() as computed:
+        yield from picture("reduce")
+        yield from outside("xdotool key Return")
+        yield from until(lambda: counts(bpy.data.objects[name]).max() == 2)
+    assert computed == [], "OK computed again what the dialog had told"
     assert bpy.data.objects[name].data.use_paint_mask_vertex
     yield from picture("reduced")
     yield from undo()
     assert entries(bpy.data.objects[name]) == before and bpy.context.mode == "PAINT_WEIGHT"
-    print("window: the dialog told what would move, and one Ctrl Z took it back")
+    print("window: the dialog told what would move, OK wrote just that, and one Ctrl Z took it back")
+
+    for key, is_written in (("Escape", False), ("", True)):
+        release = threading.Event()
+        with counted_reductions(release) as computed:
+            yield from dialog(name)
+            yield from outside("xdotool key Return")
+            yield 1.0
+            assert len(computed) == 1 and entries(bpy.data.objects[name]) == before
+            if key:
+                yield from outside(f"xdotool key {key}")
+            else:
+                release.set()
+            yield 1.0
+        assert (counts(bpy.data.objects[name]).max() == 2) == is_written
+        assert is_written or entries(bpy.data.objects[name]) == before
+    yield from undo()
+    assert entries(bpy.data.objects[name]) == before
+    print("window: OK before the end of the computation goes on in steps, and Esc stops them")
     yield from to_bones(name)
+
+
+def dialog(name):
+    before = entries(bpy.data.objects[name])
+    with in_area("VIEW_3D"):
+        result = bpy.ops.object.sinew_reduce_influences("INVOKE_DEFAULT", max_influences=2, tolerance=0.1)
+    assert result == {"RUNNING_MODAL"} and bpy.context.scene.frame_current == 3
+    yield 1.0
+    assert entries(bpy.data.objects[name]) == before
+
+
+@contextmanager
+def counted_reductions(release=None):
+    """The reductions that are computed meanwhile; with an event, none ends before it is set."""
+    module, computed = addon_module("weights.reducing").Reduction, []
+    compute = module.compute
+
+    def noting(self, progress=None):
+        computed.append(self)
+        while release is not None and not release.is_set() and not progress.is_cancelled:
+            sleep(0.01)
+        return compute(self, progress)
+
+    module.compute = noting
+    try:
+        yield computed
+    finally:
+        module.compute = compute
 
 
 def to_bones(name):
@@ -69,9 +117,8 @@ def to_bones(name):
             "INVOKE_DEFAULT", frame_end=300, bones=60, iterations=10000, tolerance=0
         )
     assert result == {"RUNNING_MODAL"}
-    yield 1.0
+    yield from until(lambda: scene.frame_current == 300)  # the last; the operator goes back when it ends
     yield from picture("to-bones")
-    assert scene.frame_current == 300  # the last; the operator goes back when it ends
     yield from outside("xdotool key Escape")
     yield from until(lambda: scene.frame_current == frame)
     assert sorted(bpy.data.objects.keys()) == names

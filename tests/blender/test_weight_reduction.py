@@ -289,12 +289,63 @@ def test_the_newest_settings_win_and_nobody_waits_for_older_ones():
 
 def test_the_dialog_tells_what_the_newest_settings_do():
     ob, _ = make_animated()
-    measuring = addon_module("ui.weight_reduction").Measuring()
+    settings, reads = addon_module("weights.reducing").Settings, []
+    measuring = addon_module("ui.weight_reduction").Measuring(lambda report: report.sentence(str))
+
+    def read():
+        reads.append(reduction(ob, 1))
+        return reads[-1]
+
+    def begin(source, *numbers):
+        measuring.begin(settings(*numbers), source, read)
+        while measuring.fraction is not None:
+            time.sleep(0.01)
+        return measuring.made
+
     for most in (1, 2, 3):
-        measuring.begin(reduction(ob, most), lambda report: report.sentence(str))
-    while measuring.fraction is not None:
-        time.sleep(0.01)
+        made = begin("frames", most, 0)
     expected = reduction(ob, 3)
-    expected.compute()
     assert measuring.sentence() == expected.report().sentence(str)
+    assert begin("frames", 3, 0) is made
+    loose = begin("frames", 3, 0, 0.01)
+    assert loose.made is made.made and "by more than 0.01" in measuring.sentence()
+    assert len(reads) == 1 and begin("test poses", 1, 0) is reads[1]
     measuring.close()
+
+
+def test_what_a_dialog_computes_can_be_waited_for_in_steps_and_stopped():
+    latest, release = addon_module("weights.background").Latest(), threading.Event()
+
+    def work(progress):
+        while not (release.is_set() or progress.is_cancelled):
+            time.sleep(0.01)
+        return "done"
+
+    latest.begin(work)
+    steps = latest.steps("reducing")
+    assert next(steps) == (0.0, "reducing")
+    release.set()
+    with pytest.raises(StopIteration) as ended:
+        while True:
+            next(steps)
+    assert ended.value.value == "done"
+    release.clear()
+    latest.begin(work)
+    steps = latest.steps("reducing")
+    next(steps)
+    steps.close()
+    assert latest.wait(0) and not threading.active_count() > 1
+
+
+def test_an_operator_ends_at_once_for_scripts(monkeypatch):
+    """Also where there is a window; Adjust Last Operation gives up whatever does not end with FINISHED."""
+    ob, _ = make_animated()
+    seen, compute = [], addon_module("weights.reducing").Reduction.compute
+
+    def noting(self, progress):
+        seen.append(threading.current_thread())
+        return compute(self, progress)
+
+    monkeypatch.setattr(addon_module("weights.reducing").Reduction, "compute", noting)
+    assert run("reduce_influences", ob, max_influences=2) == {"FINISHED"} and counts(ob).max() == 2
+    assert len(seen) == 1 and seen[0] is not threading.main_thread()

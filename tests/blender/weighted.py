@@ -53,6 +53,15 @@ def steps():
     with in_area("VIEW_3D"):
         bpy.ops.object.sinew_show_bone_lines(ends="CHILD")
 
+    yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))}")
+    check()
+    yield from outside("xdotool key Escape")
+    yield 1.0
+    assert addon_module("weights.reports").last([NAME]) == report
+    check()
+    yield from until(lambda: addon_module("weights.reports").last([NAME]) != report)
+    print(f"window: Esc stopped a check; another said {addon_module('weights.reports').last([NAME]).sentence()}")
+
     yield from outside(f"xdotool mousemove {screen(*middle_of(region(area('VIEW_3D'))))} key ctrl+z")
     yield 1.0
     ob = bpy.data.objects[NAME]
@@ -93,6 +102,11 @@ def in_weight_paint():
 def bind():
     with in_area("VIEW_3D"):
         assert bpy.ops.object.sinew_parent_with_weights("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+
+
+def check():
+    with in_area("VIEW_3D"):
+        assert bpy.ops.object.sinew_check_weights("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
 
 
 def groups():

@@ -1,11 +1,13 @@
 """Operators that compute new weights while the interface stays responsive, and then write them."""
 
+from time import sleep
 from typing import Any
 
 import bpy
 
+from ..feedback import progress
 from ..weights import background
-from .in_steps import InSteps
+from .in_steps import SECONDS_BETWEEN_STEPS, InSteps
 
 
 class InBackground(InSteps):
@@ -18,9 +20,15 @@ class InBackground(InSteps):
     stopped = "Stopped: no weights were changed"
 
     def execute(self: Any, context):
+        """For scripts, and for Adjust Last Operation. That takes back what was done, calls this, and gives up what does
+        not end with FINISHED, so it cannot go on in `modal`: Blender waits, and the cursor shows the progress."""
+
         def work():
             made = self.assignment(context)
-            made.compute()
+            with progress.shown(context, draws=False) as shown:
+                for step in self.in_thread(made):
+                    shown.step(*step)
+                    sleep(SECONDS_BETWEEN_STEPS)
             return self.finish(context, made)
 
         return self.at_once(work)
@@ -31,5 +39,8 @@ class InBackground(InSteps):
         return self.at_once(lambda: self.begin(context, self.in_thread(self.assignment(context))))
 
     def in_thread(self, made: Any) -> Any:
-        yield from background.steps(made.compute, self.computing)
+        """Yields (share done, text) until `made` is computed, then returns it. What is computed in Python tells its
+        share itself."""
+        for share, text in background.steps(made.compute, self.computing):
+            yield getattr(made, "share", share), text
         return made

@@ -1,5 +1,6 @@
 """The operator that reduces how many bones a vertex has."""
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -20,14 +21,21 @@ BETWEEN_LOOKS = 0.1  # seconds, while the dialog shows the progress
 class Measuring:
     """What a dialog tells: it is computed while the dialog can be used, always for the newest settings."""
 
-    def __init__(self) -> None:
-        self._latest, self._say, self._is_open = background.Latest(), str, True
+    def __init__(self, say: Any) -> None:
+        """say(report): what it tells, in the main thread."""
+        self._latest, self._say, self._is_open = background.Latest(), say, True
+        self._source: Any = None
+        self.made: Any = None  # the newest reduction
         self.region: Any = None  # of the dialog; of 4.2 and later
 
-    def begin(self, made: reducing.Reduction, say: Any) -> None:
-        """Computes a reduction of its own. say(report): what it tells then, in the main thread."""
-        self._say = say
-        self._latest.begin(lambda progress: made if made.compute(progress) else None)
+    def begin(self, settings: reducing.Settings, source: Any, read: Callable[[], reducing.Reduction]) -> None:
+        """Computes a reduction, unless it is the newest already. read(): reads one, which is only called if the source
+        differs from that of the newest. Raises its ValueError."""
+        if source == self._source and settings == self.made.settings:
+            return
+        made = self.made.with_settings(settings) if source == self._source else read()
+        self._source, self.made = source, made
+        self._latest.begin(lambda progress: made if made.made is not None or made.compute(progress) else None)
         if not self._latest.wait(AT_ONCE) and not bpy.app.timers.is_registered(self.look):
             bpy.app.timers.register(self.look, first_interval=BETWEEN_LOOKS)
 
@@ -37,10 +45,20 @@ class Measuring:
             self.region.tag_refresh_ui()
         return BETWEEN_LOOKS if self._is_open and self.fraction is not None else None
 
-    def close(self) -> None:
-        """Forgets the dialog, and stops."""
-        self._is_open, self.region = False, None
+    def stop(self) -> None:
+        """Stops, and forgets what was read."""
+        self._source = None
         self._latest.cancel()
+
+    def close(self, stops: bool = True) -> None:
+        """Forgets the dialog, and stops, unless told otherwise."""
+        self._is_open, self.region = False, None
+        if stops:
+            self.stop()
+
+    def steps(self, text: str) -> Any:
+        """Returns steps, as Latest.steps does, which end with the newest reduction once it is computed."""
+        return self._latest.steps(text)
 
     @property
     def fraction(self) -> float | None:
@@ -116,37 +134,54 @@ class ReduceInfluences(EditsWeights, bpy.types.Operator):
         for name in ("frame_start", "frame_end"):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(context.scene, name))
-        self._measuring = Measuring()
-        self.measured(context)
+        scene = context.scene
+        self._measuring = Measuring(lambda report: report.sentence(lambda distance: units.length(scene, distance)))
+        self.check(context)
         return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH)
 
     def check(self, context):
         """Measures anew after a setting has changed in the dialog."""
-        self.measured(context)
+        if self._measuring is not None:
+            try:
+                self._said = ""
+                self.measured(context)
+            except ValueError as error:
+                self._measuring.stop()
+                self._said = str(error)
         return True
 
     def measured(self, context):
-        """Begins to find what the dialog says."""
-        scene, self._said = context.scene, ""
-        try:
-            made = self.assignment(context)
-        except ValueError as error:
-            self._said = str(error)
-            return
-        self._measuring.begin(made, lambda report: report.sentence(lambda distance: units.length(scene, distance)))
+        """Begins to compute what the dialog tells and *OK* writes. Raises ValueError."""
+        source = self.poses, self.frame_start, self.frame_end
+        self._measuring.begin(self.reduction_settings(), source, lambda: self.assignment(context))
 
-    def cancel(self, _context):
-        """Blender calls this when the dialog is closed without *OK*."""
-        if self._measuring is not None:
+    def cancel(self, context):
+        """Blender calls this when the dialog is closed without *OK*; and what comes after *OK* ends with it."""
+        if self._measuring is None:
+            super().cancel(context)
+        else:
             self._measuring.close()
+            self._measuring = None
 
     def execute(self, context):
-        self.cancel(context)
-        return super().execute(context)
+        if self._measuring is None:
+            return super().execute(context)
+        return self.at_once(lambda: self.confirmed(context))
+
+    def confirmed(self, context):
+        """Writes what the dialog tells, in steps if it is still computed. Raises ValueError."""
+        self.measured(context)  # of the settings as they are
+        measuring, self._measuring = self._measuring, None
+        measuring.close(stops=False)
+        if measuring.made.made is None:
+            return self.begin(context, measuring.steps(self.computing))
+        return self.finish(context, measuring.made)
+
+    def reduction_settings(self) -> reducing.Settings:
+        return reducing.Settings(self.max_influences, self.rings, self.tolerance)
 
     def edit(self, ob, free):
-        settings = reducing.Settings(self.max_influences, self.rings, self.tolerance)
-        return reducing.Reduction(ob, self.pose, settings, free)
+        return reducing.Reduction(ob, self.pose, self.reduction_settings(), free)
 
     def pose(self, armature: bpy.types.Object, names: tuple[str, ...]) -> np.ndarray:
         """Returns the matrices of the bones in the poses."""

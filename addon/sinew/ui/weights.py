@@ -205,13 +205,31 @@ def masked(mesh: bpy.types.Mesh) -> np.ndarray | None:
     return selected
 
 
-class CheckWeights(bpy.types.Operator):
+class ChecksWeights(InBackground):
+    """What the operators that check weights have in common."""
+
+    computing = "checking weights"
+    stopped = "Stopped: the weights were not checked"
+
+    @classmethod
+    def poll(cls, context):
+        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(meshes_to_check(context))
+
+    def assignment(self: Any, context):
+        return checking.Checking(self.objects(context), self.most_influences, math.degrees(self.angle))
+
+    def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        return meshes_to_check(context)
+
+
+class CheckWeights(ChecksWeights, bpy.types.Operator):
     """Look for vertices without weights, weights that do not sum to 1, too many bones per vertex, weights in bones that
     are far away, parts that move apart from the surface they lie on, bones that move nothing, and edges that a bent
     bone makes much longer"""
 
     bl_idname = "object.sinew_check_weights"
     bl_label = "Check Weights"
+    bl_options = {"REGISTER"}
 
     most_influences: IntProperty(
         name="Most Bones",
@@ -229,18 +247,9 @@ class CheckWeights(bpy.types.Operator):
         subtype="ANGLE",
     )
 
-    @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(meshes_to_check(context))
-
-    def execute(self, context):
-        try:
-            checkup = checking.check(meshes_to_check(context), self.most_influences, math.degrees(self.angle))
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        reports.remember(checkup)
-        self.report({"INFO"}, checkup.sentence())
+    def finish(self, _context, made):
+        reports.remember(made.checkup)
+        self.report({"INFO"}, made.checkup.sentence())
         notice.redraw()
         return {"FINISHED"}
 
@@ -254,12 +263,11 @@ def meshes_to_check(context: bpy.types.Context) -> list[bpy.types.Object]:
     return [ob for ob in found if bindable.find_armature(ob) is not None]
 
 
-class SelectWeightProblem(bpy.types.Operator):
+class SelectWeightProblem(ChecksWeights, bpy.types.Operator):
     """Select the vertices with this problem. In Weight Paint they are the mask; otherwise the mesh goes to Edit Mode"""
 
     bl_idname = "object.sinew_select_weight_problem"
     bl_label = "Select Vertices by Weight Problem"
-    bl_options = {"REGISTER", "UNDO"}
 
     problem: EnumProperty(name="Problem", items=checking.PROBLEMS, description="Which vertices to select")
     most_influences: IntProperty(
@@ -273,18 +281,12 @@ class SelectWeightProblem(bpy.types.Operator):
     )
     object_name: StringProperty(name="Mesh", description="Only this mesh; empty: the active one", options={"HIDDEN"})
 
-    @classmethod
-    def poll(cls, context):
-        return context.mode in {"OBJECT", "POSE", "PAINT_WEIGHT"} and bool(meshes_to_check(context))
-
-    def execute(self, context):
+    def objects(self, context):
         chosen = context.view_layer.objects.get(self.object_name) if self.object_name else None
-        candidates = [chosen] if chosen is not None else meshes_to_check(context)
-        try:
-            found = checking.check(candidates, self.most_influences, math.degrees(self.angle))
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        return [chosen] if chosen is not None else meshes_to_check(context)
+
+    def finish(self, context, made):
+        candidates, found = made.objects, made.checkup
         counts = {ob.name: found.of[ob.name].count(self.problem) for ob in candidates}
         ob = max(candidates, key=lambda each: counts[each.name])
         selected = np.zeros(len(ob.data.vertices), bool)

@@ -1,38 +1,10 @@
-"""Runs computations in threads of their own, for the interface."""
+"""Runs computations in threads of their own, for the interface. They must not touch Blender's data."""
 
 import threading
 from collections.abc import Callable, Generator
 from typing import Any
 
 from ..native import sinew_native
-
-
-def steps(work: Callable[[Any], Any], text: str) -> Generator[tuple[float, str], None, Any]:
-    """Yields (share done, text) until work(progress) is finished, then returns its result or raises its error.
-
-    progress: a sinew_native.Progress. If the generator is closed early, it is cancelled, and closing waits for the work
-    to end. The work must not touch Blender's data."""
-    progress = sinew_native.Progress()
-    result: list[Any] = []
-    errors: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            result.append(work(progress))
-        except BaseException as error:  # raised again in the caller's thread
-            errors.append(error)
-
-    thread = threading.Thread(target=run, name="Sinew: weights")
-    thread.start()
-    try:
-        while thread.is_alive():
-            yield progress.fraction, text
-    finally:
-        progress.cancel()
-        thread.join()
-    if errors:
-        raise errors[0]
-    return result[0]
 
 
 class Latest:
@@ -44,19 +16,19 @@ class Latest:
         self._thread: threading.Thread | None = None
 
     def begin(self, work: Callable[[Any], Any]) -> None:
-        """Runs work(progress), which must not touch Blender's data, with a sinew_native.Progress."""
+        """Runs work(progress), with a sinew_native.Progress."""
         self.cancel()
         progress = self._progress = sinew_native.Progress()
 
         def run() -> None:
             try:
                 result = work(progress)
-            except Exception as error:  # shown by whoever asks for the result
+            except BaseException as error:  # shown or raised by whoever asks for the result
                 result = error
             if self._progress is progress:
                 self.result, self._progress = result, None
 
-        self._thread = threading.Thread(target=run, name="Sinew: the latest of the weights")
+        self._thread = threading.Thread(target=run, name="Sinew: weights")
         self._thread.start()
 
     @property
@@ -65,8 +37,8 @@ class Latest:
         progress = self._progress
         return None if progress is None else progress.fraction
 
-    def wait(self, seconds: float) -> bool:
-        """Waits for the newest at most so long. Returns whether it has ended."""
+    def wait(self, seconds: float | None = None) -> bool:
+        """Waits for the newest, at most so long if told. Returns whether it has ended."""
         if self._thread is not None:
             self._thread.join(seconds)
         return self._progress is None
@@ -76,3 +48,23 @@ class Latest:
         if self._progress is not None:
             self._progress.cancel()
             self._progress = None
+
+    def steps(self, text: str) -> Generator[tuple[float, str], None, Any]:
+        """Yields (share done, text) until the newest has ended, then returns its result or raises its error. If the
+        generator is closed early, it is cancelled, and closing waits for it to end."""
+        try:
+            while (share := self.fraction) is not None:
+                yield share, text
+        finally:
+            self.cancel()
+            self.wait()
+        if isinstance(self.result, BaseException):
+            raise self.result
+        return self.result
+
+
+def steps(work: Callable[[Any], Any], text: str) -> Generator[tuple[float, str], None, Any]:
+    """Yields (share done, text) until work(progress) has ended, as Latest.steps does."""
+    latest = Latest()
+    latest.begin(work)
+    return (yield from latest.steps(text))
