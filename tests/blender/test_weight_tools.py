@@ -535,8 +535,9 @@ def test_the_mirrored_half_of_a_garment_follows_its_own_side(way, sinew, tmp_pat
     assert set(group_names(half)) == {"spine", "arm.L", "arm.R"}
     expected, found = shape_in_a_pose(whole, armature), shape_in_a_pose(half, armature)
     assert found.shape == expected.shape and np.abs(found - expected).max() < 1e-4
-    half.vertex_groups.remove(half.vertex_groups["arm.R"])
-    assert np.abs(shape_in_a_pose(half, armature) - expected).max() > 0.1, "the pose tells nothing"
+    bare = twin_of(half)
+    bare.vertex_groups.remove(bare.vertex_groups["arm.R"])
+    assert np.abs(shape_in_a_pose(bare, armature) - expected).max() > 0.1, "the pose tells nothing"
 
 
 @pytest.mark.parametrize("operator", ("smooth_weights", "mirror_weights", "reduce_influences"))
