@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+import os
 import struct
 import sys
 import time
@@ -1021,6 +1022,13 @@ def test_the_commands_sheet_of_test_poses(sinew, blend, tmp_path):
     assert code == 2 or "--check" in err
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no disk that is always full")
+def test_a_sheet_for_which_there_is_no_room(sinew, blend):
+    sinew("weights", blend, "--armature", "Rig", "--objects", "Tube", "--save")
+    code, _out, err = sinew("weights", blend, "--armature", "Rig", "--check", "--sheet", "/dev/full")
+    assert (code, err) == (1, "sinew: /dev/full: No space left on device\n")
+
+
 def test_the_commands_mistakes(sinew, blend):
     assert sinew("weights", blend, "--armature", "Rog")[::2] == (
         1,
@@ -1042,11 +1050,81 @@ def test_import_with_made_weights(sinew, tmp_path):
     assert np.array_equal(dense(ob, group_names(ob)), made)
 
 
-def test_a_mesh_that_another_armature_deforms_is_warned_of():
-    ob, armature = make_figure()
-    assert parent(ob, armature) == {"FINISHED"}
-    twice = module("parenting").deformed_twice
-    assert twice(ob, armature) == ""
+def make_figure_of_two():
+    """A tube, its armature, another armature, and the warning when it becomes the other's child, too."""
+    ob, first = make_figure()
+    assert parent(ob, first) == {"FINISHED"}
     other = make_armature()
+    warning = f"{ob.name} is deformed by {first.name}, too: remove that Armature modifier if only {other.name} should "
+    return ob, other, warning + "move it"
+
+
+def test_a_mesh_that_another_armature_deforms_is_warned_of(capfd):
+    ob, other, warning = make_figure_of_two()
+    assert "too: remove" not in "".join(capfd.readouterr())
     assert parent(ob, other) == {"FINISHED"}
-    assert twice(ob, other).startswith(f"{ob.name} is deformed by {armature.name}, too: remove that Armature modifier")
+    assert warning in "".join(capfd.readouterr())
+
+
+def test_the_command_warns_of_a_mesh_that_another_armature_deforms(sinew, tmp_path):
+    ob, other, warning = make_figure_of_two()
+    words = "weights", tmp_path / "twice.blend", "--armature", other.name, "--objects", ob.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(words[1]))
+    code, out, err = sinew(*words)
+    assert (code, err, out.splitlines()[-1]) == (0, "", warning)
+    assert json.loads(sinew(*words, "--json")[1].splitlines()[-1])["warnings"] == [warning]
+
+
+def layered_puppet():
+    """A flat torso with a spine and, 0.02 behind it, an arm with two bones. Returns the mesh, the armature and
+    {bone: vertices that should follow it}."""
+    bones = {
+        "hips": (0, 0, 0.7),
+        "chest": (0, 0.7, 1.4),
+        "head": (0, 1.4, 2),
+        "arm": (1, 1.75, 1),
+        "hand": (1, 1, 0.25),
+    }
+    armature = bpy.data.objects.new("Puppet rig", bpy.data.armatures.new("Puppet rig"))
+    bpy.context.collection.objects.link(armature)
+    select(armature)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name, (layer, head, tail) in bones.items():
+        bone = armature.data.edit_bones.new(name)
+        bone.head, bone.tail = (0.1 * layer, 0.02 * layer, head), (0.1 * layer, 0.02 * layer, tail)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    points, faces, owners = [], [], {name: [] for name in bones}
+    for layer, (half, low, rows) in enumerate(((8, 0, 40), (2, 0.2, 32))):
+        first, width = len(points), 2 * half + 1
+        for row, column in itertools.product(range(rows + 1), range(width)):
+            height = low + 0.05 * row
+            distances = {
+                name: max(0, min(ends) - height, height - max(ends))
+                for name, (own, *ends) in bones.items()
+                if own == layer
+            }
+            near = [name for name, distance in distances.items() if distance < min(distances.values()) + 0.01]
+            if len(near) == 1:  # elsewhere both are right
+                owners[near[0]].append(len(points))
+            points.append((0.1 * layer + 0.05 * (column - half), 0.02 * layer, height))
+        for row, column in itertools.product(range(rows), range(width - 1)):
+            at = first + row * width + column
+            faces.append((at, at + 1, at + width + 1, at + width))
+    mesh = bpy.data.meshes.new("Puppet")
+    mesh.from_pydata(points, [], faces)
+    ob = bpy.data.objects.new("Puppet", mesh)
+    bpy.context.collection.objects.link(ob)
+    return ob, armature, owners
+
+
+def test_each_layer_of_a_puppet_follows_its_own_bones():
+    """At least as much of it as by Blender's bone heat."""
+    ob, armature, owners = layered_puppet()
+    twin, names = twin_of(ob), list(owners)
+    parent(ob, armature)
+    select(armature, twin)
+    bpy.ops.object.parent_set(type="ARMATURE_AUTO")
+    ours, blenders = (dense(each, names).argmax(axis=1) for each in (ob, twin))
+    for number, (name, own) in enumerate(owners.items()):
+        share, by_heat = (float(np.mean(found[own] == number)) for found in (ours, blenders))
+        assert share >= max(0.92, by_heat), (name, share, by_heat)

@@ -10,6 +10,7 @@ from mathutils.bvhtree import BVHTree
 
 from characters import add_shape_keys, make_armature, make_tube, pose, twin_of
 from helpers import addon_module, evaluated, select
+from side_names import SIDE_NAMES
 from test_automatic_weights import BONES, armature_of, dense, group_names, paint, parent, places
 
 
@@ -792,6 +793,11 @@ def test_bones_without_the_other_side_are_told():
     report = made.write()
     assert report.unpaired == ("arm.L",) and "1 bone without a bone on the other side (arm.L)" in report.sentence()
     assert "arm.R" not in ob.vertex_groups and np.allclose(dense(ob, SIDES).sum(axis=1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("left, right, is_flipped", SIDE_NAMES)
+def test_which_names_blender_flips(left, right, is_flipped):
+    assert (bpy.utils.flip_name(left) == right) == is_flipped == (bpy.utils.flip_name(right) == left)
 
 
 @pytest.mark.parametrize("right", ("mixamorig:RightArm", "mixamorig:RightForeArm"))

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from side_names import SIDE_NAMES
+
 ADDON = Path(__file__).resolve().parents[2] / "addon/sinew"
 
 # Without the add-on's __init__, which registers it in Blender.
@@ -15,27 +17,19 @@ package = sys.modules.setdefault("addon", types.ModuleType("addon"))
 package.__path__ = [str(ADDON)]
 mirrored_bones = importlib.import_module("addon.weights.mirrored_bones")
 
-# What Blender's flip_name leaves alone.
-UNKNOWN = (
-    ("mixamorig:LeftArm", "mixamorig:RightArm"),
-    ("ArmLeft01", "ArmRight01"),
-    ("lShldrBend", "rShldrBend"),
-    ("Bip01 L Arm", "Bip01 R Arm"),
-    ("arm_sx", "arm_dx"),
-    ("b_arm_1", "b_arm_2"),
-)
-
 
 def ends(*heads):
     heads = np.array(heads, float)
     return np.stack((heads, heads + (0, 0, 0.3)), axis=1)
 
 
-@pytest.mark.parametrize("left, right", UNKNOWN)
-def test_names_that_tell_nothing_are_paired_by_place(left, right):
-    names = ("Hips", left, right, "Head")
-    places = ends((0, 0, 1), (0.4, 0, 1.4), (-0.4, 0.001, 1.4), (0.001, 0, 1.7))
-    assert mirrored_bones.pairs(names, names, places, 0).tolist() == [0, 2, 1, 3]
+@pytest.mark.parametrize("left, right, is_flipped", SIDE_NAMES)
+def test_sides_are_found_however_they_are_named(left, right, is_flipped):
+    """A strap lies beside each arm, and rest positions are a little off, as in all rigs."""
+    names = ("Hips", left, right, "Strap 1", "Strap 2", "Head")
+    flipped = ("Hips", right, left, "Strap 1", "Strap 2", "Head") if is_flipped else names
+    heads = ((0, 0, 1), (0.4, 0, 1.4), (-0.4, 0.001, 1.4), (-0.41, 0, 1.43), (0.41, 0, 1.43), (0.001, 0, 1.7))
+    assert mirrored_bones.pairs(names, flipped, ends(*heads), 0).tolist() == [0, 2, 1, 4, 3, 5]
 
 
 def test_names_that_tell_are_believed():
