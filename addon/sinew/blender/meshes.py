@@ -51,6 +51,13 @@ def write_positions(mesh: bpy.types.Mesh, positions: np.ndarray) -> None:
             mesh.vertices[0].co = positions[0]
 
 
+def selected_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Returns (V,) bool: the vertices that are selected, of a mesh in Edit Mode those that were before."""
+    found = np.empty(len(mesh.vertices), bool)
+    mesh.vertices.foreach_get("select", found)
+    return found
+
+
 def select_vertices(mesh: bpy.types.Mesh, selected: np.ndarray) -> None:
     """Selects only these vertices, and no edge or face. selected: (V,) bool. Not for Edit Mode."""
     # `edges[0].select` is not used: 5.0's Mesh.from_pydata makes an attribute of the wrong type, with which it crashes.

@@ -94,7 +94,7 @@ class WeightSettings:
 
     def chosen_rigid(self: Any, objects: Any) -> dict[str, np.ndarray]:
         """Returns the vertices of each object that are to be rigid because they are selected."""
-        return {ob.name: rigid.selected(ob) for ob in objects} if self.is_selected_rigid else {}
+        return {ob.name: meshes.selected_vertices(ob.data) for ob in objects} if self.is_selected_rigid else {}
 
 
 class MakesWeights(WeightSettings, InBackground):
@@ -193,14 +193,12 @@ def masked(mesh: bpy.types.Mesh) -> np.ndarray | None:
     """Returns the vertices that the mask of Weight Paint lets tools change, (V,) bool; None without a mask."""
     if not mesh.use_paint_mask_vertex and not mesh.use_paint_mask:
         return None
-    selected = np.empty(len(mesh.vertices), bool)
     if mesh.use_paint_mask_vertex:
-        mesh.vertices.foreach_get("select", selected)
-        return selected
+        return meshes.selected_vertices(mesh)
     faces = np.empty(len(mesh.polygons), bool)
     mesh.polygons.foreach_get("select", faces)
     _edges, offsets, corners = meshes.read_topology(mesh)
-    selected[:] = False
+    selected = np.zeros(len(mesh.vertices), bool)
     selected[corners[np.repeat(faces, np.diff(offsets))]] = True
     return selected
 

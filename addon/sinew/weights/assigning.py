@@ -196,12 +196,7 @@ class Assignment:
 
     def write(self) -> reports.Report:
         """Writes what was computed: once into each mesh. Returns the report."""
-        counts = np.diff(self._found.offsets)
-        found = Entries(
-            np.repeat(np.arange(len(counts)), counts),
-            np.asarray(self._found.joints),
-            np.array(self._found.weights, float),
-        )
+        found = Entries.from_offsets(self._found.offsets, self._found.joints, np.array(self._found.weights, float))
         unweighted, used = 0, np.zeros(len(self.names), bool)
         for number, ob in enumerate(self.objects):
             left, is_used = self._write_object(number, ob, found)

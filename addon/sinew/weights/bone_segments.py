@@ -41,7 +41,7 @@ def choose(bones: RestBones, chosen: np.ndarray, ends: str = AUTOMATIC) -> Segme
     if ends == AUTOMATIC:
         ends = TAIL if _are_tails_meant(bones) else CHILD
     tails = bones.tails if ends == TAIL else _tails_at_children(bones)
-    heads_found, tails_found, owners = [], [], []
+    heads_found, tails_found, owners = [np.empty((0, 3))], [np.empty((0, 3))], []
     for number, bone in enumerate(chosen.tolist()):
         points = bones.curves.get(bone) if ends == TAIL else None
         if points is None:
@@ -49,9 +49,7 @@ def choose(bones: RestBones, chosen: np.ndarray, ends: str = AUTOMATIC) -> Segme
         heads_found.append(points[:-1])
         tails_found.append(points[1:])
         owners += [number] * (len(points) - 1)
-    if not owners:
-        return Segments(np.empty((0, 3)), np.empty((0, 3)), np.empty(0, int))
-    return Segments(np.concatenate(heads_found), np.concatenate(tails_found), np.array(owners))
+    return Segments(np.concatenate(heads_found), np.concatenate(tails_found), np.array(owners, int))
 
 
 def _children(bones: RestBones) -> list[np.ndarray]:

@@ -11,7 +11,6 @@ import numpy as np
 from mathutils.kdtree import KDTree
 
 from ..blender import meshes
-from ..plan import bindable
 from . import assigning, bone_segments, checks, pose_checks, reports, solid, table
 from .entries import Entries
 
@@ -112,9 +111,7 @@ class Subject:
 
 def read(ob: bpy.types.Object) -> Subject:
     """Reads a mesh object and its armature. Raises ValueError if it has none, or is in Edit Mode."""
-    armature = bindable.find_armature(ob)
-    if armature is None:
-        raise ValueError(f"{ob.name} has no armature: give it an Armature modifier, or parent it to an armature")
+    armature = table.armature_of(ob)
     if ob.data.is_editmode:
         raise ValueError(f"{ob.name} is in Edit Mode; leave it first")
     rest, own = assigning.read_bones(armature), solid.collect([ob])

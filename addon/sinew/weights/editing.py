@@ -1,5 +1,6 @@
 """Smooths and mirrors the weights of a mesh object in the bones of its armature."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,13 +35,7 @@ class Report:
 
     def document(self) -> dict[str, Any]:
         """Returns the report for JSON."""
-        return {
-            "objects": list(self.objects),
-            "vertices": self.vertices,
-            "changed": self.changed,
-            "locked_groups_kept": list(self.kept),
-            "bones_without_pair": list(self.unpaired),
-        }
+        return reports.document(self, verb="", kept="locked_groups_kept", unpaired="bones_without_pair")
 
 
 class Edit:
@@ -48,11 +43,14 @@ class Edit:
     thread, because it does not touch Blender's data."""
 
     verb = ""
+    defaults: Any = None  # settings
+    needs_faces = ""  # why; "": it does not
 
-    def __init__(self, ob: bpy.types.Object, free: np.ndarray | None = None) -> None:
-        """Reads the object. free: (V,) bool, the vertices that may change; None: all. Raises ValueError."""
+    def __init__(self, ob: bpy.types.Object, settings: Any = None, free: np.ndarray | None = None) -> None:
+        """Reads the object. settings: of the tool; None: its defaults. free: (V,) bool, the vertices that may change;
+        None: all. Raises ValueError."""
         table.refuse(ob)
-        self.ob, self.armature = ob, table.armature_of(ob)
+        self.ob, self.armature, self.settings = ob, table.armature_of(ob), settings or self.defaults
         if free is not None and not free.any():
             raise ValueError("no vertex is selected: select those whose weights to change, or turn the mask off")
         self.free = free
@@ -65,7 +63,10 @@ class Edit:
         self.positions = table.own_positions(ob)
         self._edges, self.face_offsets, self.face_vertices = meshes.read_topology(ob.data)
         self.table = table.read(ob, self.columns(names, bones))
-        self._refuse_locked()
+        if self.table.locked.all():
+            raise ValueError(f"all vertex groups of {ob.name} that move it are locked: unlock some")
+        if self.needs_faces and not len(self.face_vertices):
+            raise ValueError(f"{ob.name} has no faces, {self.needs_faces}")
         self.locked = np.flatnonzero(self.table.locked).astype(np.int32)
         self.made: Any = None  # a sinew_native.WeightTable, once it is computed
         self.changed: Any = None  # (V,) bool
@@ -73,10 +74,6 @@ class Edit:
     def columns(self, names: tuple[str, ...], _bones: tuple[str, ...]) -> tuple[str, ...]:
         """Returns the bones that get columns. names: those with weight; bones: all that deform."""
         return names
-
-    def _refuse_locked(self) -> None:
-        if self.table.locked.all():
-            raise ValueError(f"all vertex groups of {self.ob.name} that move it are locked: unlock some")
 
     def compute(self, progress: Any = None) -> bool:
         """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
@@ -124,28 +121,19 @@ class SmoothSettings:
 class Smoothing(Edit):
     """Smooths the weights of all bones along the edges of faces."""
 
-    verb = "smoothed"
-
-    def __init__(
-        self, ob: bpy.types.Object, settings: SmoothSettings = SmoothSettings(), free: np.ndarray | None = None
-    ) -> None:
-        super().__init__(ob, free)
-        if not len(self.face_vertices):
-            raise ValueError(f"{ob.name} has no faces, along whose edges weights are smoothed")
-        self._settings = settings
+    verb, defaults = "smoothed", SmoothSettings()
+    needs_faces = "along whose edges weights are smoothed"
 
     def new_weights(self, progress: Any) -> Any:
         return sinew_native.smooth_weights(
             self.table.weights,
             self.face_offsets,
             self.face_vertices,
-            strength=self._settings.strength,
-            steps=self._settings.steps,
-            factor=self._settings.factor,
             mask=self.free,
             locked=self.locked,
             positions=self.positions,
             progress=progress,
+            **dataclasses.asdict(self.settings),
         )
 
 
@@ -161,22 +149,15 @@ class Mirroring(Edit):
     """Copies weights from one side to the other, by the closest points of the mirrored surface. Bones change places
     with those of the other side."""
 
-    verb = "mirrored"
-
-    def __init__(
-        self, ob: bpy.types.Object, settings: MirrorSettings = MirrorSettings(), free: np.ndarray | None = None
-    ) -> None:
-        self._settings = settings
-        super().__init__(ob, free)
-        if not len(self.face_vertices):
-            raise ValueError(f"{ob.name} has no faces, and weights are mirrored by the closest points of faces")
+    verb, defaults = "mirrored", MirrorSettings()
+    needs_faces = "and weights are mirrored by the closest points of faces"
 
     def columns(self, names: tuple[str, ...], bones: tuple[str, ...]) -> tuple[str, ...]:
         in_object = np.array(self.ob.matrix_world.inverted_safe() @ self.armature.matrix_world)
         rest = self.armature.data.bones
         ends = np.array([[rest[name].head_local, rest[name].tail_local] for name in bones])
         ends = ends @ in_object[:3, :3].T + in_object[:3, 3]
-        other = mirrored_bones.pairs(bones, [bpy.utils.flip_name(name) for name in bones], ends, self._settings.axis)
+        other = mirrored_bones.pairs(bones, [bpy.utils.flip_name(name) for name in bones], ends, self.settings.axis)
         self._other = {name: None if number < 0 else bones[number] for name, number in zip(bones, other.tolist())}
         wanted = {*names, *(self._other[name] for name in names)}
         return tuple(name for name in bones if name in wanted)
@@ -190,11 +171,11 @@ class Mirroring(Edit):
         return tuple(name for name in self.table.names if self._other[name] is None)
 
     def new_weights(self, progress: Any) -> Any:
-        side = "positive" if self._settings.from_positive else "negative"
-        toward = 1 if self._settings.from_positive else -1
-        if not (toward * self.positions[:, self._settings.axis] > 0).any():
+        side = "positive" if self.settings.from_positive else "negative"
+        toward = 1 if self.settings.from_positive else -1
+        if not (toward * self.positions[:, self.settings.axis] > 0).any():
             raise ValueError(
-                f"{self.ob.name} has no vertices on the {side} side of its {'XYZ'[self._settings.axis]} axis to copy "
+                f"{self.ob.name} has no vertices on the {side} side of its {'XYZ'[self.settings.axis]} axis to copy "
                 "weights from: choose the other direction, or move its origin to the middle"
             )
         return sinew_native.mirror_weights(
@@ -203,8 +184,7 @@ class Mirroring(Edit):
             self.face_offsets,
             self.face_vertices,
             self.pairs(),
-            axis=self._settings.axis,
-            from_positive=self._settings.from_positive,
             mask=self.free,
             progress=progress,
+            **dataclasses.asdict(self.settings),
         )

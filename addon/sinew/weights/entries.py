@@ -20,8 +20,13 @@ class Entries:
     @classmethod
     def of(cls, weights: Any) -> "Entries":
         """Returns those of a sinew_native.WeightTable, vertex after vertex, by the bones."""
-        counts = np.diff(weights.offsets)
-        return cls(np.repeat(np.arange(len(counts)), counts), np.array(weights.bones), np.array(weights.weights, float))
+        return cls.from_offsets(weights.offsets, weights.bones, np.array(weights.weights, float))
+
+    @classmethod
+    def from_offsets(cls, offsets: np.ndarray, bones: np.ndarray, weights: np.ndarray) -> "Entries":
+        """Returns those of which vertex v has the ones from offsets[v] up to offsets[v + 1]."""
+        counts = np.diff(offsets)
+        return cls(np.repeat(np.arange(len(counts)), counts), np.asarray(bones), weights)
 
     def where(self, chosen: np.ndarray) -> "Entries":
         """Returns the chosen ones: (N,) bool, or their numbers."""

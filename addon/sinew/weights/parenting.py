@@ -8,11 +8,10 @@ from ..plan import bindable
 
 def why_not(ob: bpy.types.Object, armature: bpy.types.Object) -> str:
     """Returns why the object cannot become the armature's child, as a clause without its subject, or ""."""
-    above = armature.parent
-    while above is not None:
+    above = armature
+    while (above := above.parent) is not None:
         if above == ob:
             return f"is above {armature.name} in the chain of parents, which would make a loop: clear that parent first"
-        above = above.parent
     return ""
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..blender import bounds
+from . import reports
 from .entries import Entries
 
 ANGLE = 60.0  # degrees
@@ -30,14 +31,9 @@ class TestPose:
 
     def document(self, names: Sequence[str]) -> dict[str, Any]:
         """Returns the numbers, for JSON. names: of all bones."""
-        return {
-            "bone": names[self.bone],
-            "axis": self.axis,
-            "stretch": self.stretch,
-            "squash": self.squash,
-            "volume": None if np.isnan(self.volume) else self.volume,
-            "stretched_vertices": len(self.stretched),
-        }
+        volume = None if np.isnan(self.volume) else self.volume
+        own = {"bone": names[self.bone], "volume": volume, "stretched_vertices": len(self.stretched)}
+        return {**reports.document(self, stretched=""), **own}
 
 
 @dataclass(frozen=True)

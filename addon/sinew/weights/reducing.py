@@ -56,17 +56,8 @@ class Report:
 
     def document(self) -> dict[str, Any]:
         """Returns the report for JSON. Lengths are in world space."""
-        return {
-            "objects": list(self.objects),
-            "vertices": self.vertices,
-            "changed": self.changed,
-            "max_influences": self.most,
-            "poses": self.poses,
-            "largest_move": self.largest,
-            "mean_move": self.mean,
-            "over_tolerance": self.over,
-            "locked_groups_kept": list(self.kept),
-        }
+        others = {"over": "over_tolerance", "kept": "locked_groups_kept", "tolerance": "", "is_written": ""}
+        return reports.document(self, most="max_influences", largest="largest_move", mean="mean_move", **others)
 
 
 class Reduction(editing.Edit):
@@ -78,8 +69,7 @@ class Reduction(editing.Edit):
         self, ob: bpy.types.Object, pose: Pose, settings: Settings = Settings(), free: np.ndarray | None = None
     ) -> None:
         """Reads the object and, by `pose`, the poses in which moves are measured. Raises ValueError."""
-        super().__init__(ob, free)
-        self.settings = settings
+        super().__init__(ob, settings, free)
         self._places = solid.world_positions(ob)
         solid.refuse_infinite(ob, self._places)
         self._matrices = np.asarray(pose(self.armature, self.table.names), np.float64)

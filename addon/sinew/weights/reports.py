@@ -41,19 +41,13 @@ class Report:
 
     def document(self) -> dict[str, Any]:
         """Returns the report for JSON."""
-        return {
-            "armature": self.armature,
-            "objects": list(self.objects),
-            "vertices": self.vertices,
-            "parts": self.parts,
-            "unweighted": self.unweighted,
-            "ways": dict(self.ways),
-            "bones": self.bones,
-            "bones_outside": list(self.bones_outside),
-            "bones_without_vertices": list(self.bones_without_vertices),
-            "locked_groups_kept": list(self.kept),
-            "seconds": self.seconds,
-        }
+        return document(self, kept="locked_groups_kept")
+
+
+def document(report: Any, **names: str) -> dict[str, Any]:
+    """Returns what a report holds, for JSON. names: of what has another one there, "" for what is left out."""
+    every = {names.get(name, name): value for name, value in vars(report).items()}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in every.items() if name}
 
 
 def counted(count: int, one: str, many: str = "") -> str:

@@ -21,13 +21,6 @@ def members(ob: bpy.types.Object, weights: Entries, name: str) -> np.ndarray:
     return found
 
 
-def selected(ob: bpy.types.Object) -> np.ndarray:
-    """Returns (V,) bool: the vertices that were selected when Edit Mode was left."""
-    found = np.empty(len(ob.data.vertices), bool)
-    ob.data.vertices.foreach_get("select", found)
-    return found
-
-
 def pieces(marked: np.ndarray, positions: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Returns (V,) int32: the same number for the marked vertices (V,) bool that edges (E, 2) between them connect, or
     that are at the same place; -1 for all others."""

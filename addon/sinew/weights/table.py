@@ -10,7 +10,7 @@ import numpy as np
 
 from ..blender import meshes, weight_writing
 from ..deform import influences
-from ..plan import bindable
+from ..plan import bindable, wiring
 from . import reports, solid
 from .entries import Entries, differ
 
@@ -83,16 +83,13 @@ def own_positions(ob: bpy.types.Object) -> np.ndarray:
 
 def used_names(ob: bpy.types.Object, names: Iterable[str]) -> tuple[str, ...]:
     """Returns those of the bones' names in whose vertex groups any vertex has weight."""
-    _offsets, groups, weights = meshes.read_object_weights(ob)
-    used = np.unique(groups[weights > 0]).tolist()
-    own = {ob.vertex_groups[group].name for group in used if group >= 0}
-    return tuple(name for name in names if name in own)
+    used = wiring.weighted_groups(ob)
+    return tuple(name for name in names if name in used)
 
 
 def in_groups(ob: bpy.types.Object) -> Entries:
     """Returns all weights of a mesh object, with vertex groups in place of bones, -1 for one that was removed."""
-    offsets, groups, weights = meshes.read_object_weights(ob)
-    return Entries(np.repeat(np.arange(len(offsets) - 1), np.diff(offsets)), groups, weights)
+    return Entries.from_offsets(*meshes.read_object_weights(ob))
 
 
 def read(ob: bpy.types.Object, names: Sequence[str]) -> Table:

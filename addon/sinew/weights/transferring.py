@@ -1,5 +1,6 @@
 """Copies the weights of meshes to other meshes, as from a body to clothes."""
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -66,15 +67,7 @@ class Report:
         return {
             "sources": list(self.sources),
             "objects": [
-                {
-                    "name": fit.name,
-                    "vertices": fit.vertices,
-                    "matched": fit.matched,
-                    "filled": fit.vertices - fit.matched,
-                    "islands": fit.islands,
-                    "unweighted": fit.unweighted,
-                    "locked_groups_kept": list(fit.kept),
-                }
+                {**reports.document(fit, kept="locked_groups_kept"), "filled": fit.vertices - fit.matched}
                 for fit in self.fits
             ],
         }
@@ -119,7 +112,9 @@ class Transfer:
         self._tables = [
             table.read(ob, (*self._source_names, *table.used_names(ob, own))) for ob, own in zip(self.targets, more)
         ]
-        self._refuse_locked()
+        for ob, own in zip(self.targets, self._tables):
+            if own.locked[: len(self._source_names)].all():
+                raise ValueError(f"all vertex groups of {ob.name} that would get weights are locked: unlock some")
         self._made: list[tuple[Any, np.ndarray]] = []  # what `held` returns, for each target
         self.matched: list[np.ndarray] = []  # (V,) bool for each target
 
@@ -138,11 +133,6 @@ class Transfer:
                     f"{_names(self.sources)}: {listed}. Give it the Armature modifier of {self.armature.name}"
                 )
 
-    def _refuse_locked(self) -> None:
-        for ob, own in zip(self.targets, self._tables):
-            if own.locked[: len(self._source_names)].all():
-                raise ValueError(f"all vertex groups of {ob.name} that would get weights are locked: unlock some")
-
     def compute(self, progress: Any = None) -> bool:
         """Computes the weights. progress: a sinew_native.Progress. Returns False if it was cancelled: there is nothing
         to write."""
@@ -159,10 +149,8 @@ class Transfer:
                 to.positions,
                 to.face_offsets,
                 to.face_vertices,
-                distance=self._settings.distance,
-                angle=self._settings.angle,
-                flipped=self._settings.flipped,
                 progress=progress,
+                **dataclasses.asdict(self._settings),
             )
             if made is None:
                 return False
