@@ -8,7 +8,7 @@ import numpy as np
 AUTOMATIC, TAIL, CHILD = "AUTOMATIC", "TAIL", "CHILD"
 _TOUCHES = 0.1  # of a bone's length: how far its tail may be from its child's head
 _MEANT = 0.5  # the least share of bones whose tails touch their only child, if people have placed the tails
-_CELLS = 32  # along the longest side of some points, to find the segments that may be nearest
+_CELLS = 64  # along the longest side of some points, to find the segments that may be nearest
 _SHORTEST = 1e-3  # of a bone's length: a child whose head is nearer shows no direction
 
 
@@ -100,7 +100,8 @@ def distances(points: np.ndarray, heads: np.ndarray, tails: np.ndarray) -> np.nd
     along, offset = tails - heads, points - heads
     squared = np.einsum("na,na->n", along, along)
     share = np.einsum("na,na->n", offset, along) / np.where(squared > 0, squared, 1)
-    return np.linalg.norm(offset - np.clip(share, 0, 1)[:, None] * along, axis=1)
+    offset = offset - np.clip(share, 0, 1)[:, None] * along
+    return np.sqrt(np.einsum("na,na->n", offset, offset))
 
 
 def nearest(points: np.ndarray, heads: np.ndarray, tails: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
