@@ -8,7 +8,8 @@ WHAT_BUILDS_DIFFER_IN=(tests/blender/test_{bake,bad_input,cages,canvases,graphs,
   tests/blender/test_{safety,same_as_modifier,same_pass,shortcuts}.py)
 
 # and those for Windows these. The native tests compare the results there, so Python for Windows runs what follows.
-WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,graphs,host,package,safety,same_as_modifier}.py)
+WHAT_SYSTEMS_DIFFER_IN=(tests/blender/test_{bake,bad_input,graphs,host,package,rigs_as_programs,safety}.py
+  tests/blender/test_same_as_modifier.py)
 PYTHON_TESTS_OF_SYSTEMS=(tests/python/test_{bake_files,bake_leftovers,bake_systems,boundaries,faults,files,host}.py
   tests/python/test_{hostile_input,instruction_sets,interrupts,stub,threads,unmade_objects}.py)
 

@@ -30,6 +30,10 @@ PROCESSORS = {
 }
 # The newest versions of its libraries that Linux needs: those of Debian 12 and of the wheels' manylinux_2_34.
 NEWEST = {"GLIBC": (2, 34), "GLIBCXX": (3, 4, 29), "CXXABI": (1, 3, 13), "GCC": (3, 0)}
+# What Windows makes ucrtbase.dll: the name under which Blender and Python import mathematics.
+UCRT_MATHEMATICS = "api-ms-win-crt-math-l1-1-0.dll"
+# What rigs need besides: C++, memory, strings, locks.
+NO_MATHEMATICS = re.compile(r"[_.].*|(mem|str|pthread_)\w+|[mc]alloc|free")
 
 
 def modules(*endings):
@@ -119,7 +123,23 @@ def test_on_linux_its_libraries_may_be_as_old_as_the_manual_says(path):
 @modules(".pyd")
 def test_on_windows_it_needs_only_the_system_and_its_python(path):
     (digits,) = re.findall(r"\.cp(\d+)-", path.name)
-    assert {each.name for each in read(path).imports} == {"KERNEL32.dll", "msvcrt.dll", f"python{digits}.dll"}
+    wanted = {"KERNEL32.dll", "msvcrt.dll", UCRT_MATHEMATICS, f"python{digits}.dll"}
+    assert {each.name for each in read(path).imports} == wanted
+
+
+@modules(".pyd")
+def test_on_windows_rigs_call_the_mathematics_that_blender_calls(path):
+    """One function cannot come from two libraries, so what is imported is nowhere MinGW's own."""
+    folder = path.parent.parent / "native/CMakeFiles/sinew_rounded.dir/src/rig"
+    if not folder.is_dir():
+        pytest.skip(f"{path} is not where it was built")
+    objects = [lief.COFF.parse(str(each)) for each in sorted(folder.rglob("*.obj"))]
+    symbols = [symbol for each in objects for symbol in each.symbols if symbol.is_external]
+    needed = {each.name for each in symbols if each.is_undefined} - {each.name for each in symbols if each.section_idx}
+    needed = {name for name in needed if not NO_MATHEMATICS.fullmatch(name)}
+    assert {"sinf", "cosf", "acosf", "atan2f", "powf", "sin", "acos"} <= needed
+    (library,) = [each for each in read(path).imports if each.name == UCRT_MATHEMATICS]
+    assert not needed - {entry.name.removeprefix("_") for entry in library.entries}
 
 
 @modules(".pyd")

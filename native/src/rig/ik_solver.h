@@ -29,7 +29,11 @@ class IkSolver {
   struct Pole {
     int tip = 0;
     Eigen::Vector3d goal, at;
+#ifdef __linux__
     double angle = 0;
+#else
+    float angle = 0;  // only the headers of GCC's library compute the sine of Blender's float in double precision
+#endif
   };
   void set_pole(const Pole& pole) {
     pole_ = pole;

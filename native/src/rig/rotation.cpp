@@ -28,8 +28,12 @@ Axes axes_of(EulerOrder order) {
   }
 }
 
+#ifdef _WIN32
+float hypotenuse(float a, float b) { return std::hypot(a, b); }
+#else
 /// As hypotf of the C library, whose newer version would ask for a newer library.
 float hypotenuse(double a, double b) { return static_cast<float>(std::sqrt(a * a + b * b)); }
+#endif
 
 /// The two triples of angles that give a matrix of unit columns.
 std::pair<Vec3, Vec3> both_eulers(const Mat3& m, EulerOrder order) {
