@@ -214,7 +214,9 @@ def build_mesh(
             ob.vertex_groups.new(name=names[joint])
             columns.append(column)
     own = sinew_native.WeightTable.from_dense(np.asarray(rig.weights)[:, columns])
-    weight_writing.replace(ob, own.offsets, own.bones, own.weights)
+    vertices = np.repeat(np.arange(len(own.offsets) - 1), np.diff(own.offsets))
+    order = np.lexsort((-own.weights, vertices))  # the largest of a vertex first
+    weight_writing.replace(ob, own.offsets, own.bones[order], own.weights[order])
 
     ob.parent = armature
     modifier = ob.modifiers.new("Armature", "ARMATURE")
