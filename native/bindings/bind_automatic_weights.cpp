@@ -72,11 +72,6 @@ std::ptrdiff_t count_of(const WeightReport& self) {
   return self.count(way);
 }
 
-template <auto member>
-py::array member_view(const py::object& self) {
-  return view_list(self.cast<const AutomaticWeights&>().*member, self);
-}
-
 }  // namespace
 
 void bind_automatic_weights(py::module_& module) {
@@ -110,12 +105,21 @@ void bind_automatic_weights(py::module_& module) {
   py::class_<AutomaticWeights, std::shared_ptr<AutomaticWeights>>(
       module, "AutomaticWeights", "Weights for a Skin, from automatic_weights. Immutable.")
       .def_property_readonly(
-          "offsets", &member_view<&AutomaticWeights::offsets>,
+          "offsets",
+          [](const py::object& self) { return offsets_view(self.cast<const AutomaticWeights&>().weights, self); },
           "(V + 1,) int64, read-only: where the influences of each vertex begin; each has at least one.")
-      .def_property_readonly("joints", &member_view<&AutomaticWeights::joints>,
-                             "(N,) int32, read-only, ascending at each vertex.")
-      .def_property_readonly("weights", &member_view<&AutomaticWeights::weights>,
-                             "(N,) float32, read-only, above 0, with sum 1 at each vertex.")
+      .def_property_readonly(
+          "joints",
+          [](const py::object& self) {
+            return entries_view(self.cast<const AutomaticWeights&>().weights, &BoneWeight::bone, self);
+          },
+          "(N,) int32, read-only, ascending at each vertex.")
+      .def_property_readonly(
+          "weights",
+          [](const py::object& self) {
+            return entries_view(self.cast<const AutomaticWeights&>().weights, &BoneWeight::weight, self);
+          },
+          "(N,) float32, read-only, above 0, with sum 1 at each vertex.")
       .def_property_readonly(
           "ways",
           [](const py::object& self) {
@@ -123,8 +127,9 @@ void bind_automatic_weights(py::module_& module) {
             return view(reinterpret_cast<const std::uint8_t*>(ways.data()), {std::ssize(ways)}, {1}, self);
           },
           "(V,) uint8, read-only: how each vertex got its weights: 0 surface, 1 volume, 2 nearest, 3 fixed, 4 rigid.")
-      .def_property_readonly("parts", &member_view<&AutomaticWeights::parts>,
-                             "(V,) int32, read-only: the connected part of each vertex.")
+      .def_property_readonly(
+          "parts", [](const py::object& self) { return view_list(self.cast<const AutomaticWeights&>().parts, self); },
+          "(V,) int32, read-only: the connected part of each vertex.")
       .def_property_readonly(
           "report", [](const std::shared_ptr<AutomaticWeights>& self) { return WeightReport{self}; },
           "The WeightReport.");

@@ -41,12 +41,7 @@ std::shared_ptr<Decomposition> decomposed(const py::array& rest, const py::array
     if (own_matrices.empty()) throw InputError("matrices has no joints; expected one at least");
   }
   start.matrices = own_matrices;
-  SparseWeights own_weights;
-  if (!weights.is_none()) own_weights = sparse_weights("weights", weights);
-  start.offsets = own_weights.offsets;
-  start.joints = own_weights.joints;
-  start.weights = own_weights.weights;
-  start.weighted_joints = own_weights.joint_count;
+  if (!weights.is_none()) start.weights = given_table("weights", weights, "(V, J)");
   return interruptible(std::move(progress), [&](Progress* own) {
     auto made = decompose({own_rest, own_frames, offsets, corners}, start, settings, own);
     return made ? std::make_shared<Decomposition>(std::move(*made)) : nullptr;
@@ -71,12 +66,22 @@ void bind_decompose(py::module_& module) {
   py::class_<Decomposition, std::shared_ptr<Decomposition>>(
       module, "Decomposition", "Joints, weights and motions that play a deformation, from decompose. Immutable.")
       .def_property_readonly("joint_count", &Decomposition::joint_count, "J.")
-      .def_property_readonly("offsets", &decomposition_list<&Decomposition::offsets>,
-                             "(V + 1,) int64, read-only: where the influences of each vertex begin.")
-      .def_property_readonly("joints", &decomposition_list<&Decomposition::joints>,
-                             "(N,) int32, read-only, ascending at each vertex.")
-      .def_property_readonly("weights", &decomposition_list<&Decomposition::weights>,
-                             "(N,) float32, read-only, above 0, with sum 1 at each vertex; given ones as they were.")
+      .def_property_readonly(
+          "offsets",
+          [](const py::object& self) { return offsets_view(self.cast<const Decomposition&>().weights, self); },
+          "(V + 1,) int64, read-only: where the influences of each vertex begin.")
+      .def_property_readonly(
+          "joints",
+          [](const py::object& self) {
+            return entries_view(self.cast<const Decomposition&>().weights, &BoneWeight::bone, self);
+          },
+          "(N,) int32, read-only, ascending at each vertex.")
+      .def_property_readonly(
+          "weights",
+          [](const py::object& self) {
+            return entries_view(self.cast<const Decomposition&>().weights, &BoneWeight::weight, self);
+          },
+          "(N,) float32, read-only, above 0, with sum 1 at each vertex; given ones as they were.")
       .def_property_readonly(
           "rest", [](const py::object& self) { return view_matrices(self.cast<const Decomposition&>().rest, self); },
           "(J, 4, 4), read-only: the joints at rest, unturned, at `heads` or in the middle of what they move.")
@@ -132,7 +137,7 @@ void bind_decompose(py::module_& module) {
       "heads: (J, 3), where joints begin: each vertex belongs to the nearest one, then weights and motions are found. "
       "Together with matrices or weights: only the positions in `rest` of the result.\n"
       "matrices: (F, J, 4, 4), skinning matrices of any kind: weights for them are found.\n"
-      "weights: (V, J), 0 or more, or a Skin: rigid motions for these weights are found.\n\n"
+      "weights: (V, J), 0 or more, a WeightTable or a Skin: rigid motions for these weights are found.\n\n"
       "max_influences: 1 to 64, the most weights of a vertex. Those go that raise its error least.\n"
       "iterations: 1 to 10,000, how many at most.\n"
       "smoothing: 0 to 1, see above.\n"

@@ -196,7 +196,7 @@ Eigen::MatrixXd weights_from_bones(const PolygonMesh& mesh, const RigSkeleton& s
   const auto made = automatic_weights(positions, mesh.face_offsets, mesh.face_vertices, {heads, tails, columns});
   Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(mesh.vertex_count(), last + 1);
   for (std::ptrdiff_t v = 0; v < mesh.vertex_count(); ++v) {
-    for (auto i = made->offsets[v]; i < made->offsets[v + 1]; ++i) weights(v, made->joints[i]) = made->weights[i];
+    for (const auto& [joint, weight] : made->weights.row(v)) weights(v, joint) = weight;
   }
   return weights;
 }

@@ -126,16 +126,6 @@ std::shared_ptr<WeightTable> table_from_lists(const py::array& offsets, const py
   return std::make_shared<WeightTable>(WeightTable::from_lists(own_offsets, own_bones, own_weights, bone_count));
 }
 
-/// A view of one member of the entries.
-template <class T>
-py::array entries_view(const py::object& self, T BoneWeight::*member) {
-  static_assert(sizeof(BoneWeight) == 2 * sizeof(T));
-  const auto& table = self.cast<const WeightTable&>();
-  const auto entries = table.entries();
-  const T* const first = entries.empty() ? nullptr : &(entries.front().*member);
-  return view(first, {std::ssize(entries)}, {2}, self);
-}
-
 py::array dense(const WeightTable& table) {
   py::array_t<float> made({table.vertices(), table.bones()});
   float* const numbers = made.mutable_data();
@@ -180,13 +170,17 @@ void bind_weight_tools(py::module_& module) {
       .def_property_readonly("vertex_count", &WeightTable::vertices, "V.")
       .def_property_readonly("bone_count", &WeightTable::bones, "B.")
       .def_property_readonly(
-          "offsets", [](const py::object& self) { return view_list(self.cast<const WeightTable&>().offsets(), self); },
+          "offsets", [](const py::object& self) { return offsets_view(self.cast<const WeightTable&>(), self); },
           "(V + 1,) int64, read-only: where each vertex's entries begin.")
       .def_property_readonly(
-          "bones", [](const py::object& self) { return entries_view(self, &BoneWeight::bone); },
+          "bones",
+          [](const py::object& self) { return entries_view(self.cast<const WeightTable&>(), &BoneWeight::bone, self); },
           "(N,) int32, read-only, ascending at each vertex.")
       .def_property_readonly(
-          "weights", [](const py::object& self) { return entries_view(self, &BoneWeight::weight); },
+          "weights",
+          [](const py::object& self) {
+            return entries_view(self.cast<const WeightTable&>(), &BoneWeight::weight, self);
+          },
           "(N,) float32, read-only, above 0.");
 
   module.def(

@@ -902,7 +902,7 @@ def decompose(
     bones: int = 0,
     heads: _Reals | None = None,
     matrices: _Reals | None = None,
-    weights: _Reals | Skin | None = None,
+    weights: _Reals | WeightTable | Skin | None = None,
     max_influences: int = 8,
     iterations: int = 30,
     smoothing: float = 1e-4,
@@ -914,8 +914,8 @@ def decompose(
 
     rest (V, 3); frames (F, V, 3), the same vertices in each frame; face_offsets (faces + 1,); face_vertices (C,), face
     after face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4,
-    4), skinning matrices whose weights are found; or weights (V, J), or a Skin, whose motions are found. Returns None
-    if progress was cancelled.
+    4), skinning matrices whose weights are found; or weights (V, J), a WeightTable or a Skin, whose motions are found.
+    Returns None if progress was cancelled.
     """
 
 class WeightTable:

@@ -26,15 +26,15 @@ void check(const AutomaticWeights& result, std::size_t vertices, std::int32_t jo
   const auto expect = [](bool is_right) {
     if (!is_right) std::abort();
   };
-  expect(result.offsets.size() == vertices + 1 && result.offsets.front() == 0);
+  expect(result.weights.vertices() == std::ssize(result.ways) && result.weights.bones() == joints);
   expect(result.ways.size() == vertices && result.parts.size() == vertices);
   for (std::size_t v = 0; v < vertices; ++v) {
-    expect(result.offsets[v + 1] > result.offsets[v]);
+    std::int32_t last = -1;
     double sum = 0;
-    for (auto i = result.offsets[v]; i < result.offsets[v + 1]; ++i) {
-      expect(result.weights[i] > 0 && result.joints[i] >= 0 && result.joints[i] < joints);
-      expect(i == result.offsets[v] || result.joints[i] > result.joints[i - 1]);
-      sum += result.weights[i];
+    for (const auto& [joint, weight] : result.weights.row(v)) {
+      expect(weight > 0 && joint > last && joint < joints);
+      last = joint;
+      sum += weight;
     }
     expect(std::abs(sum - 1) < 1e-5);
   }

@@ -97,11 +97,11 @@ TEST(Neighbours, CountByHowRigidlyTheyMove) {
   ASSERT_EQ(neighbours.size(), 4u);
   for (std::size_t p = 0; p < 4; ++p) {
     double sum = 0;
-    for (auto i = neighbours.begin[p]; i < neighbours.begin[p + 1]; ++i) sum += neighbours.share[i];
+    for (const Neighbour& other : neighbours[p]) sum += other.share;
     EXPECT_NEAR(sum, 1, 1e-6);
   }
   std::map<std::uint32_t, float> of_one;
-  for (auto i = neighbours.begin[1]; i < neighbours.begin[2]; ++i) of_one[neighbours.point[i]] = neighbours.share[i];
+  for (const auto& [point, share] : neighbours[1]) of_one[point] = share;
   EXPECT_GT(of_one.at(0), 5 * of_one.at(2));
 }
 

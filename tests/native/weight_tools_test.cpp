@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <functional>
 #include <random>
 
 #include "failures.h"
@@ -150,20 +151,53 @@ TEST(TransferWeights, SmallWeightsAreFilledIn) {
   for (std::size_t v = 0; v < 24; ++v) EXPECT_NEAR(weight_of(made->weights, v, 1), 0.005, 1e-4) << v;
 }
 
+/// Cancels at the first look, the second, the fourth and so on, until there are fewer looks: then the result is that of
+/// `expected`. Returns how many attempts were cancelled.
+template <class Run>
+int cancelled_attempts(const WeightTable& expected, const Run& run) {
+  int attempts = 0;
+  for (std::int64_t looks = 0;; looks = looks == 0 ? 1 : 2 * looks, ++attempts) {
+    Progress progress;
+    progress.cancel_after(looks);
+    if (const std::optional<WeightTable> made = run(&progress)) {
+      EXPECT_EQ(*made, expected);
+      return attempts;
+    }
+    EXPECT_LT(progress.fraction(), 1);
+  }
+}
+
 TEST(WeightTools, AreCancelledAtAnyTime) {
-  const Strip strip(400);
+  const Strip strip(4000);
   const WeightTable table = random_table(strip.vertices(), 6, 5);
-  const std::vector<Matrix4<double>> matrices(6, Matrix4<double>::Identity());
+  std::vector<Matrix4<double>> matrices(6, Matrix4<double>::Identity());
+  for (int j = 0; j < 6; ++j) matrices[j](2, 3) = j;
   const auto stack = MatrixStack<const double>::of(matrices.data(), 1, 6);
-  Progress progress;
-  progress.cancel();
-  SmoothWeightsSettings solve;
-  solve.strength = 1;
-  EXPECT_FALSE(smooth_weights(table, strip.faces(), {}, &progress));
-  EXPECT_FALSE(smooth_weights(table, strip.faces(), solve, &progress));
-  EXPECT_FALSE(reduce_weights(table, strip.positions, stack, strip.faces(), {2, 2, {}}, &progress));
-  EXPECT_FALSE(mirror_weights(table, strip.positions, strip.faces(), Ints{0, 1, 2, 3, 4, 5}, {}, &progress));
-  EXPECT_FALSE(transfer_weights(strip.positions, strip.faces(), table, strip.positions, strip.faces(), {}, &progress));
+  std::vector<float> apart = strip.positions;  // half of it has no source near by
+  for (std::size_t i = apart.size() / 2; i < apart.size(); i += 3) apart[i + 2] = 0.5f * static_cast<float>(i);
+  const std::function<std::optional<WeightTable>(Progress*)> tools[] = {
+      [&](Progress* progress) { return smooth_weights(table, strip.faces(), {}, progress); },
+      [&](Progress* progress) {
+        SmoothWeightsSettings settings;
+        settings.strength = 1;
+        return smooth_weights(table, strip.faces(), settings, progress);
+      },
+      [&](Progress* progress) -> std::optional<WeightTable> {
+        auto made = reduce_weights(table, strip.positions, stack, strip.faces(), {2, 2, {}}, progress);
+        if (!made) return std::nullopt;
+        return std::move(made->weights);
+      },
+      [&](Progress* progress) {
+        MirrorSettings settings;
+        settings.origin = 2000;
+        return mirror_weights(table, strip.positions, strip.faces(), Ints{0, 1, 2, 3, 4, 5}, settings, progress);
+      },
+      [&](Progress* progress) -> std::optional<WeightTable> {
+        auto made = transfer_weights(strip.positions, strip.faces(), table, apart, strip.faces(), {}, progress);
+        if (!made) return std::nullopt;
+        return std::move(made->weights);
+      }};
+  for (const auto& tool : tools) EXPECT_GT(cancelled_attempts(*tool(nullptr), tool), 3);
 }
 
 }  // namespace

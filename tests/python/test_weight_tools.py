@@ -470,7 +470,7 @@ def mistakes():
     yield case("mask has 3 numbers", smooth, weights, offsets, faces, mask=np.ones(3))
     yield case("mask is 2 at vertex 0", smooth, weights, offsets, faces, mask=np.full(12, 2.0))
     yield case("locked names bone 2; there are 2 bones", smooth, weights, offsets, faces, locked=np.array([2]))
-    yield case("steps is -1; expected 0 to 10000", smooth, weights, offsets, faces, steps=-1)
+    yield case("steps is -1; expected 0 to 10,000", smooth, weights, offsets, faces, steps=-1)
     yield case("factor is 1.5; expected 0 to 1", smooth, weights, offsets, faces, factor=1.5)
     yield case("strength is nan", smooth, weights, offsets, faces, strength=float("nan"))
     yield case("positions is not finite at vertex 7", smooth, weights, offsets, faces, positions=bad)

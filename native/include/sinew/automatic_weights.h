@@ -50,12 +50,9 @@ struct WeightSettings {
 enum class WeightWay : std::uint8_t { surface, volume, nearest, fixed, rigid };
 
 struct AutomaticWeights {
-  std::vector<std::int64_t>
-      offsets;  ///< V + 1: vertex v has the influences offsets[v] up to offsets[v + 1], one at least
-  std::vector<std::int32_t> joints;  ///< N, ascending at each vertex
-  std::vector<float> weights;        ///< N, above 0, with sum 1 at each vertex
-  std::vector<WeightWay> ways;       ///< V
-  std::vector<std::int32_t> parts;   ///< V: the connected part of each vertex; coincident vertices are connected
+  WeightTable weights;              ///< V rows of J joints, each with one weight at least, and sum 1
+  std::vector<WeightWay> ways;      ///< V
+  std::vector<std::int32_t> parts;  ///< V: the connected part of each vertex; coincident vertices are connected
   std::int32_t part_count = 0;
   std::vector<std::int32_t> bones_outside;  ///< ascending: bones of which nothing is inside the mesh
   double voxel_size = 0;                    ///< in the unit of the positions

@@ -8,6 +8,7 @@
 
 #include "sinew/progress.h"
 #include "sinew/types.h"
+#include "sinew/weight_table.h"
 
 namespace sinew {
 
@@ -20,7 +21,7 @@ struct DeformedMesh {
   std::span<const std::int32_t> face_vertices;  ///< C, vertices around each face
 };
 
-/// What is known. Exactly one of joint_count, matrices and weights (offsets) is given, or heads alone.
+/// What is known. Exactly one of joint_count, matrices and weights is given, or heads alone.
 struct DecompositionStart {
   /// At most so many joints are found, with their weights; fewer if fewer move the mesh exactly.
   std::int32_t joint_count = 0;
@@ -29,11 +30,7 @@ struct DecompositionStart {
   std::span<const double> heads;
   /// F x J, row by row, skinning matrices of any kind: weights for them are found.
   std::span<const Matrix4<double>> matrices;
-  /// V + 1, N and N, as for a Skin: rigid motions of joints for these weights are found.
-  std::span<const std::int64_t> offsets;
-  std::span<const std::int32_t> joints;
-  std::span<const float> weights;
-  std::int32_t weighted_joints = 0;  ///< J, with weights
+  WeightTable weights;  ///< V rows of J joints, or without bones: rigid motions of joints for these weights are found
 };
 
 struct DecompositionSettings {
@@ -47,9 +44,7 @@ struct DecompositionSettings {
 };
 
 struct Decomposition {
-  std::vector<std::int64_t> offsets;   ///< V + 1: vertex v has the influences offsets[v] up to offsets[v + 1]
-  std::vector<std::int32_t> joints;    ///< N, ascending at each vertex
-  std::vector<float> weights;          ///< N, above 0, with sum 1 at each vertex (given ones as they were)
+  WeightTable weights;                 ///< V rows of J joints, each with sum 1 (given ones as they were)
   std::vector<Matrix4<double>> rest;   ///< J, the joints at rest: where they are, unturned
   std::vector<Matrix4<double>> poses;  ///< F x J skinning matrices, frame after frame
   /// Distances between what skinning gives and the frames, in the unit of the positions: the root of the mean square,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <limits>
 
 namespace sinew {
 
@@ -19,8 +20,10 @@ class Progress {
   }
 
   /// Asks the running computation, or the next one, to stop soon without a result.
-  void cancel() { cancelled_.store(true, std::memory_order_relaxed); }
-  bool is_cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
+  void cancel() { cancel_after(0); }
+  /// The same once it has looked so many times, for tests.
+  void cancel_after(std::int64_t looks) { looks_left_.store(looks, std::memory_order_relaxed); }
+  bool is_cancelled() const { return looks_left_.fetch_sub(1, std::memory_order_relaxed) <= 0; }
 
   /// For the computation: start() sets the number of steps ahead, advance() counts those that are done.
   void start(std::int64_t steps) {
@@ -31,7 +34,7 @@ class Progress {
 
  private:
   std::atomic<std::int64_t> total_ = 0, done_ = 0;
-  std::atomic<bool> cancelled_ = false;
+  mutable std::atomic<std::int64_t> looks_left_ = std::numeric_limits<std::int64_t>::max();
 };
 
 }  // namespace sinew

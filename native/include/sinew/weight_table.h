@@ -14,6 +14,9 @@ struct BoneWeight {
   bool operator==(const BoneWeight&) const = default;
 };
 
+/// Sorts by bone, and adds the weights of the same bone.
+void merge_bones(std::vector<BoneWeight>& row);
+
 /// The weights above 0 of V vertices in B bones. Each vertex has as many as it needs, in the order of the bones.
 class WeightTable {
  public:
@@ -38,6 +41,8 @@ class WeightTable {
   std::span<const std::int64_t> offsets() const { return offsets_; }
   std::span<const BoneWeight> entries() const { return entries_; }
   std::span<BoneWeight> entries() { return entries_; }
+
+  bool operator==(const WeightTable&) const = default;
 
   /// row  bones ascending, weights above 0.
   void add_row(std::span<const BoneWeight> row) {

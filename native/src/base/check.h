@@ -43,4 +43,12 @@ inline std::string plural(long long number, std::string noun) {
   return grouped(number) + " " + noun;
 }
 
+/// Throws InputError unless low <= value <= high.
+template <class Value>
+void check_range(const char* name, Value value, double low, double high) {
+  if (value >= low && value <= high) return;
+  if (high < 1000) fail(name, " is ", value, "; expected ", low, " to ", high);
+  fail(name, " is ", value, "; expected ", low, " to ", grouped(static_cast<long long>(high)));
+}
+
 }  // namespace sinew

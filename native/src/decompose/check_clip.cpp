@@ -4,7 +4,7 @@
 #include <mutex>
 #include <optional>
 
-#include "base/offsets.h"
+#include "base/check.h"
 #include "base/parallel.h"
 #include "mesh/faces.h"
 
@@ -43,27 +43,15 @@ void check_mesh(const DeformedMesh& mesh) {
   check_faces({mesh.face_offsets, mesh.face_vertices}, vertices);
 }
 
-void check_given_weights(const DecompositionStart& start, std::ptrdiff_t vertices) {
-  if (std::ssize(start.offsets) != vertices + 1) {
-    fail("the weights are those of ", plural(std::ssize(start.offsets) - 1, "vertex"), "; rest has ",
-         plural(vertices, "vertex"));
+void check_given_weights(const WeightTable& weights, std::ptrdiff_t vertices) {
+  if (weights.vertices() != vertices) {
+    fail("weights has ", plural(weights.vertices(), "row"), "; rest has ", plural(vertices, "vertex"));
   }
-  if (start.joints.size() != start.weights.size()) {
-    fail("joints has ", plural(std::ssize(start.joints), "number"), ", weights ", grouped(std::ssize(start.weights)));
+  for (std::ptrdiff_t v = 0; v < vertices; ++v) {
+    if (weights.row(v).empty()) fail("weights has none above 0 at vertex ", v, "; expected one at least");
   }
-  check_offsets<std::int64_t>("offsets", start.offsets, std::ssize(start.joints), "joints");
-  for (std::size_t v = 0; v + 1 < start.offsets.size(); ++v) {
-    double sum = 0;
-    for (auto i = start.offsets[v]; i < start.offsets[v + 1]; ++i) {
-      if (start.joints[i] < 0 || start.joints[i] >= start.weighted_joints) {
-        fail("vertex ", v, " follows joint ", start.joints[i], "; there are ", plural(start.weighted_joints, "joint"));
-      }
-      if (!(std::isfinite(start.weights[i]) && start.weights[i] >= 0)) {
-        fail("vertex ", v, " has the weight ", start.weights[i], "; expected 0 or more");
-      }
-      sum += start.weights[i];
-    }
-    if (!(sum > 0)) fail("vertex ", v, " has no weight above 0; expected one at least");
+  if (weights.bones() > kMostFound) {
+    fail("weights has ", grouped(weights.bones()), " joints; expected ", grouped(kMostFound), " at most");
   }
 }
 
@@ -73,7 +61,7 @@ void check_decomposition(const DeformedMesh& mesh, const DecompositionStart& sta
                          const DecompositionSettings& settings) {
   check_mesh(mesh);
   const std::ptrdiff_t vertices = std::ssize(mesh.rest) / 3, frames = std::ssize(mesh.frames) / std::ssize(mesh.rest);
-  const bool has_weights = !start.offsets.empty(), has_matrices = !start.matrices.empty();
+  const bool has_weights = start.weights.bones() > 0, has_matrices = !start.matrices.empty();
   const int given = (start.joint_count != 0) + has_weights + has_matrices;
   if (given > 1) fail("bones, matrices and weights exclude each other; expected one of them");
   if (given == 0 && start.heads.empty()) fail("nothing is known; expected bones, heads, matrices or weights");
@@ -104,17 +92,11 @@ void check_decomposition(const DeformedMesh& mesh, const DecompositionStart& sta
     if (heads && heads != joints) fail("heads has ", plural(heads, "joint"), ", matrices ", plural(joints, "joint"));
   }
   if (has_weights) {
-    check_given_weights(start, vertices);
-    if (start.weighted_joints > kMostFound) {
-      fail("weights has ", grouped(start.weighted_joints), " joints; expected ", grouped(kMostFound), " at most");
-    }
-    if (heads && heads != start.weighted_joints) {
-      fail("heads has ", plural(heads, "joint"), ", weights ", plural(start.weighted_joints, "joint"));
+    check_given_weights(start.weights, vertices);
+    if (heads && heads != start.weights.bones()) {
+      fail("heads has ", plural(heads, "joint"), ", weights ", plural(start.weights.bones(), "joint"));
     }
   }
-  const auto check_range = [](const char* name, double value, double low, double high) {
-    if (!(value >= low && value <= high)) fail(name, " is ", value, "; expected ", low, " to ", high);
-  };
   check_range("max_influences", settings.max_influences, 1, 64);
   check_range("iterations", settings.iterations, 1, 10000);
   check_range("smoothing", settings.smoothing, 0, 1);

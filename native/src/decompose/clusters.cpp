@@ -14,6 +14,7 @@ namespace {
 
 /// So many frames tell the clusters apart.
 constexpr std::ptrdiff_t kFrames = 40;
+constexpr std::size_t kStepsBetweenLooks = 1024;  // at whether the work is cancelled
 constexpr int kRounds = 3, kLastRounds = 4;
 
 /// Mean squared distances, in units of the size, below which points move exactly.
@@ -38,6 +39,7 @@ class Clusters {
   void begin_at(std::span<const Eigen::Vector3d> heads) {
     count_ = static_cast<std::int32_t>(heads.size());
     for (std::size_t p = 0; p < label_of_.size(); ++p) {
+      if (p % kStepsBetweenLooks == 0) stop_if_cancelled(progress_);
       double least = std::numeric_limits<double>::infinity();
       for (std::int32_t j = 0; j < count_; ++j) {
         const double distance = (clip_.rest[p].head<3>() - heads[j]).squaredNorm();
@@ -74,9 +76,11 @@ class Clusters {
   void fit() {
     stop_if_cancelled(progress_);
     motions_ = Motions(clip_.frames, count_);
-    MotionFit(clip_, {1, label_of_, std::vector<double>(label_of_.size(), 1)}, count_).fit_alone(motions_);
+    MotionFit(clip_, {1, label_of_, std::vector<double>(label_of_.size(), 1)}, count_, progress_)
+        .fit_alone(motions_, progress_);
     known_.assign(label_of_.size(), {});
     parallel_for(label_of_.size(), 512, [&](std::size_t begin, std::size_t end) {
+      stop_if_cancelled(progress_);
       for (std::size_t p = begin; p < end; ++p) distance(p, label_of_[p]);
     });
     centres_.assign(count_, Eigen::Vector3d::Zero());
@@ -111,8 +115,7 @@ class Clusters {
     std::fill(label_of_.begin(), label_of_.end(), -1);
     const auto visit = [&](std::uint32_t p, std::int32_t label) {
       label_of_[p] = label;
-      for (std::uint32_t i = neighbours_.begin[p]; i < neighbours_.begin[p + 1]; ++i) {
-        const std::uint32_t other = neighbours_.point[i];
+      for (const auto& [other, share] : neighbours_[p]) {
         if (label_of_[other] < 0) ahead.emplace(distance(other, label), other, label);
       }
     };
@@ -122,7 +125,8 @@ class Clusters {
     for (std::int32_t j = 0; j < count_; ++j) {
       if (sizes_[j] > 0) visit(seeds[j], j);
     }
-    while (!ahead.empty()) {
+    for (std::size_t step = 0; !ahead.empty(); ++step) {
+      if (step % kStepsBetweenLooks == 0) stop_if_cancelled(progress_);
       const auto [cost, p, label] = ahead.top();
       ahead.pop();
       if (label_of_[p] < 0) visit(p, label);
@@ -136,8 +140,8 @@ class Clusters {
     if (label_of_.size() > 3 * sizes.size()) {
       for (std::uint32_t p = 0; p < label_of_.size(); ++p) {
         if (sizes[label_of_[p]] >= 3) continue;
-        for (std::uint32_t i = neighbours_.begin[p]; i < neighbours_.begin[p + 1]; ++i) {
-          const std::int32_t other = label_of_[neighbours_.point[i]];
+        for (const Neighbour& neighbour : neighbours_[p]) {
+          const std::int32_t other = label_of_[neighbour.point];
           if (sizes[other] < 3) continue;
           --sizes[label_of_[p]];
           label_of_[p] = other;

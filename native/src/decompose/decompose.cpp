@@ -32,21 +32,22 @@ class Decomposer {
         start_(start),
         settings_(settings),
         progress_(progress),
-        clip_(mesh.rest, mesh.frames, start.offsets.empty(), progress) {}
+        clip_(mesh.rest, mesh.frames, !has_weights(), progress) {}
 
   Decomposition run() {
     if (progress_) progress_->start(settings_.iterations + kClusterSteps + 1);
-    if (!start_.offsets.empty()) {
+    if (has_weights()) {
       fit_motions();
     } else {
       stop_if_cancelled(progress_);
-      neighbours_ = neighbours_of(clip_, mesh_.face_offsets, mesh_.face_vertices);
+      neighbours_ = neighbours_of(clip_, mesh_.face_offsets, mesh_.face_vertices, progress_);
       start_.matrices.empty() ? find_both() : fit_weights();
     }
     return result();
   }
 
  private:
+  bool has_weights() const { return start_.weights.bones() > 0; }
   std::size_t points() const { return static_cast<std::size_t>(clip_.point_count()); }
 
   void done(int steps) {
@@ -86,12 +87,12 @@ class Decomposer {
       weights_.weights[p * weights_.width] = 1;
     }
     motions_ = Motions(clip_.frames, count);
-    MotionFit(clip_, weights_, count).fit_alone(motions_);
+    MotionFit(clip_, weights_, count, progress_).fit_alone(motions_, progress_);
     const auto candidates = static_cast<std::size_t>(std::max(2 * settings_.max_influences, 12));
     const WeightFit fit = weight_fit(candidates, kWeightSweeps);
     while (iterations_ < settings_.iterations) {
       const double square = fit.improve(motions_, weights_, progress_);
-      const MotionFit motion_fit(clip_, weights_, count);
+      const MotionFit motion_fit(clip_, weights_, count, progress_);
       motion_fit.improve(motions_, kMotionSweeps, progress_);
       ++iterations_;
       done(1);
@@ -113,8 +114,7 @@ class Decomposer {
       if (squares[worst] == 0) return;
       std::vector<std::uint32_t> around{worst};
       for (std::size_t i = 0, last = 1; i < last && around.size() < 20; ++i, last = around.size()) {
-        for (std::uint32_t k = neighbours_.begin[around[i]]; k < neighbours_.begin[around[i] + 1]; ++k) {
-          const std::uint32_t other = neighbours_.point[k];
+        for (const auto& [other, share] : neighbours_[around[i]]) {
           if (std::find(around.begin(), around.end(), other) == around.end()) around.push_back(other);
         }
       }
@@ -127,7 +127,7 @@ class Decomposer {
       WeightRows alone{weights_.width, weights_.joints, std::vector<double>(weights_.weights.size())};
       for (const std::uint32_t p : around) alone.weights[p * weights_.width] = 1;
       Motions own = motions_;
-      MotionFit(clip_, alone, motions_.joints()).fit_alone(own);
+      MotionFit(clip_, alone, motions_.joints(), progress_).fit_alone(own, progress_);
       for (std::ptrdiff_t f = 0; f < clip_.frames; ++f) motions_.set(f, joint, own.at(f, joint));
     }
   }
@@ -147,6 +147,7 @@ class Decomposer {
   std::vector<double> squares_of_points() const {
     std::vector<double> squares(points());
     parallel_for(points(), 256, [&](std::size_t begin, std::size_t end) {
+      stop_if_cancelled(progress_);
       for (std::size_t p = begin; p < end; ++p) squares[p] = offsets_of(p).squaredNorm();
     });
     return squares;
@@ -173,20 +174,19 @@ class Decomposer {
 
   void fit_motions() {
     std::size_t width = 1;
-    for (std::size_t v = 0; v + 1 < start_.offsets.size(); ++v) {
-      width = std::max(width, static_cast<std::size_t>(start_.offsets[v + 1] - start_.offsets[v]));
-    }
+    for (std::size_t v = 0; v < points(); ++v) width = std::max(width, start_.weights.row(v).size());
     set_weights(width);
     for (std::size_t v = 0; v < points(); ++v) {
-      std::copy(start_.joints.begin() + start_.offsets[v], start_.joints.begin() + start_.offsets[v + 1],
-                weights_.joints.begin() + static_cast<std::ptrdiff_t>(v * width));
-      std::copy(start_.weights.begin() + start_.offsets[v], start_.weights.begin() + start_.offsets[v + 1],
-                weights_.weights.begin() + static_cast<std::ptrdiff_t>(v * width));
+      std::size_t place = v * width;
+      for (const auto& [joint, weight] : start_.weights.row(v)) {
+        weights_.joints[place] = joint;
+        weights_.weights[place++] = weight;
+      }
     }
     move_by_sums();
-    motions_ = Motions(clip_.frames, start_.weighted_joints);
-    const MotionFit fit(clip_, weights_, start_.weighted_joints);
-    fit.fit_alone(motions_);
+    motions_ = Motions(clip_.frames, start_.weights.bones());
+    const MotionFit fit(clip_, weights_, start_.weights.bones(), progress_);
+    fit.fit_alone(motions_, progress_);
     done(kClusterSteps);
     while (iterations_ < settings_.iterations) {
       fit.improve(motions_, kMotionSweeps, progress_);
@@ -227,7 +227,7 @@ class Decomposer {
 
   /// Leaves out weights that are too small to be seen, and has the others sum to 1 in float32.
   void round_weights() {
-    if (!start_.offsets.empty()) return;
+    if (has_weights()) return;
     for (std::size_t p = 0; p < points(); ++p) {
       const auto own = std::span(weights_.weights).subspan(p * weights_.width, weights_.width);
       double sum = 0;
@@ -236,29 +236,26 @@ class Decomposer {
     }
   }
 
-  void add_influences(Decomposition& made, const std::vector<std::int32_t>& number) const {
-    if (!start_.offsets.empty()) {
-      made.offsets.assign(start_.offsets.begin(), start_.offsets.end());
-      made.joints.assign(start_.joints.begin(), start_.joints.end());
-      made.weights.assign(start_.weights.begin(), start_.weights.end());
-      return;
-    }
-    made.offsets.push_back(0);
+  WeightTable influences(std::span<const std::int32_t> number) const {
+    if (has_weights()) return start_.weights;
+    WeightTable table(std::ranges::max(number) + 1);
+    std::vector<BoneWeight> row;
     for (const std::uint32_t p : clip_.point_of) {
+      row.clear();
       for (std::size_t i = p * weights_.width; i < (p + 1) * weights_.width; ++i) {
         if (weights_.weights[i] == 0) continue;
-        made.joints.push_back(number[weights_.joints[i]]);
-        made.weights.push_back(static_cast<float>(weights_.weights[i]));
+        row.push_back({number[weights_.joints[i]], static_cast<float>(weights_.weights[i])});
       }
-      made.offsets.push_back(std::ssize(made.joints));
+      table.add_row(row);
     }
+    return table;
   }
 
   void add_motions(Decomposition& made, const std::vector<std::int32_t>& number) const {
-    const auto joints = *std::max_element(number.begin(), number.end()) + 1;
+    const auto joints = made.weights.bones();
     made.rest.assign(joints, Matrix4<double>::Identity());
     made.poses.resize(static_cast<std::size_t>(clip_.frames * joints));
-    const MotionFit fit(clip_, weights_, motions_.joints());
+    const MotionFit fit(clip_, weights_, motions_.joints(), progress_);
     for (std::ptrdiff_t j = 0; j < motions_.joints(); ++j) {
       if (number[j] < 0) continue;
       Eigen::Vector3d head = clip_.centre;
@@ -279,6 +276,7 @@ class Decomposer {
     const std::size_t frames = static_cast<std::size_t>(clip_.frames);
     std::vector<double> squares(points()), sums(points()), largest(points());
     parallel_for(points(), 256, [&](std::size_t begin, std::size_t end) {
+      stop_if_cancelled(progress_);
       for (std::size_t p = begin; p < end; ++p) {
         const Eigen::RowVectorXd off = offsets_of(p);
         for (std::size_t f = 0; f < frames; ++f) {
@@ -305,7 +303,7 @@ class Decomposer {
     Decomposition made;
     round_weights();
     const std::vector<std::int32_t> number = joint_numbers();
-    add_influences(made, number);
+    made.weights = influences(number);
     add_motions(made, number);
     add_errors(made);
     made.iterations = iterations_;

@@ -12,6 +12,8 @@ namespace {
 /// So many numbers of each row are summed by one task.
 constexpr std::size_t kColumns = 48;
 
+constexpr std::size_t kPointsBetweenLooks = 4096;  // at whether the work is cancelled
+
 /// A joint follows its points alone by this share, so that its motion is determined where others can stand in for it.
 constexpr double kAlone = 1e-4;
 
@@ -42,7 +44,7 @@ Motions::Motions(std::ptrdiff_t frames, std::ptrdiff_t joints) : rows_(4 * joint
   }
 }
 
-MotionFit::MotionFit(const Clip& clip, const WeightRows& weights, std::ptrdiff_t joints)
+MotionFit::MotionFit(const Clip& clip, const WeightRows& weights, std::ptrdiff_t joints, const Progress* progress)
     : own_(joints, Eigen::Matrix4d::Zero()),
       alone_(own_),
       shared_(joints),
@@ -56,6 +58,7 @@ MotionFit::MotionFit(const Clip& clip, const WeightRows& weights, std::ptrdiff_t
     std::vector<Eigen::Matrix4d> with(joints);
     std::vector<std::uint8_t> is_shared(joints);
     for (std::size_t j = begin; j < end; ++j) {
+      stop_if_cancelled(progress);
       std::fill(with.begin(), with.end(), Eigen::Matrix4d::Zero());
       std::fill(is_shared.begin(), is_shared.end(), 0);
       for (const std::uint32_t place : places[j]) {
@@ -82,6 +85,7 @@ MotionFit::MotionFit(const Clip& clip, const WeightRows& weights, std::ptrdiff_t
       double row[kColumns];
       std::vector<double> sums(4 * joints * kColumns);
       for (std::size_t p = 0; p < points; ++p) {
+        if (p % kPointsBetweenLooks == 0) stop_if_cancelled(progress);
         std::copy_n(clip.row(p) + first, count, row);
         for (std::size_t i = p * weights.width; i < (p + 1) * weights.width; ++i) {
           if (weights.weights[i] == 0) continue;
@@ -123,9 +127,10 @@ void MotionFit::improve(Motions& motions, int sweeps, const Progress* progress) 
   });
 }
 
-void MotionFit::fit_alone(Motions& motions) const {
+void MotionFit::fit_alone(Motions& motions, const Progress* progress) const {
   parallel_for(motions.frames(), 8, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
+      stop_if_cancelled(progress);
       const auto frame = static_cast<std::ptrdiff_t>(f);
       for (std::ptrdiff_t j = 0; j < motions.joints(); ++j) {
         if (!(alone_[j](3, 3) > 0)) continue;

@@ -44,13 +44,13 @@ class Motions {
 /// Moments of points and weights, of which the fits need nothing else. Immutable.
 class MotionFit {
  public:
-  MotionFit(const Clip& clip, const WeightRows& weights, std::ptrdiff_t joints);
+  MotionFit(const Clip& clip, const WeightRows& weights, std::ptrdiff_t joints, const Progress* progress = nullptr);
 
   /// Improves all motions, joint after joint, `sweeps` times. The motions of joints without weight stay.
   void improve(Motions& motions, int sweeps, const Progress* progress) const;
 
   /// Sets each joint to the motion of its points alone, as if no other moved them.
-  void fit_alone(Motions& motions) const;
+  void fit_alone(Motions& motions, const Progress* progress = nullptr) const;
 
   /// The sum of squared weights of a joint.
   double mass(std::ptrdiff_t joint) const { return own_[joint](3, 3); }

@@ -5,9 +5,10 @@
 #include <limits>
 #include <numeric>
 
+#include "base/cancelled.h"
+#include "base/disjoint_sets.h"
 #include "base/parallel.h"
 #include "mesh/adjacency.h"
-#include "weights/welded_mesh.h"
 
 namespace sinew {
 namespace {
@@ -114,9 +115,11 @@ class PointTree {
   std::vector<Node> nodes_;
 };
 
-std::vector<std::pair<std::uint32_t, double>> nearest_foreign(const PointTree& tree, double within) {
+std::vector<std::pair<std::uint32_t, double>> nearest_foreign(const PointTree& tree, double within,
+                                                              const Progress* progress) {
   std::vector<std::pair<std::uint32_t, double>> nearest(tree.parts().size());
   parallel_for(nearest.size(), 512, [&](std::size_t begin, std::size_t end) {
+    stop_if_cancelled(progress);
     for (std::size_t p = begin; p < end; ++p) nearest[p] = tree.nearest_foreign(static_cast<std::uint32_t>(p), within);
   });
   return nearest;
@@ -151,7 +154,8 @@ double change_of_distance(const Clip& clip, const Pair& edge) {
 
 }  // namespace
 
-std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, std::span<const Pair> edges) {
+std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, std::span<const Pair> edges,
+                                     const Progress* progress) {
   DisjointSets parts(points.size());
   double length = 0;
   for (const auto& [a, b] : edges) {
@@ -167,13 +171,13 @@ std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, st
   if (!has_several()) return ties;
   if (!edges.empty()) {
     const double near = 2 * length / static_cast<double>(edges.size());
-    const auto nearest = nearest_foreign(tree, near * near);
+    const auto nearest = nearest_foreign(tree, near * near, progress);
     for (std::uint32_t p = 0; p < nearest.size(); ++p) {
       if (nearest[p].first != p) ties.push_back(sorted(p, nearest[p].first));
     }
   }
   while (has_several()) {
-    const auto nearest = nearest_foreign(tree, std::numeric_limits<double>::infinity());
+    const auto nearest = nearest_foreign(tree, std::numeric_limits<double>::infinity(), progress);
     std::vector<std::uint32_t> best(points.size(), kSeveral);  // of each part: the point that is nearest to another
     for (std::uint32_t p = 0; p < nearest.size(); ++p) {
       std::uint32_t& own = best[tree.parts()[p]];
@@ -190,39 +194,35 @@ std::vector<Pair> ties_between_parts(std::span<const Eigen::Vector4d> points, st
 }
 
 Neighbours neighbours_of(const Clip& clip, std::span<const std::int32_t> face_offsets,
-                         std::span<const std::int32_t> face_vertices) {
+                         std::span<const std::int32_t> face_vertices, const Progress* progress) {
   std::vector<Pair> edges = edges_of_faces(clip, face_offsets, face_vertices);
-  const std::vector<Pair> ties = ties_between_parts(clip.rest, edges);
+  const std::vector<Pair> ties = ties_between_parts(clip.rest, edges, progress);
   edges.insert(edges.end(), ties.begin(), ties.end());
   std::sort(edges.begin(), edges.end());
   edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
 
   std::vector<double> changes(edges.size());
   parallel_for(edges.size(), 256, [&](std::size_t begin, std::size_t end) {
+    stop_if_cancelled(progress);
     for (std::size_t e = begin; e < end; ++e) changes[e] = change_of_distance(clip, edges[e]);
   });
   // So that edges that keep their length do not count for everything.
   const double mean = std::accumulate(changes.begin(), changes.end(), 0.0) / std::max<double>(1, changes.size());
   const double least = 0.1 * mean + 1e-6;
 
-  Neighbours result;
-  const auto points = static_cast<std::size_t>(clip.point_count());
-  result.begin.assign(points + 1, 0);
-  for (const auto& [a, b] : edges) ++result.begin[a + 1], ++result.begin[b + 1];
-  std::partial_sum(result.begin.begin(), result.begin.end(), result.begin.begin());
-  result.point.resize(2 * edges.size());
-  result.share.resize(2 * edges.size());
-  std::vector<std::uint32_t> end(result.begin.begin(), result.begin.end() - 1);
-  for (std::size_t e = 0; e < edges.size(); ++e) {
-    const auto [a, b] = edges[e];
-    const auto share = static_cast<float>(1 / (least + changes[e]));
-    result.point[end[a]] = b, result.share[end[a]++] = share;
-    result.point[end[b]] = a, result.share[end[b]++] = share;
-  }
-  for (std::size_t p = 0; p < points; ++p) {
-    const auto own = std::span(result.share).subspan(result.begin[p], result.begin[p + 1] - result.begin[p]);
-    const float sum = std::accumulate(own.begin(), own.end(), 0.0f);
-    for (float& share : own) share /= sum;
+  Neighbours result(static_cast<std::size_t>(clip.point_count()), [&](const auto& add) {
+    for (std::size_t e = 0; e < edges.size(); ++e) {
+      const auto [a, b] = edges[e];
+      const auto share = static_cast<float>(1 / (least + changes[e]));
+      add(a, {b, share});
+      add(b, {a, share});
+    }
+  });
+  for (std::size_t p = 0; p < result.size(); ++p) {
+    const auto own = std::span(result.items).subspan(result.begin[p], result[p].size());
+    float sum = 0;
+    for (const Neighbour& other : own) sum += other.share;
+    for (Neighbour& other : own) other.share /= sum;
   }
   return result;
 }

@@ -26,10 +26,11 @@ Rows moves_of(const Clip& clip, std::size_t begin, std::size_t end) {
 }
 
 /// Sums over frames of M_j^T M_k: J x J matrices of 4 x 4.
-Eigen::MatrixXd squares_of(const Motions& motions) {
+Eigen::MatrixXd squares_of(const Motions& motions, const Progress* progress) {
   Eigen::MatrixXd squares(motions.rows().rows(), motions.rows().rows());
   parallel_for(motions.joints(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t j = begin; j < end; ++j) {
+      stop_if_cancelled(progress);
       const auto first = static_cast<Eigen::Index>(4 * j);
       squares.middleCols<4>(first).noalias() = motions.rows() * motions.rows().middleRows<4>(first).transpose();
     }
@@ -51,18 +52,18 @@ class Panel {
   const float* row(std::size_t point) const { return numbers_.data() + point * joints_; }
 
   /// w <- (w + mean of neighbours' w) / 2 in place of 1 + L: the same w* after many steps.
-  void smooth(const Neighbours& neighbours) {
+  void smooth(const Neighbours& neighbours, const Progress* progress) {
     const std::vector<float> start = numbers_;
     std::vector<float> next(numbers_.size());
     for (int step = 0; step < kSmoothSteps; ++step) {
       parallel_for(neighbours.size(), 512, [&](std::size_t begin, std::size_t end) {
+        stop_if_cancelled(progress);
         for (std::size_t p = begin; p < end; ++p) {
           float* const own = next.data() + p * joints_;
           std::copy_n(start.data() + p * joints_, joints_, own);
-          if (neighbours.begin[p] == neighbours.begin[p + 1]) continue;
-          for (std::uint32_t i = neighbours.begin[p]; i < neighbours.begin[p + 1]; ++i) {
-            const float* const other = row(neighbours.point[i]);
-            const float share = neighbours.share[i];
+          if (neighbours[p].empty()) continue;
+          for (const auto& [point, share] : neighbours[p]) {
+            const float* const other = row(point);
             for (std::size_t j = 0; j < joints_; ++j) own[j] += share * other[j];
           }
           for (std::size_t j = 0; j < joints_; ++j) own[j] *= 0.5f;
@@ -164,13 +165,13 @@ double WeightFit::improve(const Motions& motions, WeightRows& weights, const Pro
   const auto points = static_cast<std::size_t>(clip_.point_count()),
              joints = static_cast<std::size_t>(motions.joints());
   const std::size_t tasks = (points + kPoints - 1) / kPoints;
-  const Eigen::MatrixXd squares = squares_of(motions);
+  const Eigen::MatrixXd squares = squares_of(motions, progress);
   const double pull = settings_.smoothing * static_cast<double>(clip_.frames);
   std::vector<Task> prepared_tasks(tasks);
   std::vector<double> left(points);
   for (int sweep = 0; sweep < settings_.sweeps; ++sweep) {
     Panel smooth(weights, points, joints);
-    smooth.smooth(neighbours_);
+    smooth.smooth(neighbours_, progress);
     parallel_for(tasks, 1, [&](std::size_t first, std::size_t last) {
       SimplexLeastSquares solver;
       System system;

@@ -17,6 +17,13 @@ namespace sinew {
 Lists<std::uint32_t> neighbours_by_sides(const Faces& faces, std::span<const std::uint32_t> point_of,
                                          std::size_t points);
 
+/// The same where each vertex is its own point.
+inline Lists<std::uint32_t> neighbours_by_sides(const Faces& faces, std::size_t vertices) {
+  std::vector<std::uint32_t> each(vertices);
+  std::iota(each.begin(), each.end(), 0u);
+  return neighbours_by_sides(faces, each, vertices);
+}
+
 /// Calls visit(vertices) for the vertices at each place, exactly: ascending numbers, one at least.
 template <class Visit>
 void for_coincident(std::span<const float> positions, const Visit& visit) {

@@ -15,19 +15,14 @@ namespace {
 constexpr double kMostSmoothing = 1000;
 constexpr int kMostIterations = 1000, kMostVariant = 5;
 
-void check_between(const char* name, double value, double least, double most) {
-  if (value >= least && value <= most) return;
-  fail(name, " is ", value, "; expected ", least, " to ", grouped(static_cast<long long>(most)));
-}
-
-void check_variant(int variant) { check_between("variant", variant, 0, kMostVariant); }
+void check_variant(int variant) { check_range("variant", variant, 0, kMostVariant); }
 
 void check_settings(const MushSettings& settings) {
-  check_between("smoothing", settings.smoothing, 0, kMostSmoothing);
-  check_between("weight_smoothing", settings.weight_smoothing, 0, kMostSmoothing);
-  check_between("blend", settings.blend, 0, 1);
-  check_between("iterations", settings.iterations, 0, kMostIterations);
-  check_between("prune", settings.prune, 0, 1);
+  check_range("smoothing", settings.smoothing, 0, kMostSmoothing);
+  check_range("weight_smoothing", settings.weight_smoothing, 0, kMostSmoothing);
+  check_range("blend", settings.blend, 0, 1);
+  check_range("iterations", settings.iterations, 0, kMostIterations);
+  check_range("prune", settings.prune, 0, 1);
   check_variant(settings.variant);
 }
 

@@ -4,10 +4,29 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mesh/adjacency.h"
 #include "mesh/faces.h"
 
 namespace sinew {
 namespace {
+
+/// Ends the row of a vertex, whose numbers from `first` on are those of L, without the diagonal.
+void end_row(std::size_t first, double diagonal, Laplacian& result) {
+  double sum = 1;
+  for (std::size_t i = first; i < result.values.size(); ++i) {
+    result.values[i] /= diagonal;
+    sum += std::abs(result.values[i]);
+  }
+  if (!(diagonal > 0) || !std::isfinite(sum)) {
+    result.columns.resize(first);
+    result.values.resize(first);
+  } else {
+    // Gershgorin; and a triangle's contribution has no eigenvalue above 3 relative to its own diagonal, since its
+    // three eigenvalues are not negative and add up to 3.
+    result.largest = std::max(result.largest, std::min(sum, 3.0));
+  }
+  result.begin.push_back(static_cast<std::uint32_t>(result.columns.size()));
+}
 
 /// L, entry by entry; entries with the same row and column are added up.
 class Entries {
@@ -21,18 +40,24 @@ class Entries {
     entries_.push_back({b, a, value});
   }
 
-  /// Returns D^-1 L. once  entries of the same edge count as one.
-  Laplacian normalised(bool once) {
-    std::ranges::stable_sort(
-        entries_, [](const Entry& a, const Entry& b) { return a.row != b.row ? a.row < b.row : a.column < b.column; });
+  /// Returns D^-1 L.
+  Laplacian normalised() {
+    std::ranges::stable_sort(entries_, {}, [](const Entry& entry) { return std::pair(entry.row, entry.column); });
     Laplacian result;
     result.begin.push_back(0);
     auto at = entries_.begin();
     for (std::size_t v = 0; v < diagonal_.size(); ++v) {
-      auto end = at;
-      while (end != entries_.end() && end->row == static_cast<std::int32_t>(v)) ++end;
-      add_row(at, end, once, once ? 0 : diagonal_[v], result);
-      at = end;
+      const std::size_t first = result.columns.size();
+      for (; at != entries_.end() && at->row == static_cast<std::int32_t>(v); ++at) {
+        const auto column = static_cast<std::uint32_t>(at->column);
+        if (result.columns.size() > first && result.columns.back() == column) {
+          result.values.back() += at->value;
+        } else {
+          result.columns.push_back(column);
+          result.values.push_back(at->value);
+        }
+      }
+      end_row(first, diagonal_[v], result);
     }
     return result;
   }
@@ -42,38 +67,23 @@ class Entries {
     std::int32_t row, column;
     double value;
   };
-  using At = std::vector<Entry>::const_iterator;
-
-  static void add_row(At at, At end, bool once, double diagonal, Laplacian& result) {
-    const std::size_t first = result.columns.size();
-    for (; at != end; ++at) {
-      const auto column = static_cast<std::uint32_t>(at->column);
-      const bool known = result.columns.size() > first && result.columns.back() == column;
-      if (known && !once) result.values.back() += at->value;
-      if (known) continue;
-      result.columns.push_back(column);
-      result.values.push_back(at->value);
-    }
-    if (once) diagonal = static_cast<double>(result.columns.size() - first);
-    double sum = 1;
-    for (std::size_t i = first; i < result.values.size(); ++i) {
-      result.values[i] /= diagonal;
-      sum += std::abs(result.values[i]);
-    }
-    if (!(diagonal > 0) || !std::isfinite(sum)) {
-      result.columns.resize(first);
-      result.values.resize(first);
-    } else {
-      // Gershgorin; and a triangle's contribution has no eigenvalue above 3 relative to its own diagonal, since its
-      // three eigenvalues are not negative and add up to 3.
-      result.largest = std::max(result.largest, std::min(sum, 3.0));
-    }
-    result.begin.push_back(static_cast<std::uint32_t>(result.columns.size()));
-  }
 
   std::vector<double> diagonal_;
   std::vector<Entry> entries_;
 };
+
+Laplacian uniform_laplacian(const Faces& faces, std::size_t vertices) {
+  const Lists<std::uint32_t> neighbours = neighbours_by_sides(faces, vertices);
+  Laplacian result;
+  result.begin.push_back(0);
+  for (std::size_t v = 0; v < vertices; ++v) {
+    const std::size_t first = result.columns.size();
+    result.columns.insert(result.columns.end(), neighbours[v].begin(), neighbours[v].end());
+    result.values.resize(result.columns.size(), -1);
+    end_row(first, static_cast<double>(neighbours[v].size()), result);
+  }
+  return result;
+}
 
 /// Adds a Gram matrix of the sides: -cot / 2 off the diagonal. Written so, it keeps its sign however thin the triangle.
 void add_triangle(std::span<const float> positions, const std::array<std::int32_t, 3>& corners, Entries& entries) {
@@ -105,16 +115,11 @@ void add_triangle(std::span<const float> positions, const std::array<std::int32_
 
 Laplacian laplacian(std::span<const float> positions, std::span<const std::int32_t> face_offsets,
                     std::span<const std::int32_t> face_vertices, LaplacianKind kind) {
-  Entries entries(positions.size() / 3);
-  const bool uniform = kind == LaplacianKind::uniform;
-  for (std::size_t f = 0; uniform && f + 1 < face_offsets.size(); ++f) {
-    const auto face = face_vertices.subspan(face_offsets[f], face_offsets[f + 1] - face_offsets[f]);
-    for (std::size_t i = 0; i < face.size(); ++i) entries.add_edge(face[i], face[(i + 1) % face.size()], -1);
-  }
-  if (!uniform) {
-    for_triangles(face_offsets, face_vertices, [&](const auto& corners) { add_triangle(positions, corners, entries); });
-  }
-  return entries.normalised(uniform);
+  const std::size_t vertices = positions.size() / 3;
+  if (kind == LaplacianKind::uniform) return uniform_laplacian({face_offsets, face_vertices}, vertices);
+  Entries entries(vertices);
+  for_triangles(face_offsets, face_vertices, [&](const auto& corners) { add_triangle(positions, corners, entries); });
+  return entries.normalised();
 }
 
 }  // namespace sinew

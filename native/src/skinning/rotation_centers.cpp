@@ -51,7 +51,7 @@ std::shared_ptr<const RotationCenters> RotationCenters::compute(const Skin& skin
   const auto vertices = static_cast<std::size_t>(skin.vertex_count());
   const std::int64_t faces = std::max<std::int64_t>(0, std::ssize(face_offsets) - 1);
   progress->start(std::ssize(face_vertices) - 2 * faces + kStepsAVertex * skin.vertex_count());
-  const MergedInfluences influences(skin);
+  const WeightTable influences = merged_influences(skin);
   const SimilarTriangles similar(skin, influences, face_offsets, face_vertices, sigma, *progress);
   std::vector<float> centers(3 * vertices);
   std::vector<std::uint8_t> has_center(vertices);
@@ -59,7 +59,7 @@ std::shared_ptr<const RotationCenters> RotationCenters::compute(const Skin& skin
     for (std::size_t v = begin; v < end; ++v) {
       if (progress->is_cancelled()) return;
       progress->advance(kStepsAVertex);
-      const auto center = similar.center_of(influences.of(v));
+      const auto center = similar.center_of(influences.row(v));
       has_center[v] = center[0] == center[0];
       std::ranges::copy(center, centers.begin() + static_cast<std::ptrdiff_t>(3 * v));
     }

@@ -18,24 +18,8 @@ constexpr double kNegligible = 1e-5;
 // Anything less than this counts as 0: exp(-70), or the product of two weights of 1e-15.
 constexpr double kLeastSimilarity = 1e-30;
 
-using Influence = MergedInfluences::Influence;
-
 std::uint64_t pair_key(std::int32_t first, std::int32_t second) {
   return static_cast<std::uint64_t>(first) << 32 | static_cast<std::uint32_t>(second);
-}
-
-/// Sorts by joint and adds up the weights of the same joint.
-void merge(std::vector<Influence>& influences) {
-  std::ranges::stable_sort(influences, {}, &Influence::joint);
-  std::size_t kept = 0;
-  for (const Influence& influence : influences) {
-    if (kept > 0 && influences[kept - 1].joint == influence.joint) {
-      influences[kept - 1].weight += influence.weight;
-    } else {
-      influences[kept++] = influence;
-    }
-  }
-  influences.resize(kept);
 }
 
 struct Triangle {
@@ -76,20 +60,22 @@ struct Cell {
 
 }  // namespace
 
-MergedInfluences::MergedInfluences(const Skin& skin) {
-  std::vector<Influence> own;
-  offsets.push_back(0);
+WeightTable merged_influences(const Skin& skin) {
+  WeightTable table(skin.joint_count());
+  std::vector<BoneWeight> own;
   for (std::ptrdiff_t v = 0; v < skin.vertex_count(); ++v) {
     own.clear();
-    for (auto i = skin.offsets()[v]; i < skin.offsets()[v + 1]; ++i)
+    for (auto i = skin.offsets()[v]; i < skin.offsets()[v + 1]; ++i) {
       own.push_back({skin.joints()[i], skin.weights()[i]});
-    merge(own);
-    std::ranges::copy_if(own, std::back_inserter(influences), [](const Influence& one) { return one.weight > 0; });
-    offsets.push_back(influences.size());
+    }
+    merge_bones(own);
+    std::erase_if(own, [](const BoneWeight& one) { return !(one.weight > 0); });
+    table.add_row(own);
   }
+  return table;
 }
 
-SimilarTriangles::SimilarTriangles(const Skin& skin, const MergedInfluences& influences,
+SimilarTriangles::SimilarTriangles(const Skin& skin, const WeightTable& influences,
                                    std::span<const std::int32_t> face_offsets,
                                    std::span<const std::int32_t> face_vertices, double sigma, Progress& progress)
     : sigma_(sigma) {
@@ -108,7 +94,7 @@ SimilarTriangles::SimilarTriangles(const Skin& skin, const MergedInfluences& inf
   std::unordered_map<CellKey, std::uint32_t, CellHash> cell_of_key;
   const double width = sigma / kCellsASigma;
   const auto number = [&](float weight) { return static_cast<std::uint32_t>(std::min(weight / width, 4294967295.0)); };
-  std::vector<Influence> own;
+  std::vector<BoneWeight> own;
   for_triangles(face_offsets, face_vertices, [&](const auto& corners) {
     if (progress.is_cancelled()) return;
     progress.advance(1);
@@ -116,13 +102,13 @@ SimilarTriangles::SimilarTriangles(const Skin& skin, const MergedInfluences& inf
     if (!(triangle.area > 0)) return;
     own.clear();
     for (const std::int32_t v : corners) {
-      for (const Influence& one : influences.of(v)) own.push_back({one.joint, one.weight / 3});
+      for (const BoneWeight& one : influences.row(v)) own.push_back({one.bone, one.weight / 3});
     }
-    merge(own);
+    merge_bones(own);
     for (std::size_t a = 0; a < own.size(); ++a) {
       for (std::size_t b = a + 1; b < own.size(); ++b) {
         const auto next_pair = static_cast<std::uint32_t>(pairs_.size());
-        const auto [pair, is_new_pair] = pair_of_joints_.try_emplace(pair_key(own[a].joint, own[b].joint), next_pair);
+        const auto [pair, is_new_pair] = pair_of_joints_.try_emplace(pair_key(own[a].bone, own[b].bone), next_pair);
         if (is_new_pair) pairs_.push_back({0, 0, 0});
         const auto next_cell = static_cast<std::uint32_t>(cells.size());
         const CellKey key{pair->second, number(own[a].weight), number(own[b].weight)};
@@ -164,7 +150,7 @@ SimilarTriangles::SimilarTriangles(const Skin& skin, const MergedInfluences& inf
   }
 }
 
-std::array<float, 3> SimilarTriangles::center_of(std::span<const Influence> own) const {
+std::array<float, 3> SimilarTriangles::center_of(std::span<const BoneWeight> own) const {
   struct Term {
     const Pair* pair;
     float x, y;
@@ -175,7 +161,7 @@ std::array<float, 3> SimilarTriangles::center_of(std::span<const Influence> own)
   double left = 0;
   for (std::size_t a = 0; a < own.size(); ++a) {
     for (std::size_t b = a + 1; b < own.size(); ++b) {
-      const auto found = pair_of_joints_.find(pair_key(own[a].joint, own[b].joint));
+      const auto found = pair_of_joints_.find(pair_key(own[a].bone, own[b].bone));
       if (found == pair_of_joints_.end()) continue;
       const Pair& pair = pairs_[found->second];
       const double most = static_cast<double>(own[a].weight) * own[b].weight * pair.mass;

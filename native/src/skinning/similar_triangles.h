@@ -9,23 +9,12 @@
 
 #include "sinew/progress.h"
 #include "sinew/skin.h"
+#include "sinew/weight_table.h"
 
 namespace sinew {
 
-/// The influences of each vertex: each joint once, ascending, with a weight above 0.
-struct MergedInfluences {
-  explicit MergedInfluences(const Skin& skin);
-
-  struct Influence {
-    std::int32_t joint;
-    float weight;
-  };
-  std::span<const Influence> of(std::size_t v) const {
-    return std::span(influences).subspan(offsets[v], offsets[v + 1] - offsets[v]);
-  }
-  std::vector<std::size_t> offsets;  // V + 1
-  std::vector<Influence> influences;
-};
+/// Returns the influences of each vertex: each joint once, ascending, with a weight above 0.
+WeightTable merged_influences(const Skin& skin);
 
 /// For each pair of joints, the triangles that both move; those with nearly the same weights are
 /// combined in one cell. With X, Y the weights of the two joints, a cell has the mass m = sum a X Y,
@@ -35,11 +24,11 @@ class SimilarTriangles {
  public:
   /// faces as in RotationCenters::compute, already checked. Advances progress by one step per triangle;
   /// if that is cancelled it stops, and the object must not be used.
-  SimilarTriangles(const Skin& skin, const MergedInfluences& influences, std::span<const std::int32_t> face_offsets,
+  SimilarTriangles(const Skin& skin, const WeightTable& influences, std::span<const std::int32_t> face_offsets,
                    std::span<const std::int32_t> face_vertices, double sigma, Progress& progress);
 
   /// Returns the center of a vertex with these influences: x y z, or NaN.
-  std::array<float, 3> center_of(std::span<const MergedInfluences::Influence> own) const;
+  std::array<float, 3> center_of(std::span<const BoneWeight> own) const;
 
  private:
   /// Six rows of numbers in cells_, padded with cells without mass: x / sigma, y / sigma, m, and the

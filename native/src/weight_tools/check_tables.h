@@ -40,8 +40,4 @@ inline std::vector<std::uint8_t> checked_locked(std::span<const std::int32_t> lo
   return is_locked;
 }
 
-inline void check_range(const char* name, double value, double low, double high) {
-  if (!(value >= low && value <= high)) fail(name, " is ", value, "; expected ", low, " to ", high);
-}
-
 }  // namespace sinew

@@ -62,7 +62,7 @@ std::optional<WeightTable> mirror_weights(const WeightTable& weights, std::span<
   try {
     if (progress) progress->start(100);
     const auto bones = static_cast<std::size_t>(weights.bones());
-    const WeightedSurface surface(points_in(frame, exact), std::move(triangles), weights);
+    const WeightedSurface surface(points_in(frame, exact), std::move(triangles), weights, progress);
     return table_of_rows(vertices, weights.bones(), 128, progress, 100, [&](auto begin, auto end, auto& rows) {
       RowSum sum(bones);
       for (std::size_t v = begin; v < end; ++v) {

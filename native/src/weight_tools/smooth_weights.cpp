@@ -6,8 +6,7 @@
 #include "mesh/adjacency.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
-#include "weights/panel_solver.h"
-#include "weights/weight_rows.h"
+#include "weights/found_weights.h"
 
 namespace sinew {
 namespace {
@@ -124,17 +123,12 @@ class Smoothing {
     Eigen::SparseMatrix<double> lower(std::ssize(free), std::ssize(free));
     lower.setFromTriplets(entries.begin(), entries.end());
     set_free(entries);
-    const PanelSolver solver(lower, progress_);
+    PanelSolver solver(lower, progress_);
     lower = {};
     assert(solver.is_positive());
 
-    // The right-hand sides by bone, and their sums over all bones.
-    struct Entry {
-      std::uint32_t row;
-      double value;
-    };
-    std::vector<double> sums(free.size());
-    const Lists<Entry> sources(bones(), [&](const auto& add) {
+    std::vector<double> sums(free.size());  // of the right-hand sides over all bones
+    Lists<Source> sources(bones(), [&](const auto& add) {
       for (std::uint32_t row = 0; row < free.size(); ++row) {
         const std::uint32_t p = free[row];
         sums[row] = 0;
@@ -150,62 +144,27 @@ class Smoothing {
         }
       }
     });
-    std::vector<double> totals(free.size());
-    solve_panels(
-        solver, 1, 0, progress_, 0,
-        [&](std::size_t, std::size_t, PanelSolver::Scratch& scratch) {
-          for (std::size_t row = 0; row < free.size(); ++row) scratch.values[solver.position(row)][0] = sums[row];
-        },
-        [&](std::size_t, std::size_t, const PanelSolver::Scratch& scratch) {
-          for (std::size_t row = 0; row < free.size(); ++row) totals[row] = scratch.values[solver.position(row)][0];
-        });
+    const std::vector<double> totals = solver.solved(sums);
     double least_total = std::numeric_limits<double>::infinity();
     for (const double total : totals) least_total = total > 0 ? std::min(least_total, total) : least_total;
-
-    std::vector<std::size_t> used;
-    for (std::size_t bone = 0; bone < bones(); ++bone) {
-      if (!sources[bone].empty()) used.push_back(bone);
-    }
-    std::vector<std::vector<std::pair<std::uint32_t, float>>> found(used.size());
-    solve_panels(
-        solver, used.size(), kLeastSolved / 10 * least_total, progress_, kSolveSteps,
-        [&](std::size_t first, std::size_t lanes, PanelSolver::Scratch& scratch) {
-          for (std::size_t lane = 0; lane < lanes; ++lane) {
-            for (const auto& [row, value] : sources[used[first + lane]]) {
-              scratch.values[solver.position(row)][static_cast<Eigen::Index>(lane)] += value;
-            }
-          }
-        },
-        [&](std::size_t first, std::size_t lanes, const PanelSolver::Scratch& scratch) {
-          for (std::uint32_t row = 0; row < free.size(); ++row) {
-            const Lanes& values = scratch.values[solver.position(row)];
-            for (std::size_t lane = 0; lane < lanes; ++lane) {
-              const double value = values[static_cast<Eigen::Index>(lane)];
-              if (value >= kLeastSolved * totals[row] && value > 0)
-                found[first + lane].emplace_back(row, as_weight(value));
-            }
-          }
-        });
-    // Rows ascend in each bone's list.
-    std::vector<std::size_t> next(used.size());
-    RowSum sum(bones());
-    std::size_t count = rows_.entries().size();
-    for (const auto& of_bone : found) count += of_bone.size();
-    WeightTable rows(weights_.bones());
-    rows.reserve(points(), count);
-    for (std::size_t p = 0; p < points(); ++p) {
-      if (p % kPoints == 0) stop_if_cancelled(progress_);
-      if (number[p] < 0) {
-        rows.add_row(rows_.row(p));
-        continue;
+    const auto keep = [&](std::size_t row, double weight) {
+      return weight >= kLeastSolved * totals[row] && weight > 0;
+    };
+    FoundWeights found = solve_by_bone(std::move(solver), std::move(sources), kLeastSolved / 10 * least_total, free,
+                                       progress_, kSolveSteps, keep);
+    const Lists<BoneWeight> solved = std::move(found).by_point(points());
+    const auto make = [&](std::size_t begin, std::size_t end, WeightTable& rows) {
+      RowSum sum(bones());
+      for (std::size_t p = begin; p < end; ++p) {
+        if (number[p] < 0) {
+          rows.add_row(rows_.row(p));
+        } else {
+          sum.add(solved[p], 1);
+          add_row(sum, totals[number[p]], rows);
+        }
       }
-      for (std::size_t i = 0; i < used.size(); ++i) {
-        if (next[i] == found[i].size() || found[i][next[i]].first != static_cast<std::uint32_t>(number[p])) continue;
-        sum.add(static_cast<std::int32_t>(used[i]), found[i][next[i]++].second);
-      }
-      add_row(sum, totals[number[p]], rows);
-    }
-    rows_ = std::move(rows);
+    };
+    rows_ = table_of_rows(points(), weights_.bones(), kPoints, progress_, 0, make);
   }
 
   WeightTable of_vertices() {

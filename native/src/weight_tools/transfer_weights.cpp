@@ -1,30 +1,17 @@
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <optional>
 
-#include "base/set_free.h"
 #include "mesh/adjacency.h"
 #include "sinew/weight_tools.h"
 #include "weight_tools/check_tables.h"
+#include "weight_tools/inpaint_weights.h"
 #include "weight_tools/weighted_surface.h"
-#include "weights/panel_solver.h"
 
 namespace sinew {
 namespace {
-
-using Sparse = Eigen::SparseMatrix<double>;
-
-/// Solved weights below are left out; those that are nearer to 0 do not even count.
-constexpr double kLeast = 1e-4, kNothing = 1e-6;
-
-/// Cotangents are clamped to this range, so that everything is connected.
-constexpr double kLeastCotangent = 0.01, kMostCotangent = 20;
-
-/// The matrix of the square has so many entries at most, times points, and more.
-constexpr double kMostEntries = 100, kMoreEntries = 2e6;
 
 /// The target is tight where it is no farther from the source, as a share of its diagonal, and what belongs to that at most
 /// kFarther times as far. Near by is kAround times as far as the closest point.
@@ -33,33 +20,18 @@ constexpr double kTight = 0.0125, kFarther = 2, kAround = 2;
 constexpr std::size_t kPoints = 128;  // in a task
 
 /// Steps of the progress.
-constexpr std::int64_t kMatchSteps = 60, kFactorSteps = 20, kSolveSteps = 80, kIslandSteps = 20;
+constexpr std::int64_t kMatchSteps = 60, kInpaintSteps = 100, kIslandSteps = 20;
 
 /// Sums of areas times normals, by vertex.
 std::vector<Eigen::Vector3d> normals_of(std::span<const Eigen::Vector3d> places, std::span<const Triangle> triangles,
                                         std::span<const std::uint32_t> point_of, std::size_t points) {
   std::vector<Eigen::Vector3d> normals(points, Eigen::Vector3d::Zero());
   for (const Triangle& own : triangles) {
-    const Eigen::Vector3d normal = (places[own[1]] - places[own[0]]).cross(places[own[2]] - places[own[0]]);
+    const Eigen::Vector3d normal = doubled_area(places, own);
     for (const std::uint32_t v : own) normals[point_of.empty() ? v : point_of[v]] += normal;
   }
   return normals;
 }
-
-/// Returns the weights nearest to w that are not negative and sum to 1.
-void project(Eigen::Ref<Eigen::VectorXd> w) {
-  std::vector<double> sorted(w.data(), w.data() + w.size());
-  std::sort(sorted.begin(), sorted.end(), std::greater<>());
-  double sum = 0, shift = 0;
-  for (std::size_t i = 0; i < sorted.size(); ++i) {
-    sum += sorted[i];
-    const double own = (sum - 1) / static_cast<double>(i + 1);
-    if (sorted[i] > own) shift = own;
-  }
-  w = (w.array() - shift).max(0.0);
-}
-
-Sparse lower_of(const Sparse& matrix) { return matrix.triangularView<Eigen::Lower>(); }
 
 class Transfer {
  public:
@@ -73,30 +45,28 @@ class Transfer {
         exact_(positions.begin(), positions.end()),
         frame_(exact_),
         places_(points_in(frame_, exact_)),
-        target_(weld(frame_, exact_, faces)),
+        target_(weld(frame_, exact_, faces, progress)),
         source_triangles_(triangles_of(source_faces)),
         source_(points_in(frame_, std::vector<double>(source_positions.begin(), source_positions.end())),
-                source_triangles_, source_weights),
-        state_(target_.points.size(), State::open) {}
+                source_triangles_, source_weights, progress),
+        is_matched_(target_.points.size()) {}
 
   TransferredWeights run() {
-    if (progress_) progress_->start(kMatchSteps + kFactorSteps + kSolveSteps + kIslandSteps);
+    if (progress_) progress_->start(kMatchSteps + kInpaintSteps + kIslandSteps);
     match();
-    inpaint();
+    inpaint_weights(target_, faces_, rows_, progress_, kInpaintSteps);
     attach_islands();
-    if (progress_) progress_->advance(kFactorSteps + kSolveSteps + kIslandSteps);  // what was not needed counts as done
+    if (progress_) progress_->advance(kInpaintSteps + kIslandSteps);  // what was not needed counts as done
     TransferredWeights made{WeightTable(weights_.bones()), std::vector<std::uint8_t>(target_.point_of.size())};
     for (std::size_t v = 0; v < target_.point_of.size(); ++v) {
       const std::size_t p = target_.point_of[v];
       made.weights.add_row(rows_.row(p));
-      made.matched[v] = state_[p] == State::matched;
+      made.matched[v] = is_matched_[p];
     }
     return made;
   }
 
  private:
-  enum class State : std::uint8_t { open, matched, solved };
-
   void match() {
     const std::vector<Eigen::Vector3d> normals =
         normals_of(places_, triangles_of(faces_), target_.point_of, target_.points.size());
@@ -133,7 +103,7 @@ class Transfer {
       for (std::size_t p = begin; p < end; ++p) {
         if (is_right[p]) source_.read(hits[p], sum);
         const double total = sum.total();
-        if (total > 0) state_[p] = State::matched;
+        is_matched_[p] = total > 0;
         rows.add_row(sum.take(total > 0 ? 1 / total : 0));
       }
     });
@@ -163,161 +133,13 @@ class Transfer {
       const Eigen::Vector3d around = Eigen::Vector3d::Constant(kAround * std::sqrt(hits[p].squared_distance));
       source_.tree().in_box(target_.points[p] - around, target_.points[p] + around, near);
       return std::ranges::any_of(near, [&](std::uint32_t t) {
-        const Triangle& own = source_.triangle(t);
-        const Eigen::Vector3d& from = source_.points()[own[0]];
-        return faces_like((source_.points()[own[1]] - from).cross(source_.points()[own[2]] - from), normals[p]);
+        return faces_like(doubled_area(source_.points(), source_.triangle(t)), normals[p]);
       });
     };
     for_parts(tight.size() - first, kPoints, progress_, 0, [&](std::size_t begin, std::size_t end, std::size_t) {
       std::vector<std::uint32_t> near;
       for (std::size_t i = first + begin; i < first + end; ++i) is_right[tight[i]] = !has_other(tight[i], near);
     });
-  }
-
-  /// The Laplacian of cotangents and the areas of points. Sides without a triangle connect, too.
-  Sparse laplacian(Eigen::VectorXd& areas) const {
-    const auto count = std::ssize(target_.points);
-    areas.setZero(count);
-    std::vector<Eigen::Triplet<double>> entries;  // of the lower triangle
-    entries.reserve(3 * target_.triangles.size() + target_.points.size());
-    Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(count);
-    const auto join = [&](std::uint32_t a, std::uint32_t b, double value) {
-      entries.emplace_back(std::max(a, b), std::min(a, b), -value);
-      diagonal[a] += value;
-      diagonal[b] += value;
-    };
-    for (const Triangle& own : target_.triangles) {
-      for (int i = 0; i < 3; ++i) {
-        const std::uint32_t a = own[(i + 1) % 3], b = own[(i + 2) % 3];
-        const Eigen::Vector3d to_a = target_.points[a] - target_.points[own[i]];
-        const Eigen::Vector3d to_b = target_.points[b] - target_.points[own[i]];
-        const double area = to_a.cross(to_b).norm(), along = to_a.dot(to_b);
-        const double cotangent = along >= kMostCotangent * area ? kMostCotangent : along / area;
-        join(a, b, 0.5 * std::clamp(area > 0 ? cotangent : kLeastCotangent, kLeastCotangent, kMostCotangent));
-        areas[own[i]] += area / 6;
-      }
-    }
-    std::vector<std::uint8_t> has_triangle(target_.points.size());
-    for (const Triangle& own : target_.triangles) {
-      for (const std::uint32_t p : own) has_triangle[p] = 1;
-    }
-    for_sides(faces_, [&](std::size_t, std::int32_t from, std::int32_t to) {
-      const std::uint32_t a = target_.point_of[from], b = target_.point_of[to];
-      if (a != b && !(has_triangle[a] && has_triangle[b])) join(a, b, 0.5 * kLeastCotangent);
-    });
-    areas = areas.array().max(1e-3 * areas.mean() + std::numeric_limits<double>::min());
-    for (Eigen::Index p = 0; p < count; ++p) entries.emplace_back(p, p, diagonal[p]);
-    Sparse lower(count, count);
-    lower.setFromTriplets(entries.begin(), entries.end());
-    set_free(entries);
-    return lower.selfadjointView<Eigen::Lower>();
-  }
-
-  /// Solves for the open points of islands that have matched ones.
-  void inpaint() {
-    std::vector<std::uint8_t> has_match(static_cast<std::size_t>(target_.part_count));
-    for (std::size_t p = 0; p < state_.size(); ++p) {
-      if (state_[p] == State::matched) has_match[target_.part_of[p]] = 1;
-    }
-    std::vector<std::uint32_t> open;
-    std::vector<Eigen::Triplet<double>> picks, knowns;
-    for (std::uint32_t p = 0; p < state_.size(); ++p) {
-      for (const BoneWeight& own : rows_.row(p)) knowns.emplace_back(p, own.bone, -own.weight);
-      if (state_[p] != State::open || !has_match[target_.part_of[p]]) continue;
-      picks.emplace_back(p, static_cast<int>(open.size()), 1.0);
-      open.push_back(p);
-    }
-    if (open.empty()) return;
-    Sparse pick(std::ssize(state_), std::ssize(open)), known(std::ssize(state_), weights_.bones());
-    pick.setFromTriplets(picks.begin(), picks.end());
-    known.setFromTriplets(knowns.begin(), knowns.end());
-    set_free(picks);
-    set_free(knowns);
-    Eigen::VectorXd areas;
-    const Sparse all = laplacian(areas);
-    std::optional<PanelSolver> solver;
-    Sparse lower, right;
-    double entries = 0;
-    for (Eigen::Index p = 0; p < all.cols(); ++p) {
-      const double own = all.outerIndexPtr()[p + 1] - all.outerIndexPtr()[p];
-      entries += own * own;
-    }
-    if (entries <= kMostEntries * static_cast<double>(state_.size()) + kMoreEntries) {
-      {
-        const Sparse of_open = all * pick;
-        const Sparse weighted = of_open.transpose() * areas.cwiseInverse().asDiagonal();
-        right = weighted * (all * known);
-        lower = lower_of(weighted * of_open);
-      }
-      solver.emplace(lower, progress_);
-    }
-    if (!solver || !solver->is_positive()) {  // without the square, which is always positive
-      const Sparse of_open = pick.transpose() * all;
-      right = of_open * known;
-      lower = lower_of(of_open * pick);
-      solver.emplace(lower, progress_);
-    }
-    if (progress_) progress_->advance(kFactorSteps);
-    if (!solver->is_positive()) return;
-    set_solved(open, *solver, right);
-  }
-
-  /// right  of the open points, by bone.
-  void set_solved(const std::vector<std::uint32_t>& open, const PanelSolver& solver, const Sparse& right) {
-    std::vector<std::size_t> columns;
-    for (std::size_t bone = 0; bone < bones_; ++bone) {
-      if (right.outerIndexPtr()[bone] < right.outerIndexPtr()[bone + 1]) columns.push_back(bone);
-    }
-    std::vector<std::vector<std::pair<std::uint32_t, float>>> found(columns.size());
-    solve_panels(
-        solver, columns.size(), 0, progress_, kSolveSteps,
-        [&](std::size_t first, std::size_t lanes, PanelSolver::Scratch& scratch) {
-          for (std::size_t lane = 0; lane < lanes; ++lane) {
-            for (Sparse::InnerIterator it(right, static_cast<Eigen::Index>(columns[first + lane])); it; ++it) {
-              scratch.values[solver.position(it.row())][static_cast<Eigen::Index>(lane)] = it.value();
-            }
-          }
-        },
-        [&](std::size_t first, std::size_t lanes, const PanelSolver::Scratch& scratch) {
-          for (std::uint32_t row = 0; row < open.size(); ++row) {
-            const Lanes& values = scratch.values[solver.position(row)];
-            for (std::size_t lane = 0; lane < lanes; ++lane) {
-              const double value = values[static_cast<Eigen::Index>(lane)];
-              if (std::abs(value) >= kNothing) found[first + lane].emplace_back(row, static_cast<float>(value));
-            }
-          }
-        });
-    const Lists<BoneWeight> of_open(open.size(), [&](const auto& add) {
-      for (std::size_t i = 0; i < columns.size(); ++i) {
-        for (const auto& [row, value] : found[i]) add(row, {static_cast<std::int32_t>(columns[i]), value});
-      }
-    });
-    set_free(found);
-    const WeightTable solved =
-        table_of_rows(open.size(), weights_.bones(), kPoints, progress_, 0, [&](auto begin, auto end, auto& rows) {
-          RowSum sum(bones_);
-          Eigen::VectorXd own;
-          for (std::size_t i = begin; i < end; ++i) {
-            const auto values = of_open[i];
-            own.resize(std::ssize(values));
-            for (std::size_t k = 0; k < values.size(); ++k) own[static_cast<Eigen::Index>(k)] = values[k].weight;
-            project(own);
-            for (std::size_t k = 0; k < values.size(); ++k) {
-              const double weight = own[static_cast<Eigen::Index>(k)];
-              if (weight >= kLeast) sum.add(values[k].bone, weight);
-            }
-            const double total = sum.total();
-            rows.add_row(sum.take(total > 0 ? 1 / total : 0));
-          }
-        });
-    std::size_t next = 0;
-    WeightTable rows(weights_.bones());
-    for (std::uint32_t p = 0; p < state_.size(); ++p) {
-      const bool is_solved = next < open.size() && open[next] == p;
-      rows.add_row(is_solved ? solved.row(next++) : rows_.row(p));
-      if (is_solved && !rows.row(p).empty()) state_[p] = State::solved;
-    }
-    rows_ = std::move(rows);
   }
 
   static bool has_weights(const Triangle& triangle, const WeightTable& weights) {
@@ -327,8 +149,8 @@ class Transfer {
   /// Gives each island without weights those of the nearest point of one that has them, or of the source.
   void attach_islands() {
     std::vector<std::vector<std::uint32_t>> islands(static_cast<std::size_t>(target_.part_count));
-    for (std::uint32_t p = 0; p < state_.size(); ++p) {
-      if (state_[p] == State::open) islands[target_.part_of[p]].push_back(p);
+    for (std::uint32_t p = 0; p < target_.points.size(); ++p) {
+      if (rows_.row(p).empty()) islands[target_.part_of[p]].push_back(p);
     }
     std::erase_if(islands, [](const auto& own) { return own.empty(); });
     if (islands.empty()) return;
@@ -340,10 +162,11 @@ class Transfer {
       if (has_weights(own, weights_)) painted.push_back(own);
     }
     std::optional<WeightedSurface> on_target, on_source;
-    if (!dressed.empty()) on_target.emplace(target_.points, std::move(dressed), rows_);
-    if (painted.size() < source_triangles_.size()) on_source.emplace(source_.points(), std::move(painted), weights_);
+    if (!dressed.empty()) on_target.emplace(target_.points, std::move(dressed), rows_, progress_);
+    if (painted.size() < source_triangles_.size())
+      on_source.emplace(source_.points(), std::move(painted), weights_, progress_);
     const WeightedSurface& whole = on_source ? *on_source : source_;
-    std::vector<std::int32_t> island_of(state_.size(), -1);
+    std::vector<std::int32_t> island_of(target_.points.size(), -1);
     for (std::size_t i = 0; i < islands.size(); ++i) {
       for (const std::uint32_t p : islands[i]) island_of[p] = static_cast<std::int32_t>(i);
     }
@@ -353,8 +176,9 @@ class Transfer {
           for (std::size_t i = begin; i < end; ++i) {
             const auto nearest = [&](const WeightedSurface& surface) {
               SurfacePoint best;
-              for (const std::uint32_t p : islands[i]) {
-                const SurfacePoint hit = surface.tree().closest(target_.points[p], best.squared_distance);
+              for (std::size_t k = 0; k < islands[i].size(); ++k) {
+                if (k % kPoints == 0) stop_if_cancelled(progress_);
+                const SurfacePoint hit = surface.tree().closest(target_.points[islands[i][k]], best.squared_distance);
                 if (hit.squared_distance < best.squared_distance) best = hit;
               }
               return best;
@@ -373,7 +197,7 @@ class Transfer {
           }
         });
     WeightTable rows(weights_.bones());
-    for (std::size_t p = 0; p < state_.size(); ++p) {
+    for (std::size_t p = 0; p < island_of.size(); ++p) {
       rows.add_row(island_of[p] < 0 ? rows_.row(p) : made.row(island_of[p]));
     }
     rows_ = std::move(rows);
@@ -390,8 +214,8 @@ class Transfer {
   WeldedMesh target_;
   std::vector<Triangle> source_triangles_;
   WeightedSurface source_;
-  WeightTable rows_;  // of the points of the target
-  std::vector<State> state_;
+  WeightTable rows_;                      // of the points of the target
+  std::vector<std::uint8_t> is_matched_;  // whether the row of each is that of the closest point
 };
 
 }  // namespace

@@ -1,12 +1,11 @@
 /// A surface whose weights are read at its points.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "mesh/faces.h"
+#include "mesh/triangles.h"
 #include "weights/triangle_tree.h"
 #include "weights/weight_rows.h"
 
@@ -16,8 +15,12 @@ class WeightedSurface {
  public:
   /// points  of all vertices, in any space.
   /// triangles  with three different vertices, at least one. weights  kept as a reference.
-  WeightedSurface(std::vector<Eigen::Vector3d> points, std::vector<Triangle> triangles, const WeightTable& weights)
-      : points_(std::move(points)), triangles_(std::move(triangles)), weights_(weights), tree_(points_, triangles_) {}
+  WeightedSurface(std::vector<Eigen::Vector3d> points, std::vector<Triangle> triangles, const WeightTable& weights,
+                  const Progress* progress)
+      : points_(std::move(points)),
+        triangles_(std::move(triangles)),
+        weights_(weights),
+        tree_(points_, triangles_, progress) {}
   WeightedSurface(const WeightedSurface&) = delete;
   WeightedSurface& operator=(const WeightedSurface&) = delete;
 
@@ -45,17 +48,6 @@ inline std::vector<Eigen::Vector3d> points_in(const UnitFrame& frame, std::span<
   std::vector<Eigen::Vector3d> points(positions.size() / 3);
   for (std::size_t v = 0; v < points.size(); ++v) points[v] = frame(positions.data() + 3 * v);
   return points;
-}
-
-/// The triangles of faces that name three different vertices.
-inline std::vector<Triangle> triangles_of(const Faces& faces) {
-  std::vector<Triangle> triangles;
-  for_triangles(faces.offsets, faces.vertices, [&](const std::array<std::int32_t, 3>& own) {
-    if (own[0] == own[1] || own[1] == own[2] || own[2] == own[0]) return;
-    triangles.push_back(
-        {static_cast<std::uint32_t>(own[0]), static_cast<std::uint32_t>(own[1]), static_cast<std::uint32_t>(own[2])});
-  });
-  return triangles;
 }
 
 }  // namespace sinew

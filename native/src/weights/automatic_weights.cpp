@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <map>
+#include <functional>
 #include <memory>
 #include <numeric>
 #include <optional>
 
+#include "base/set_free.h"
 #include "weights/check_input.h"
 #include "weights/heat.h"
 #include "weights/outward.h"
-#include "weights/point_weights.h"
 #include "weights/rigid_parts.h"
 #include "weights/weight_rows.h"
 
@@ -28,6 +28,7 @@ constexpr double kMostCells = 6;
 // So many at most, divided by the number of joints, or this many.
 constexpr double kMostOfAllJoints = 5e7, kFewestCells = 2e4;
 constexpr int kLeastResolution = 8;
+constexpr std::size_t kRows = 1024;  // in a task
 // Steps of the progress for each phase.
 constexpr std::int64_t kWeldSteps = 100, kSolidSteps = 150, kDistanceSteps = 150, kSurfaceSteps = 450,
                        kVolumeSteps = 150;
@@ -35,12 +36,33 @@ constexpr std::int64_t kAllSteps = kWeldSteps + kSolidSteps + kDistanceSteps + k
 
 /// The inside of a mesh, and how far its bones are from everywhere.
 struct Inside {
-  explicit Inside(const WeldedMesh& mesh) : tree(mesh.points, mesh.triangles) {}
+  Inside(const WeldedMesh& mesh, const Progress* progress) : tree(mesh.points, mesh.triangles, progress) {}
 
   TriangleTree tree;
   std::optional<VoxelSolid> solid;
   std::optional<BoneDistances> distances;
 };
+
+/// The weights of points from heat; nothing where there are none.
+struct Heated {
+  Lists<BoneWeight> volume, surface;
+};
+
+/// Leaves out small weights and those beyond the allowed number, never all, and makes the sum 1.
+/// row  joints ascending, at least one weight above 0.
+void finish_row(std::vector<BoneWeight>& row, const WeightSettings& settings) {
+  const double largest = std::ranges::max(row, {}, &BoneWeight::weight).weight;
+  const double least = std::min(settings.least_weight, largest / 2);
+  std::erase_if(row, [&](const BoneWeight& own) { return own.weight < least; });
+  const auto most = static_cast<std::size_t>(settings.max_influences);
+  if (most > 0 && row.size() > most) {
+    std::ranges::stable_sort(row, std::ranges::greater(), &BoneWeight::weight);
+    row.resize(most);
+    std::ranges::sort(row, {}, &BoneWeight::bone);
+  }
+  const double sum = sum_of(row);
+  for (BoneWeight& own : row) own.weight = static_cast<float>(own.weight / sum);
+}
 
 class Computation {
  public:
@@ -52,7 +74,7 @@ class Computation {
         joint_count_(joint_count),
         progress_(progress),
         frame_(positions),
-        mesh_(weld(frame_, positions, {face_offsets, face_vertices})),
+        mesh_(weld(frame_, positions, {face_offsets, face_vertices}, progress)),
         way_of_(mesh_.points.size(), WeightWay::nearest) {
     for (std::size_t i = 0; i < bones.heads.size(); i += 3) {
       bones_.push_back({frame_(&bones.heads[i]), frame_(&bones.tails[i])});
@@ -67,13 +89,13 @@ class Computation {
   AutomaticWeights run() {
     AutomaticWeights result;
     stop_if_cancelled(progress_);
-    auto inside = std::make_unique<Inside>(mesh_);
+    auto inside = std::make_unique<Inside>(mesh_, progress_);
     bool has_changed = false;
     const auto is_two_sided = turn_outward(mesh_, inside->tree, progress_, has_changed);
-    if (has_changed) inside->tree = TriangleTree(mesh_.points, mesh_.triangles);
+    if (has_changed) inside->tree = TriangleTree(mesh_.points, mesh_.triangles, progress_);
     advance(kWeldSteps);
     set_fixed();
-    std::vector<WeightEntry> entries;
+    Heated heated;
     if (frame_.size() > 0) {
       inside->solid.emplace(make_solid(inside->tree));
       advance(kSolidSteps);
@@ -83,18 +105,12 @@ class Computation {
         if (distances.is_outside()[bone]) result.bones_outside.push_back(bone);
       }
       result.voxel_size = inside->solid->grid().voxel() * frame_.size();
-      if (settings_.method != WeightMethod::nearest) entries = diffuse(std::move(inside), is_two_sided);
+      if (settings_.method != WeightMethod::nearest) heated = diffuse(std::move(inside), is_two_sided);
     }
     inside.reset();
-    add_nearest(entries);
-    stop_if_cancelled(progress_);
-    add_fixed(entries);
-    const PointRows rows(mesh_.points.size(), [&](const auto& add) {
-      for (const WeightEntry& entry : entries) add(entry.place, entry);
-    });
-    set_free(entries);
-    const RigidRows rigid(mesh_, rows, joint_count_, settings_, is_fixed_);
-    finish(rows, rigid, result);
+    const WeightTable rows = rows_of_points(heated);
+    heated = {};
+    finish(rows, result);
     return result;
   }
 
@@ -120,7 +136,6 @@ class Computation {
   /// Gives coincident vertices the mean of their fixed weights.
   void set_fixed() {
     given_.row_of.assign(mesh_.points.size(), -1);
-    is_fixed_.assign(mesh_.points.size(), 0);
     given_.rows = WeightTable(joint_count_);
     const Lists<std::uint32_t> at_point(mesh_.points.size(), [&](const auto& add) {
       for (std::uint32_t f = 0; f < fixed_.vertices.size(); ++f) add(mesh_.point_of[fixed_.vertices[f]], f);
@@ -128,7 +143,7 @@ class Computation {
     RowSum sum(static_cast<std::size_t>(joint_count_));
     for (std::size_t p = 0; p < at_point.size(); ++p) {
       if (at_point[p].empty()) continue;
-      is_fixed_[p] = 1;
+      way_of_[p] = WeightWay::fixed;
       given_.row_of[p] = static_cast<std::int32_t>(given_.rows.vertices());
       for (const std::uint32_t f : at_point[p]) sum.add(fixed_.weights.row(f), 1 / sum_of(fixed_.weights.row(f)));
       given_.rows.add_row(sum.take(1 / static_cast<double>(at_point[p].size())));
@@ -154,14 +169,14 @@ class Computation {
     return has_triangle;
   }
 
-  std::vector<WeightEntry> diffuse(std::unique_ptr<Inside> inside, const std::vector<std::uint8_t>& is_two_sided) {
+  Heated diffuse(std::unique_ptr<Inside> inside, const std::vector<std::uint8_t>& is_two_sided) {
     const VoxelSolid& solid = *inside->solid;
     const BoneDistances& distances = *inside->distances;
     std::vector<Place> places = places_of(mesh_, is_two_sided);
     const std::vector<std::uint8_t> has_heat = surface_points(solid.grid().voxel());
     // Since all sum to 1, one is as large as this at least.
     const HeatSettings heat{settings_.stiffness, std::min(settings_.least_weight / 2, 0.25 / joint_count_)};
-    std::vector<WeightEntry> entries;
+    Heated heated;
     std::vector<std::uint32_t> wanted;
     bool has_surface = false;
     for (std::uint32_t p = 0; p < has_heat.size(); ++p) {
@@ -174,70 +189,63 @@ class Computation {
         centres[i] = {solid.grid().centre(solid.cells()[i]), Eigen::Vector3d::Zero(), false};
       }
       const NearestBones nearest = distances.nearest(centres, kLeastInVolume, progress_, 0);
-      heat_in_volume(solid, {nearest, joints_, joint_count_}, mesh_.points, wanted, heat, progress_, kVolumeSteps,
-                     entries);
+      heated.volume =
+          heat_in_volume(solid, {nearest, joints_, joint_count_}, mesh_.points, wanted, heat, progress_, kVolumeSteps);
     }
     if (has_surface) {
       const NearestBones nearest = distances.nearest(places, kLeastOnSurface, progress_, kDistanceSteps);
       inside.reset();  // the factor of a large mesh wants its memory
       set_free(places);
-      heat_on_surface(mesh_.points, mesh_.triangles, has_heat, {nearest, joints_, joint_count_}, given_, heat,
-                      progress_, kSurfaceSteps, entries);
+      heated.surface = heat_on_surface(mesh_.points, mesh_.triangles, has_heat, {nearest, joints_, joint_count_},
+                                       given_, heat, progress_, kSurfaceSteps);
     }
-    for (const WeightEntry& entry : entries) {
-      way_of_[entry.place] = has_heat[entry.place] ? WeightWay::surface : WeightWay::volume;
-    }
-    return entries;
+    return heated;
   }
 
-  /// For points that have no weights yet.
-  void add_nearest(std::vector<WeightEntry>& entries) const {
-    std::vector<std::uint8_t> has_weights(is_fixed_);
-    for (const WeightEntry& entry : entries) has_weights[entry.place] = 1;
-    std::map<std::int32_t, double> row;
-    for (std::uint32_t p = 0; p < has_weights.size(); ++p) {
-      if (has_weights[p]) continue;
-      if (p % 1024 == 0) stop_if_cancelled(progress_);
-      const Place place{mesh_.points[p], Eigen::Vector3d::Zero(), false};
-      const NearestBones nearest = nearest_in_air({&place, 1}, bones_);
-      row.clear();
-      for (std::size_t i = 0; i < nearest.bones.size(); ++i) row[joints_[nearest.bones[i]]] += nearest.shares[i];
-      for (const auto& [joint, weight] : row) entries.push_back({p, joint, static_cast<float>(weight)});
-    }
-  }
-
-  void add_fixed(std::vector<WeightEntry>& entries) {
-    std::erase_if(entries, [&](const WeightEntry& entry) { return is_fixed_[entry.place] != 0; });
-    for (std::uint32_t p = 0; p < is_fixed_.size(); ++p) {
-      if (!is_fixed_[p]) continue;
-      way_of_[p] = WeightWay::fixed;
-      for (const auto& [joint, weight] : given_.rows.row(given_.row_of[p])) entries.push_back({p, joint, weight});
-    }
-  }
-
-  void finish(const PointRows& rows, const RigidRows& rigid, AutomaticWeights& result) const {
-    RowFinisher finish_row(settings_);
-    WeightRow row;
-    result.offsets.push_back(0);
-    for (std::size_t v = 0; v < mesh_.point_of.size(); ++v) {
-      const std::uint32_t point = mesh_.point_of[v];
-      if (const WeightRow* const own = rigid.of(v)) {
-        row = *own;
-        result.ways.push_back(WeightWay::rigid);
-      } else {
-        row.clear();
-        for (const WeightEntry& entry : rows[point]) row.emplace_back(entry.joint, entry.weight);
-        result.ways.push_back(way_of_[point]);
+  /// The weights that are given, else those from heat, else the shares of the nearest bones.
+  WeightTable rows_of_points(const Heated& heated) {
+    const auto make = [&](std::size_t begin, std::size_t end, WeightTable& rows) {
+      RowSum sum(static_cast<std::size_t>(joint_count_));
+      for (std::size_t p = begin; p < end; ++p) {
+        const auto add = [&](const Lists<BoneWeight>& from, WeightWay way) {
+          if (from.size() == 0 || from[p].empty()) return false;
+          rows.add_row(from[p]);
+          way_of_[p] = way;
+          return true;
+        };
+        if (way_of_[p] == WeightWay::fixed) {
+          rows.add_row(given_.rows.row(given_.row_of[p]));
+        } else if (!add(heated.surface, WeightWay::surface) && !add(heated.volume, WeightWay::volume)) {
+          const Place place{mesh_.points[p], Eigen::Vector3d::Zero(), false};
+          const NearestBones nearest = nearest_in_air({&place, 1}, bones_);
+          for (std::size_t i = 0; i < nearest.bones.size(); ++i) sum.add(joints_[nearest.bones[i]], nearest.shares[i]);
+          rows.add_row(sum.take());
+        }
       }
-      finish_row(row);
-      for (const auto& [joint, weight] : row) {
-        result.joints.push_back(joint);
-        result.weights.push_back(static_cast<float>(weight));
-      }
-      result.offsets.push_back(std::ssize(result.joints));
-      result.parts.push_back(mesh_.part_of[point]);
-    }
+    };
+    return table_of_rows(mesh_.points.size(), joint_count_, kRows, progress_, 0, make);
+  }
+
+  void finish(const WeightTable& rows, AutomaticWeights& result) {
+    const RigidRows rigid(mesh_, rows, way_of_, settings_);
+    const std::size_t vertices = mesh_.point_of.size();
+    result.ways.resize(vertices);
+    result.parts.resize(vertices);
     result.part_count = mesh_.part_count;
+    const auto make = [&](std::size_t begin, std::size_t end, WeightTable& made) {
+      std::vector<BoneWeight> row;
+      for (std::size_t v = begin; v < end; ++v) {
+        const std::uint32_t point = mesh_.point_of[v];
+        const auto own = rigid.of(v);
+        const auto from = own.value_or(rows.row(point));
+        row.assign(from.begin(), from.end());
+        finish_row(row, settings_);
+        made.add_row(row);
+        result.ways[v] = own ? WeightWay::rigid : way_of_[point];
+        result.parts[v] = mesh_.part_of[point];
+      }
+    };
+    result.weights = table_of_rows(vertices, joint_count_, kRows, progress_, 0, make);
   }
 
   const FixedWeights& fixed_;
@@ -249,7 +257,6 @@ class Computation {
   std::vector<Segment> bones_;
   std::vector<std::int32_t> joints_;
   FixedPlaces given_;
-  std::vector<std::uint8_t> is_fixed_;
   std::vector<WeightWay> way_of_;
 };
 

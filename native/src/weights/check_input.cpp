@@ -58,21 +58,13 @@ void check_fixed(const FixedWeights& fixed, std::ptrdiff_t vertices, std::int32_
 }
 
 void check_settings(const WeightSettings& settings, std::ptrdiff_t vertices) {
-  if (settings.resolution < 8 || settings.resolution > 256) {
-    fail("resolution is ", settings.resolution, "; expected 8 to 256");
-  }
-  if (!(settings.stiffness >= 1e-3 && settings.stiffness <= 1e6)) {
-    fail("stiffness is ", settings.stiffness, "; expected 0.001 to 1,000,000");
-  }
+  check_range("resolution", settings.resolution, 8, 256);
+  check_range("stiffness", settings.stiffness, 1e-3, 1e6);
   if (settings.max_influences < 0) {
     fail("max_influences is ", settings.max_influences, "; expected 0 (any number) or more");
   }
-  if (!(settings.least_weight >= 0 && settings.least_weight <= 0.5)) {
-    fail("least_weight is ", settings.least_weight, "; expected 0 to 0.5");
-  }
-  if (!(settings.rigid_size >= 0 && settings.rigid_size <= 1)) {
-    fail("rigid_size is ", settings.rigid_size, "; expected 0 to 1");
-  }
+  check_range("least_weight", settings.least_weight, 0, 0.5);
+  check_range("rigid_size", settings.rigid_size, 0, 1);
   if (!settings.rigid_parts.empty() && std::ssize(settings.rigid_parts) != vertices) {
     fail("rigid_parts has ", plural(std::ssize(settings.rigid_parts), "number"), "; the mesh has ",
          plural(vertices, "vertex"));

@@ -29,10 +29,10 @@ std::vector<std::uint8_t> turn_outward(WeldedMesh& mesh, const TriangleTree& tre
       const std::size_t count = of_patch[patch].size(), samples = std::min(count, kSamples);
       double sum = 0;
       for (std::size_t s = 0; s < samples; ++s) {
-        const auto& [a, b, c] = mesh.triangles[of_patch[patch][s * count / samples]];
+        const Triangle& triangle = mesh.triangles[of_patch[patch][s * count / samples]];
+        const auto& [a, b, c] = triangle;
         const Eigen::Vector3d centre = (mesh.points[a] + mesh.points[b] + mesh.points[c]) / 3;
-        const Eigen::Vector3d beside =
-            kBeside * (mesh.points[b] - mesh.points[a]).cross(mesh.points[c] - mesh.points[a]).stableNormalized();
+        const Eigen::Vector3d beside = kBeside * doubled_area(mesh.points, triangle).stableNormalized();
         sum += (tree.winding_number(centre + beside) + tree.winding_number(centre - beside)) / 2;
       }
       mean[patch] = sum / static_cast<double>(samples);
@@ -54,9 +54,8 @@ std::vector<Place> places_of(const WeldedMesh& mesh, const std::vector<std::uint
   std::vector<Place> places(mesh.points.size());
   for (std::size_t p = 0; p < places.size(); ++p) places[p] = {mesh.points[p], Eigen::Vector3d::Zero(), false};
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const auto& [a, b, c] = mesh.triangles[t];
-    const Eigen::Vector3d normal = (mesh.points[b] - mesh.points[a]).cross(mesh.points[c] - mesh.points[a]);
-    for (const std::uint32_t corner : {a, b, c}) {
+    const Eigen::Vector3d normal = doubled_area(mesh.points, mesh.triangles[t]);
+    for (const std::uint32_t corner : mesh.triangles[t]) {
       places[corner].normal += normal;
       places[corner].is_two_sided |= is_two_sided[mesh.patch_of[t]] != 0;
     }

@@ -122,4 +122,13 @@ void PanelSolver::solve(Scratch& scratch, double negligible) const {
   }
 }
 
+std::vector<double> PanelSolver::solved(std::span<const double> right) const {
+  Scratch scratch{std::vector<Lanes>(size(), Lanes::Zero()), {}, {}};
+  for (std::size_t row = 0; row < size(); ++row) scratch.values[position(row)][0] = right[row];
+  solve(scratch, 0);
+  std::vector<double> solution(size());
+  for (std::size_t row = 0; row < size(); ++row) solution[row] = scratch.values[position(row)][0];
+  return solution;
+}
+
 }  // namespace sinew

@@ -4,6 +4,7 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "base/cancelled.h"
@@ -38,6 +39,9 @@ class PanelSolver {
   /// no solution is larger than those around it where there is no source, so that most of the work for sources in one
   /// place can be left out.
   void solve(Scratch& scratch, double negligible) const;
+
+  /// Returns the solution for one right-hand side, both in the order of the matrix.
+  std::vector<double> solved(std::span<const double> right) const;
 
   /// Where a row of the matrix is in the values.
   std::size_t position(std::size_t row) const { return position_[row]; }

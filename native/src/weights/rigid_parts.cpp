@@ -53,8 +53,9 @@ std::vector<double> part_diagonals(const WeldedMesh& mesh) {
   return diagonals;
 }
 
-RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t joint_count,
-                     const WeightSettings& settings, const std::vector<std::uint8_t>& is_fixed) {
+RigidRows::RigidRows(const WeldedMesh& mesh, const WeightTable& rows, std::span<const WeightWay> ways,
+                     const WeightSettings& settings)
+    : rows_(rows.bones()) {
   const std::int32_t groups = find_groups(mesh, settings, group_of_);
   if (groups == 0) {
     group_of_.clear();
@@ -66,7 +67,7 @@ RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t
     if (group_of_[v] < 0) continue;
     is_rigid[mesh.point_of[v]] = 1;
     points[group_of_[v]].push_back(mesh.point_of[v]);
-    if (is_fixed[mesh.point_of[v]]) group_of_[v] = -1;
+    if (ways[mesh.point_of[v]] == WeightWay::fixed) group_of_[v] = -1;
   }
   std::vector<Triangle> soft;
   for (const Triangle& triangle : mesh.triangles) {
@@ -74,11 +75,7 @@ RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t
   }
   const bool attach = settings.rigid_follow == RigidFollow::attachment && !soft.empty();
   const TriangleTree tree(mesh.points, attach ? std::span<const Triangle>(soft) : std::span<const Triangle>());
-  rows_.resize(groups);
-  RowSum sum(static_cast<std::size_t>(joint_count));
-  const auto add = [&](std::uint32_t point, double factor) {
-    for (const WeightEntry& entry : rows[point]) sum.add(entry.joint, factor * entry.weight);
-  };
+  RowSum sum(static_cast<std::size_t>(rows.bones()));
   for (std::int32_t group = 0; group < groups; ++group) {
     if (attach) {
       SurfacePoint closest;
@@ -86,16 +83,13 @@ RigidRows::RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t
         const SurfacePoint own = tree.closest(mesh.points[p], closest.squared_distance);
         if (own.squared_distance < closest.squared_distance) closest = own;
       }
-      for (int i = 0; i < 3; ++i) add(soft[closest.triangle][i], closest.shares[i]);
+      for (int i = 0; i < 3; ++i) sum.add(rows.row(soft[closest.triangle][i]), closest.shares[i]);
     } else {
-      for (const std::uint32_t p : points[group]) add(p, 1.0 / static_cast<double>(points[group].size()));
+      for (const std::uint32_t p : points[group]) sum.add(rows.row(p), 1.0 / static_cast<double>(points[group].size()));
     }
-    WeightRow row;
-    for (const auto& [joint, weight] : sum.take()) row.emplace_back(joint, weight);
-    if (settings.rigid_follow == RigidFollow::bone) {
-      row = {*std::ranges::max_element(row, {}, [](const auto& entry) { return entry.second; })};
-    }
-    rows_[group] = std::move(row);
+    const auto row = sum.take();
+    const auto largest = std::ranges::max_element(row, {}, &BoneWeight::weight) - row.begin();
+    rows_.add_row(settings.rigid_follow == RigidFollow::bone ? row.subspan(largest, 1) : row);
   }
 }
 

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <vector>
 
-#include "weights/point_weights.h"
+#include "sinew/automatic_weights.h"
 #include "weights/welded_mesh.h"
 
 namespace sinew {
@@ -14,18 +16,19 @@ std::vector<double> part_diagonals(const WeldedMesh& mesh);
 
 class RigidRows {
  public:
-  /// is_fixed  of each point: these keep their own weights.
-  RigidRows(const WeldedMesh& mesh, const PointRows& rows, std::int32_t joint_count, const WeightSettings& settings,
-            const std::vector<std::uint8_t>& is_fixed);
+  /// rows, ways  of each point. Fixed ones keep their own weights.
+  RigidRows(const WeldedMesh& mesh, const WeightTable& rows, std::span<const WeightWay> ways,
+            const WeightSettings& settings);
 
-  /// Returns the weights of a vertex, or null if it is not in a rigid part.
-  const WeightRow* of(std::size_t vertex) const {
-    return group_of_.empty() || group_of_[vertex] < 0 ? nullptr : &rows_[group_of_[vertex]];
+  /// Returns the weights of a vertex, if it is in a rigid part.
+  std::optional<std::span<const BoneWeight>> of(std::size_t vertex) const {
+    if (group_of_.empty() || group_of_[vertex] < 0) return std::nullopt;
+    return rows_.row(static_cast<std::size_t>(group_of_[vertex]));
   }
 
  private:
   std::vector<std::int32_t> group_of_;  // of each vertex, or -1; empty if there are no groups
-  std::vector<WeightRow> rows_;
+  WeightTable rows_;
 };
 
 }  // namespace sinew

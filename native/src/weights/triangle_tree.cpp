@@ -6,6 +6,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "base/cancelled.h"
 #include "base/parallel.h"
 
 namespace sinew {
@@ -62,7 +63,8 @@ std::size_t node_count(std::size_t triangles) {
 
 }  // namespace
 
-TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles)
+TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
+                           const Progress* progress)
     : points_(points), triangles_(triangles), order_(triangles.size()) {
   std::iota(order_.begin(), order_.end(), std::uint32_t{0});
   if (order_.empty()) return;
@@ -71,11 +73,12 @@ TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<co
     centroids[t] = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
   }
   nodes_.resize(node_count(order_.size()));
-  split(0, static_cast<std::uint32_t>(order_.size()), 0, centroids);
+  split(0, static_cast<std::uint32_t>(order_.size()), 0, centroids, progress);
 }
 
 void TriangleTree::split(std::uint32_t begin, std::uint32_t end, std::size_t at,
-                         std::span<const Eigen::Vector3d> centroids) {
+                         std::span<const Eigen::Vector3d> centroids, const Progress* progress) {
+  if (end - begin >= kParallel) stop_if_cancelled(progress);
   Node& node = nodes_[at];
   node.begin = begin;
   node.end = end;
@@ -99,7 +102,7 @@ void TriangleTree::split(std::uint32_t begin, std::uint32_t end, std::size_t at,
   const std::array<std::size_t, 2> places{at + 1, node.right};
   parallel_for(2, end - begin >= kParallel ? 1 : 2, [&](std::size_t first, std::size_t last) {
     for (std::size_t half = first; half < last; ++half) {
-      split(halves[half][0], halves[half][1], places[half], centroids);
+      split(halves[half][0], halves[half][1], places[half], centroids, progress);
     }
   });
   fill_from_children(at);

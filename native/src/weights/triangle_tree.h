@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "sinew/progress.h"
 #include "weights/welded_mesh.h"
 
 namespace sinew {
@@ -20,7 +21,8 @@ struct SurfacePoint {
 /// Keeps references to points and triangles.
 class TriangleTree {
  public:
-  TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles);
+  TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
+               const Progress* progress = nullptr);
 
   /// The generalised winding number: the solid angle of all triangles seen from a point, divided by 4 pi. Far groups of
   /// triangles count by the first two terms of their expansion: Barill, Dickson, Schmidt, Levin, Jacobson, "Fast
@@ -44,7 +46,8 @@ class TriangleTree {
     std::uint32_t begin, end;
     std::uint32_t right;  ///< the second child, 0 for a leaf; the first follows its parent
   };
-  void split(std::uint32_t begin, std::uint32_t end, std::size_t at, std::span<const Eigen::Vector3d> centroids);
+  void split(std::uint32_t begin, std::uint32_t end, std::size_t at, std::span<const Eigen::Vector3d> centroids,
+             const Progress* progress);
   void fill_leaf(Node& node) const;
   void fill_from_children(std::size_t at);
   Eigen::Vector3d corner(std::uint32_t triangle, int i) const { return points_[triangles_[triangle][i]]; }

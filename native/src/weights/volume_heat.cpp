@@ -5,8 +5,8 @@
 #include "base/kept.h"
 #include "base/parallel.h"
 #include "sinew/lists.h"
+#include "weights/found_weights.h"
 #include "weights/heat.h"
-#include "weights/panel_solver.h"
 
 namespace sinew {
 namespace {
@@ -160,20 +160,18 @@ Lanes value_at(const VoxelSolid& solid, const Region& region, const Eigen::Vecto
 
 }  // namespace
 
-void heat_in_volume(const VoxelSolid& solid, const HeatSources& sources, std::span<const Eigen::Vector3d> points,
-                    std::span<const std::uint32_t> wanted, const HeatSettings& settings, Progress* progress,
-                    std::int64_t steps, std::vector<WeightEntry>& entries) {
+Lists<BoneWeight> heat_in_volume(const VoxelSolid& solid, const HeatSources& sources,
+                                 std::span<const Eigen::Vector3d> points, std::span<const std::uint32_t> wanted,
+                                 const HeatSettings& settings, Progress* progress, std::int64_t steps) {
   const VolumeMatrix matrix(solid, sources.nearest, settings.stiffness);
   const std::int32_t joints = sources.joint_count;
   const std::size_t blocks = (static_cast<std::size_t>(joints) + kLanes - 1) / kLanes;
   const Lists<std::uint32_t> cells_of(blocks, [&](const auto& add) {  // that the joints of each block heat
     for (std::uint32_t cell = 0; cell < matrix.size(); ++cell) {
-      for (std::uint32_t i = sources.nearest.begin[cell]; i < sources.nearest.begin[cell + 1]; ++i) {
-        add(static_cast<std::size_t>(sources.joints[sources.nearest.bones[i]] / kLanes), cell);
-      }
+      sources.at(cell, [&](std::int32_t joint, double) { add(static_cast<std::size_t>(joint / kLanes), cell); });
     }
   });
-  FoundWeights found(joints);
+  FoundWeights found(static_cast<std::size_t>(joints));
   Kept<Region> regions;
   parallel_for(blocks, 1, [&](std::size_t begin, std::size_t end) {
     const auto region = regions.borrow([&] { return std::make_unique<Region>(matrix); });
@@ -187,7 +185,9 @@ void heat_in_volume(const VoxelSolid& solid, const HeatSources& sources, std::sp
         values.assign(region->cells().size(), Lanes::Zero());
         for (std::size_t i = 0; i < values.size(); ++i) {
           const std::int32_t cell = region->cells()[i];
-          sources.add_shares(cell, first, lanes, values[i].data());
+          sources.at(cell, [&](std::int32_t joint, double share) {
+            if (joint >= first && joint < first + lanes) values[i][joint - first] += share;
+          });
           values[i] *= matrix.heat(cell);
         }
         region->solve(values, progress);
@@ -196,14 +196,15 @@ void heat_in_volume(const VoxelSolid& solid, const HeatSources& sources, std::sp
       for (const std::uint32_t place : wanted) {
         const Lanes weights = value_at(solid, *region, points[place], values);
         for (int lane = 0; lane < lanes; ++lane) {
-          if (!(weights[lane] >= settings.least)) continue;
-          found.add(first + lane, place, weights[lane]);
+          const double weight = weights[lane];
+          if (!(weight >= settings.least) || !(as_weight(weight) > 0)) continue;
+          found.add(static_cast<std::size_t>(first + lane), place, weight);
         }
       }
       advance_share(progress, steps, block, blocks);
     }
   });
-  found.move_to(entries);
+  return std::move(found).by_point(points.size());
 }
 
 }  // namespace sinew

@@ -22,6 +22,19 @@ void check_weight(const char* name, float weight, std::ptrdiff_t vertex, std::pt
 
 }  // namespace
 
+void merge_bones(std::vector<BoneWeight>& row) {
+  std::ranges::stable_sort(row, {}, &BoneWeight::bone);
+  std::size_t kept = 0;
+  for (const BoneWeight& own : row) {
+    if (kept > 0 && row[kept - 1].bone == own.bone) {
+      row[kept - 1].weight = std::min(row[kept - 1].weight + own.weight, std::numeric_limits<float>::max());
+    } else {
+      row[kept++] = own;
+    }
+  }
+  row.resize(kept);
+}
+
 WeightTable WeightTable::from_dense(const char* name, std::span<const float> weights, std::ptrdiff_t vertices,
                                     std::ptrdiff_t bones) {
   check_bone_count(name, bones);
@@ -58,16 +71,8 @@ WeightTable WeightTable::from_lists(std::span<const std::int64_t> offsets, std::
       check_weight("weights", weights[i], static_cast<std::ptrdiff_t>(v), bones[i]);
       if (weights[i] > 0) row.push_back({bones[i], weights[i]});
     }
-    std::ranges::stable_sort(row, {}, &BoneWeight::bone);
-    std::size_t kept = 0;
-    for (const BoneWeight& own : row) {
-      if (kept > 0 && row[kept - 1].bone == own.bone) {
-        row[kept - 1].weight = std::min(row[kept - 1].weight + own.weight, std::numeric_limits<float>::max());
-      } else {
-        row[kept++] = own;
-      }
-    }
-    table.add_row(std::span(row).first(kept));
+    merge_bones(row);
+    table.add_row(row);
   }
   return table;
 }

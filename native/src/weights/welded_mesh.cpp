@@ -1,10 +1,12 @@
 #include "weights/welded_mesh.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
+#include "base/cancelled.h"
+#include "base/disjoint_sets.h"
 #include "mesh/faces.h"
 
 namespace sinew {
@@ -12,12 +14,6 @@ namespace {
 
 // Cells in which all vertices are one point, and how close to a cell's border a vertex joins those beyond it.
 constexpr double kCell = 8e-6, kClose = 1e-6;
-// If the box of all vertices is this many times as large as that of all but one in fifty along each axis, some are astray
-// and the box is kGrown times the smaller one. It is taken from this many vertices.
-constexpr double kAstray = 8, kGrown = 3, kOutermost = 0.02;
-constexpr std::size_t kSample = 4096;
-// Far bones and vertices are moved to this many sizes of the mesh away, where nothing overflows.
-constexpr double kFarthest = 1e9;
 
 using Cell = std::array<std::int64_t, 3>;
 
@@ -94,18 +90,6 @@ std::vector<std::uint32_t> weld_points(std::span<const Eigen::Vector3d> all, std
   return std::move(point_of);
 }
 
-/// Returns the box of most positions, along one axis.
-std::array<double, 2> box_of_most(std::span<const double> positions, std::size_t axis, int exponent) {
-  std::vector<double> sample;
-  const std::size_t vertices = positions.size() / 3, step = vertices / kSample + 1;
-  for (std::size_t v = 0; v < vertices; v += step) {
-    sample.push_back(std::scalbn(positions[3 * v + axis], -exponent));
-  }
-  std::ranges::sort(sample);
-  const auto left_out = static_cast<std::size_t>(kOutermost * static_cast<double>(sample.size()));
-  return {sample[left_out], sample[sample.size() - 1 - left_out]};
-}
-
 /// One side of a triangle.
 struct Side {
   std::uint32_t low, high;
@@ -146,76 +130,47 @@ void for_edges(std::span<const Side> sides, const Visit& visit) {
   }
 }
 
-/// Faces between points, a fan of triangles each.
-class FacesOfPoints {
- public:
-  FacesOfPoints(const Faces& faces, std::span<const std::uint32_t> point_of) : faces_(faces), point_of_(point_of) {}
-
-  std::size_t count() const { return faces_.count(); }
-
-  /// The points of a face, in ascending order.
-  std::vector<std::uint32_t> points_of(std::size_t face) const {
+/// Finds faces with the same points as an earlier one.
+std::vector<std::uint8_t> doubles(const Faces& faces, std::span<const std::uint32_t> point_of) {
+  const auto corners_of = [&](std::size_t face) {
+    return faces.vertices.subspan(faces.offsets[face], faces.offsets[face + 1] - faces.offsets[face]);
+  };
+  const auto sorted_points_of = [&](std::size_t face) {
     std::vector<std::uint32_t> points;
-    for (const std::int32_t v : corners_of(face)) points.push_back(point_of_[v]);
+    for (const std::int32_t v : corners_of(face)) points.push_back(point_of[v]);
     std::ranges::sort(points);
     return points;
-  }
-
-  /// Finds faces with the same points as an earlier one.
-  std::vector<std::uint8_t> doubles() const {
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> hashes;
-    for (std::uint32_t face = 0; face < count(); ++face) {
-      std::uint64_t hash = 0;
-      for (const std::int32_t v : corners_of(face)) {
-        std::uint64_t own = (point_of_[v] + 1) * 0x9e3779b97f4a7c15u;
-        own = (own ^ (own >> 31)) * 0xbf58476d1ce4e5b9u;
-        hash += own ^ (own >> 27);
-      }
-      hashes.emplace_back(hash, face);
+  };
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> hashes;
+  for (std::uint32_t face = 0; face < faces.count(); ++face) {
+    std::uint64_t hash = 0;
+    for (const std::int32_t v : corners_of(face)) {
+      std::uint64_t own = (point_of[v] + 1) * 0x9e3779b97f4a7c15u;
+      own = (own ^ (own >> 31)) * 0xbf58476d1ce4e5b9u;
+      hash += own ^ (own >> 27);
     }
-    std::ranges::sort(hashes);
-    std::vector<std::uint8_t> is_double(count());
-    for (std::size_t i = 1; i < hashes.size(); ++i) {
-      if (hashes[i].first != hashes[i - 1].first) continue;
-      is_double[hashes[i].second] = points_of(hashes[i].second) == points_of(hashes[i - 1].second);
-    }
-    return is_double;
+    hashes.emplace_back(hash, face);
   }
-
-  /// Returns the triangles with three different points; those of faces that are left out are not among them.
-  std::vector<Triangle> triangles(std::span<const std::uint8_t> left_out) const {
-    std::vector<Triangle> result;
-    for (std::size_t face = 0; face < count(); ++face) {
-      if (!left_out.empty() && left_out[face]) continue;
-      for_triangles(faces_.offsets.subspan(face, 2), faces_.vertices, [&](const auto& corners) {
-        const Triangle triangle{point_of_[corners[0]], point_of_[corners[1]], point_of_[corners[2]]};
-        if (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0]) return;
-        result.push_back(triangle);
-      });
-    }
-    return result;
+  std::ranges::sort(hashes);
+  std::vector<std::uint8_t> is_double(faces.count());
+  for (std::size_t i = 1; i < hashes.size(); ++i) {
+    if (hashes[i].first != hashes[i - 1].first) continue;
+    is_double[hashes[i].second] = sorted_points_of(hashes[i].second) == sorted_points_of(hashes[i - 1].second);
   }
-
- private:
-  std::span<const std::int32_t> corners_of(std::size_t face) const {
-    return faces_.vertices.subspan(faces_.offsets[face], faces_.offsets[face + 1] - faces_.offsets[face]);
-  }
-
-  Faces faces_;
-  std::span<const std::uint32_t> point_of_;
-};
+  return is_double;
+}
 
 /// Sets the triangles, without those of double faces: the winding numbers of a front and a back side would cancel.
 /// Returns their sides.
-std::vector<Side> set_triangles(const FacesOfPoints& faces, WeldedMesh& mesh) {
-  mesh.triangles = faces.triangles({});
+std::vector<Side> set_triangles(const Faces& faces, WeldedMesh& mesh) {
+  mesh.triangles = triangles_of(faces, mesh.point_of);
   std::vector<Side> sides = sorted_sides(mesh);
   bool has_many = false;
   for_edges(sides, [&](std::size_t first, std::size_t end) { has_many |= end - first > 2; });
   if (!has_many) return sides;
-  const std::vector<std::uint8_t> doubles = faces.doubles();
-  if (std::ranges::find(doubles, 1) == doubles.end()) return sides;
-  mesh.triangles = faces.triangles(doubles);
+  const std::vector<std::uint8_t> is_double = doubles(faces, mesh.point_of);
+  if (std::ranges::find(is_double, 1) == is_double.end()) return sides;
+  mesh.triangles = triangles_of(faces, mesh.point_of, is_double);
   return sorted_sides(mesh);
 }
 
@@ -289,50 +244,16 @@ void turn_closed_outward(WeldedMesh& mesh) {
 
 }  // namespace
 
-UnitFrame::UnitFrame(std::span<const double> positions) {
-  double largest = 0;
-  for (const double number : positions) largest = std::max(largest, std::abs(number));
-  if (largest > 0) exponent_ = std::ilogb(largest);
-  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    const double number = std::scalbn(positions[i], -exponent_);
-    const auto axis = static_cast<Eigen::Index>(i % 3);
-    low[axis] = i < 3 ? number : std::min(low[axis], number);
-    high[axis] = i < 3 ? number : std::max(high[axis], number);
-  }
-  centre_ = (low + high) / 2;
-  double side = (high - low).maxCoeff();
-  Eigen::Vector3d core_low = low, core_high = high;
-  for (std::size_t axis = 0; axis < 3 && !positions.empty(); ++axis) {
-    const auto box = box_of_most(positions, axis, exponent_);
-    core_low[static_cast<Eigen::Index>(axis)] = box[0];
-    core_high[static_cast<Eigen::Index>(axis)] = box[1];
-  }
-  const double core = (core_high - core_low).maxCoeff();
-  if (core > 1e-14 && side > kAstray * core) {
-    centre_ = (core_low + core_high) / 2;
-    side = kGrown * core;
-  }
-  // Below this nothing but rounding would be seen.
-  if (side > 1e-14) scale_ = 1 / side;
-  size_ = side > 1e-14 ? std::scalbn(side, exponent_) : 0;
-}
-
-Eigen::Vector3d UnitFrame::operator()(const double* point) const {
-  Eigen::Vector3d result;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double number = (std::scalbn(point[axis], -exponent_) - centre_[axis]) * scale_;
-    result[axis] = std::clamp(number, -kFarthest, kFarthest);
-  }
-  return result;
-}
-
-WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, const Faces& faces) {
+WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, const Faces& faces,
+                const Progress* progress) {
   WeldedMesh mesh;
   std::vector<Eigen::Vector3d> all(positions.size() / 3);
   for (std::size_t v = 0; v < all.size(); ++v) all[v] = frame(&positions[3 * v]);
   mesh.point_of = weld_points(all, mesh.points);
-  orient(mesh, set_triangles({faces, mesh.point_of}, mesh));
+  stop_if_cancelled(progress);
+  const std::vector<Side> sides = set_triangles(faces, mesh);
+  stop_if_cancelled(progress);
+  orient(mesh, sides);
   turn_closed_outward(mesh);
   // A side of a triangle without extent still connects two points.
   DisjointSets parts(mesh.points.size());
@@ -342,34 +263,6 @@ WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, const
   mesh.part_of.assign(numbers.begin(), numbers.end());
   mesh.part_count = static_cast<std::int32_t>(count);
   return mesh;
-}
-
-DisjointSets::DisjointSets(std::size_t count) : parents_(count) {
-  std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
-}
-
-std::uint32_t DisjointSets::root(std::uint32_t member) {
-  while (parents_[member] != member) {
-    parents_[member] = parents_[parents_[member]];
-    member = parents_[member];
-  }
-  return member;
-}
-
-void DisjointSets::join(std::uint32_t a, std::uint32_t b) {
-  a = root(a);
-  b = root(b);
-  parents_[std::max(a, b)] = std::min(a, b);
-}
-
-std::pair<std::vector<std::uint32_t>, std::uint32_t> DisjointSets::numbered() {
-  std::vector<std::uint32_t> numbers(parents_.size());
-  std::uint32_t count = 0;
-  for (std::uint32_t member = 0; member < numbers.size(); ++member) {
-    const std::uint32_t own = root(member);
-    numbers[member] = own == member ? count++ : numbers[own];
-  }
-  return {std::move(numbers), count};
 }
 
 }  // namespace sinew
