@@ -230,14 +230,19 @@ TEST_F(RigCheck, TakesWhatIsRight) {
 }
 
 TEST_F(RigCheck, Faces) {
-  const std::string offsets = "mesh.obj: the faces' offsets do not increase from 0 to 3, the number of corners";
-  for (const std::vector<std::int32_t>& wrong : {std::vector<std::int32_t>{}, {1, 3}, {0, 2}, {0, 4, 3}, {0}}) {
-    EXPECT_EQ(said_of([&](Rig& rig) { rig.mesh.face_offsets = wrong; }), offsets);
-  }
+  const auto said_of_offsets = [&](const std::vector<std::int32_t>& wrong) {
+    return said_of([&](Rig& rig) { rig.mesh.face_offsets = wrong; });
+  };
+  EXPECT_EQ(said_of_offsets({}), "mesh.obj: face_offsets is empty; expected one number more than there are faces");
+  EXPECT_EQ(said_of_offsets({1, 3}), "mesh.obj: face_offsets goes from 1 to 3; expected 0 to 3, the number of corners");
+  EXPECT_EQ(said_of_offsets({0, 2}), "mesh.obj: face_offsets goes from 0 to 2; expected 0 to 3, the number of corners");
+  EXPECT_EQ(said_of_offsets({0, 4, 3}), "mesh.obj: face_offsets[2] is 3, below the one before");
+  EXPECT_EQ(said_of_offsets({0}), "mesh.obj: face_offsets goes from 0 to 0; expected 0 to 3, the number of corners");
+  EXPECT_EQ(said_of_offsets({0, 2, 3}), "mesh.obj: face 0 has 2 corners; expected three at least");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_vertices[1] = 3; }),
-            "mesh.obj: a face names vertex 3; there are 3 vertices");
+            "mesh.obj: face_vertices names vertex 3; the mesh has 3 vertices");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_vertices[1] = -1; }),
-            "mesh.obj: a face names vertex -1; there are 3 vertices");
+            "mesh.obj: face_vertices names vertex -1; the mesh has 3 vertices");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_materials = {-1, -1}; }), "mesh.obj has 1 face and 2 face materials");
   EXPECT_EQ(said_of([](Rig& rig) { rig.mesh.face_materials = {0}; }),
             "mesh.obj: a face has material 0; there are 0 materials");

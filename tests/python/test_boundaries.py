@@ -32,8 +32,8 @@ LAYERS = (
 # Likewise the folders of native/src.
 NATIVE_LAYERS = (
     {"base"},
-    {"files", "mesh", "rig", "skeleton"},
-    {"skinning"},
+    {"mesh", "rig", "skeleton"},
+    {"files", "skinning"},
     {"cages", "mush", "smoothing", "weights"},
     {"decompose", "deformer"},
     {"weight_tools"},

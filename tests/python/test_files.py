@@ -307,7 +307,9 @@ def test_rigs_refuse_what_is_wrong(tmp_path):
     assert refused(weights=good.weights * np.nan) == "weights.dmat: a weight is not finite"
     assert refused(weights=np.ones(3)) == "weights has shape (3,); expected (rows, columns)"
     assert refused(positions=np.zeros((3, 2))) == "positions has shape (3, 2); expected (V, 3)"
-    assert refused(face_vertices=np.array([0, 1, 3])) == "mesh.obj: a face names vertex 3; there are 3 vertices"
+    assert refused(face_vertices=np.array([0, 1, 3])) == (
+        "mesh.obj: face_vertices names vertex 3; the mesh has 3 vertices"
+    )
     assert refused(animation=np.ones((3, 4, 4))) == "animation has shape (3, 4, 4); expected (F, J, 4, 4)"
     assert refused(animation=np.ones((2, 1, 4, 4))) == "anim.dmat has 2 matrices for 2 frames of 3 joints"
     assert refused(animation=np.array(1.0)) == "animation has shape (); expected (F, J, 4, 4)"

@@ -5,6 +5,7 @@
 
 #include "base/text.h"
 #include "files/write_files.h"
+#include "mesh/faces.h"
 #include "sinew/dmat.h"
 
 namespace sinew {
@@ -12,18 +13,10 @@ namespace {
 
 std::string name_of(const Path& path, const char* usual) { return path.empty() ? usual : shown(path.filename()); }
 
-void check_faces(const PolygonMesh& mesh, const std::string& name) {
-  const auto corners = static_cast<std::int32_t>(mesh.face_vertices.size());
-  const auto& offsets = mesh.face_offsets;
-  if (offsets.empty() || offsets.front() != 0 || offsets.back() != corners ||
-      !std::is_sorted(offsets.begin(), offsets.end())) {
-    fail(name, ": the faces' offsets do not increase from 0 to ", grouped(corners), ", the number of corners");
-  }
-  for (const std::int32_t vertex : mesh.face_vertices) {
-    if (vertex < 0 || vertex >= mesh.vertex_count()) {
-      fail(name, ": a face names vertex ", vertex, "; there are ", plural(mesh.vertex_count(), "vertex"));
-    }
-  }
+void check_mesh(const PolygonMesh& mesh, const Path& path) {
+  const std::string name = name_of(path, "mesh.obj");
+  if (mesh.face_offsets.empty()) fail(name, ": face_offsets is empty; expected one number more than there are faces");
+  naming(name, [&] { check_faces({mesh.face_offsets, mesh.face_vertices}, mesh.vertex_count()); });
   const auto& materials = mesh.face_materials;
   if (!materials.empty() && static_cast<std::ptrdiff_t>(materials.size()) != mesh.face_count()) {
     fail(name, " has ", plural(mesh.face_count(), "face"), " and ", plural(materials.size(), "face material"));
@@ -156,7 +149,7 @@ RigPaths find_rig(const Path& folder) {
 
 void check_rig(const Rig& rig, const RigPaths& paths) {
   const std::ptrdiff_t joints = rig.skeleton.joint_count();
-  check_faces(rig.mesh, name_of(paths.mesh, "mesh.obj"));
+  check_mesh(rig.mesh, paths.mesh);
   check_weights(rig, paths);
   check_numbers(rig, paths);
   if (rig.poses && rig.poses->joint_count() != joints) {
