@@ -50,12 +50,18 @@ inline void require_aligned(const char* name, const py::array& array) {
   }
 }
 
+/// What an object is, for messages: "a list", "an int", "None".
+inline std::string type_text(const py::handle& object) {
+  if (object.is_none()) return "None";
+  const std::string name = py::str(py::type::handle_of(object).attr("__name__"));
+  return (name.find_first_of("aeiou") == 0 ? "an " : "a ") + name;
+}
+
 /// Casts an object, which must already be an array. pybind11 would copy a list, and the caller would not see what is
 /// written to the copy.
 inline py::array given_array(const char* name, const py::object& object) {
   if (!py::isinstance<py::array>(object)) {
-    throw InputError(std::string(name) + " is a " + std::string(py::str(py::type::of(object).attr("__name__"))) +
-                     "; expected a numpy array");
+    throw InputError(std::string(name) + " is " + type_text(object) + "; expected a numpy array");
   }
   return py::reinterpret_borrow<py::array>(object);
 }

@@ -22,6 +22,7 @@ void bind_cages(pybind11::module_& module);
 void bind_deformer(pybind11::module_& module);
 void bind_decompose(pybind11::module_& module);
 void bind_weight_tools(pybind11::module_& module);
+void explain_arguments(const pybind11::object& module);
 }  // namespace sinew::bindings
 
 namespace {
@@ -85,6 +86,8 @@ PYBIND11_MODULE(sinew_native, module) {
              "agree to rounding, not to the bit. Waits until skinning calls in other threads have ended. Raises "
              "ValueError for an unknown name.");
   module.def("thread_count", &sinew::thread_count, "The number of threads the next call may use, at least 1.");
-  refuse_unmade_objects(module);
-  refuse_unmade_objects(module.attr("host"));
+  for (const pybind11::object& own : {pybind11::object(module), pybind11::object(module.attr("host"))}) {
+    refuse_unmade_objects(own);
+    sinew::bindings::explain_arguments(own);
+  }
 }

@@ -15,7 +15,7 @@ if(NOT SINEW_CROSS_PYTHONS)
   endif()
 endif()
 set(PYBIND11_NOPYTHON ON)  # only its headers, which are the same for all
-find_package(pybind11 2.13 REQUIRED)  # knows numpy 2
+find_package(pybind11 3.1 REQUIRED)
 
 add_custom_target(modules)  # all of them
 
@@ -34,6 +34,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/bind_stages.cpp
     bindings/bind_stencils.cpp
     bindings/bind_weight_tools.cpp
+    bindings/explain_arguments.cpp
     bindings/host/bind_frame_shape.cpp
     bindings/host/bind_host.cpp
     bindings/host/bind_pose_record.cpp

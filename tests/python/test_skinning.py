@@ -301,7 +301,7 @@ def test_skin_all_refuses_what_is_wrong(random):
         said_of(skin, matrices, out, method, "odd", frames)
         == 'job 1: there is no stretch "odd"; expected polar, frame or frame_each'
     )
-    assert said_of(skin, matrices, None, method) == "job 1: out is a NoneType; expected a numpy array"
+    assert said_of(skin, matrices, None, method) == "job 1: out is None; expected a numpy array"
     assert said_of(skin, matrices.tolist(), out, method) == "job 1: matrices is a list; expected a numpy array"
     assert said_of(skin, matrices, out[1:], method) == "job 1: out has shape (99, 3); expected (100, 3)"
     assert said_of(skin, matrices[:4], out, method) == "job 1: there are 4 matrices per frame; the skin has 5 joints"
