@@ -12,6 +12,7 @@ import argparse
 import ctypes
 import json
 import sys
+import threading
 from pathlib import Path
 from time import perf_counter
 
@@ -331,19 +332,36 @@ def on_a_snake(vertices, bones):
     surface, aside = (positions, offsets, corners), (positions + (0, 0, 0.1), offsets, corners)
     of_faces, matrices = {"face_offsets": offsets, "face_vertices": corners}, random_poses(heads)
     near = 0.09 / (0.15 * bones)
-    yield "smooth, 5 steps", lambda: sinew.smooth_weights(table, offsets, corners)
-    yield "smooth, strength 5", lambda: sinew.smooth_weights(table, offsets, corners, strength=5.0)
-    yield "reduce to 4", lambda: sinew.reduce_weights(table, positions, matrices, rings=2, **of_faces)
-    yield "mirror", lambda: sinew.mirror_weights(table, *surface, np.arange(bones), axis=1)
-    yield "transfer", lambda: sinew.transfer_weights(*surface, table, *aside, distance=near)
-    yield "automatic weights", lambda: sinew.automatic_weights(*surface, heads, tails)
+    yield "smooth, 5 steps", lambda **more: sinew.smooth_weights(table, offsets, corners, **more)
+    yield "smooth, strength 5", lambda **more: sinew.smooth_weights(table, offsets, corners, strength=5.0, **more)
+    yield "reduce to 4", lambda **more: sinew.reduce_weights(table, positions, matrices, rings=2, **of_faces, **more)
+    yield "mirror", lambda **more: sinew.mirror_weights(table, *surface, np.arange(bones), axis=1, **more)
+    yield "transfer", lambda **more: sinew.transfer_weights(*surface, table, *aside, distance=near, **more)
+    yield "automatic weights", lambda **more: sinew.automatic_weights(*surface, heads, tails, **more)
+
+
+def delay_of(run, seconds, times=8):
+    """The longest time, in seconds, for which it goes on after it has been cancelled at a random moment. seconds: that
+    it takes otherwise."""
+    longest = 0.0
+    for moment in np.random.default_rng(4).uniform(0, seconds, times):
+        progress = native().Progress()
+        thread = threading.Thread(target=run, kwargs={"progress": progress})
+        thread.start()
+        thread.join(moment)
+        start = perf_counter()
+        progress.cancel()
+        thread.join()
+        longest = max(longest, perf_counter() - start)
+    return longest
 
 
 def large():
-    """Yields what was done, vertices, bones, seconds and the memory that it took."""
+    """Yields what was done, vertices, bones, seconds, the memory that it took, and delay_of."""
     for vertices, bones in ((3_880, 80), (30_000, 160), (300_000, 700)):
         for what, run in on_a_snake(vertices, bones):
-            yield what, vertices, bones, *peak_of(run)
+            seconds, peak = peak_of(run)
+            yield what, vertices, bones, seconds, peak, delay_of(run, seconds)
 
 
 def main():
@@ -375,11 +393,13 @@ def main():
     for what, vertices, seconds, said in tools(body, options.dem_bones):
         done.append({"what": what, "vertices": vertices, "seconds": seconds, "result": said})
         print(f"| {what} | {vertices:,} | {seconds:.3f} | {said} |", flush=True)
-    print("\n| what is done with a tube | vertices | bones | s | memory at most, MB |\n|---|---|---|---|---|")
+    print("\n| what is done with a tube | vertices | bones | s | memory at most, MB | cancelled after at most, s |")
+    print("|" + "---|" * 6)
     sizes = []
-    for what, vertices, bones, seconds, peak in large():
-        sizes.append({"what": what, "vertices": vertices, "bones": bones, "seconds": seconds, "megabytes": peak})
-        print(f"| {what} | {vertices:,} | {bones} | {seconds:.2f} | {peak:.0f} |", flush=True)
+    for what, vertices, bones, seconds, peak, delay in large():
+        own = {"what": what, "vertices": vertices, "bones": bones}
+        sizes.append(own | {"seconds": seconds, "megabytes": peak, "cancelled": delay})
+        print(f"| {what} | {vertices:,} | {bones} | {seconds:.2f} | {peak:.0f} | {delay:.2f} |", flush=True)
     if options.json:
         report = {"blender": bpy.app.version_string, "rows": results, "tools": done, "large": sizes}
         options.json.write_text(json.dumps(report, indent=1))
