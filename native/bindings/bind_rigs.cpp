@@ -1,9 +1,11 @@
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
 #include <exception>
 #include <memory>
 #include <tuple>
+#include <variant>
 
 #include "arrays.h"
 #include "rig_description_of.h"
@@ -79,15 +81,21 @@ void evaluate(const RigProgram& program, const py::array& frames, const py::dict
   program.evaluate(times, inputs.given(), outputs);
 }
 
-py::array py_evaluate(const RigProgram& program, const py::array& frames, const py::dict& set) {
-  py::array_t<float> poses;
-  evaluate(program, frames, set, [&](py::ssize_t count) {
-    poses = py::array_t<float>({count, static_cast<py::ssize_t>(program.bone_count()), py::ssize_t{4}, py::ssize_t{4}});
+/// Evaluates frames into matrices. count: how many of a frame, (F, count, 4, 4) of all.
+py::array matrices_of(const RigProgram& program, const py::array& frames, const py::dict& set, py::ssize_t count,
+                      std::optional<MatrixStack<float>> RigOutputs::*part) {
+  py::array_t<float> matrices;
+  evaluate(program, frames, set, [&](py::ssize_t frame_count) {
+    matrices = py::array_t<float>({frame_count, count, py::ssize_t{4}, py::ssize_t{4}});
     RigOutputs outputs;
-    outputs.poses = matrix_stack<float>("poses", poses);
+    outputs.*part = matrix_stack<float>("out", matrices);
     return outputs;
   });
-  return poses;
+  return matrices;
+}
+
+py::array py_evaluate(const RigProgram& program, const py::array& frames, const py::dict& set) {
+  return matrices_of(program, frames, set, program.bone_count(), &RigOutputs::poses);
 }
 
 RigProgram py_edited(const RigProgram& program, const py::dict& set, const py::list& curves) {
@@ -96,15 +104,34 @@ RigProgram py_edited(const RigProgram& program, const py::dict& set, const py::l
 }
 
 py::array py_segments(const RigProgram& program, const py::array& frames, const py::dict& set) {
-  py::array_t<float> segments;
-  evaluate(program, frames, set, [&](py::ssize_t count) {
-    segments = py::array_t<float>(
-        {count, static_cast<py::ssize_t>(program.segment_begin().back()), py::ssize_t{4}, py::ssize_t{4}});
-    RigOutputs outputs;
-    outputs.segments = matrix_stack<float>("segments", segments);
-    return outputs;
-  });
-  return segments;
+  return matrices_of(program, frames, set, program.segment_begin().back(), &RigOutputs::segments);
+}
+
+py::array py_motions(const RigProgram& program, const py::array& frames, const py::dict& set) {
+  return matrices_of(program, frames, set, program.joint_begin().back(), &RigOutputs::motions);
+}
+
+py::array_t<float> rest_of(const RigProgram& program) {
+  py::array_t<float> rest({static_cast<py::ssize_t>(program.bone_count()), py::ssize_t{4}, py::ssize_t{4}});
+  const MatrixStack<float> stack = matrix_stack<float>("rest", rest);
+  for (std::ptrdiff_t bone = 0; bone < program.bone_count(); ++bone) stack.at(0, bone) = program.rest(bone);
+  return rest;
+}
+
+py::dict paths_of(const RigProgram& program) {
+  py::dict counts;
+  for (const RigProgram::Property& each : program.properties()) counts[py::str(each.path)] = each.place.count;
+  return counts;
+}
+
+RigProgram program_of(const std::variant<py::dict, std::filesystem::path>& given) {
+  if (const auto* description = std::get_if<py::dict>(&given)) return RigProgram(rig_description_of(*description));
+  const auto& path = std::get<std::filesystem::path>(given);
+  try {
+    return RigProgram(rig_description_of(rig_file(path)));
+  } catch (const InputError& error) {
+    throw InputError(std::string(py::str(py::cast(path))) + ": " + error.what());
+  }
 }
 
 /// The places of all numbers of each path.
@@ -259,9 +286,13 @@ py::dict py_profile(const RigProgram& program, const py::array& frames, const py
 }
 
 py::dict settings_dict(std::span<const RigSetting> settings) {
-  py::dict counts;
-  for (const RigSetting& setting : settings) counts[py::str(std::string(setting.name))] = setting.count;
-  return counts;
+  constexpr const char* kKinds[] = {"FLOAT", "INT", "BOOLEAN", "ENUM"};
+  py::dict found;
+  for (const RigSetting& setting : settings) {
+    found[py::str(std::string(setting.name))] = py::make_tuple(setting.count, kKinds[static_cast<int>(setting.kind)],
+                                                               setting.initial, setting.low, setting.high);
+  }
+  return found;
 }
 
 py::dict constraint_settings_dict() {
@@ -278,11 +309,9 @@ py::dict constraint_settings_dict() {
 void bind_rigs(py::module_& module) {
   py::class_<RigProgram, std::shared_ptr<RigProgram>>(
       module, "RigProgram", "An armature's bones, constraints, drivers and curves, evaluated as Blender does.")
-      .def(py::init([](const py::dict& description) { return RigProgram(rig_description_of(description)); }),
-           py::arg("description"),
-           "Checks a description, as `sinew rig` writes it, and puts it in order. Raises ValueError, which names what "
-           "is "
-           "wrong or not covered.")
+      .def(py::init(&program_of), py::arg("description"),
+           "Checks a description, or the file of one that `sinew rig` has written, and puts it in order. Raises "
+           "ValueError, which names what is wrong or not covered.")
       .def_property_readonly("names", &RigProgram::bone_names, "The bones' B unique names.")
       .def_property_readonly(
           "parents", [](py::object self) { return view_list(self.cast<const RigProgram&>().parents(), self); },
@@ -291,16 +320,25 @@ void bind_rigs(py::module_& module) {
           "segment_begin",
           [](py::object self) { return view_list(self.cast<const RigProgram&>().segment_begin(), self); },
           "B + 1, where each B-bone's matrices begin in segments(); other bones have none.")
+      .def_property_readonly(
+          "joint_begin", [](py::object self) { return view_list(self.cast<const RigProgram&>().joint_begin(), self); },
+          "B + 1, where each bone's joints begin in skinning_matrices(): one, or of a B-bone those of all ends of its "
+          "segments.")
+      .def_property_readonly("rest", &rest_of, "(B, 4, 4) float32, the bones' rest matrices in armature space.")
+      .def_property_readonly(
+          "paths", &paths_of,
+          "What evaluate() takes, and how many numbers each has: settings of bones and constraints, custom properties, "
+          "and values from outside; see matrix_names too.")
+      .def_property_readonly("driven", &RigProgram::driven, "The numbers that drivers set, whatever is given.")
+      .def_property_readonly("keyed", &RigProgram::keyed, "The numbers that follow curves unless they are given.")
       .def_property_readonly("matrix_names", &RigProgram::matrix_names,
                              "The objects and other rigs' bones whose world matrices come from outside.")
       .def(
           "edited", &py_edited, py::arg("set"), py::arg("curves"),
           "Returns the same rig after an edit of its pose or its keys, without putting it in order again.\n\n"
           "set: as of evaluate(), but for good and as Blender stores it: curves replace these values. Not for settings "
-          "of "
-          "constraints. curves: "
-          "rows as the description's, which replace those of the same properties. Raises ValueError for a setting of a "
-          "constraint, a number that is not finite, and a property without a curve.")
+          "of constraints. curves: rows as the description's, which replace those of the same properties. Raises "
+          "ValueError for a setting of a constraint, a number that is not finite, and a property without a curve.")
       .def(
           "evaluate", &py_evaluate, py::arg("frames"), py::arg("set") = py::dict(),
           "Returns the bones' matrices in armature space, (F, B, 4, 4) float32.\n\n"
@@ -312,6 +350,9 @@ void bind_rigs(py::module_& module) {
       .def("segments", &py_segments, py::arg("frames"), py::arg("set") = py::dict(),
            "Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4) float32. "
            "Arguments and errors: see evaluate().")
+      .def("skinning_matrices", &py_motions, py::arg("frames"), py::arg("set") = py::dict(),
+           "Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4) float32, for "
+           "skins whose joints are numbered as joint_begin says. Arguments and errors: see evaluate().")
       .def(
           "values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
           "Returns what properties hold, (F, N) float32, all numbers of each path one after the other. Other arguments "
@@ -342,10 +383,10 @@ void bind_rigs(py::module_& module) {
         return settings;
       },
       "The numbers of a bone that may change: name and how many. Those of the pose come first; a name that occurs "
-      "again "
-      "is the rest bone's.");
-  module.def("rig_constraint_settings", &constraint_settings_dict,
-             "The settings of each type of constraint, and how many numbers each has.");
+      "again is the rest bone's.");
+  module.def(
+      "rig_constraint_settings", &constraint_settings_dict,
+      "The settings of each type of constraint, and of each how many numbers it has, their type, default and limits.");
 }
 
 }  // namespace sinew::bindings

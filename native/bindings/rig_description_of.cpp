@@ -1,6 +1,7 @@
 #include "rig_description_of.h"
 
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
 #include <array>
@@ -285,7 +286,7 @@ class Reader {
                          entries.get<bool>("bbone_handle_use_ease_end", false)};
     bone.uses_end_roll = entries.get<bool>("use_endroll_as_inroll", false);
     bone.scales_ease = entries.get<bool>("use_scale_easing", false);
-    bone.maps_curved = entries.get<std::string>("bbone_mapping_mode", "STRAIGHT") == "CURVED";
+    bone.maps_curved = entries.choice("bbone_mapping_mode", {0, {"STRAIGHT", "CURVED"}}, false);
     read_bone_values(entries, bone);
     entries.done({"name",
                   "parent",
@@ -487,6 +488,20 @@ class Reader {
     rig_.drivers.push_back(std::move(driver));
   }
 
+  /// Names of values from outside.
+  static void read_angles(Entries& target, VariableTarget& written) {
+    const py::sequence names = target.sequence("stored_angles");
+    const bool has_euler = written.order >= RotationMode::xyz;
+    if (names.size() != (has_euler ? 3 : 0)) {
+      wrong(target.where(),
+            "has " + std::to_string(names.size()) +
+                " names as \"stored_angles\"; expected 3 if \"stored_mode\" has angles, otherwise none");
+    }
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      written.angles[i] = target.cast<std::string>("stored_angles", names[i]);
+    }
+  }
+
   VariableDescription variable_of(const py::handle& object, const std::string& where) const {
     Entries entries(object, where + ", a variable,");
     VariableDescription variable;
@@ -503,7 +518,9 @@ class Reader {
       written.channel = target.choice("transform_type", kChannels, TransformChannel::location_x);
       written.space = target.choice("transform_space", kTransformSpaces, TransformSpace::world);
       written.rotation = target.choice("rotation_mode", kChannelRotations, ChannelRotation::automatic);
-      target.done({"target", "transform_type", "transform_space", "rotation_mode"});
+      written.order = target.choice("stored_mode", kRotationModes, RotationMode::quaternion);
+      read_angles(target, written);
+      target.done({"target", "transform_type", "transform_space", "rotation_mode", "stored_mode", "stored_angles"});
     }
     entries.done({"name", "type", "path", "outside", "targets"});
     return variable;
@@ -517,6 +534,23 @@ class Reader {
 }  // namespace
 
 RigDescription rig_description_of(const py::dict& description) { return Reader().read(description); }
+
+py::dict rig_file(const std::filesystem::path& path) {
+  const std::string expected = "; expected a rig as `sinew rig -o` writes it";
+  py::object found;
+  try {
+    const py::object file = py::module_::import("io").attr("open")(path, "rb");
+    const py::object bytes = file.attr("read")();
+    file.attr("close")();
+    found = py::module_::import("json").attr("loads")(bytes);
+  } catch (py::error_already_set& error) {
+    if (!error.matches(PyExc_OSError) && !error.matches(PyExc_ValueError) && !error.matches(PyExc_RecursionError))
+      throw;
+    throw InputError(std::string(py::str(error.value())) + expected);
+  }
+  if (!py::isinstance<py::dict>(found)) throw InputError("the file holds no JSON object" + expected);
+  return found;
+}
 
 std::vector<AnimatedValue> animated_values_of(const py::list& rows) {
   std::vector<AnimatedValue> found;

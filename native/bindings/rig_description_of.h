@@ -3,12 +3,17 @@
 
 #include <pybind11/pybind11.h>
 
+#include <filesystem>
+
 #include "sinew/rig_description.h"
 
 namespace sinew::bindings {
 
 /// Throws InputError, which says where something is missing, unknown or of the wrong kind.
 RigDescription rig_description_of(const pybind11::dict& description);
+
+/// Reads a JSON file as a dictionary. Throws InputError.
+pybind11::dict rig_file(const std::filesystem::path& path);
 
 /// The same for rows of its "curves".
 std::vector<AnimatedValue> animated_values_of(const pybind11::list& rows);

@@ -1034,18 +1034,35 @@ class RigProgram:
     """An armature's bones, constraints, drivers and curves, evaluated as Blender does. Immutable; any number of threads
     may use it."""
 
-    def __init__(self, description: dict[str, Any]) -> None:
-        """Checks a description, as `sinew rig` writes it, and puts it in order. Raises ValueError, which names what is
-        wrong or not covered."""
+    def __init__(self, description: dict[str, Any] | _Path) -> None:
+        """Checks a description, or the file of one that `sinew rig` has written, and puts it in order. Raises
+        ValueError, which names what is wrong or not covered."""
     @property
     def names(self) -> list[str]:
         """The bones' B unique names."""
+    @property
+    def rest(self) -> _Float32:
+        """(B, 4, 4), the bones' rest matrices in armature space."""
     @property
     def parents(self) -> _Int32:
         """(B,), the parent of each bone or -1."""
     @property
     def segment_begin(self) -> _Int32:
         """(B + 1,), where each B-bone's matrices begin in segments(); other bones have none."""
+    @property
+    def joint_begin(self) -> _Int32:
+        """(B + 1,), where each bone's joints begin in skinning_matrices(): one, or of a B-bone those of all ends of its
+        segments."""
+    @property
+    def paths(self) -> dict[str, int]:
+        """What evaluate() takes, and how many numbers each has: settings of bones and constraints, custom properties,
+        and values from outside; see matrix_names too."""
+    @property
+    def driven(self) -> list[str]:
+        """The numbers that drivers set, whatever is given."""
+    @property
+    def keyed(self) -> list[str]:
+        """The numbers that follow curves unless they are given."""
     @property
     def matrix_names(self) -> list[str]:
         """The objects and other rigs' bones whose world matrices come from outside."""
@@ -1063,6 +1080,12 @@ class RigProgram:
         (count,) for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace the
         description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a wrong
         shape, and if a driver divides by 0.
+        """
+    def skinning_matrices(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
+        """Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4), for skins whose
+        joints are numbered as joint_begin says.
+
+        frames (F,); arguments and errors: see evaluate().
         """
     def segments(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
         """Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4).
@@ -1106,5 +1129,6 @@ class RigRecordsAhead:
 def rig_bone_settings() -> list[tuple[str, int]]:
     """Returns the settings of a bone in the order of its `values`, and how many numbers each has."""
 
-def rig_constraint_settings() -> dict[str, dict[str, int]]:
-    """Returns the settings of each type of constraint, and how many numbers each has."""
+def rig_constraint_settings() -> dict[str, dict[str, tuple[int, str, float, float, float]]]:
+    """Returns the settings of each type of constraint, and of each how many numbers it has, their type, which is
+    'FLOAT', 'INT', 'BOOLEAN' or 'ENUM', their default, and their limits."""

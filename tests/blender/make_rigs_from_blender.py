@@ -1,9 +1,9 @@
-"""Writes tests/python/rigs_from_blender.json.gz: small random rigs and the poses that Blender computed, for tests
-without Blender. The seeds have all types of constraints between them.
+"""Writes tests/python/rigs_from_blender_VERSION.json.gz: small random rigs and the poses that Blender computed, for
+tests without Blender. The seeds have all types of constraints between them.
 
     blender -b --python-exit-code 1 --python tests/blender/make_rigs_from_blender.py
 
-Made with Blender 5.2.
+Made with Blender 5.2 of Debian unstable, and with the official 4.2, which runs with Debian 12's C library.
 """
 
 import gzip
@@ -16,13 +16,15 @@ import bpy
 import numpy as np
 
 sys.path.append(str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1] / "python"))
+import c_library
 import random_rigs
 from helpers import addon_module
 
 SEEDS = (44, 6, 1)
 BONES = 12  # those after them are left out; nothing before looks at them
 TIMES = (1, 4.25, 20.5, -7)
-FILE = Path(__file__).parents[1] / "python" / "rigs_from_blender.json.gz"
+FILE = Path(c_library.__file__).parent / f"rigs_from_blender_{bpy.app.version[0]}_{bpy.app.version[1]}.json.gz"
 
 
 def shortened(description):
@@ -64,9 +66,15 @@ def made(seed):
     recorded = addon_module("rig_programs.checking").record_frames(ob, read, TIMES)
     description = shortened(json.loads(json.dumps(read.description, default=np.ndarray.tolist)))
     rows = [ob.pose.bones.find(bone["name"]) for bone in description["bones"]]
-    return {"description": description, "frames": TIMES, "poses": [poses[rows].tolist() for poses in recorded.poses]}
+    return {
+        "description": description,
+        "frames": TIMES,
+        "inputs": {name: values.tolist() for name, values in recorded.given().items()},
+        "poses": [poses[rows].tolist() for poses in recorded.poses],
+    }
 
 
-text = json.dumps(rounded([made(seed) for seed in SEEDS]), separators=(",", ":"))
+document = {"c_library": c_library.fingerprint(), "rigs": rounded([made(seed) for seed in SEEDS])}
+text = json.dumps(document, separators=(",", ":"))
 FILE.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
 print(f"{bpy.app.version_string}: wrote {FILE}")

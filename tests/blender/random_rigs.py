@@ -5,10 +5,13 @@ of them can be left out and the others stay: shrunk() finds the few that matter.
 As a script, in a Blender with the add-on:
 
     blender -b --python tests/blender/random_rigs.py -- FIRST_SEED COUNT
+
+What differs and was mended is kept in KEPT.
 """
 
 import functools
 import random
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +24,9 @@ sys.path.append(str(Path(__file__).parent))
 from helpers import addon_module
 
 BONES = 30
-TIMES = (1, 4.25, 12, 20.5, 31, 44, 60.75, -7, -30.5, 91)
+TIMES = (1, 2, 4.25, 8.5, 12, 16, 20.5, 25, 31, 37.125, 44, 52, 60.75, 70, 91, 95.5, -7, -30.5, 130, -100.25)
+LARGEST = 1e4  # numbers that are compared; beyond, a chain's last solution may be decided by rounding
+EDITS = 4  # of values without keys, after the frames
 TYPES = (
     "COPY_LOCATION COPY_ROTATION COPY_SCALE COPY_TRANSFORMS LIMIT_LOCATION LIMIT_ROTATION LIMIT_SCALE LIMIT_DISTANCE "
     "MAINTAIN_VOLUME TRANSFORM DAMPED_TRACK LOCKED_TRACK STRETCH_TO TRACK_TO ARMATURE CHILD_OF FLOOR PIVOT "
@@ -41,7 +46,12 @@ EXPRESSIONS = (
     "lerp(a, b, 0.3)",
     "smoothstep(-1, 2, a) and not b",
 )
-INTERPOLATIONS = ("BEZIER", "BEZIER", "LINEAR", "CONSTANT", "SINE", "BACK", "BOUNCE", "ELASTIC", "EXPO", "QUINT")
+INTERPOLATIONS = (
+    "BEZIER BEZIER BEZIER LINEAR CONSTANT SINE QUAD CUBIC QUART QUINT EXPO CIRC BACK BOUNCE ELASTIC"
+).split()
+EASINGS = ("AUTO", "EASE_IN", "EASE_OUT", "EASE_IN_OUT")
+HANDLE_TYPES = ("FREE", "ALIGNED", "VECTOR", "AUTO", "AUTO_CLAMPED")
+CYCLES = ("NONE", "REPEAT", "REPEAT_OFFSET", "MIRROR")
 NOT_RANDOM = {
     *("type", "name", "active", "mute", "show_expanded", "influence", "owner_space", "target_space"),
     *("is_override_data", "enabled", "set_inverse_pending", "use_bone_object_action", "use_envelope"),
@@ -54,6 +64,10 @@ class Feature:
     kind: str  # one of FEATURES
     bone: int
     seed: int
+
+
+# Seeds and features.
+KEPT: list[tuple[int, list[Feature]]] = []
 
 
 def features_of(seed):
@@ -103,8 +117,9 @@ def make(seed, features):
         ob.location, ob.rotation_euler = (1, -2, 0.5), (0.3, 0.9, -1.2)
         ob.scale = (1.2, 1.2, 1.2) if seed % 4 == 1 else (1.1, 0.8, 1.3)
     make_action(ob, source)
+    make_others(ob, source)
     for bone in ob.pose.bones:
-        bone["real"], bone["whole"] = 0.5, 2
+        bone["real"], bone["whole"], bone["driven"] = 0.5, 2, 0.0
     for kind in FEATURES:  # modes before keys
         for feature in features:
             if feature.kind == kind:
@@ -129,6 +144,33 @@ def make_action(ob, source):
     ob.animation_data.action = None
     for bone in ob.pose.bones:
         bone.matrix_basis = Matrix()
+
+
+def make_others(ob, source):
+    """What is outside the rig and moves: an empty, and an armature with two bones."""
+    empty = bpy.data.objects.new("empty", None)
+    data = bpy.data.armatures.new("other")
+    other = bpy.data.objects.new("other", data)
+    for each in (empty, other):
+        bpy.context.collection.objects.link(each)
+    bpy.context.view_layer.objects.active = other
+    bpy.ops.object.mode_set(mode="EDIT")
+    for number in range(2):
+        bone = data.edit_bones.new(f"o{number}")
+        bone.head, bone.tail = vector(source, 1), vector(source, 1)
+        if number:
+            bone.parent = data.edit_bones["o0"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.objects.active = ob
+    other.location = vector(source, 1)
+    empty["number"] = 0.0
+    for frame in (1, 30, 60):
+        for each in (empty, *other.pose.bones):
+            set_channels(each, source)
+            for name in ("location", "rotation_euler", "rotation_quaternion", "scale"):
+                each.keyframe_insert(name, frame=frame)
+        empty["number"] = source.random()
+        empty.keyframe_insert('["number"]', frame=frame)
 
 
 ROTATIONS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle", "XYZ": "rotation_euler"}
@@ -184,15 +226,14 @@ def add_constraint(ob, number, source):
     kind = source.choice(TYPES)
     constraint = bone.constraints.new(kind)
 
-    def earlier():
-        return name_of(source.randrange(number))
-
+    target = ob, name_of(source.randrange(number))
     if kind == "ARMATURE":
         for _ in range(source.randint(1, 3)):
-            target = constraint.targets.new()
-            target.target, target.subtarget, target.weight = ob, earlier(), source.random()
+            each = constraint.targets.new()
+            each.target, each.subtarget = ob, name_of(source.randrange(number))
+            each.weight = source.random()
     elif hasattr(constraint, "target"):
-        constraint.target, constraint.subtarget = ob, earlier()
+        constraint.target, constraint.subtarget = target = any_target(ob, number, source)
     set_settings(constraint, source)
     special = SPECIAL.get(kind)
     if special:
@@ -204,9 +245,22 @@ def add_constraint(ob, number, source):
                 setattr(constraint, name, source.choice([choice for choice in choices if choice in allowed]))
             except TypeError:
                 continue  # the type allows fewer than it lists
-        constraint.space_object, constraint.space_subtarget = ob, earlier()
+        constraint.space_object, constraint.space_subtarget = any_target(ob, number, source)
+        if target[0] != ob and constraint.target_space not in ("WORLD", "CUSTOM"):
+            constraint.target_space = "WORLD"  # others are not covered
+    if target[0] != ob and hasattr(constraint, "head_tail"):
+        constraint.head_tail = 0
     constraint.influence = source.choice((1, 1, source.random()))
     constraint.mute = source.random() < 0.05
+
+
+def any_target(ob, number, source):
+    """An object and a bone of it: an earlier one of the rig, or now and then one outside."""
+    if source.random() < 0.9:
+        return ob, name_of(source.randrange(number))
+    if source.random() < 0.5:
+        return bpy.data.objects["other"], source.choice(("o0", "o1"))
+    return source.choice((bpy.data.objects["empty"], bpy.data.objects["other"])), ""
 
 
 def makes_cycle(bone, source):
@@ -248,10 +302,12 @@ def add_ik(ob, number, source):
     target, pole = source.choice(apart), source.choice(apart)
     constraint = bone.constraints.new("IK")
     constraint.target, constraint.subtarget = ob, target
+    if source.random() < 0.1:
+        constraint.target, constraint.subtarget = bpy.data.objects["empty"], ""
     if source.random() < 0.3 and pole != target:
         constraint.pole_target, constraint.pole_subtarget = ob, pole
     set_settings(constraint, source)
-    # Blender's last bit is not known for some chains that shall be somewhere and be turned in some way: docs/rigs.md.
+    # Blender's last bit is not known for some chains that shall be turned in some way: docs/rigs.md.
     constraint.use_location, constraint.use_rotation, constraint.use_tail = True, False, has_tail
     constraint.chain_count, constraint.iterations = len(chain), source.choice((5, 50, 500))
     constraint.influence = source.choice((1, 1, source.random()))
@@ -314,14 +370,47 @@ SPECIAL = {
 }
 
 
+READ = ('["real"]', '["whole"]', '["driven"]', ".scale[1]", ".location.x", ".rotation_quaternion[2]", ".bbone_rollout")
+
+
+def driver_somewhere(ob, bone, source):
+    """A new driver of the bone, of one of its constraints or of what it has in the armature."""
+    constraints = [each for each in bone.constraints if each.type != "IK"]
+    kind = source.choice(("channel", "channel", "influence", "influence", "setting", "property", "bend", "rest bend"))
+    if kind == "influence" and len(bone.constraints):
+        return bone.constraints[0].driver_add("influence")
+    if kind == "setting" and constraints:
+        constraint = source.choice(constraints)
+        names = [
+            prop.identifier
+            for prop in constraint.bl_rna.properties
+            if prop.type in ("FLOAT", "BOOLEAN", "INT")
+            and not prop.is_readonly
+            and not getattr(prop, "is_array", False)
+        ]
+        names = [name for name in names if name not in (*NOT_RANDOM, "use_bbone_shape", "head_tail", "rest_length")]
+        if names:
+            return constraint.driver_add(source.choice(names))
+    if kind == "property":
+        return bone.driver_add('["driven"]')
+    if kind.endswith("bend"):
+        name = source.choice(("bbone_rollin", "bbone_curveinx", "bbone_easeout", "bbone_scalein"))
+        index = (source.randrange(3),) if name == "bbone_scalein" else ()
+        return (bone.bone if kind == "rest bend" else bone).driver_add(name, *index)
+    name = source.choice(("location", "scale", "rotation_euler", "rotation_quaternion"))
+    return bone.driver_add(name, source.randrange(4 if name == "rotation_quaternion" else 3))
+
+
 def add_driver(ob, number, source):
     bone = ob.pose.bones[name_of(number)]
     if makes_cycle(bone, source):
         return
-    if len(bone.constraints) and source.random() < 0.5:
-        curve = bone.constraints[0].driver_add("influence")
-    else:
-        curve = bone.driver_add("location", source.randrange(3))
+    curve = driver_somewhere(ob, bone, source)
+    if curve.data_path.endswith("scale") or source.random() < 0.2:  # a scale of exactly 0 has no inverse
+        for key in curve.keyframe_points:
+            key.co.y = source.uniform(0.3, 1.2)
+            key.interpolation = source.choice(INTERPOLATIONS)
+        curve.update()
     driver = curve.driver
     driver.type = source.choice(("AVERAGE", "SUM", "SCRIPTED", "MIN", "MAX"))
     driver.expression = source.choice(EXPRESSIONS)
@@ -329,18 +418,25 @@ def add_driver(ob, number, source):
         variable = driver.variables.new()
         variable.name = name
         variable.type = source.choice(("SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"))
+        if curve.data_path.startswith("bones"):  # of the armature, which is evaluated before poses
+            variable.type = "SINGLE_PROP"
         for target in variable.targets:
-            target.id = ob
-            read = name_of(source.randrange(number))
+            target.id, read = any_target(ob, number, source)
             if variable.type == "SINGLE_PROP":
-                last = source.choice(('["real"]', '["whole"]', ".scale[1]", ".location.x"))
-                target.data_path = f'pose.bones["{read}"]{last}'
+                if target.id != ob:
+                    target.id, target.data_path = bpy.data.objects["empty"], source.choice(('["number"]', "scale.y"))
+                    continue
+                target.data_path = f'pose.bones["{read}"]{source.choice(READ)}'
+                if source.random() < 0.2 and len(ob.pose.bones[read].constraints):
+                    target.data_path = ob.pose.bones[read].constraints[0].path_from_id("influence")
                 continue
-            target.bone_target = read
+            if read and (target.id == ob or variable.type != "ROTATION_DIFF"):
+                target.bone_target = read
             target.transform_type = source.choice(
                 ("LOC_X", "LOC_Z", "ROT_X", "ROT_Y", "ROT_Z", "ROT_W", "SCALE_X", "SCALE_AVG")
             )
-            target.transform_space = source.choice(("WORLD_SPACE", "TRANSFORM_SPACE", "LOCAL_SPACE"))
+            spaces = ("WORLD_SPACE", "TRANSFORM_SPACE", "LOCAL_SPACE")
+            target.transform_space = source.choice(spaces if target.id == ob else spaces[:1])
             target.rotation_mode = source.choice(
                 ("AUTO", "XYZ", "ZYX", "QUATERNION", "SWING_TWIST_X", "SWING_TWIST_Y", "SWING_TWIST_Z")
             )
@@ -349,6 +445,7 @@ def add_driver(ob, number, source):
 def add_keys(ob, number, source):
     bone = ob.pose.bones[name_of(number)]
     names = ("location", "scale", ROTATIONS.get(bone.rotation_mode, "rotation_euler"), '["real"]', '["whole"]')
+    names = [name for name in names if source.random() < 0.85]
     for frame in (1, 30, 60, 91):
         set_channels(bone, source)
         bone["real"], bone["whole"] = source.uniform(-0.5, 1.5), source.randint(-3, 3)
@@ -360,10 +457,36 @@ def add_keys(ob, number, source):
             continue
         if source.random() < 0.2:
             curve.extrapolation = "LINEAR"
-        if source.random() < 0.2:
-            curve.modifiers.new("CYCLES").mode_after = source.choice(("REPEAT", "REPEAT_OFFSET", "MIRROR"))
+        add_modifier(curve, source)
         for key in curve.keyframe_points:
-            key.interpolation = source.choice(INTERPOLATIONS)
+            set_key(key, source)
+        curve.update()
+
+
+def add_modifier(curve, source):
+    kind = source.choice((None, None, None, "CYCLES", "GENERATOR"))
+    if kind == "CYCLES":
+        cycles = curve.modifiers.new(kind)
+        cycles.mode_before, cycles.mode_after = source.choice(CYCLES), source.choice(CYCLES)
+        cycles.cycles_before, cycles.cycles_after = source.choice((0, 0, 1, 2)), source.choice((0, 0, 1, 2))
+    elif kind == "GENERATOR" and not curve.data_path.endswith('["whole"]'):
+        generator = curve.modifiers.new(kind)
+        generator.poly_order = source.randint(1, 3)
+        sizes = (0.5, 0.01, 1e-4, 1e-6)
+        generator.coefficients = [source.uniform(-size, size) for size in sizes[: generator.poly_order + 1]]
+        generator.use_additive = source.random() < 0.7
+
+
+def set_key(key, source):
+    key.interpolation, key.easing = source.choice(INTERPOLATIONS), source.choice(EASINGS)
+    key.amplitude, key.period, key.back = (
+        source.uniform(0, 2),
+        source.choice((0, source.uniform(0, 30))),
+        source.random(),
+    )
+    key.handle_left_type, key.handle_right_type = source.choice(HANDLE_TYPES), source.choice(HANDLE_TYPES)
+    key.handle_left = (key.co.x - source.uniform(0, 40), key.co.y + source.uniform(-0.5, 0.5))
+    key.handle_right = (key.co.x + source.uniform(0, 40), key.co.y + source.uniform(-0.5, 0.5))
 
 
 FEATURES = {
@@ -396,8 +519,10 @@ def differences_of(seed, features, times=TIMES):
             raise HasCycle from error
         raise
     found = checking.differences(program, recorded := checking.record_frames(ob, read, times))
-    # Out of what is not a number anything may come; no rig that people use has it.
-    broken = broken_times(recorded)
+    edits, after_edits = edit_differences(ob, read, program, random.Random(seed))
+    found += edits
+    # Out of what is not a number, or very large, anything may come; no rig that people use has it.
+    broken = broken_times(recorded) | broken_times(after_edits)
     if found:
         for constraint in [each for bone in ob.pose.bones for each in bone.constraints if each.type == "IK"]:
             constraint.influence = 1  # less would hide what the chain has made of it
@@ -405,8 +530,64 @@ def differences_of(seed, features, times=TIMES):
     return [difference for difference in found if difference.time not in broken]
 
 
+# On their values it depends how the rig is built, or Blender keeps something of the value before.
+NOT_EDITED = {
+    *("chain_count", "iterations", "use_tail", "use_stretch", "use_bbone_shape", "is_valid", "rest_length", "distance"),
+    *("head_tail", "use_bone_envelopes", "use_bone_object_action", "mute", "inverse_matrix", "pole_angle"),
+}
+
+
+def edit_differences(ob, read, program, source):
+    """Sets some values by hand that have no keys, one after the other, each on another frame: differences, and what
+    Blender has computed."""
+    checking = addon_module("rig_programs.checking")
+    keyed = {re.sub(r"\[\d+\]$", "", name) for name in program.keyed}
+    free = [path for path in program.paths if path not in keyed and path.startswith(("pose", "data"))]
+    free = [path for path in free if path.rpartition(".")[2] not in NOT_EDITED]
+    given, found, recorded = {}, [], checking.Recording()
+    for time in source.sample(TIMES, EDITS):
+        whole = int(np.floor(time))
+        bpy.context.scene.frame_set(whole, subframe=time - whole)
+        for path in source.sample(free, min(len(free), 5)):
+            value = edit(ob, path, source)
+            if value is not None:
+                given[path] = value
+        ob.update_tag(refresh={"OBJECT", "DATA"})
+        ob.data.update_tag()
+        bpy.context.view_layer.update()
+        now = checking.Recording()
+        for each in (now, recorded):
+            each.add(ob, read, dict(given))
+        found += checking.differences(program, now)
+    return found, recorded
+
+
+def edit(ob, path, source):
+    """Sets the value of a path and returns it; None for what is not changed."""
+    block = ob.data if path.startswith("data.") else ob
+    owner, name = re.fullmatch(r'(?:data\.)?(.*?)\.?(\["[^"]*"\]|\w+)', path).groups()
+    holder = block.path_resolve(owner, False)
+    if name.startswith("["):
+        name = name[2:-2]
+        holder[name] = source.randint(-3, 3) if isinstance(holder[name], int) else source.uniform(-0.5, 1.5)
+        return holder[name]
+    value, setting = getattr(holder, name), holder.bl_rna.properties[name]
+    if setting.type == "BOOLEAN":
+        setattr(holder, name, not value)
+    elif setting.type == "FLOAT" and setting.is_array:
+        around = 1 if "scale" in name else 0
+        setattr(holder, name, [around + source.uniform(-0.4, 0.4) for _ in value])
+        return list(getattr(holder, name))
+    elif setting.type == "FLOAT":
+        setattr(holder, name, source.uniform(max(setting.soft_min, -1), min(setting.soft_max, 1.5)))
+    else:
+        return None
+    return float(getattr(holder, name))
+
+
 def broken_times(recorded):
-    return {time for time, poses in zip(recorded.times, recorded.poses, strict=True) if not np.isfinite(poses).all()}
+    frames = zip(recorded.times, recorded.poses, recorded.segments, strict=True)
+    return {time for time, *parts in frames if not all((np.abs(part) < LARGEST).all() for part in parts)}
 
 
 def shrunk(seed, features, differs):
@@ -441,10 +622,12 @@ def main(first, count):
             cycles += 1
             print("seed", seed, "has a cycle:", cycle.__cause__)
             continue
+        except ValueError as error:
+            print("seed", seed, "is refused:", error)
+            continue
         if found:
             print("seed", seed, "differs:", *found[:3], sep="\n  ")
-            for feature in shrunk(seed, features, functools.partial(differs, seed)):
-                print("  needs", feature)
+            print(f"  needs {shrunk(seed, features, functools.partial(differs, seed))}")
     print(f"{count} rigs, {cycles} with cycles")
 
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <numbers>
 #include <span>
@@ -130,7 +131,7 @@ TEST(RigProgram, TakesEditsOfValuesAndCurves) {
     return complaint([&] { program.edited(values, curves); });
   };
   EXPECT_EQ(failure({{{place.first, 1, broken, 0}}, {}}, {}),
-            "pose.bones[\"root\"].location[0] is nan; expected a finite number");
+            "pose.bones[\"root\"].location[0] has nan in it; expected finite numbers");
   const AnimatedValue other = curve(bone_path("root", "location"), 1, {{0, 5}});
   EXPECT_EQ(failure({}, {&other, 1}), "pose.bones[\"root\"].location[1] follows no curve; build the rig again");
   const int influence = program.find_value("pose.bones[\"tip\"].constraints[\"first\"].influence").first;
@@ -280,6 +281,32 @@ TEST(RigProgram, EvaluatingTakesNoMoreMemoryAfterTheFirstFrame) {
     }
   }
 }
+
+TEST(RigProgram, EvaluatingAllKindsOfPartsTakesNoMemory) {
+  RigDescription rig = two_goals();
+  const int count = static_cast<int>(rig.bones.size());
+  for (int type = 0; type < static_cast<int>(ConstraintType::ik); ++type) {
+    const int bone = add_bone(rig, "constrained" + std::to_string(type), 0, {1, static_cast<float>(type), 0});
+    ConstraintDescription& made = add_constraint(rig, static_cast<ConstraintType>(type), bone, 1);
+    const std::string_view name = constraint_name(made.type);
+    const bool limits = name.starts_with("LIMIT") && made.type != ConstraintType::limit_distance;
+    if (limits || made.type == ConstraintType::maintain_volume) made.targets.clear();
+    if (made.type == ConstraintType::armature) made.weights = {0.5F};
+    if (made.type == ConstraintType::stretch_to) set(made, "rest_length", 1);
+    if (made.type == ConstraintType::limit_distance) set(made, "distance", 1);
+  }
+  for (const int bendy : {count, count + 1}) rig.bones[bendy].segments = 5;
+  rig.bones[count].maps_curved = true;
+  const std::string root = bone_path(rig.bones[0].name, "location");
+  rig.curves.push_back(curve(root, 0, {{0, 0}, {10, 3}}));
+  rig.drivers.push_back(driver(root, 1, {root + "[0]"}, "sin(a) + frame / 10"));
+  rig.drivers.push_back(driver(bone_path(rig.bones[count].name, "bbone_rollin"), 0, {root + "[0]"}));
+  const RigProgram program(rig);
+  const std::array<float, 4> frames = {1, 2.5F, 7, 12};
+  const auto evaluate = [&] { program.profile(frames, {}); };
+  evaluate();
+  EXPECT_EQ(bytes_allocated_by(evaluate), 0U);
+}
 #endif
 
 TEST(RigProgram, FindsValuesByPath) {
@@ -307,6 +334,18 @@ TEST(RigProgram, NamesACycle) {
       failure_of(rig),
       "the rig has a cycle: bone [\"tip\"] -> bone [\"root\"] -> bone [\"tip\"]. Blender cuts it somewhere, so the "
       "order is its own; remove one of these dependencies");
+}
+
+TEST(RigProgram, ReadingABendWaitsForTheSegments) {
+  RigDescription rig = two_bones();
+  add_bone(rig, "handle", -1, {1, 0, 0});
+  rig.bones[1].segments = 2;
+  rig.bones[1].handle_types = {HandleType::absolute, HandleType::automatic};
+  rig.bones[1].handles = {2, -1};
+  rig.drivers.push_back(driver(bone_path("handle", "location"), 0, {bone_path("tip", "bbone_rollin")}));
+  EXPECT_EQ(failure_of(rig).substr(0, 23), "the rig has a cycle: th");
+  rig.bones[1].handles = {0, -1};
+  EXPECT_EQ(failure_of(rig), "(no complaint)");
 }
 
 TEST(RigProgram, RefusesWhatItDoesNotCompute) {

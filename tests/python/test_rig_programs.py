@@ -1,6 +1,7 @@
 """RigProgram: descriptions as dictionaries, and what it computes from them."""
 
 import copy
+import json
 
 import numpy as np
 import pytest
@@ -76,6 +77,122 @@ def test_frames(rig):
     assert poses[:, 1, :3, 3].tolist() == [[0, 0, 3], [10, 0, 3], [15, 0, 3]]
 
 
+def as_json(rig):
+    return json.dumps(rig, default=np.ndarray.tolist)
+
+
+def test_a_file_is_a_description_too(rig, tmp_path):
+    path = tmp_path / "höhe.json"
+    path.write_text(as_json(rig), encoding="utf-8")
+    frames = np.arange(5)
+    wanted = sinew.RigProgram(rig).evaluate(frames)
+    for name in (path, str(path)):
+        assert np.array_equal(sinew.RigProgram(name).evaluate(frames), wanted)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "No such file"),
+        (b"{", "Expecting property name enclosed in double quotes"),
+        (b"[1]", "the file holds no JSON object; expected a rig as `sinew rig -o` writes it"),
+        (b'{"blender": 502, "name": "\xff"}', "can't decode byte 0xff"),
+        (b"[" * 100_000, "; expected a rig as `sinew rig -o` writes it"),
+        (b'{"bones": []}', 'the rig has no "blender"'),
+        (b'{"blender": 502, "world": [1, NaN]}', 'the rig has 2 numbers as "world"; expected 16'),
+    ],
+)
+def test_files_that_are_no_rig(text, message, tmp_path):
+    path = tmp_path / "rig.json"
+    if text is not None:
+        path.write_bytes(text)
+    with pytest.raises(ValueError) as error:
+        sinew.RigProgram(path)
+    assert str(error.value).startswith(f"{path}: ") and message in str(error.value)
+
+
+def test_what_is_no_description():
+    with pytest.raises(TypeError):
+        sinew.RigProgram(["rig.json"])
+
+
+def test_all_that_may_be_given_has_a_name(rig):
+    rig["bones"][0]["name"] = rig["constraints"][0]["targets"][0]["bone"] = 'a "b"'
+    rig["curves"], rig["drivers"][0]["path"] = [], 'pose.bones["a \\"b\\""].location'
+    rig["constraints"].append({"bone": "owner", "name": "Arm", "type": "ARMATURE", "weights": [0.5], "targets": [None]})
+    rig["properties"].append({"path": 'data["three"]', "value": [1, 2, 3]})
+    rig["values"].append({"name": "lamp: location[0]", "value": 7})
+    program = sinew.RigProgram(rig)
+    paths = program.paths
+    assert paths['pose.bones["a \\"b\\""].rotation_quaternion'] == 4 and paths['data["three"]'] == 3
+    assert paths['data.bones["owner"].bbone_scalein'] == 3 and paths["lamp: location[0]"] == paths["lamp"] == 1
+    assert paths['pose.bones["owner"].constraints["Arm"].targets[0].weight'] == 1
+    values = program.values(np.zeros(1), list(paths))
+    assert values.shape == (1, sum(paths.values()))
+    given = {path: np.arange(count) if count > 1 else 1 for path, count in paths.items()}
+    assert program.evaluate(np.zeros(1), given).shape == (1, 2, 4, 4)
+    assert program.driven == ['pose.bones["a \\"b\\""].location[2]'] and program.keyed == []
+
+
+def test_what_curves_set_has_a_name(rig):
+    assert sinew.RigProgram(rig).keyed == ['pose.bones["target"].location[0]']
+
+
+def test_skins_take_the_poses(rig):
+    """By the skeleton of the rest, and by matrices of the program itself."""
+    rig["bones"][1]["matrix_local"][:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]  # a quarter turn
+    program, frames = sinew.RigProgram(rig), np.array([0, 5, 7.5])
+    assert np.array_equal(program.rest, [bone["matrix_local"] for bone in rig["bones"]])
+    assert program.joint_begin.tolist() == [0, 1, 2]
+    matrices = program.skinning_matrices(frames)
+    skeleton = sinew.Skeleton(program.parents, program.rest)  # both bones are roots
+    np.testing.assert_allclose(sinew.skinning_matrices(skeleton, program.evaluate(frames)), matrices, atol=1e-6)
+    points = np.random.default_rng(1).uniform(-1, 1, (50, 3))
+    skin = sinew.Skin.from_dense(points, np.tile([0.25, 0.75], (50, 1)))
+    shapes = np.empty((3, 50, 3), np.float32)
+    sinew.skin_all([(skin, each, shape, "linear") for each, shape in zip(matrices, shapes)])
+    moved = np.einsum("fjab,vb->fjva", matrices[..., :3], np.c_[points, np.ones(50)][:, [0, 1, 2]])
+    moved = moved[..., :3] + matrices[:, :, None, :3, 3]
+    np.testing.assert_allclose(shapes, 0.25 * moved[:, 0] + 0.75 * moved[:, 1], atol=1e-5)
+
+
+def test_joints_of_bendy_bones(rig):
+    rig["bones"][0]["bbone_segments"] = 4
+    program = sinew.RigProgram(rig)
+    assert program.joint_begin.tolist() == [0, 5, 6]
+    matrices = program.skinning_matrices(np.array([10]))
+    # A straight B-bone's ends move as the bone does.
+    np.testing.assert_allclose(matrices[0, :5], np.tile(program.evaluate(np.array([10]))[0, :1], (5, 1, 1)), atol=1e-6)
+
+
+def test_a_choice_that_is_not_known(rig):
+    rig["constraints"][0] = {
+        "bone": "owner",
+        "name": "Turn",
+        "type": "COPY_ROTATION",
+        "targets": [{"bone": "target"}],
+        "settings": {"is_valid": 1, "mix_mode": 5},
+    }
+    with pytest.raises(ValueError, match='"Turn" of bone "owner" has 5 as mix_mode; known are 0 to 4'):
+        sinew.RigProgram(rig)
+    rig["constraints"][0]["settings"]["mute"] = 1
+    sinew.RigProgram(rig)
+
+
+def test_angles_from_outside_need_names(rig):
+    target = {"target": {"outside": "Cube"}, "transform_type": "ROT_X", "stored_mode": "XYZ"}
+    rig["matrices"] = [{"name": "Cube", "matrix": np.eye(4)}]
+    rig["drivers"][0] |= {"type": "SUM", "variables": [{"name": "a", "type": "TRANSFORMS", "targets": [target]}]}
+    with pytest.raises(ValueError, match='has 0 names as "stored_angles"; expected 3'):
+        sinew.RigProgram(rig)
+    target["stored_angles"] = ["x", "y", "z"]
+    with pytest.raises(ValueError, match="reads x, which is not among the rig's values from outside"):
+        sinew.RigProgram(rig)
+    rig["values"] += [{"name": name, "value": value} for name, value in zip("xyz", (7, 0, 0))]
+    location = sinew.RigProgram(rig).evaluate(np.zeros(1))[0, 0, :3, 3]
+    assert location[2] == np.float32(2 * np.pi)  # no angle is nearer to 7
+
+
 def test_given_values_replace_curves_and_drivers_replace_them(rig):
     program = sinew.RigProgram(rig)
     frames = np.zeros(2)
@@ -137,8 +254,9 @@ def test_tables():
     names = [name for name, _ in sinew.rig_bone_settings()]
     assert names[:2] == ["location", "rotation_quaternion"]
     settings = sinew.rig_constraint_settings()
-    assert settings["CHILD_OF"]["inverse_matrix"] == 16
-    assert "influence" in settings["IK"]
+    assert settings["CHILD_OF"]["inverse_matrix"] == (16, "FLOAT", 0, np.float32(-3.4e38), np.float32(3.4e38))
+    assert settings["LIMIT_SCALE"]["influence"] == (1, "FLOAT", 1, 0, 1)
+    assert settings["IK"]["mute"] == (1, "BOOLEAN", 0, 0, 1)
 
 
 def changed(rig, change):

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from .tables import bone_settings
+from .targets import Targets
 
 OF_REST = {  # what is read of all bones at once: name, how many numbers, type
     "matrix_local": (16, np.float32),
@@ -42,8 +43,8 @@ def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
     return numbers if width == 1 else numbers.reshape(-1, width)
 
 
-def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
-    """Returns the bones in the order of the pose."""
+def bones_of(ob: bpy.types.Object, found: Targets) -> list[dict[str, Any]]:
+    """Returns the bones in the order of the pose. Choices of a newer Blender are added to `found.refused`."""
     bones, posed = ob.data.bones, ob.pose.bones
     row, names = places_of(ob), [bone.name for bone in posed]
     columns: dict[str, list] = {"name": names, "values": values_of(ob, row).tolist()}
@@ -59,13 +60,17 @@ def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
     parents = [bone.parent for bone in posed]
     columns["parent"] = [parent and parent.name for parent in parents]
     columns["has_constraints"] = [len(bone.constraints) > 0 for bone in posed]
-    columns["rotation_mode"] = [ROTATION_MODES[mode] for mode in column(posed, "rotation_mode", 1, np.int32).tolist()]
-    inherited = column(bones, "inherit_scale", 1, np.int32)[row].tolist()
-    columns["inherit_scale"] = [INHERIT_SCALES[number] for number in inherited]
-    found = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    for name, known, numbers in (
+        ("rotation_mode", ROTATION_MODES, column(posed, "rotation_mode", 1, np.int32).tolist()),
+        ("inherit_scale", INHERIT_SCALES, column(bones, "inherit_scale", 1, np.int32)[row].tolist()),
+    ):
+        columns[name] = [known.get(number, known[0]) for number in numbers]
+        unknown = [bone for bone, number in zip(names, numbers, strict=True) if number not in known]
+        found.refused += [f'the {name} of the bone "{bone}" is of a newer Blender, and not covered' for bone in unknown]
+    entries = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
     bend = attrgetter(*OF_BEND)
     children = connected_children(ob)
-    for entry in found:
+    for entry in entries:
         if entry["bbone_segments"] == 1:
             continue
         rest = bones[entry["name"]]
@@ -75,7 +80,7 @@ def bones_of(ob: bpy.types.Object) -> list[dict[str, Any]]:
             entry[f"bbone_custom_handle_{end}"] = handle and handle.name
             entry[f"bbone_handle_use_scale_{end}"] = list(getattr(rest, f"bbone_handle_use_scale_{end}"))
         entry["connected_child"] = children.get(entry["name"])
-    return found
+    return entries
 
 
 def connected_children(ob: bpy.types.Object) -> dict[str, str]:

@@ -9,8 +9,8 @@ import bpy
 
 from . import curves, tables, targets
 
+WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
 # The channels of a bone that an Action constraint sets: where they begin among a bone's numbers.
-CUSTOM = 5  # the space, as Blender numbers it
 CHANNELS = {"location": 0, "rotation_quaternion": 3, "rotation_axis_angle": 7, "rotation_euler": 11, "scale": 14}
 
 
@@ -73,11 +73,16 @@ def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: ta
         if constraint.use_bone_envelopes:
             raise curves.Refused("bone envelopes are not covered: turn them off")
         row["targets"] = [found.of(target.target, target.subtarget) for target in constraint.targets]
+        if any(target and "outside" in target for target in row["targets"]):
+            raise curves.Refused("bones of another armature are not covered here")
         row["weights"] = [target.weight for target in constraint.targets]
     elif hasattr(constraint, "target"):
         target = found.of(constraint.target, getattr(constraint, "subtarget", ""))
-        if target and "outside" in target and settings.get("head_tail", 0) > 0:
-            raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
+        if target and "outside" in target:
+            if settings.get("head_tail", 0) > 0:
+                raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
+            if getattr(constraint, "subtarget", "") and settings["target_space"] not in (WORLD, CUSTOM):
+                raise curves.Refused("a space of another armature's bone is not covered: choose World Space")
         row["targets"] = [target]
     if kind == "IK":
         if constraint.target is None:

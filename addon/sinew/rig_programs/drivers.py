@@ -134,13 +134,31 @@ def variable_of(
         else:
             row["outside"] = outside.name_of(block, target.data_path)
         return row
-    row["targets"] = [
-        {
-            "target": found.of(target.id, target.bone_target),
-            "transform_type": target.transform_type,
-            "transform_space": target.transform_space,
-            "rotation_mode": target.rotation_mode,
-        }
-        for target in variable.targets
-    ]
+    row["targets"] = [target_of(variable, target, found, outside) for target in variable.targets]
+    return row
+
+
+def target_of(variable: Any, target: Any, found: targets.Targets, outside: Outside) -> dict[str, Any]:
+    row = {
+        "target": found.of(target.id, target.bone_target),
+        "transform_type": target.transform_type,
+        "transform_space": target.transform_space,
+        "rotation_mode": target.rotation_mode,
+    }
+    if not row["target"] or "outside" not in row["target"]:
+        return row
+    # Only world matrices come from outside.
+    if variable.type == "ROTATION_DIFF" and target.bone_target:
+        raise curves.Refused(f"it reads how a bone of {target.id.name} is turned, which is not covered")
+    if variable.type != "ROTATION_DIFF" and target.transform_space != "WORLD_SPACE":
+        raise curves.Refused(f"it reads {target.id.name} in another space than the world's, which is not covered")
+    holder = target.id.pose.bones[target.bone_target] if target.bone_target else target.id
+    if (
+        variable.type == "TRANSFORMS"
+        and target.rotation_mode == "AUTO"
+        and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE")
+    ):
+        start = f"{holder.path_from_id()}." if target.bone_target else ""
+        row["stored_mode"] = holder.rotation_mode
+        row["stored_angles"] = [outside.name_of(target.id, f"{start}rotation_euler[{i}]") for i in range(3)]
     return row

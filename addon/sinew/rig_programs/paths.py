@@ -10,7 +10,7 @@ WITHOUT_EFFECT = re.compile(
     r"(^|\.)(hide|hide_select|hide_viewport|hide_render|is_visible|is_solo|is_expanded|select|select_head|select_tail|"
     r"custom_shape\w*|show_\w+|use_custom_shape\w*|color|display_\w+|layers|draw_\w+|bbone_x|bbone_z|envelope_\w+|"
     r"head_radius|tail_radius|use_deform|use_envelope_multiply|lock_location|lock_rotation|lock_rotation_w|"
-    r"lock_rotations_4d|lock_scale|pass_index|visible_\w+|error_\w+)(\.\w+|\[\d+\])?$"
+    r"lock_rotations_4d|lock_scale|pass_index|use_transform_limit|visible_\w+|error_\w+)(\.\w+|\[\d+\])?$"
 )
 # Where the armature's object is.
 OBJECT_TRANSFORM = re.compile(r"^(delta_)?(location|rotation_\w+|scale)(\.[wxyz]|\[\d+\])?$|^parent\b|^constraints\b")

@@ -55,7 +55,7 @@ def read(
         "name": ob.name,
         "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
         "world": [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
-        "bones": bones.bones_of(ob),
+        "bones": bones.bones_of(ob, found),
         "constraints": list(constraints.constraints_of(ob, found)),
         "properties": list(properties.properties_of(ob)),
         "curves": list(drivers.curves_of(ob, found)),

@@ -25,6 +25,6 @@ def bone_columns() -> list[tuple[str, slice, bool]]:
 
 
 @cache
-def constraint_settings() -> dict[str, dict[str, int]]:
-    """Returns the settings of each type of constraint that is computed, and how many numbers each has."""
+def constraint_settings() -> dict[str, dict[str, tuple]]:
+    """Returns the settings of each type of constraint that is computed: how many numbers, type, default, limits."""
     return sinew_native.rig_constraint_settings()

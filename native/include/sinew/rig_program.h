@@ -67,6 +67,7 @@ struct RigRecords {
 struct RigOutputs {
   std::optional<MatrixStack<float>> poses;     ///< F x B: each bone in armature space
   std::optional<MatrixStack<float>> segments;  ///< F x S: see RigProgram::segment_begin
+  std::optional<MatrixStack<float>> motions;   ///< F x J: see RigProgram::joint_begin
   std::span<const int> values = {};            ///< which numbers
   float* numbers = nullptr;                    ///< F x the count of `values`
   std::optional<RigRecords> records;           ///< F
@@ -101,6 +102,13 @@ class RigProgram {
   /// divided into, relative to the bone. Other bones have none.
   std::span<const std::int32_t> segment_begin() const { return segment_begin_; }
 
+  /// What moves vertices from rest to pose, in armature space, is numbered as joints: of bone b, joint_begin()[b] up to
+  /// joint_begin()[b + 1]. A B-bone has one for each end of a segment, another bone has one.
+  std::span<const std::int32_t> joint_begin() const { return joint_begin_; }
+
+  /// The rest matrix of a bone, in armature space.
+  Matrix4<float> rest(std::ptrdiff_t bone) const;
+
   const std::vector<std::string>& matrix_names() const { return matrix_names_; }
 
   /// The place of a property's first number, and how many it has. Throws InputError for an unknown path.
@@ -109,6 +117,18 @@ class RigProgram {
     int count = 0;
   };
   Place find_value(std::string_view path) const;
+
+  /// All that find_value finds, apart from single numbers of several: settings of bones and constraints, custom
+  /// properties, and values from outside.
+  struct Property {
+    std::string path;
+    Place place;
+  };
+  std::vector<Property> properties() const;
+
+  /// The numbers that drivers set, and those that curves set.
+  std::vector<std::string> driven() const;
+  std::vector<std::string> keyed() const;
 
   /// The value of a number in the description.
   float value(int place) const;
@@ -133,6 +153,7 @@ class RigProgram {
   std::vector<std::string> matrix_names_;
   std::vector<std::int32_t> parents_;
   std::vector<std::int32_t> segment_begin_;
+  std::vector<std::int32_t> joint_begin_;
 };
 
 }  // namespace sinew

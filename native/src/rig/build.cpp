@@ -19,12 +19,6 @@ std::string constraint_text(const RigDescription& rig, const ConstraintDescripti
          bone_text(rig, constraint.bone);
 }
 
-void check_finite(std::span<const float> numbers, const std::string& what) {
-  for (const float number : numbers) {
-    if (!std::isfinite(number)) fail(what, " has ", number, " in it; expected finite numbers");
-  }
-}
-
 void check_target(const RigDescription& rig, const RigTarget& target, const std::string& owner) {
   const auto check = [&](std::size_t count, const char* what) {
     if (target.index < 0 || target.index >= static_cast<int>(count)) {
@@ -204,6 +198,9 @@ int place_of(const ValueMap& map, const ValuePath& value, const char* what) {
 
 Variable variable_of(const RigDescription& rig, const VariableDescription& given, const ValueMap& map,
                      const std::string& owner) {
+  const auto refuse_unknown = [&](const std::string& name) {
+    fail(owner, " reads ", name, ", which is not among the rig's values from outside; describe it there");
+  };
   Variable variable;
   variable.targets = given.targets;
   switch (given.type) {
@@ -211,10 +208,7 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
       for (VariableTarget& target : variable.targets) target.target = {};
       if (!given.outside.empty()) {
         variable.value = map.find_outside(given.outside);
-        if (variable.value < 0) {
-          fail(owner, " reads ", given.outside,
-               ", which is not among the rig's values from outside; describe it there");
-        }
+        if (variable.value < 0) refuse_unknown(given.outside);
         return variable;
       }
       variable.value = map.find_element(given.path);
@@ -232,6 +226,11 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
     }
     case VariableType::transform:
       variable.type = Variable::Type::transform;
+      for (std::size_t i = 0; i < variable.angles.size(); ++i) {
+        const std::string& angle = given.targets[0].angles[i];
+        variable.angles[i] = map.find_outside(angle);
+        if (variable.angles[i] < 0 && !angle.empty()) refuse_unknown(angle);
+      }
       variable.targets[1].target = {};
       break;
     case VariableType::location_difference:
@@ -271,6 +270,17 @@ ProgramCurve curve_of(const AnimatedValue& given, const Program& program) {
   return {value, named("the curve of " + program.map.name(value), [&] { return FCurve(given.curve, kind); })};
 }
 
+/// Refuses choices that are not known, as those of a newer Blender.
+void check_choices(const ConstraintDescription& constraint, const std::string& text) {
+  auto number = constraint.settings.begin();
+  for (const RigSetting& setting : constraint_settings(constraint.type)) {
+    if (setting.kind == ValueKind::choice && !(*number >= setting.low && *number <= setting.high)) {
+      fail(text, " has ", *number, " as ", setting.name, "; known are ", setting.low, " to ", setting.high);
+    }
+    number += setting.count;
+  }
+}
+
 /// Refuses settings whose result does not follow from a frame alone, or that are not computed.
 void check_settings(const RigDescription& rig, const Program& program) {
   const std::vector<char> written = written_values(program);
@@ -282,6 +292,7 @@ void check_settings(const RigDescription& rig, const Program& program) {
     };
     if (is_always(kMuted, true) || is_always(kValid, false) || is_always(kInfluence, false)) continue;
     const std::string text = constraint_text(rig, constraint);
+    check_choices(constraint, text);
     const auto place = [&](std::string_view name) {
       int at = 0;
       for (const RigSetting& setting : constraint_settings(constraint.type)) {
@@ -342,6 +353,12 @@ void check_description(const RigDescription& rig) {
 }
 
 }  // namespace
+
+void check_finite(std::span<const float> numbers, const std::string& what) {
+  for (const float number : numbers) {
+    if (!std::isfinite(number)) fail(what, " has ", number, " in it; expected finite numbers");
+  }
+}
 
 Program build_program(const RigDescription& rig) {
   check_description(rig);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 
 #include "rig/vector.h"
 
@@ -43,7 +44,7 @@ inline constexpr Mat3 kIdentity3 = {{{{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}}};
 inline constexpr Mat4 kIdentity4 = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
 
 /// From 16 numbers, column after column.
-inline Mat4 matrix_of(const std::array<float, 16>& numbers) {
+inline Mat4 matrix_of(std::span<const float, 16> numbers) {
   Mat4 matrix;
   for (int i = 0; i < 16; ++i) matrix[i / 4][i % 4] = numbers[i];
   return matrix;

@@ -88,6 +88,9 @@ class Graph {
     }
   }
 
+  /// The segments of a B-bone, if a driver reads a setting of its bend.
+  void need_bent(int driver, int value);
+
   void add_bone(int index);
   void add_segments(int index);
   void add_constraint(int node, const Constraint& constraint);
@@ -176,6 +179,15 @@ void Graph::add_tree(int index) {
   }
 }
 
+void Graph::need_bent(int driver, int value) {
+  const int bone = value / kBoneValueCount;
+  const int place = value % kBoneValueCount;
+  const bool is_bend = bone < bones_ && place >= kPoseBend && place < kIk && program_.bones[bone].is_bendy();
+  if (is_bend && program_.drivers[driver].value / kBoneValueCount != bone) {
+    need(driver_node(driver), segments_node(bone));
+  }
+}
+
 void Graph::add_driver(int index) {
   const int node = driver_node(index);
   for (const Variable& variable : program_.drivers[index].variables) {
@@ -183,6 +195,7 @@ void Graph::add_driver(int index) {
       need_values(node, variable.value, 1);
       const int owner = owners_[variable.value];
       if (owner >= 0 && owner != owners_[program_.drivers[index].value]) need_drivers_of(node, owner);
+      need_bent(index, variable.value);
     }
     if (variable.type == Variable::Type::bone_length) need(node, bone_node(variable.value));
     for (const VariableTarget& read : variable.targets) {

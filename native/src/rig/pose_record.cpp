@@ -66,20 +66,37 @@ void put_field(const Program& program, State& state, int index, const RecordFiel
   }
 }
 
+/// What moves vertices at the ends of a B-bone's segments.
+class SegmentMotions {
+ public:
+  SegmentMotions(const Program& program, State& state, int index)
+      : bone_(program.bones[index]),
+        inverses_(state.rest_shapes[bone_.bend.number].inverses.data()),
+        poses_(state.segments.data() + bone_.bend.first),
+        base_(channel_of(program, state, index) * bone_.rest) {}
+
+  Mat4 operator[](int end) const { return ((base_ * poses_[end]) * inverses_[end]) * bone_.inverse_rest; }
+
+ private:
+  const Bone& bone_;
+  const Mat4* inverses_;
+  const Mat4* poses_;
+  Mat4 base_;
+};
+
 void put_segments(const Program& program, State& state, int index, Writer& writer) {
   const Bone& bone = program.bones[index];
   const RestShape& rest = state.rest_shapes[bone.bend.number];
   const Mat4* const poses = state.segments.data() + bone.bend.first;
-  const Mat4 base = channel_of(program, state, index) * bone.rest;
+  const SegmentMotions motions(program, state, index);
   const int ends = bone.bend.segments + 1;
-  const auto deformation = [&](int end) { return ((base * poses[end]) * rest.inverses[end]) * bone.inverse_rest; };
   for (int end = 0; end < ends; ++end) writer.put(poses[end]);
   writer.put(bone.inverse_rest);
-  for (int end = 0; end < ends; ++end) writer.put(deformation(end));
+  for (int end = 0; end < ends; ++end) writer.put(motions[end]);
   for (int end = 0; end < ends; ++end) {
     Mat4 axes = rest.in_armature[end];
     normalize_columns(axes);
-    writer.put(dual_quaternion_of(axes, deformation(end)));
+    writer.put(dual_quaternion_of(axes, motions[end]));
   }
 }
 
@@ -114,6 +131,22 @@ void write_record(const Program& program, State& state, std::span<const RecordFi
     const Bone& bone = program.bones[index];
     writer.put(bone.deforms ? dual_quaternion_of(bone.rest, channel_of(program, state, index)) : DualQuaternion());
     if (bone.is_bendy()) put_segments(program, state, index, writer);
+  }
+}
+
+void write_motions(const Program& program, State& state, const MatrixStack<float>& out, std::ptrdiff_t frame) {
+  std::ptrdiff_t joint = 0;
+  const auto write = [&](const Mat4& motion) {
+    out.at(frame, joint++) = Eigen::Map<const Matrix4<float>>(&motion.columns[0][0]);
+  };
+  for (int index = 0; index < static_cast<int>(program.bones.size()); ++index) {
+    const Bone& bone = program.bones[index];
+    if (!bone.is_bendy()) {
+      write(channel_of(program, state, index));
+      continue;
+    }
+    const SegmentMotions motions(program, state, index);
+    for (int end = 0; end <= bone.bend.segments; ++end) write(motions[end]);
   }
 }
 

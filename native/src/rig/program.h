@@ -79,7 +79,8 @@ struct Constraint {
 struct Variable {
   enum class Type : std::uint8_t { value, bone_length, transform, location_difference, rotation_difference };
   Type type = Type::value;
-  int value = -1;  ///< the number or bone that it reads
+  int value = -1;                            ///< the number or bone that it reads
+  std::array<int, 3> angles = {-1, -1, -1};  ///< the numbers that VariableTarget::angles names
   std::array<VariableTarget, 2> targets;
 };
 
@@ -147,6 +148,9 @@ inline std::span<const Operation> trees_from(const Program& program, std::size_t
   }
   return {program.order.data() + begin, end - begin};
 }
+
+/// Throws InputError, which begins with `what`.
+void check_finite(std::span<const float> numbers, const std::string& what);
 
 /// Checks a description and puts it in order. Throws InputError.
 Program build_program(const RigDescription& description);

@@ -1,7 +1,6 @@
 #include "sinew/rig_program.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "base/check.h"
@@ -29,10 +28,8 @@ class Borrowed {
   std::unique_ptr<rig::State> state_;
 };
 
-rig::Mat4 matrix_from(const float* numbers) {
-  rig::Mat4 matrix;
-  for (int i = 0; i < 16; ++i) matrix[i / 4][i % 4] = numbers[i];
-  return matrix;
+std::span<const float, 16> matrix_at(const GivenMatrix& given, std::ptrdiff_t frame) {
+  return std::span<const float, 16>(given.numbers + frame * given.frame_stride, 16);
 }
 
 /// Puts what the caller gives for a frame into a state.
@@ -48,13 +45,17 @@ void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptr
     }
   }
   for (const GivenMatrix& matrix : given.matrices) {
-    state.outside[matrix.index] = matrix_from(matrix.numbers + frame * matrix.frame_stride);
+    state.outside[matrix.index] = rig::matrix_of(matrix_at(matrix, frame));
   }
+}
+
+Eigen::Map<const Matrix4<float>> eigen_of(const rig::Mat4& matrix) {
+  return Eigen::Map<const Matrix4<float>>(&matrix.columns[0][0]);
 }
 
 void write_matrices(const std::vector<rig::Mat4>& matrices, const MatrixStack<float>& out, std::ptrdiff_t frame) {
   for (std::size_t i = 0; i < matrices.size(); ++i) {
-    out.at(frame, static_cast<std::ptrdiff_t>(i)) = Eigen::Map<const Eigen::Matrix4f>(&matrices[i].columns[0][0]);
+    out.at(frame, static_cast<std::ptrdiff_t>(i)) = eigen_of(matrices[i]);
   }
 }
 
@@ -69,8 +70,11 @@ RigProgram::RigProgram(const RigDescription& description)
   }
   for (const OutsideMatrix& matrix : description.matrices) matrix_names_.push_back(matrix.name);
   segment_begin_.push_back(0);
+  joint_begin_.push_back(0);
   for (const rig::Bone& bone : program_->bones) {
-    segment_begin_.push_back(segment_begin_.back() + (bone.is_bendy() ? bone.bend.segments + 1 : 0));
+    const int ends = bone.is_bendy() ? bone.bend.segments + 1 : 0;
+    segment_begin_.push_back(segment_begin_.back() + ends);
+    joint_begin_.push_back(joint_begin_.back() + std::max(ends, 1));
   }
 }
 
@@ -80,26 +84,26 @@ RigProgram::RigProgram(std::unique_ptr<const rig::Program> program, const RigPro
       bone_names_(like.bone_names_),
       matrix_names_(like.matrix_names_),
       parents_(like.parents_),
-      segment_begin_(like.segment_begin_) {}
+      segment_begin_(like.segment_begin_),
+      joint_begin_(like.joint_begin_) {}
 
 RigProgram RigProgram::edited(const GivenInputs& given, std::span<const AnimatedValue> curves) const {
   auto program = std::make_unique<rig::Program>(*program_);
   for (const GivenValues& values : given.values) {
     for (int place = values.first; place < values.first + values.count; ++place) {
       const float number = values.numbers[place - values.first];
+      const std::string name = program->map.name(place);
       if (program->map.is_of_constraint(place)) {
-        fail(program->map.name(place), " is a setting of a constraint; build the rig again");
+        fail(name, " is a setting of a constraint; build the rig again");
       }
-      if (!std::isfinite(number)) fail(program->map.name(place), " is ", number, "; expected a finite number");
+      rig::check_finite({&number, 1}, name);
       program->map.set_initial(place, number);
     }
   }
   for (const GivenMatrix& matrix : given.matrices) {
-    for (int i = 0; i < 16; ++i) {
-      if (std::isfinite(matrix.numbers[i])) continue;
-      fail("matrix \"", matrix_names_[matrix.index], "\" has ", matrix.numbers[i], " in it; expected finite numbers");
-    }
-    program->outside[matrix.index] = matrix_from(matrix.numbers);
+    const std::span<const float, 16> numbers = matrix_at(matrix, 0);
+    rig::check_finite(numbers, "matrix \"" + matrix_names_[matrix.index] + "\"");
+    program->outside[matrix.index] = rig::matrix_of(numbers);
   }
   for (const AnimatedValue& curve : curves) rig::replace_curve(curve, *program);
   return {std::move(program), *this};
@@ -116,6 +120,26 @@ RigProgram::Place RigProgram::find_value(std::string_view path) const {
   if (place < 0) fail("the rig has no property ", path, "; expected a path such as pose.bones[\"Hand\"].location");
   return {place, 1};
 }
+
+std::vector<RigProgram::Property> RigProgram::properties() const {
+  std::vector<Property> found;
+  for (const auto& [path, place] : program_->map.properties()) found.push_back({path, {place.first, place.count}});
+  return found;
+}
+
+std::vector<std::string> RigProgram::driven() const {
+  std::vector<std::string> names;
+  for (const rig::ProgramDriver& driver : program_->drivers) names.push_back(program_->map.name(driver.value));
+  return names;
+}
+
+std::vector<std::string> RigProgram::keyed() const {
+  std::vector<std::string> names;
+  for (const rig::ProgramCurve& curve : program_->curves) names.push_back(program_->map.name(curve.value));
+  return names;
+}
+
+Matrix4<float> RigProgram::rest(std::ptrdiff_t bone) const { return eigen_of(program_->bones[bone].rest); }
 
 float RigProgram::value(int place) const { return program_->map.values()[place].initial; }
 
@@ -141,6 +165,7 @@ void RigProgram::evaluate(std::span<const float> frames, const GivenInputs& give
                    }
                    if (out.poses) write_matrices(state.poses, *out.poses, frame);
                    if (out.segments) write_matrices(state.segments, *out.segments, frame);
+                   if (out.motions) rig::write_motions(*program_, state, *out.motions, frame);
                    for (std::size_t i = 0; i < out.values.size(); ++i) {
                      out.numbers[f * out.values.size() + i] = state.values[out.values[i]];
                    }

@@ -256,4 +256,22 @@ std::string ValueMap::name(int value) const {
   return owner + setting_name(constraint_settings(types_[constraint]), value - constraints_[constraint]);
 }
 
+std::vector<std::pair<std::string, ValueMap::Found>> ValueMap::properties() const {
+  std::vector<std::pair<std::string, Found>> found;
+  for (int value = 0; value < static_cast<int>(values_.size());) {
+    std::string path = name(value);
+    Found place = find(path);
+    constexpr std::string_view kFirst = "[0]";
+    if (place.first != value && path.ends_with(kFirst)) {
+      const std::string whole = path.substr(0, path.size() - kFirst.size());
+      place = find(whole);
+      if (place.first == value) path = whole;
+    }
+    if (place.first != value) place = {find_outside(path), 1};
+    if (place.first == value) found.emplace_back(path, place);  // otherwise another has the same name
+    value += place.first == value ? place.count : 1;
+  }
+  return found;
+}
+
 }  // namespace sinew::rig

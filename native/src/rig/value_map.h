@@ -42,6 +42,9 @@ class ValueMap {
   };
   Found find(std::string_view path) const;
 
+  /// All that find() and find_outside() find, by path.
+  std::vector<std::pair<std::string, Found>> properties() const;
+
   /// As find(), but of one number of a property: `path` may end in [2] or .z.
   int find_element(std::string_view path) const;
 

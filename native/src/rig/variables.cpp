@@ -20,7 +20,16 @@ Mat4 matrix_in(const Program& program, State& state, const RigTarget& target, Tr
   }
 }
 
-float transform_value(const Program& program, State& state, const VariableTarget& read) {
+float outside_value(const State& state, const Variable& variable, const Mat4& m) {
+  const VariableTarget& read = variable.targets[0];
+  if (variable.angles[0] < 0) return transform_channel(m, {read.channel, read.rotation}, EulerOrder::xyz, nullptr);
+  Vec3 angles;
+  for (int i = 0; i < 3; ++i) angles[i] = state.values[variable.angles[i]];
+  return transform_channel(m, {read.channel, read.rotation}, static_cast<EulerOrder>(read.order), &angles);
+}
+
+float transform_value(const Program& program, State& state, const Variable& variable) {
+  const VariableTarget& read = variable.targets[0];
   const RigTarget& target = read.target;
   if (target.type == RigTarget::Type::none) return 0;
   const bool is_bone = target.type == RigTarget::Type::bone;
@@ -30,7 +39,7 @@ float transform_value(const Program& program, State& state, const VariableTarget
     return local_sizes_of(program, state, target.index)[axis];
   }
   const Mat4 m = matrix_in(program, state, target, read.space);
-  if (!is_bone) return transform_channel(m, {read.channel, read.rotation}, EulerOrder::xyz, nullptr);
+  if (!is_bone) return outside_value(state, variable, m);
   const Bone& bone = program.bones[target.index];
   const float* angles = state.values.data() + bone.values + kEuler;
   const Vec3 own = {angles[0], angles[1], angles[2]};
@@ -65,7 +74,7 @@ float variable_value(const Program& program, State& state, const Variable& varia
     case Variable::Type::bone_length:
       return length(state.poses[variable.value].location() - state.tails[variable.value]);
     case Variable::Type::transform:
-      return transform_value(program, state, first);
+      return transform_value(program, state, variable);
     case Variable::Type::location_difference:
       if (!has_both()) return 0;
       return length(location_in(program, state, second) - location_in(program, state, first));

@@ -21,10 +21,12 @@ enum Setting : int {
 enum class Mix { after_full, after, before, before_full, after_split, before_split, replace };
 
 // The channels are numbered 0 to 2 for rotations, 10 to 12 for scales and 20 to 22 for locations.
+constexpr float kMostFrame = 1048574;
 constexpr auto kSettings =
     settings_with(flag_setting("use_eval_time"), real_setting("eval_time", 0, 0, 1), choice_setting("mix_mode", 6),
-                  choice_setting("transform_channel", 22), real_setting("min"), real_setting("max"),
-                  real_setting("frame_start"), real_setting("frame_end"), flag_setting("use_bone_object_action"));
+                  choice_setting("transform_channel", 22), limited_setting("min", 1000), limited_setting("max", 1000),
+                  whole_setting("frame_start", -kMostFrame, kMostFrame),
+                  whole_setting("frame_end", -kMostFrame, kMostFrame), flag_setting("use_bone_object_action"));
 
 /// The target's channel that decides the time. Rotations are in degrees.
 float control_of(const Acting& acting, const Mat4& target) {

@@ -13,6 +13,7 @@ constexpr RigSetting real_setting(std::string_view name, float initial = 0, floa
                                   float high = kUnlimited, int count = 1) {
   return {name, count, ValueKind::real, low, high, initial};
 }
+constexpr RigSetting limited_setting(std::string_view name, float most) { return real_setting(name, 0, -most, most); }
 constexpr RigSetting flag_setting(std::string_view name) { return {name, 1, ValueKind::boolean, 0, 1, 0}; }
 constexpr RigSetting whole_setting(std::string_view name, float low, float high) {
   return {name, 1, ValueKind::whole, low, high, 0};

@@ -8,7 +8,7 @@ namespace {
 enum Setting : int { kDistance = kCommonValueCount, kMode };
 enum class Mode { inside, outside, surface };
 
-constexpr auto kSettings = settings_with(real_setting("distance", 0, 0), choice_setting("limit_mode", 2));
+constexpr auto kSettings = settings_with(real_setting("distance"), choice_setting("limit_mode", 2));
 
 bool must_move(Mode mode, float distance, float limit) {
   if (mode == Mode::inside) return distance >= limit;

@@ -3,12 +3,14 @@
 namespace sinew::rig {
 namespace {
 
+constexpr auto kSettings = limit_settings(kUnlimited);
+
 void apply(const Acting& acting, Mat4& owner) {
   for (int k = 0; k < 3; ++k) owner[3][k] = limited(acting, k, owner[3][k]);
 }
 
 }  // namespace
 
-const ConstraintKind kLimitLocation = {"LIMIT_LOCATION", kLimitSettings, &apply};
+const ConstraintKind kLimitLocation = {"LIMIT_LOCATION", kSettings, &apply};
 
 }  // namespace sinew::rig

@@ -14,10 +14,11 @@ enum Setting : int {
   kLegacy
 };
 
-constexpr auto kSettings = settings_with(
-    flag_setting("use_limit_x"), flag_setting("use_limit_y"), flag_setting("use_limit_z"), real_setting("min_x"),
-    real_setting("min_y"), real_setting("min_z"), real_setting("max_x"), real_setting("max_y"), real_setting("max_z"),
-    choice_setting("euler_order", 6), flag_setting("use_legacy_behavior"));
+constexpr auto kSettings =
+    settings_with(flag_setting("use_limit_x"), flag_setting("use_limit_y"), flag_setting("use_limit_z"),
+                  limited_setting("min_x", 1000), limited_setting("min_y", 1000), limited_setting("min_z", 1000),
+                  limited_setting("max_x", 1000), limited_setting("max_y", 1000), limited_setting("max_z", 1000),
+                  choice_setting("euler_order", 6), flag_setting("use_legacy_behavior"));
 
 /// Between minus and plus half a turn; computed in double precision and rounded twice.
 float wrapped(float angle) {

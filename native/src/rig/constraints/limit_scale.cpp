@@ -3,6 +3,8 @@
 namespace sinew::rig {
 namespace {
 
+constexpr auto kSettings = limit_settings(1000);
+
 void apply(const Acting& acting, Mat4& owner) {
   const Vec3 old = sizes_of(owner);
   for (int k = 0; k < 3; ++k) {
@@ -12,6 +14,6 @@ void apply(const Acting& acting, Mat4& owner) {
 
 }  // namespace
 
-const ConstraintKind kLimitScale = {"LIMIT_SCALE", kLimitSettings, &apply};
+const ConstraintKind kLimitScale = {"LIMIT_SCALE", kSettings, &apply};
 
 }  // namespace sinew::rig

@@ -12,10 +12,13 @@ enum LimitSetting : int {
   kMaximum = kMinimum + 3,
 };
 
-inline constexpr auto kLimitSettings = settings_with(
-    flag_setting("use_min_x"), flag_setting("use_min_y"), flag_setting("use_min_z"), flag_setting("use_max_x"),
-    flag_setting("use_max_y"), flag_setting("use_max_z"), real_setting("min_x"), real_setting("min_y"),
-    real_setting("min_z"), real_setting("max_x"), real_setting("max_y"), real_setting("max_z"));
+/// most  the largest limit, whatever its sign.
+constexpr auto limit_settings(float most) {
+  return settings_with(flag_setting("use_min_x"), flag_setting("use_min_y"), flag_setting("use_min_z"),
+                       flag_setting("use_max_x"), flag_setting("use_max_y"), flag_setting("use_max_z"),
+                       limited_setting("min_x", most), limited_setting("min_y", most), limited_setting("min_z", most),
+                       limited_setting("max_x", most), limited_setting("max_y", most), limited_setting("max_z", most));
+}
 
 /// First against the minimum, then against the maximum.
 inline float limited(const Acting& acting, int axis, float value) {

@@ -7,7 +7,7 @@ enum Setting : int { kFreeAxis = kCommonValueCount, kMode, kVolume };
 enum class Mode { strict, uniform, single_axis };
 
 constexpr auto kSettings =
-    settings_with(choice_setting("free_axis", 2), choice_setting("mode", 2), real_setting("volume", 1));
+    settings_with(choice_setting("free_axis", 2), choice_setting("mode", 2), real_setting("volume", 1, 0));
 
 void apply(const Acting& acting, Mat4& owner) {
   const Vec3 sizes = sizes_of(owner);

@@ -22,9 +22,9 @@ enum class Volume { xz, x, z, none };
 enum class KeepAxis { x, swing, z };
 
 constexpr auto kSettings = settings_with(
-    choice_setting("volume", 3), choice_setting("keep_axis", 2), real_setting("rest_length", 0, 0),
-    real_setting("bulge", 1, 0), flag_setting("use_bulge_min"), flag_setting("use_bulge_max"),
-    real_setting("bulge_min", 1, 0), real_setting("bulge_max", 1, 0), real_setting("bulge_smooth", 0, 0, 1));
+    choice_setting("volume", 3), choice_setting("keep_axis", 2), real_setting("rest_length", 0, 0, 1000),
+    real_setting("bulge", 1, 0, 100), flag_setting("use_bulge_min"), flag_setting("use_bulge_max"),
+    real_setting("bulge_min", 1, 0, 1), real_setting("bulge_max", 1, 1, 100), real_setting("bulge_smooth", 0, 0, 1));
 
 /// Between hard limits and limits that are approached slowly, by `bulge_smooth`.
 float limited_bulge(const Acting& acting, float bulge) {
