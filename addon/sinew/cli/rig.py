@@ -6,8 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..rig_programs import checking, reading
+from ..rigs import skin_export
 
 SHOWN = 3  # differences
 
@@ -24,6 +26,12 @@ def run(options: argparse.Namespace, open_blend: Callable[[str], None]) -> tuple
             json.dump(read.description, file, default=reading.as_list)
         document["output"] = options.output
         lines.append(f"written to {options.output}")
+    if options.skin:
+        mesh = skin_export.mesh_to_export(bpy.context, ob, options.mesh)
+        with open(options.skin, "wb") as skin:
+            np.savez(skin, **skin_export.skin_of(bpy.context, mesh, ob))
+        document |= {"mesh": mesh.name, "skin": options.skin}
+        lines.append(f"the skin of {mesh.name} written to {options.skin}")
     document["refused"] = refusals(read)
     lines += [f"cannot be a program: {reason}" for reason in document["refused"]]
     if document["refused"] or not options.check:

@@ -13,6 +13,10 @@ def add(add_command: Callable[[str, str], argparse.ArgumentParser]) -> None:
     command.add_argument("--object", metavar="NAME", help="which armature, if there are several")
     command.add_argument("-o", "--output", metavar="FILE.json", type=os.path.abspath, help="where to write the rig")
     command.add_argument(
+        "--skin", metavar="FILE.npz", type=os.path.abspath, help="where to write the weights of a mesh for this rig"
+    )
+    command.add_argument("--mesh", metavar="NAME", help="which mesh, if the armature deforms several")
+    command.add_argument(
         "--check",
         action="store_true",
         help="compare what is computed with Blender, number by number; exit code 1 if the rig is refused or differs",
