@@ -51,13 +51,34 @@ def python_of(page):
 
 def test_the_readmes_example_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
-    examples = [block for block in python_of(ROOT / "README.md") if "bpy" not in block]
+    examples = [block for block in python_of(ROOT / "README.md") if "bpy" not in block and "human.json" not in block]
     assert examples
     names = {}
     exec(compile("".join(examples), "README.md", "exec"), names)
     skin, positions = names["skin"], names["positions"]
     assert positions.shape == (skin.vertex_count, 3) and positions.dtype == np.float32
     assert np.abs(positions - skin.rest_positions).max() > 0.01
+
+
+def test_the_example_of_a_rig_runs():
+    (example,) = python_of(DOCS / "rigs.md")
+    exec(compile(example, "rigs.md", "exec"), {})
+
+
+def test_all_entries_of_rigs_are_explained():
+    reader = (ROOT / "native/bindings/rig_description_of.cpp").read_text(encoding="utf-8")
+    known = re.findall(r'"(\w+)"', " ".join(re.findall(r"\.done\(\s*\{(.*?)\}\)", reader, re.DOTALL)))
+    page = (DOCS / "rigs.md").read_text(encoding="utf-8")
+    assert len(known) > 60 and [name for name in known if f"`{name}`" not in page and f'"{name}":' not in page] == []
+
+
+def test_the_tables_of_rigs_are_up_to_date(tmp_path):
+    maker = generator("make_rig_tables")
+    assert maker.check(sinew) is None
+    old = tmp_path / "page.md"
+    old.write_text(maker.PAGE.read_text(encoding="utf-8").replace("`rotation_quaternion`", "`rotation`"))
+    maker.PAGE = old
+    assert "run docs/make_rig_tables.py" in maker.check(sinew)
 
 
 def test_the_example_runs(monkeypatch):
