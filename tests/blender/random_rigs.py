@@ -66,8 +66,21 @@ class Feature:
     seed: int
 
 
-# Seeds and features.
-KEPT: list[tuple[int, list[Feature]]] = []
+KEPT = [  # seed, and features
+    (115, [Feature("constraint", 2, 3507137913), Feature("driver", 2, 3443346453)]),  # whole frames of an Action
+    (  # a scale's limit that is limited itself
+        105,
+        [
+            Feature("keys", 9, 3657818688),
+            Feature("ik", 12, 1010628665),
+            Feature("keys", 13, 3582289497),
+            Feature("constraint", 24, 2385443212),
+            Feature("constraint", 27, 63228612),
+            Feature("constraint", 27, 1071835776),
+            Feature("driver", 27, 1297565614),
+        ],
+    ),
+]
 
 
 def features_of(seed):

@@ -249,3 +249,12 @@ def test_what_cannot_be_followed_is_refused_and_left_alone():
         bpy.ops.object.sinew_bind()
     assert not ob.sinew.is_bound
     assert [m.name for m in ob.modifiers] == ["Wave", "Armature", "Second"]
+
+
+@pytest.mark.skipif(bpy.app.version >= (4, 2, 0), reason="rigs are programs from Blender 4.2 on")
+def test_rigs_of_an_old_blender_are_refused_in_a_sentence(sinew, tmp_path):
+    make_armature()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    code, out, err = sinew("rig", tmp_path / "rig.blend", "-o", tmp_path / "rig.json")
+    assert code == 2 and out == "" and err.endswith("rigs can be programs from Blender 4.2 on\n")
+    assert not (tmp_path / "rig.json").exists()

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import sinew_native as sinew
 
-from test_stub import CLASSES, FUNCTIONS, kind_of_stub
+from test_rigs_from_blender import RIGS
+from test_stub import CLASSES, FUNCTIONS, kind_of_stub, samples
 
 EYE = np.eye(4)
 FACES = {"face_offsets": np.array([0, 3, 6]), "face_vertices": np.array([0, 1, 2, 2, 1, 3])}
@@ -234,7 +235,7 @@ def valid():
         "transfer_weights": (sinew.transfer_weights, {**source, "source_weights": WEIGHTS, **surface}),
         **{
             f"RigProgram.{name}": (getattr(program, name), {"frames": FRAMES})
-            for name in ("evaluate", "segments", "profile")
+            for name in ("evaluate", "segments", "skinning_matrices", "profile")
         },
         "RigProgram.values": (program.values, {"frames": FRAMES, "paths": []}),
     }
@@ -598,3 +599,62 @@ def fits(shape, said, sizes):
 def is_taken(name, argument, array):
     function, values = valid()[name]
     return said_of(function, values | {argument: array}) is None
+
+
+def any_part(value, path=()):
+    """Yields the places of all that a description holds."""
+    yield path
+    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
+        yield from any_part(value[key], (*path, key))
+
+
+def spoilt_part(value, path, random):
+    """Returns the description with another thing at that place, or with nothing there."""
+    if not path:
+        strange = (
+            None,
+            True,
+            -1,
+            2**70,
+            -0.5,
+            float("nan"),
+            1e38,
+            "",
+            "b01",
+            "XYZ",
+            [],
+            {},
+            [[]],
+            {"bone": "b02"},
+            b"",
+        )
+        return strange[random.integers(len(strange))]
+    first, rest = path[0], path[1:]
+    if not rest and random.random() < 0.3:
+        return (
+            [e for i, e in enumerate(value) if i != first]
+            if isinstance(value, list)
+            else {key: e for key, e in value.items() if key != first}
+        )
+    changed = list(value) if isinstance(value, list) else dict(value)
+    changed[first] = spoilt_part(value[first], rest, random)
+    return changed
+
+
+def test_descriptions_with_anything_in_them():
+    """They are refused in a sentence or evaluated."""
+    random = np.random.default_rng(1)
+    accepted = 0
+    for rig, _ in RIGS[:3]:
+        description = rig["description"]
+        places = list(any_part(description))
+        by_kind = {}
+        for place in places:  # as many of each entry, of which curves have most
+            by_kind.setdefault(tuple(key for key in place if isinstance(key, str)), []).append(place)
+        for place in [same[random.integers(len(same))] for same in by_kind.values() for _ in range(4)]:
+            try:
+                sinew.RigProgram(spoilt_part(description, place, random)).evaluate(FRAMES)
+                accepted += 1
+            except (ValueError, TypeError) as error:
+                assert str(error)
+    assert accepted > 50
