@@ -14,7 +14,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from characters import accelerate, add_shape_keys, make_armature, make_mesh, pose
-from helpers import addon_module, assert_same_shape, select, twin_of
+from helpers import addon_module, assert_same_shape, depsgraph, select, twin_of
+from test_readers import is_seen_alike
 from windowed import FOLDER, camera, pixels, playing, run, when_allowed, window
 
 FRAMES = range(1, 31)
@@ -45,8 +46,9 @@ def steps():
 
     for frame in (3, 17, 8):
         scene.frame_set(frame)
-        yield 0.1
+        yield 0.1  # from here on in a timer
         assert_same_shape(ob, twin)
+        assert is_seen_alike((ob, twin), depsgraph())
     armature.pose.bones["bone1"].location.x = 0.4
     yield 0.3
     assert_same_shape(ob, twin)
