@@ -124,7 +124,7 @@ class Zoo:
         yield "with a strip", Animal(ob, fast=("Fast path of armatures", "Fast path of data with NLA strips"))
         animate_amount(self.decorated.data)
         ob = make_mesh(self.decorated, False)
-        yield "animated bones", Animal(ob, fast=("Fast path of armatures", "Fast path of animated bones' data"))
+        yield "animated bones", Animal(ob, fast=("Fast path of armatures", ACTIONS))
         ob = make_tube()
         add_shape_keys(ob)
         yield "keys alone", Animal(ob, ("Shape keys",), fast=("Fast path of shape keys", ACTIONS))

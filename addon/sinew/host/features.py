@@ -45,7 +45,6 @@ FAST_CANVASES = "Fast path of canvases"
 FAST_ACTIONS = "Fast path of animated data"
 FAST_STRIPS = "Fast path of data with NLA strips"
 FAST_TWEAKS = "Fast path while a strip is tweaked"
-FAST_BONES = "Fast path of animated bones' data"
 FAST_CORRECTIVE = "Fast path of Corrective Smooth"
 FAST_SMOOTH = "Fast path of Smooth"
 FREEZING = "Frozen characters"
@@ -141,7 +140,6 @@ FEATURES = {
     FAST_ACTIONS: Feature("meshes whose data are animated " + _FULL, "AnimData.*action bAction._pad", (FAST,)),
     FAST_STRIPS: Feature("meshes whose data NLA strips animate " + _FULL, "NlaStrip.*act bAction._pad", (FAST,)),
     FAST_TWEAKS: Feature("while an NLA strip is tweaked, its meshes " + _FULL, "AnimData.*tmpact", (FAST_STRIPS,)),
-    FAST_BONES: Feature("meshes whose armatures' data are animated " + _FULL, "bArmature.*adt", (FAST_ACTIONS,)),
     FAST_CORRECTIVE: Feature(
         "the settings of Corrective Smooth are read on each frame",
         " ".join(

@@ -95,7 +95,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "vertex_group_names": _LIST,
     },
     "Key": {},
-    "bArmature": {"flag": _int(), "bonebase": _LIST, "*adt": _pointer("AnimData", shown="animation_data")},
+    "bArmature": {"flag": _int(), "bonebase": _LIST},
     "bAction": {},
     "AnimData": {
         "*action": _pointer("bAction", shown="action"),

@@ -85,12 +85,12 @@ class Tree:
         link = contract.region(armature, "Object", "*data")
         posed = self._add(armature, [link, mode], owner, 0)
         flag = contract.region(data, "bArmature", "flag")
-        if actions.of(data):
-            animation = contract.region(data, "bArmature", "*adt")
-            self._add_actions(data, self._add(data, [flag, animation], posed, 0), 1)
+        mark = marks.mark_region(data, "ARMATURE")
+        if actions.of(data):  # a copy without the mark may have others
+            self._add_actions(data, self._add(data, [flag, mark], posed, 0), 1)
         else:
             self._add(data, [flag], posed, 0)
-        self.bones.append(marks.mark_region(data, "ARMATURE")[0])
+        self.bones.append(mark[0])
 
 
 def key_source(block: Any, relative: Sequence[int], base: Any) -> tuple[list[int], tuple[int, ...], Sequence[int], Any]:
