@@ -4,6 +4,7 @@ live twin shows what is right."""
 import bpy
 import pytest
 
+from characters import make_armature
 from helpers import addon_module, depsgraph, evaluated, select
 from test_frozen import FRAMES, Cast, freezing, layer, recorded
 from test_frozen_who import both, drive_keys
@@ -131,17 +132,84 @@ def test_an_armature_that_follows_animated_objects_is_told_so(cast):
     assert "Rig has no keyframes of its own, but follows Marker" in cast.rig.reason
 
 
-def test_bones_that_follow_what_hangs_on_the_same_armature(cast):
+def aimed(bones, aim):
+    bones["side"].constraints.new("DAMPED_TRACK").target = aim
+
+
+def poled(bones, aim):
+    constraint = bones["bone4"].constraints.new("IK")
+    constraint.target, constraint.pole_target, constraint.chain_count = aim.parent, aim, 2
+
+
+def guided(bones, aim):
+    bones["side"].constraints.new("SHRINKWRAP").target = aim
+
+
+def led(bones, aim):
+    target = bones["side"].constraints.new("ARMATURE").targets.new()
+    target.target, target.subtarget = aim, "bone1"
+
+
+def empty():
+    return bpy.data.objects.new("Empty", None)
+
+
+def guide():
+    mesh = bpy.data.meshes.new("Guide")
+    mesh.from_pydata([(-2, -2, 0.5), (2, -2, 0), (0, 2, 0.2)], [], [(0, 1, 2)])
+    return bpy.data.objects.new("Guide", mesh)
+
+
+def modified_guide():
+    ob = guide()
+    ob.modifiers.new("Cast", "CAST")
+    return ob
+
+
+def leader():
+    armature = make_armature()
+    armature.name = "Leader"
+    bpy.context.scene.collection.objects.unlink(armature)
+    armature.pose.bones["bone1"].location.x = 0.3
+    return armature
+
+
+def hang(cast, follow, make, bone):
+    """Has a bone of each character follow a new object, which hangs on one of its bones. Returns the objects."""
     aims = []
     for armature, *_ in both(cast):
-        aim, holder = (bpy.data.objects.new(name, None) for name in ("Aim", "Holder"))
+        aim, holder = make(), bpy.data.objects.new("Holder", None)
         for each in (aim, holder):
             cast.scene.collection.objects.link(each)
-        holder.parent, holder.parent_type, holder.parent_bone = armature, "BONE", "bone4"
+        holder.parent, holder.parent_type, holder.parent_bone = armature, "BONE", bone
         aim.parent, aim.location.x = holder, 1.0
-        armature.pose.bones["side"].constraints.new("DAMPED_TRACK").target = aim
+        follow(armature.pose.bones, aim)
         aims.append(aim)
+    select()
     layer().update()
+    return aims
+
+
+@pytest.mark.parametrize(
+    "follow, make, reason",
+    [
+        (guided, modified_guide, "bones of Rig follow Guide, outside of it, which may move"),
+        (led, leader, "Rig follows bones of Leader, which is live"),
+    ],
+)
+def test_bones_that_follow_what_may_move_on_the_same_armature(cast, follow, make, reason):
+    hang(cast, follow, make, "bone4")
+    cast.record()
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.reason == reason and not cast.rig.is_frozen
+    cast.play()
+
+
+@pytest.mark.parametrize(
+    "follow, make, bone", [(aimed, empty, "bone4"), (poled, empty, "bone0"), (guided, guide, "bone4")]
+)
+def test_bones_that_follow_what_hangs_on_the_same_armature(cast, follow, make, bone):
+    aims = hang(cast, follow, make, bone)
     cast.freeze()
     for _ in range(2):
         for frame in FRAMES:
@@ -317,6 +385,16 @@ def test_undo_of_an_edit_of_the_armature_drops_its_record(cast):
     cast.play()
 
 
+def test_freezing_again_and_again_parses_one_expression(cast, monkeypatch):
+    relations, found = addon_module("host.relations"), []
+    parsed = relations._parsed
+    monkeypatch.setattr(relations, "_parsed", lambda *given: found.append(parsed(*given)) or found[-1])
+    for _ in range(4):
+        cast.freeze()
+        cast.thaw()
+    assert len(found) > 2 and set(found) == {relations._parsed_address}
+
+
 # --- an edit of one costs the others nothing ------------------------------------------------------
 
 
@@ -473,7 +551,7 @@ def test_an_error_half_way_leaves_a_state(cast, place, monkeypatch):
     with pytest.raises(ZeroDivisionError):
         freezing().freeze([cast.rig], cast.scene, layer())
     monkeypatch.undo()
-    assert cast.rig.state in recorded().State
+    assert cast.rig.state is state("FROZEN" if place == "show" else "SUSPECT")
     cast.play()
     freezing().freeze([cast.rig], cast.scene, layer())
     assert cast.rig.is_frozen, cast.rig.reason
