@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import bpy
 
 from walk import (
+    animated_steps,
     compare,
     frozen_steps,
     kinds,
@@ -33,6 +34,7 @@ from walk import (
 from walk.shrink import LENGTH, options_of
 
 STEPS = (
+    animated_steps,
     frozen_steps,
     mesh_steps,
     modifier_steps,
