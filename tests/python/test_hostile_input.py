@@ -11,7 +11,7 @@ import pytest
 import sinew_native as sinew
 
 from test_rigs_from_blender import RIGS
-from test_stub import CLASSES, FUNCTIONS, kind_of_stub, samples
+from test_stub import CLASSES, FUNCTIONS, kind_of_stub
 
 EYE = np.eye(4)
 FACES = {"face_offsets": np.array([0, 3, 6]), "face_vertices": np.array([0, 1, 2, 2, 1, 3])}
