@@ -517,7 +517,7 @@ FEATURES = {
 
 
 class HasCycle(Exception):
-    """The rig depends on itself. What Blender does with it is its own."""
+    """The rig depends on itself, or Blender does not wait for what it needs. What Blender does with it is its own."""
 
 
 def differences_of(seed, features, times=TIMES):
@@ -537,6 +537,10 @@ def differences_of(seed, features, times=TIMES):
     # Out of what is not a number, or very large, anything may come; no rig that people use has it.
     broken = broken_times(recorded) | broken_times(after_edits)
     if found:
+        for _ in range(5):
+            again = checking.record_frames(ob, read, times)
+            if not all(map(np.array_equal, again.poses, recorded.poses)):
+                raise HasCycle from ValueError("Blender computes another pose each time: it does not wait for all IK")
         for constraint in [each for bone in ob.pose.bones for each in bone.constraints if each.type == "IK"]:
             constraint.influence = 1  # less would hide what the chain has made of it
         broken |= broken_times(checking.record_frames(ob, read, times))
