@@ -29,6 +29,7 @@ class Known:
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
         self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
         self._switches = list(self._read_switches(ob))
+        self._modes = self._read_modes()
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
@@ -41,6 +42,8 @@ class Known:
         if something from outside can no longer be read."""
         if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
             return None
+        if self._read_modes() != self._modes:
+            return None
         own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
         edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
         rows = [self._row_of(curve) for curve in edited if paths.has_effect(paths.normalised(curve.data_path))]
@@ -52,6 +55,10 @@ class Known:
             if old["value"] != new["value"]:
                 given[new["path"]] = _given(new["value"])
         return given | self._numbers[2], [row for row in rows if row is not None]
+
+    def _read_modes(self) -> list[str]:
+        """Returns the modes of rotation of what is outside, on which it depends how that is read."""
+        return [each.rotation_mode for each in self.follows if isinstance(each, bpy.types.Object)]
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
         """Yields influence, mute and validity of each constraint, None for what is written on each frame."""
