@@ -99,8 +99,8 @@ void bind_method_data(py::module_& module) {
       .def_property_readonly("fraction", &Progress::fraction, "0 to 1.")
       .def_property_readonly("is_cancelled", &Progress::is_cancelled, "Whether cancel() was called.")
       .def("cancel", &Progress::cancel,
-           "Ends the computation within about 0.1 s, automatic_weights when its matrix is factorized; it then returns "
-           "None.");
+           "Ends the computation within about 0.1 s; it then returns None. What solves begins by ordering its matrix, "
+           "which cannot be interrupted: 0.2 s for 300,000 vertices, 0.4 s in transfer_weights.");
 
   py::class_<RotationCenters, MethodData, std::shared_ptr<RotationCenters>>(
       module, "RotationCenters",

@@ -234,8 +234,8 @@ class Progress:
     def is_cancelled(self) -> bool:
         """Whether cancel() was called."""
     def cancel(self) -> None:
-        """Ends the computation within about 0.1 s, automatic_weights when its matrix is factorized, which takes up to a
-        second for 200,000 vertices; it then returns None."""
+        """Ends the computation within about 0.1 s; it then returns None. What solves begins by ordering its matrix,
+        which cannot be interrupted: 0.2 s for 300,000 vertices, 0.4 s in transfer_weights."""
 
 class RotationCenters(MethodData):
     """Optimized centers of rotation (Le and Hodgins 2016), for the method "rotation_centers"."""

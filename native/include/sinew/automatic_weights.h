@@ -77,7 +77,8 @@ struct AutomaticWeights {
 /// positions      V x 3, finite, in any unit and space.
 /// face_offsets   faces + 1, where the corners of each face begin; empty: there are no faces.
 /// face_vertices  C, vertices around each face; a polygon counts as a fan of triangles.
-/// progress       or null. If it is cancelled, nothing is returned, after 0.1 s or when the matrix is factorised.
+/// progress       or null. If it is cancelled, nothing is returned, after 0.1 s, or when the matrix is ordered: 0.2 s for
+///                300,000 vertices.
 /// On two busy cores, 53,514 vertices with 52 bones took 0.3 s, 214,050 1.1 s, 856,194 6 s and 0.9 GB.
 /// The result has the same bits for any number of threads. Throws InputError for sizes that do not fit, vertices and
 /// joints that do not exist, numbers that are not finite, no bones, settings out of range.

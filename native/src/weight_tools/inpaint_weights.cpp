@@ -92,7 +92,10 @@ System system_of(const WeldedMesh& mesh, const Faces& faces, const Sparse& pick,
     {
       const Sparse of_open = all * pick;
       stop_if_cancelled(progress);
-      const Sparse weighted = of_open.transpose() * areas.cwiseInverse().asDiagonal();
+      Sparse weighted = of_open.transpose();
+      for (Eigen::Index p = 0; p < weighted.cols(); ++p) {  // Eigen's product moves all entries for each
+        for (Sparse::InnerIterator it(weighted, p); it; ++it) it.valueRef() *= 1 / areas[p];
+      }
       system.right = weighted * (all * known);
       stop_if_cancelled(progress);
       lower = lower_of(weighted * of_open);

@@ -6,7 +6,7 @@
 namespace sinew {
 namespace {
 
-constexpr int kColumnsBetweenLooks = 256;  // at whether the work is cancelled
+constexpr int kColumnsBetweenLooks = 16;  // at whether the work is cancelled; the last columns of a factor are long
 
 using Matrix = Eigen::SparseMatrix<double>;
 
@@ -89,12 +89,13 @@ PanelSolver::PanelSolver(const Matrix& lower, const Progress* progress) {
   }
 }
 
-void PanelSolver::solve(Scratch& scratch, double negligible) const {
+void PanelSolver::solve(Scratch& scratch, double negligible, const Progress* progress) const {
   std::vector<Lanes>& values = scratch.values;
   const std::size_t count = size();
   scratch.has_source.assign(count, 0);
   scratch.is_negligible.assign(count, 0);
   for (std::size_t j = 0; j < count; ++j) {
+    if (j % kColumnsBetweenLooks == 0) stop_if_cancelled(progress);
     if ((values[j] == 0).all()) continue;
     scratch.has_source[j] = 1;
     const Lanes own = values[j];
@@ -106,6 +107,7 @@ void PanelSolver::solve(Scratch& scratch, double negligible) const {
   // the parent's column has entries, too. So where there is no source below, and the parent's whole column is negligible,
   // so is all that is below it.
   for (std::size_t j = count; j-- > 0;) {
+    if (j % kColumnsBetweenLooks == 0) stop_if_cancelled(progress);
     if (!scratch.has_source[j] && (begin_[j] == begin_[j + 1] || scratch.is_negligible[rows_[row_begin_[j]]])) {
       scratch.is_negligible[j] = 1;
       continue;

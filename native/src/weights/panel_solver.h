@@ -37,8 +37,8 @@ class PanelSolver {
   /// above 0, solutions are not exact where they are below: there they may be 0. This is for matrices without a positive
   /// entry off the diagonal, whose rows have no negative sum, and sources that are not negative: by the maximum principle
   /// no solution is larger than those around it where there is no source, so that most of the work for sources in one
-  /// place can be left out.
-  void solve(Scratch& scratch, double negligible) const;
+  /// place can be left out. Throws Cancelled, soon.
+  void solve(Scratch& scratch, double negligible, const Progress* progress = nullptr) const;
 
   /// Returns the solution for one right-hand side, both in the order of the matrix.
   std::vector<double> solved(std::span<const double> right) const;
@@ -71,7 +71,7 @@ void solve_panels(const PanelSolver& solver, std::size_t columns, double negligi
       const std::size_t first = panel * kLanes, lanes = std::min<std::size_t>(kLanes, columns - first);
       scratch->values.assign(solver.size(), Lanes::Zero());
       fill(first, lanes, *scratch);
-      solver.solve(*scratch, negligible);
+      solver.solve(*scratch, negligible, progress);
       read(first, lanes, *scratch);
       advance_share(progress, steps, panel, panels);
     }
