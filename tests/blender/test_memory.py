@@ -289,7 +289,7 @@ MEANINGS = {
         {"Frozen characters"},
     ),
     "actions are not where they were": (elsewhere("relations", "AnimData", "*action"), {"Frozen characters"}),
-    "drivers have other types": (constant("relations", "_SUM", 5), {"Frozen characters"}),
+    "drivers have other types": (constant("relations", "_TYPES", {"SUM": 5, "SCRIPTED": 1}), {"Frozen characters"}),
 }
 
 

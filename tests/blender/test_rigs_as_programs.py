@@ -96,7 +96,7 @@ def test_random_rigs(first):
         needed = random_rigs.shrunk(seed, features, partial(random_rigs.differs, seed)) if found else ()
         assert not found, f"seed {seed}: {found[0]}; it needs {needed}"
         outcomes["equal"] += 1
-    assert outcomes["equal"] >= PORTION * 3 / 4, outcomes
+    assert outcomes["equal"] >= PORTION / 2, outcomes  # 4.3 waits for IK less often
 
 
 @pytest.mark.parametrize("seed, features", random_rigs.KEPT)

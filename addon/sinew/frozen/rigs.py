@@ -1,5 +1,6 @@
 """The armatures that are recorded or frozen, and what is recorded of them."""
 
+import contextlib
 import enum
 import sys
 from collections.abc import Iterable, Sequence
@@ -309,8 +310,9 @@ def show(rig: Rig, graph: Any, moment: Any) -> bool:
 def _write_settings(rig: Rig, graph: Any, moment: Moment, before: Sequence[float]) -> None:
     """Writes into the evaluated copy, too: drivers of others read it, and if what the armature follows is edited,
     Blender evaluates the bones with these settings."""
-    for ob in (rig.ob, evaluated_copy(rig, graph)):
-        settings.write(ob, rig.source.settings, moment.settings, before or None)
+    settings.write(rig.ob, rig.source.settings, moment.settings, before or None)
+    with contextlib.suppress(ValueError, KeyError):  # renamed: Blender copies it again before it evaluates it
+        settings.write(evaluated_copy(rig, graph), rig.source.settings, moment.settings, before or None)
 
 
 def show_next(graph: Any, steps: Iterable[tuple[Rig, Moment]]) -> list[bool]:
