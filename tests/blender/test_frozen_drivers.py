@@ -82,8 +82,8 @@ def custom_property(cast, armature, *_):
 
 
 def modifier(_cast, armature, _mesh, other, _prop):
-    found = other.modifiers.new("Shift", "DISPLACE")
-    add_driver(found, "strength", armature, "SUM", bones=("bone2",))
+    found = other.modifiers.new("Round", "CAST")
+    add_driver(found, "factor", armature, "SUM", bones=("bone2",))
     return lambda graph: tuple(other.evaluated_get(graph).data.vertices[7].co)
 
 
@@ -176,6 +176,8 @@ def test_what_drivers_make_of_a_frozen_armature(cast, make):
 def way(request):
     if request.param == "recorded":
         request.getfixturevalue("no_program")
+    elif not addon_module("rig_programs.reading").CAN_READ:
+        pytest.skip("rigs are no programs in this Blender")
     return request.param
 
 

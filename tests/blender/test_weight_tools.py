@@ -869,5 +869,6 @@ def test_of_several_armatures_the_first_counts_bound_or_not():
         modifier = each.modifiers.new("Other", "ARMATURE")
         modifier.object = other
         assert addon_module("weights.table").armature_of(each) == armature
-        each.modifiers.move(len(each.modifiers) - 1, 0)
+        select(each)
+        bpy.ops.object.modifier_move_to_index(modifier=each.modifiers[-1].name, index=0)
         assert addon_module("weights.table").armature_of(each) == other
