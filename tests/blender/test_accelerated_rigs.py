@@ -11,7 +11,7 @@ from mathutils import Euler
 from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
-from test_frozen_who import both, can_render
+from test_frozen_who import both, can_render, in_a_collection
 
 pytestmark = needs_rig_programs
 
@@ -830,13 +830,7 @@ def test_renders_compare_it_with_blender(cast):
 @pytest.mark.parametrize("is_override", (False, True))
 def test_linked_characters_and_overrides(cast, tmp_path, is_override):
     """An override has the name of what it overrides, which is in the file, too."""
-    character = bpy.data.collections.new("Character")
-    cast.scene.collection.children.link(character)
-    for each in both(cast):
-        for ob in each:
-            character.objects.link(ob)
-            cast.scene.collection.objects.unlink(ob)
-    names = [[ob.name for ob in each] for each in both(cast)]
+    names = in_a_collection(cast)
 
     def find():
         objects = {ob.name: ob for ob in bpy.data.objects if bool(ob.override_library) == is_override}

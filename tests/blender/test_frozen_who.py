@@ -432,16 +432,21 @@ def test_the_panel_lists_who_is_frozen(cast):
     assert ui.SidebarFrozen.poll(bpy.context)
 
 
-def test_a_linked_character_and_an_override(cast, tmp_path):
-    from helpers import into_a_shot
-
+def in_a_collection(cast):
+    """Moves both characters into a collection that can be linked. Returns their objects' names."""
     character = bpy.data.collections.new("Character")
     cast.scene.collection.children.link(character)
     for each in both(cast):
         for ob in each:
             character.objects.link(ob)
             cast.scene.collection.objects.unlink(ob)
-    names = [[ob.name for ob in each] for each in both(cast)]
+    return [[ob.name for ob in each] for each in both(cast)]
+
+
+def test_a_linked_character_and_an_override(cast, tmp_path):
+    from helpers import into_a_shot
+
+    names = in_a_collection(cast)
     for overridden in (False, True):
         scene = into_a_shot(tmp_path, overridden)
         if overridden:

@@ -1,8 +1,7 @@
 """Records armatures while they play, and drops from the records what an edit changes: all, or of keyframes of the
 armature's own action those frames on which they matter."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import bpy
@@ -102,8 +101,9 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
         elif moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
             continue
         elif rig.source.is_proven:  # something has changed that was not noticed
-            rig.has_differed = True
-            differences.note(rig, differ(rig, copy, frame))
+            rig.has_differed, difference = True, differences.Difference.between(rig, copy, frame)
+            differ(rig)
+            differences.note(rig, difference)
         else:
             drop_all(rig)
     begin([rig for rig in own if rig.watch is None], scene, graph)
@@ -182,16 +182,12 @@ def drop_all(rig: rigs.Rig) -> None:
     drop(rig, [stored_keys.ALL])
 
 
-def differ(
-    rig: rigs.Rig, copy: Any, time: float, given: Mapping[str, Any] = MappingProxyType({})
-) -> differences.Difference:
-    """Drops an armature whose program has computed something else than Blender, and returns what. If it is the second
-    time, it is not computed any more. copy, time, given: as differences.Difference.between takes them."""
-    difference = differences.Difference.between(rig, copy, time, given)
+def differ(rig: rigs.Rig) -> None:
+    """Drops an armature whose program has computed something else than Blender. If it is the second time, it is not
+    computed any more."""
     rig.is_distrusted, rig.has_differed = rig.has_differed, True
     rig.is_posable = rig.is_posable and not rig.is_distrusted
     drop_all(rig)
-    return difference
 
 
 def drop(rig: rigs.Rig, ranges: list[tuple[float, float]]) -> None:

@@ -182,8 +182,10 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         given |= {
             each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
         }
-        if differences.Difference.between(rig, copy, time, given).is_any():
-            found[rig.key] = differences.note(rig, changes.differ(rig, copy, time, given))
+        difference = differences.Difference.between(rig, copy, time, given)
+        if difference.is_any():
+            changes.differ(rig)
+            found[rig.key] = differences.note(rig, difference)
         elif time == int(time):
             rig.source.compared.add(int(time))
     return found

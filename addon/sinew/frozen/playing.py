@@ -163,7 +163,8 @@ def _compare_in(graph: Any, scene: Any) -> None:
             rig.source.compared |= {int(time)} if time == int(time) else set()
             continue
         # Something may have been edited so that Blender has not noticed it yet. If it differs again, that is not so.
-        differing.append((rig, changes.differ(rig, copy, time)))
+        differing.append((rig, differences.Difference.between(rig, copy, time)))
+        changes.differ(rig)
     reasons = {}
     for rig, difference in differing:  # not before: to drop one may drop others
         reasons[rig.key] = differences.note(rig, difference)

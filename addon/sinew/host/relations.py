@@ -194,6 +194,8 @@ def _parsed(driver: Any, place: int) -> int:
 
 def release() -> None:
     """Has Blender free what `_parsed` has made, by giving it to drivers that are removed."""
+    if not _parsed_kinds:
+        return
     with layout.temporary_data() as data:
         while _parsed_kinds:
             driver = data.objects.new("Driver", None).driver_add("location", 0).driver
