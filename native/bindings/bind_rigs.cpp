@@ -177,19 +177,21 @@ std::vector<RecordField> fields_of(const std::vector<FieldTuple>& given) {
   return fields;
 }
 
-using RigsOfPython = std::vector<std::tuple<std::shared_ptr<const RigProgram>, py::array, std::vector<std::string>>>;
+using RigsOfPython =
+    std::vector<std::tuple<std::shared_ptr<const RigProgram>, py::array, std::vector<std::string>, py::dict>>;
 
 /// Records of several rigs, with the memory that they are written to.
 class Records {
  public:
   Records(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields) : fields_(fields_of(fields)) {
     rigs_.reserve(rigs.size());
-    for (const auto& [program, frames, paths] : rigs) {
+    for (const auto& [program, frames, paths, set] : rigs) {
       OfRig& each = rigs_.emplace_back();
       each.program = program;
       each.times = list_of<float>("frames", frames);
       each.places = places_of(*program, paths);
       const auto count = static_cast<py::ssize_t>(each.times.size());
+      each.inputs.emplace(*program, set, count);
       const std::ptrdiff_t size = program->record_size(fields_);
       each.records = py::array_t<std::uint8_t>({count, size});
       each.values = py::array_t<float>({count, static_cast<py::ssize_t>(each.places.size())});
@@ -206,7 +208,7 @@ class Records {
   void compute(std::size_t i) {
     OfRig& own = rigs_[i];
     try {
-      own.program->evaluate(own.times, {}, own.outputs);
+      own.program->evaluate(own.times, own.inputs->given(), own.outputs);
     } catch (const InputError& error) {
       own.error = error.what();
     } catch (...) {
@@ -232,6 +234,7 @@ class Records {
     std::shared_ptr<const RigProgram> program;
     std::vector<float> times;
     std::vector<int> places;
+    std::optional<Inputs> inputs;
     py::array_t<std::uint8_t> records;
     py::array_t<float> values;
     RigOutputs outputs;
@@ -364,9 +367,9 @@ void bind_rigs(py::module_& module) {
       "rig_records", &py_records, py::arg("rigs"), py::arg("fields"),
       "Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at "
       "the same time.\n\n"
-      "rigs: of each (program, (F,) times, paths of P numbers). fields: (name, first, count) of what a bone holds, in "
-      "this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are `count` of the bone's numbers from "
-      "`first` on, in the order of rig_bone_settings().\n"
+      "rigs: of each (program, (F,) times, paths of P numbers, what evaluate() takes as `set`). fields: (name, first, "
+      "count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are "
+      "`count` of the bone's numbers from `first` on, in the order of rig_bone_settings().\n"
       "Returns of each rig a tuple of its records, (F, N) uint8, and the values of the paths, (F, P) float32; or a "
       "sentence if a driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.");
   py::class_<RecordsAhead>(module, "RigRecordsAhead", "What rig_records returns, computed by other threads meanwhile.")

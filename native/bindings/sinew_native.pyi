@@ -1105,14 +1105,14 @@ class RigProgram:
         """
 
 def rig_records(
-    rigs: list[tuple[RigProgram, _Reals, list[str]]], fields: list[tuple[str, int, int]]
+    rigs: list[tuple[RigProgram, _Reals, list[str], dict[str, Any]]], fields: list[tuple[str, int, int]]
 ) -> list[tuple[_UInt8, _Float32] | str]:
     """Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at
     the same time.
 
-    rigs: of each (program, (F,) times, paths of P numbers). fields: (name, first, count) of what a bone holds, in this
-    order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are `count` of the bone's numbers from `first`
-    on, in the order of rig_bone_settings().
+    rigs: of each (program, (F,) times, paths of P numbers, what evaluate() takes as `set`). fields: (name, first,
+    count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are `count`
+    of the bone's numbers from `first` on, in the order of rig_bone_settings().
     Returns of each rig a tuple of its records, (F, N), and the values of the paths, (F, P); or a sentence if a driver
     divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions. Raises ValueError for an
     unknown path or field.
@@ -1121,7 +1121,9 @@ def rig_records(
 class RigRecordsAhead:
     """What rig_records returns, computed by other threads meanwhile."""
 
-    def __init__(self, rigs: list[tuple[RigProgram, _Reals, list[str]]], fields: list[tuple[str, int, int]]) -> None:
+    def __init__(
+        self, rigs: list[tuple[RigProgram, _Reals, list[str], dict[str, Any]]], fields: list[tuple[str, int, int]]
+    ) -> None:
         """Begins, and returns at once. Arguments and errors: see rig_records."""
     def found(self) -> list[tuple[_UInt8, _Float32] | str]:
         """Waits for the threads, and returns what rig_records returns."""

@@ -12,7 +12,7 @@ import bpy
 
 from ..blender import animation, dependencies
 from ..host import poses
-from . import computing, differences, rigs
+from . import computing, differences, leading, rigs
 
 NAME = ".Sinew Frames"
 MOST_FRAMES = 16
@@ -22,14 +22,16 @@ SECONDS = 0.1  # after which no other frame is begun
 def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
     is no program. Blender writes the values of an evaluated frame into the originals, so nothing is compared while the
-    armature has been edited without a key, and no other frame if keyframes move anything else that it needs. Call it in
-    the main thread, outside an evaluation. Returns whether Blender has evaluated, so that freezing.keep_frozen has to
-    follow."""
+    armature, or one that it follows, has been edited without a key, and no other frame if keyframes move anything else
+    that it needs. Call it in the main thread, outside an evaluation. Returns whether Blender has evaluated, so that
+    freezing.keep_frozen has to follow."""
     source, spent, now = rig.source, [], scene.frame_current
-    if scene.frame_subframe or animation.unkeyed_path(rig.ob, scene.frame_current_final):
+    chain = leading.chain(rig.ob)
+    if scene.frame_subframe or any(animation.unkeyed_path(each, scene.frame_current_final) for each in chain):
         return False
     source.compared.add(now)
-    if any(rigs.has_animation(each) for each in dependencies.used([rig.ob], bpy.data.user_map()) if each != rig.ob):
+    used = dependencies.used([rig.ob], bpy.data.user_map())
+    if any(rigs.has_animation(each) for each in used if each not in chain):
         return False
     with _on_frames(rig.ob) as evaluated_on:
         try:

@@ -4,20 +4,20 @@ A program is read from an armature that is live, and dies with the record: whate
 is used once it has computed exactly what Blender shows on a frame. If it ever differs, the armature is recorded
 instead."""
 
+import contextlib
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
-import bpy
 import numpy as np
 
 from ..blender import animation
 from ..host import evaluations, poses
 from ..native import sinew_native
 from ..rig_programs import curves, driven_keys, edits, reading
-from . import changes, differences, followers, rigs, settings, watch
+from . import changes, differences, followers, leading, rigs, settings, watch
 from .followers import Followers
 from .rigs import Source
 
@@ -56,6 +56,9 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
             differences.note(rig, differences.Difference.between(rig, copy, frame))
 
 
+_Asked = tuple[rigs.Rig, Sequence[float], dict[str, Any]]  # an armature, frames, and what comes from outside on these
+
+
 class _Ahead:
     """The next frame, computed by other threads while Blender evaluates and draws the last one. It holds for as long as
     the programs do, which die with each edit."""
@@ -76,19 +79,20 @@ class _Ahead:
             return
         self.forget()
         able = [rig for rig in own if rig.source.is_proven and rig.at(frame + step) is None]
+        able = [rig for rig in able if not rig.source.links]  # which wait for what others have there
         if able:
             self._next = frame + step
             self._programs = {rig.key: rig.source.program for rig in able}
-            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, [self._next]) for rig in able]))
+            self._records = sinew_native.RigRecordsAhead(*_asked([(rig, [self._next], {}) for rig in able]))
 
-    def found(self, pairs: Sequence[tuple[rigs.Rig, Sequence[float]]]) -> list[Any] | None:
+    def found(self, asked: Sequence[_Asked]) -> list[Any] | None:
         """Returns what `rig_records` returns of these armatures and their frames, if that was computed ahead."""
-        if self._records is None or any(list(each) != [self._next] for _rig, each in pairs):
+        if self._records is None or any(list(frames) != [self._next] for _rig, frames, _given in asked):
             return None
-        if any(self._programs.get(rig.key) is not rig.source.program for rig, _frames in pairs):
+        if any(self._programs.get(rig.key) is not rig.source.program for rig, *_ in asked):
             return None
         by_key = dict(zip(self._programs, self._records.found()))
-        return [by_key[rig.key] for rig, _frames in pairs]
+        return [by_key[rig.key] for rig, *_ in asked]
 
     def forget(self) -> None:
         self._programs, self._records, self._next = {}, None, None
@@ -101,11 +105,11 @@ look_ahead, forget = _ahead.begin, _ahead.forget
 def fill(own: Iterable[rigs.Rig], frames: Sequence[float]) -> None:
     """Records those of these frames that are missing, of the armatures that have a proven program. Of moments
     that are not recorded each keeps the last one."""
-    able = [rig for rig in own if rig.source.is_proven]
-    lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
-    for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
-        for frame, moment in zip(missing, moments):
-            rig.keep(frame, moment)
+    for able in leading.levels(rig for rig in own if rig.source.is_proven):
+        lacking = [[frame for frame in frames if rig.at(frame) is None] for rig in able]
+        for rig, missing, moments in zip(able, lacking, _moments(able, lacking)):
+            for frame, moment in zip(missing, moments):
+                rig.keep(frame, moment)
 
 
 def moment(rig: rigs.Rig, frame: float) -> rigs.Moment | None:
@@ -158,13 +162,14 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     all_curves = animation.action_curves(last.watch.action) if numbers else []
     try:
         edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
-        if edit is None or any(map(_may_move, last.known.follows)):
+        if edit is None:
             return False
         program = last.source.program.edited(*edit)
-    except (ValueError, ReferenceError):
+        links = leading.links_of(rig.ob, last.known.targets, last.known.outside, graph)
+    except (ValueError, KeyError, ReferenceError):
         return False
     compared = set() if any(edit) else last.source.compared
-    rig.source = replace(last.source, program=program, is_proven=False, heads={}, compared=compared)
+    rig.source = replace(last.source, program=program, links=links, is_proven=False, heads={}, compared=compared)
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
     rig.last = _Last(rig.source, last.known, keys, new)
     return True
@@ -178,7 +183,7 @@ def differing(own: Iterable[rigs.Rig], graph: Any) -> dict[int, str]:
         copy, time, rig.posed_on = rigs.evaluated_copy(rig, graph), rig.posed_on, None
         if copy is None or time is None or rig.last is None or evaluations.is_tagged(copy):
             continue
-        given = dict(rig.last.known.keyed())
+        given = dict(rig.last.known.keyed()) | rig.last.known.from_outside()
         given |= {
             each.path: value for each, value in zip(rig.source.settings, settings.read(copy, rig.source.settings))
         }
@@ -198,9 +203,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         if old != new:
             raise curves.Refused(f"{scene.name} maps its frames to other times")
         read = reading.read(rig.ob, graph, keyed)
-        for block in read.follows():
-            if _may_move(block):
-                raise curves.Refused(f"{rig.name} follows {block.name}, which may move")
+        links = leading.links_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description)
     except ValueError as reason:
         return Source(refusal=str(reason))
@@ -208,32 +211,30 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     wanted = list(map(driven_keys.path_of, range(sum(counts))))
     own, is_posable = settings.of(rig.ob, read.description)
     wanted += [setting.path for setting in own]
-    source = Source(program, tuple(wanted), counts, tuple(own), is_posable=is_posable)
+    source = Source(program, tuple(wanted), counts, tuple(own), links, is_posable=is_posable)
     _remember(rig, read, source, graph)
     return source
 
 
-def _may_move(block: Any) -> bool:
-    """Whether time, or the pose of an armature, may change a data-block that nobody edits."""
-    if isinstance(block, bpy.types.Object):
-        return not followers.is_still(block, None)
-    data = getattr(block, "animation_data", None)
-    is_animated = data is not None and (data.action is not None or data.nla_tracks or data.drivers)
-    return bool(is_animated) or isinstance(block, bpy.types.Scene)
-
-
-def _asked(pairs: Sequence[tuple[rigs.Rig, Sequence[float]]]) -> tuple[list[Any], Any]:
-    """Returns the arguments of `rig_records` for armatures and their frames."""
-    wanted = [(rig.source.program, np.array(each, np.float32), list(rig.source.paths)) for rig, each in pairs]
-    return wanted, poses.fields()
+def _asked(asked: Sequence[_Asked]) -> tuple[list[Any], Any]:
+    """Returns the arguments of `rig_records`."""
+    return [
+        (rig.source.program, np.array(frames, np.float32), list(rig.source.paths), given)
+        for rig, frames, given in asked
+    ], poses.fields()
 
 
 def _moments(own: Sequence[rigs.Rig], frames: Sequence[Sequence[float]]) -> list[list[rigs.Moment]]:
-    """Returns the moments of each armature on its frames; none of those without a program."""
-    able = [(rig, each) for rig, each in zip(own, frames) if rig.source.program is not None and each]
+    """Returns the moments of each armature on its frames; none of those without a program, or that follow one without
+    it."""
+    able: list[_Asked] = []
+    for rig, each in zip(own, frames):
+        if rig.source.program is not None and each:
+            with contextlib.suppress(leading.Unknown):
+                able.append((rig, each, leading.inputs(rig, each)))
     found: dict[int, list[rigs.Moment]] = {}
     results = _ahead.found(able) if able else []
-    for (rig, _frames), result in zip(able, sinew_native.rig_records(*_asked(able)) if results is None else results):
+    for (rig, *_), result in zip(able, sinew_native.rig_records(*_asked(able)) if results is None else results):
         if isinstance(result, str):
             rig.source = Source(refusal=result)
             continue

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..rig_programs import checking, driven_keys, reading
-from . import rigs
+from . import leading, rigs
 
 log = logging.getLogger("sinew")
 # Elsewhere compilers and mathematical functions are others than those with which Blender evaluates bones.
@@ -34,7 +34,10 @@ class Difference:
     def between(
         cls, rig: rigs.Rig, copy: bpy.types.Object, frame: float, given: Mapping[str, Any] = MappingProxyType({})
     ) -> "Difference":
-        """copy: evaluated on that frame; given: as above."""
+        """copy: evaluated on that frame; given: as above. What is not given of what it follows, is what that has on the
+        frame."""
+        if not all(link.name in given for link in rig.source.links):
+            given = leading.inputs(rig, [frame]) | dict(given)
         computed = rig.source.program.evaluate(np.array([frame], np.float32), dict(given))[0]
         return cls(frame, checking.matrices_of(copy.pose.bones), computed, given)
 

@@ -18,6 +18,7 @@ TIMED = {"TRANSFORM_CACHE", "FOLLOW_TRACK", "CAMERA_SOLVER", "OBJECT_SOLVER", "F
 _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
 # What drivers may read of a bone on each frame.
 _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
+MOST_NAMES = 3  # that a reason lists
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace)
 
@@ -130,12 +131,6 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
         if ob.data == rig.data and rig not in dependencies.outside_of(ob):
             return  # shares its bones, not its pose
         if rig in dependencies.outside_of(ob):
-            if any(
-                target == rig for curve in dependencies.drivers_of_both(ob) for target in dependencies.read_by(curve)
-            ):
-                raise NotFreezable(
-                    f"drivers of the armature {ob.name} read it, and a driver does not notice a frozen one"
-                )
             if not (ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)):
                 found.shaped.append(ob)  # nothing but these bones has Blender evaluate it
         if _hangs_on(ob, rig):  # so that it cannot be frozen itself
@@ -165,23 +160,48 @@ def _hangs_on(ob: Any, rig: Any) -> bool:
 
 def is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
     """Whether an object stays where it is, and its shape as it is, unless somebody edits it, or moves with the bones of
-    an armature: then it is evaluated after them, and what follows it again. rig: that armature object; None: what
-    follows any armature moves."""
+    an armature: then it is evaluated after them, and what follows it again. rig: that armature object; None: bones of
+    all armatures have to stay, too."""
     if ob in seen or ob == rig:
         return True
     data, seen = ob.animation_data, (*seen, ob)
     is_own = ob.type == "MESH" and ob.sinew.is_bound
     drivers = [] if data is None else [each for each in data.drivers if not (is_own and hook_of(ob) == each)]
+    bones: Any = ()
+    followed = dependencies.followed_by(ob)
+    if rig is None and ob.type == "ARMATURE":
+        bones = ob.pose.bones if ob.pose is not None else ()
+        followed = [*followed, *dependencies.outside_of(ob)]
     return (
-        not (rig is None and ob.type == "ARMATURE")
-        and not (data is not None and (data.action is not None or drivers or data.nla_tracks))
-        and not any(each.type in TIMED for each in ob.constraints)
+        not (data is not None and (data.action is not None or drivers or data.nla_tracks))
+        and not any(each.type in TIMED for owner in (ob, *bones) for each in owner.constraints)
         and all(each.type == "ARMATURE" or is_own and each.type == "NODES" for each in ob.modifiers)
         and ob.rigid_body is None
         and (ob.data is None or getattr(ob.data, "animation_data", None) is None)
         and getattr(ob.data, "shape_keys", None) is None
-        and all(is_still(each, rig, seen) for each in dependencies.followed_by(ob))
+        and all(is_still(each, rig, seen) for each in followed)
     )
+
+
+def check_place(rig: Any) -> None:
+    """Raises NotFreezable if an armature object may move as a whole while nobody edits it."""
+    own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
+    if own:
+        raise NotFreezable(
+            f"{rig.name} itself is animated ({listed(own)}), not only its bones: animate its root bone instead"
+        )
+    if rig.constraints:
+        raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
+    if rig.parent is not None and not is_still(rig.parent, rig):
+        raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
+    if rig.rigid_body is not None:
+        raise NotFreezable(f"{rig.name} is simulated")
+
+
+def listed(names: list[str]) -> str:
+    """Returns the first few of them, for people."""
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
 
 
 def hook_of(ob: Any) -> Any:
@@ -190,9 +210,8 @@ def hook_of(ob: Any) -> Any:
 
 
 def _drivers_on(block: Any, rig: Any) -> list[Any]:
-    """Returns the drivers of a data-block that read an armature object or its data, except for Sinew's hooks. Those of
-    armatures count as constraints do."""
-    if not hasattr(block, "animation_data") or getattr(block, "type", "") == "ARMATURE":
+    """Returns the drivers of a data-block that read an armature object or its data, except for Sinew's hooks."""
+    if not hasattr(block, "animation_data"):
         return []
     return [
         curve

@@ -160,7 +160,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     global _is_building
     graph = layer.depsgraph
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
-    driven = [curve for rig in chosen for curve in rig.followers.drivers()]
+    idle = {block for rig in chosen for block in (rig.ob, rig.ob.data)}
+    driven = [curve for rig in chosen for curve in rig.followers.drivers() if curve.id_data not in idle]
 
     def mark() -> None:
         for rig in at_home:

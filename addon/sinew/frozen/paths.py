@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import rigs
+from . import leading, rigs
 
 MOST_KEPT = 4000  # frames of a rig
 
@@ -29,7 +29,7 @@ def around(bones: Iterable[tuple[Any, str]], frame: int, count: int) -> list[Pat
         rig = rigs.get(ob)
         if rig is None or not rig.is_idle or rig.source.program is None:
             continue
-        heads = _heads(rig.source, frames)
+        heads = _heads(rig, frames)
         if heads is None:
             continue
         numbers = {name: number for number, name in enumerate(rig.source.program.names)}
@@ -39,18 +39,18 @@ def around(bones: Iterable[tuple[Any, str]], frame: int, count: int) -> list[Pat
     return found
 
 
-def _heads(source: rigs.Source, frames: list[int]) -> dict[int, np.ndarray] | None:
+def _heads(rig: rigs.Rig, frames: list[int]) -> dict[int, np.ndarray] | None:
     """Returns the heads of all bones, (B, 3) float32 in the armature's space, by frame; None if one cannot be
     computed."""
-    known = source.heads
+    known = rig.source.heads
     lacking = [each for each in frames if each not in known]
     if len(known) + len(lacking) > MOST_KEPT:
         known.clear()
         lacking = frames
     if lacking:
         try:
-            poses = source.program.evaluate(np.array(lacking, np.float32))
-        except ValueError:  # a driver divides by 0
+            poses = rig.source.program.evaluate(np.array(lacking, np.float32), leading.inputs(rig, lacking))
+        except ValueError:  # a driver divides by 0, or it follows one that is not computed
             return None
         known.update(zip(lacking, poses[..., :3, 3].copy()))
     return known

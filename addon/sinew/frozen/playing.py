@@ -6,7 +6,7 @@ import bpy
 
 from ..host import contract, features, poses
 from ..run import mail
-from . import changes, computing, differences, freezing, rigs, watch
+from . import changes, computing, differences, freezing, leading, rigs, watch
 
 _evaluations = 0  # that handlers have seen
 
@@ -81,6 +81,10 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
                 reasons[rig.key] = why
         if not rig.is_frozen:
             freezing.look_at_keys(rig, graph, is_new_frame)
+    anew = {rig.ob for rig in own if rig.shown is None}
+    for rig in own if anew else ():
+        if not rig.is_frozen and not anew.isdisjoint(leading.chain(rig.ob)):
+            rig.shown = None
     own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
     if not reasons:
         reasons = freezing.resume([rig for rig in own if not rig.is_frozen], graph)

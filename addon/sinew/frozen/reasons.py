@@ -10,10 +10,8 @@ from ..blender import animation, dependencies, values
 from ..clips import clip_store
 from ..host import relations
 from ..run import characters
-from . import changes, computing, differences, followers, rigs
+from . import changes, computing, differences, followers, leading, rigs
 from .followers import NotFreezable
-
-MOST_NAMES = 3  # that a reason lists
 
 
 def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, rigs.Rig]:
@@ -34,7 +32,7 @@ def freezable(chosen: dict[int, rigs.Rig], scene: Any, layer: Any) -> dict[int, 
 def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, list[Any]]:
     """Returns the other armatures on which each of these depends that can be frozen beside them, by key. `reason` of
     the others says why not."""
-    own, users = list(own), bpy.data.user_map()
+    own, users = leading.in_order(own), bpy.data.user_map()
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     needed: dict[int, list[Any]] = {}
@@ -95,6 +93,9 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
     """Returns why an armature is not frozen that is only if it can be computed, as a sentence."""
     if rig.source.refusal:
         return rig.source.refusal
+    unknown = next((link.leader.name for link in rig.source.links if link.leader.source.program is None), "")
+    if unknown:
+        return f"{rig.name} follows bones of {unknown}, which is not computed"
     if rig.source.is_proven:
         return f"keyframes of {rig.name} set more than channels of bones, constraints' influence and custom properties"
     bone = unkeyed_bone(rig, scene)
@@ -148,7 +149,7 @@ def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
 def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
     """Drops from the records of armatures what was edited, so that it can be played again in a view layer, or
     computed."""
-    own, users = list(own), bpy.data.user_map()
+    own, users = leading.in_order(own), bpy.data.user_map()
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
     for rig in own:
@@ -176,17 +177,7 @@ def check(rig: Any) -> list[Any]:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
         raise NotFreezable(being_edited(rig))
-    own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
-    if own:
-        raise NotFreezable(
-            f"{rig.name} itself is animated ({_listed(own)}), not only its bones: animate its root bone instead"
-        )
-    if rig.constraints:
-        raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    if rig.parent is not None and not followers.is_still(rig.parent, rig):
-        raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
-    if rig.rigid_body is not None:
-        raise NotFreezable(f"{rig.name} is simulated")
+    followers.check_place(rig)
     if animation.keyed_curves(rig.data):
         raise NotFreezable(f"the armature data {rig.data.name} have keyframes of their own")
     if rig.pose.ik_solver == "ITASC":
@@ -203,7 +194,7 @@ def check(rig: Any) -> list[Any]:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
     if moving:
         raise NotFreezable(f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move")
-    return [each for each in outside if each.type == "ARMATURE"]
+    return [each for each in outside if each.type == "ARMATURE" and not followers.is_still(each, None)]
 
 
 def _plays_clip(rig: Any) -> bool:
@@ -244,9 +235,4 @@ def _may_be_read(rig: Any, block: Any) -> bool:
 
 
 def _names(objects: list[Any]) -> str:
-    return _listed([each.name for each in objects])
-
-
-def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    return followers.listed([each.name for each in objects])

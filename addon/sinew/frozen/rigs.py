@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..blender import values
-from ..host import evaluations, key_blocks, poses
+from ..host import actions, evaluations, key_blocks, poses
 from . import records, settings
 from .followers import Followers
 from .settings import Setting
@@ -39,6 +39,7 @@ class Source:
     paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
+    links: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Link
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -217,13 +218,15 @@ def evaluated_copy(rig: Rig, graph: Any) -> Any:
 
 def is_without_keys(rig: Rig, graph: Any) -> bool:
     """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built. A copy
-    that Blender has made since has the action, but the graph does not."""
+    that Blender has made since has the action and tracks, but the graph has not."""
     evaluated = evaluated_copy(rig, graph)
     data = evaluated.animation_data if evaluated is not None else None
-    if data is None or len(data.nla_tracks):
+    if data is None:
         return False
-    own = rig.ob.animation_data
-    return data.action is None or own.action is not None and not own.action.evaluated_get(graph).is_evaluated
+    if data.action is None and not len(data.nla_tracks):
+        return True
+    played = [each.action for each in actions.of(rig.ob)]
+    return bool(played) and not any(each.evaluated_get(graph).is_evaluated for each in played)
 
 
 class Moment(NamedTuple):

@@ -184,7 +184,7 @@ def own_action(rig: Any) -> Any:
     """Returns the action of an armature object if its keyframes matter only at their own times, or None: NLA strips and
     constraints use actions at others."""
     data = rig.animation_data
-    if data is None or data.action is None or len(data.nla_tracks):
+    if data is None or data.action is None or animation.plays_strips(data):
         return None
     others = [each for bone in rig.pose.bones for each in bone.constraints if each.type == "ACTION"]
     return None if any(each.action == data.action for each in others) else data.action

@@ -102,6 +102,17 @@ def record(armature: Any) -> np.ndarray:
     return sinew_native.host.record_pose(_first(armature), _layout())
 
 
+def matrices_in(recorded: np.ndarray) -> np.ndarray:
+    """Returns the matrices of the B bones of a recorded pose in the armature's space, (B, 4, 4) float32."""
+    sizes = {"channel_matrix": 16, "pose_matrix": 16, "head": 3, "tail": 3}
+    counts = [count or sizes[name] for name, _first, count in fields()]
+    begin = sum(counts[: [name for name, *_ in fields()].index("pose_matrix")])
+    bones = int(recorded[:4].view(np.int32)[0])
+    header, width = 1 + bones, sum(counts) + SIZES["DualQuat"] // _FLOAT
+    numbers = recorded.view(np.float32)[header : header + bones * width].reshape(bones, width)
+    return numbers[:, begin : begin + 16].reshape(bones, 4, 4).swapaxes(1, 2)
+
+
 def play(armature: Any, recorded: np.ndarray) -> bool:
     """Writes a recorded pose into an evaluated armature object. Returns False, and writes nothing, if it was recorded
     with other bones or segments. Raises contract.Broken."""

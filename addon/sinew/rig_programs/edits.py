@@ -20,7 +20,7 @@ class Known:
     """What an armature object was read from: what has to be the same, and the numbers that may have changed."""
 
     def __init__(self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph) -> None:
-        self._targets, self._outside, self.follows = read.targets, read.outside, read.follows()
+        self.targets, self.outside, self.follows = read.targets, read.outside, read.follows()
         rows = read.description["curves"]
         self._curves = {(row["path"], row["index"]) for row in rows}
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
@@ -74,12 +74,16 @@ class Known:
             for bone in np.flatnonzero(self._is_keyed[:, own].any(axis=1)).tolist():
                 yield self._path_of(bone, name, is_of_rest), _given(numbers[bone, own])
 
+    def from_outside(self) -> dict[str, Any]:
+        """Returns what came from outside, as RigProgram.evaluate is given it."""
+        return self._numbers[2]
+
     def _path_of(self, bone: int, name: str, is_of_rest: bool) -> str:
         return f'{"data" if is_of_rest else "pose"}.bones["{bpy.utils.escape_identifier(self._names[bone])}"].{name}'
 
     def _read(self, ob: bpy.types.Object, graph: bpy.types.Depsgraph) -> tuple[np.ndarray, list, dict[str, Any]]:
         """Returns the numbers of bones, the custom properties, and what comes from outside."""
-        outside = self._outside.values(graph) | self._targets.matrices(graph)
+        outside = self.outside.values(graph) | self.targets.matrices(graph)
         return bones.values_of(ob, self._places), list(properties.properties_of(ob)), outside
 
     def _given_of_bones(self, ob: bpy.types.Object, before: np.ndarray) -> Iterator[tuple[str, Any]]:
@@ -135,7 +139,7 @@ def _state(ob: bpy.types.Object) -> Any:
     its custom properties, its keyframes, what comes from outside, and what Blender builds relations for, such as the
     handles of a B-bone. None if that cannot be told."""
     data = ob.animation_data
-    if data is None or len(data.nla_tracks) or data.use_tweak_mode or not bone_bytes.can_read():
+    if data is None or animation.plays_strips(data) or data.use_tweak_mode or not bone_bytes.can_read():
         return None
     found: list[Any] = [pose_settings.read(ob), bone_bytes.read_bytes(ob.data)]
     for block in (ob, ob.data):

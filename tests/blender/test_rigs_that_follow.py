@@ -1,0 +1,309 @@
+"""Rigs that follow bones of other rigs, as a rider follows a horse, are computed after those. The second character of
+the cast, and what it follows, stay live."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler
+
+from characters import make_armature, pose
+from helpers import addon_module, needs_rig_programs, select
+from test_accelerated_rigs import accelerate, keep_live, recorded, wait
+from test_accelerated_rigs import accelerating as accelerating
+from test_frozen import FRAMES, Cast, freezing, layer, matrices_of
+from test_frozen_who import both
+
+pytestmark = needs_rig_programs
+
+
+def add(armature, kind, leader, bone="", on="bone4", **settings):
+    constraint = armature.pose.bones[on].constraints.new(kind)
+    constraint.target, constraint.subtarget = leader, bone
+    for name, value in settings.items():
+        setattr(constraint, name, value)
+
+
+def drive(armature, path, leader, **target):
+    """By what the leader has: a number of it, or where a bone is."""
+    driver = armature.pose.bones["side"].driver_add(*path).driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.type = "SINGLE_PROP" if "data_path" in target else "TRANSFORMS"
+    variable.targets[0].id = leader
+    for name, value in target.items():
+        setattr(variable.targets[0], name, value)
+
+
+def follow(armature, leader):
+    """In all ways that there are, of bones that move, of numbers that are keyed and driven, and of the place."""
+    add(armature, "CHILD_OF", leader, "bone2", "bone0", set_inverse_pending=False)
+    add(armature, "COPY_ROTATION", leader, "bone4", mix_mode="ADD")
+    add(armature, "TRACK_TO", leader, "", "bone3", influence=0.4)
+    add(armature, "COPY_TRANSFORMS", leader, "side", "side", mix_mode="BEFORE")
+    drive(armature, ("location", 0), leader, data_path='pose.bones["bone1"].location[2]')
+    drive(armature, ("location", 1), leader, data_path='["sum"]')
+    drive(armature, ("location", 2), leader, bone_target="bone3", transform_type="LOC_X")
+    drive(armature, ("scale", 0), leader, bone_target="bone3", transform_type="ROT_Y")
+
+
+def make_leader():
+    leader = make_armature()
+    leader.location, leader.rotation_euler = (1, -2, 0.5), (0.3, 0.2, 1)
+    for frame in (1, 5, 10):
+        pose(leader, frame + 3, False)
+        for bone in leader.pose.bones:
+            for path in ("rotation_quaternion", "location", "scale"):
+                bone.keyframe_insert(path, frame=frame)
+    leader["sum"] = 0.0
+    driver = leader.driver_add('["sum"]').driver
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = leader, 'pose.bones["bone0"].location[1]'
+    return leader
+
+
+class Led(Cast):
+    """A cast whose characters follow a rig each, which has no mesh."""
+
+    def __init__(self, scene, depth=1):
+        super().__init__(scene)
+        self.leaders = []
+        for armature, *_ in both(self):
+            chain = [armature]
+            for _ in range(depth):
+                chain.append(make_leader())
+                follow(chain[-2], chain[-1])
+            self.leaders.append(chain[1:])
+        select()
+        scene.frame_set(2)
+        scene.frame_set(1)
+        keep_live(self)
+        for leader in self.leaders[1]:
+            live = recorded().learn(leader)
+            live.stays_live = live.needs_program = True
+
+    @property
+    def led(self):
+        """The rigs that the first character follows."""
+        return [recorded().learn(leader) for leader in self.leaders[0]]
+
+    def assert_same(self):
+        super().assert_same()
+        for ours, theirs in zip(*self.leaders):
+            assert np.array_equal(matrices_of(ours), matrices_of(theirs))
+
+    def are_frozen(self):
+        return all(rig.is_frozen for rig in (self.rig, *self.led))
+
+
+@pytest.fixture
+def led(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    return Led(fresh_scene)
+
+
+def test_it_is_computed_after_what_it_follows(led):
+    accelerate(led)
+    assert led.are_frozen()
+    shapes = led.play([*FRAMES, 3, -7, 400, 5])
+    led.scene.frame_set(4, subframe=0.5)
+    led.assert_same()
+    assert led.are_frozen() and np.ptp(shapes, axis=0).max() > 0.1
+    assert len(led.rig.source.compared) > 1
+
+
+def test_chains(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    led = Led(fresh_scene, depth=3)
+    accelerate(led)
+    led.play()
+    assert led.are_frozen()
+    led.leaders[0][-1].pose.bones["bone2"].rotation_quaternion = (1, 0, 0.5, 0)
+    led.leaders[1][-1].pose.bones["bone2"].rotation_quaternion = (1, 0, 0.5, 0)
+    layer().update()
+    led.assert_same()
+    led.play([2, 1, 6])
+    assert led.are_frozen()
+
+
+def by_hand(leader):
+    for bone in leader.pose.bones:
+        bone.rotation_quaternion = Euler((0.2, 0.4, -0.3)).to_quaternion()
+        bone.location.x += 0.3
+
+
+def a_key(leader):
+    for curve in addon_module("blender.animation").action_curves(leader.animation_data.action):
+        curve.keyframe_points[0].co.y += 0.2
+        curve.keyframe_points[-1].co.y += 0.3
+        curve.update()
+
+
+def a_constraint(leader):
+    constraint = leader.pose.bones["bone2"].constraints.new("LIMIT_ROTATION")
+    constraint.use_limit_x, constraint.max_x = True, 0.1
+
+
+def a_place(leader):
+    leader.location.z += 1
+
+
+def a_bone(leader):
+    select(leader)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for number in range(3):
+        leader.data.edit_bones.new(f"a{number}").tail = (0, 0, 1)
+    leader.data.edit_bones["bone3"].tail.x += 0.4
+    bpy.ops.object.mode_set(mode="OBJECT")
+    select()
+
+
+def mute(leader):
+    leader.pose.bones["bone3"].constraints.new("COPY_LOCATION").mute = True
+
+
+EDITS = (by_hand, a_key, a_constraint, a_place, a_bone, mute)
+
+
+@pytest.mark.parametrize("is_updated", (True, False))
+@pytest.mark.parametrize("edit", EDITS)
+def test_edits_of_what_it_follows(led, edit, is_updated):
+    accelerate(led)
+    led.play([3, 4])
+    for (leader,) in led.leaders:
+        edit(leader)
+    if is_updated:
+        layer().update()
+        led.assert_same()
+    led.play([5, 4, 9, 1])
+    wait(led)
+    led.play()
+    assert led.are_frozen(), led.rig.reason
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_edits_of_one_that_follows(led, edit):
+    accelerate(led)
+    led.play([3, 4])
+    for armature, *_ in both(led):
+        edit(armature)
+    layer().update()
+    led.assert_same()
+    led.play([5, 4, 9, 1])
+    wait(led)
+    led.play()
+    assert led.are_frozen(), led.rig.reason
+
+
+def test_posing_one_and_the_other_is_not_thawed(led):
+    accelerate(led)
+    led.scene.frame_set(4)
+    for chosen in (led.leaders, [[armature] for armature, *_ in both(led)], led.leaders):
+        for number, (leader,) in enumerate(chosen):
+            leader.pose.bones["bone1"].location.z += 0.25
+            if number == 0:
+                layer().update()
+                assert all(rig.is_idle for rig in (led.rig, *led.led))
+        layer().update()
+        led.assert_same()
+        led.play([5, 4])
+        assert led.are_frozen()
+
+
+def test_a_wrong_leader_is_noticed(led):
+    accelerate(led)
+    leader = led.led[0]
+    led.scene.frame_set(4)
+    moment = leader.at(4)
+    bones = addon_module("host.poses").matrices_in(moment.pose)
+    assert np.array_equal(bones, matrices_of(leader.ob)[:, :4])
+    bones[2, 0, 3] += 0.1
+    leader.passing = 4, moment
+    found = addon_module("frozen.leading").inputs(led.rig, [4])
+    right = addon_module("frozen.leading").inputs(led.rig, [4.25])
+    assert found.keys() == right.keys() and any(abs(found[name] - right[name]).max() > 0.09 for name in found)
+
+
+def test_paths_of_bones(led):
+    accelerate(led)
+    ((points, now),) = addon_module("frozen.paths").around([(led.rig.ob, "bone4")], 4, 3)
+    for frame, point in zip(range(1, 8), points):
+        led.scene.frame_set(frame)
+        bone = led.live[0].evaluated_get(layer().depsgraph).pose.bones["bone4"]
+        np.testing.assert_allclose(point, led.live[0].matrix_world @ bone.head, atol=1e-5)
+    assert now == 3
+
+
+def test_undo(led):
+    select()
+    bpy.ops.ed.undo_push(message="Before")
+    accelerate(led)
+    led.play([3, 4])
+    names = [[each.name for each in chain] for chain in led.leaders]
+    for (leader,) in led.leaders:
+        by_hand(leader)
+    layer().update()
+    bpy.ops.ed.undo_push(message="Posed")
+    led.scene.frame_set(5)
+    led.undo()
+    led.leaders = [[bpy.data.objects[name] for name in each] for each in names]
+    led.assert_same()
+    led.play()
+    wait(led)
+    led.play()
+
+
+def test_those_that_follow_each_other_stay_live(led):
+    for (leader,), (armature, *_) in zip(led.leaders, both(led)):
+        leader.pose.bones["side"].constraints.new("COPY_LOCATION")
+        constraint = leader.pose.bones["side"].constraints[-1]
+        constraint.target, constraint.subtarget = armature, "bone1"
+    layer().update()
+    wait(led)
+    assert not led.rig.is_frozen and "follow each other" in led.rig.reason, led.rig.reason
+    led.play()
+
+
+def test_what_it_follows_cannot_be_computed(led):
+    for (leader,) in led.leaders:
+        leader.pose.ik_solver = "ITASC"
+    wait(led)
+    assert not led.rig.is_frozen and "follows bones of Rig.002, which is not computed" in led.rig.reason
+    led.play()
+
+
+def test_an_armature_that_stands_still_may_be_followed(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    cast = Cast(fresh_scene)
+    keep_live(cast)
+    stands = []
+    for armature, *_ in both(cast):
+        stand = make_armature()
+        pose_by_hand(stand, 0.5)
+        add(armature, "COPY_ROTATION", stand, "bone3", mix_mode="ADD")
+        stands.append(stand)
+    select()
+    layer().update()
+    accelerate(cast)
+    cast.play()
+    for stand in stands:
+        pose_by_hand(stand, -0.7)
+    layer().update()
+    cast.assert_same()
+    cast.play()
+    assert cast.rig.is_frozen
+
+
+def pose_by_hand(armature, angle):
+    armature.pose.bones["bone2"].rotation_mode = "XYZ"
+    armature.pose.bones["bone2"].rotation_euler = (angle, 0.1, angle / 2)
+
+
+def test_freezing_both_keeps_what_is_computed(led):
+    select()
+    freezing().freeze([led.rig, *led.led], led.scene, layer())
+    assert led.are_frozen(), led.rig.reason
+    led.play()
+    assert led.are_frozen() and len(led.rig.record) >= 10
