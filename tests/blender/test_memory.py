@@ -170,9 +170,10 @@ def test_each_struct_of_another_size_is_named():
 
 
 def test_shapes_are_right_without_each_part(zoo, monkeypatch):
+    """Of the parts, each version but 5.2 tries others."""
     structs, features, contract = host("layout").structs(), host("features"), host("contract")
-    wrong = []
-    for number, (kind, name) in enumerate(parts()):
+    wrong, share = [], 1 if bpy.app.version[:2] == (5, 2) else 3
+    for number, (kind, name) in list(enumerate(parts()))[bpy.app.version[1] % share :: share]:
         kinds = KINDS[number % len(KINDS) :] + KINDS[: number % len(KINDS)]
         found = next(filter(None, (spoilt(structs, kind, name, how) for how in kinds)))
         said, lost = look(zoo, monkeypatch, found)

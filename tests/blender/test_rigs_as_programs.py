@@ -29,7 +29,7 @@ SAMPLES = 26  # of Rigify
 # Of the large ones and of the samples each version of Blender tries others.
 PART, PARTS = (2 * bpy.app.version[0] + bpy.app.version[1]) % 3, 3
 IS_WINDOWS = sys.platform == "win32"  # here with Wine, which is slow
-TRIED = [HUMAN, *METARIGS[1 + PART :: PARTS][: 1 if IS_WINDOWS else None]]
+TRIED = [HUMAN] if IS_WINDOWS else [HUMAN, *METARIGS[1 + PART :: PARTS]]
 SEEDS = 40 if IS_WINDOWS else 200
 PORTION = 20
 
@@ -133,7 +133,7 @@ def test_rigify(fresh_scene, metarig):
     check_rigify(rigify(metarig))
 
 
-@pytest.mark.parametrize("number", range(PART, SAMPLES, PARTS))
+@pytest.mark.parametrize("number", range(PART, SAMPLES, 3 * PARTS if IS_WINDOWS else PARTS))
 def test_samples_of_rigify(fresh_scene, number):
     if addon_utils.enable("rigify", default_set=True) is None:
         pytest.skip("this Blender has no Rigify")
@@ -467,6 +467,7 @@ def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
     assert np.array_equal(found, curves.keys_of(curve))
 
 
+@pytest.mark.skipif(IS_WINDOWS, reason="nothing in it differs from system to system")
 def test_the_readmes_example_runs(sinew, fresh_scene, tmp_path, monkeypatch):
     """A Rigify human's clip is deformed without Blender as Blender deforms it, B-bones included."""
     ob, body = human_with_body()
