@@ -346,6 +346,22 @@ def test_the_lining_of_a_tight_coat_is_matched():
     assert sinew.transfer_weights(*source, along(source[0]), *loose, distance=0.03)[1][count:].mean() < 0.1
 
 
+def test_a_tight_coat_that_is_blunter_than_the_body_is_matched():
+    """Over the edges of a ridge it is flat, as the ridge's top is near by; the closest points are on the slopes."""
+
+    def roof(places, half):
+        down = 0.84 * np.maximum(np.abs(places[:, 0] - 15) - half, 0)
+        return places * (1, 1, 0) - down[:, None] * (0, 0, 1)
+
+    positions, offsets, faces = grid(31, 31)
+    fine, fine_offsets, fine_faces = grid(121, 121)
+    source, coat = roof(positions, 1), roof(fine / 4, 1.5) + (0, 0, 0.15)
+    weights = np.stack((positions[:, 0], 30 - positions[:, 0]), 1) / 30
+    made, matched = sinew.transfer_weights(source, offsets, faces, weights, coat, fine_offsets, fine_faces)
+    assert matched.all()
+    assert np.abs(made[:, 0] - coat[:, 0] / 30).max() < 0.02
+
+
 def test_lips_that_touch_are_told_apart():
     """In the middle, the lower lip of the target is closer to the upper lip of the source."""
     positions, offsets, faces = grid(30, 30)

@@ -86,8 +86,8 @@ struct TransferredWeights {
 
 /// Copies weights from a surface to another one. A vertex is matched if the closest point of the source has weights, is
 /// near and faces the same way; it gets the weights there. Where the surroundings lie on the source (within 1.25 % of the
-/// target's diagonal) it may face any way, unless a face of the source near by faces as it does. The others get the smoothest weights that agree with these on
-/// their island: L M^-1 L w = 0, with L the Laplacian of cotangents, clamped to 0.01..20, and M areas; where that is below
+/// target's diagonal) it may face up to 60 degrees away, or any way unless a face of the source near by faces as it does.
+/// The others get the smoothest weights that agree with these on their island: L M^-1 L w = 0, with L the Laplacian of cotangents, clamped to 0.01..20, and M areas; where that is below
 /// 0, the nearest weights that are not, with sum 1. Where points have so many neighbours that this would take too long,
 /// L w = 0. An island without a match is rigid: it follows the nearest point with weights, of another island or of the
 /// source. After Abdrashitov, Raichstat, Monsen, Hill, "Robust skin weights transfer via weight inpainting", SIGGRAPH Asia

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "mesh/triangles.h"
@@ -26,8 +25,8 @@ class WeightedSurface {
 
   const TriangleTree& tree() const { return tree_; }
   const std::vector<Eigen::Vector3d>& points() const { return points_; }
-  const Triangle& triangle(std::uint32_t number) const { return triangles_[number]; }
-  const Triangle& triangle(const SurfacePoint& at) const { return triangle(at.triangle); }
+  const std::vector<Triangle>& triangles() const { return triangles_; }
+  const Triangle& triangle(const SurfacePoint& at) const { return triangles_[at.triangle]; }
 
   /// Adds the weights there.
   void read(const SurfacePoint& at, RowSum& sum) const {
@@ -42,12 +41,5 @@ class WeightedSurface {
   const WeightTable& weights_;
   TriangleTree tree_;
 };
-
-/// The positions in a frame.
-inline std::vector<Eigen::Vector3d> points_in(const UnitFrame& frame, std::span<const double> positions) {
-  std::vector<Eigen::Vector3d> points(positions.size() / 3);
-  for (std::size_t v = 0; v < points.size(); ++v) points[v] = frame(positions.data() + 3 * v);
-  return points;
-}
 
 }  // namespace sinew

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "sinew/types.h"
 
@@ -22,5 +23,12 @@ class UnitFrame {
   Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();
   double scale_ = 1, size_ = 0;
 };
+
+/// The positions in a frame.
+inline std::vector<Eigen::Vector3d> points_in(const UnitFrame& frame, std::span<const double> positions) {
+  std::vector<Eigen::Vector3d> points(positions.size() / 3);
+  for (std::size_t v = 0; v < points.size(); ++v) points[v] = frame(positions.data() + 3 * v);
+  return points;
+}
 
 }  // namespace sinew

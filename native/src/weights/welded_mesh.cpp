@@ -247,9 +247,7 @@ void turn_closed_outward(WeldedMesh& mesh) {
 WeldedMesh weld(const UnitFrame& frame, std::span<const double> positions, const Faces& faces,
                 const Progress* progress) {
   WeldedMesh mesh;
-  std::vector<Eigen::Vector3d> all(positions.size() / 3);
-  for (std::size_t v = 0; v < all.size(); ++v) all[v] = frame(&positions[3 * v]);
-  mesh.point_of = weld_points(all, mesh.points);
+  mesh.point_of = weld_points(points_in(frame, positions), mesh.points);
   stop_if_cancelled(progress);
   const std::vector<Side> sides = set_triangles(faces, mesh);
   stop_if_cancelled(progress);
