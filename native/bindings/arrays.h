@@ -6,10 +6,11 @@
 #include <pybind11/pybind11.h>
 
 #include <algorithm>
+#include <cctype>
 #include <optional>
 #include <span>
-#include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -19,20 +20,34 @@ namespace sinew::bindings {
 
 namespace py = pybind11;
 
-inline std::string shape_text(const py::array& array) {
-  std::ostringstream text;
-  text << '(';
-  for (py::ssize_t axis = 0; axis < array.ndim(); ++axis) {
-    text << (axis ? ", " : "") << array.shape(axis);
-  }
-  text << (array.ndim() == 1 ? ",)" : ")");
-  return text.str();
+inline std::string shape_text(const std::vector<py::ssize_t>& shape) {
+  std::string text;
+  for (const py::ssize_t size : shape) text += (text.empty() ? "" : ", ") + std::to_string(size);
+  return "(" + text + (shape.size() == 1 ? ",)" : ")");
 }
 
 inline std::string dtype_text(const py::array& array) { return py::str(array.dtype()); }
 
-[[noreturn]] inline void wrong_shape(const char* name, const py::array& array, const std::string& expected) {
-  throw InputError(std::string(name) + " has shape " + shape_text(array) + "; expected " + expected);
+/// Whether the sizes are those that are written, such as "F, J, 4, 4" or "V,": a word may be any size.
+inline bool are_sizes(std::span<const py::ssize_t> shape, std::string_view written) {
+  while (!written.empty() && !shape.empty()) {
+    const std::string_view size = written.substr(0, written.find(','));
+    if (std::isdigit(static_cast<unsigned char>(size[0])) && size != std::to_string(shape[0])) return false;
+    written.remove_prefix(std::min(written.size(), size.size() + 2));
+    shape = shape.subspan(1);
+  }
+  return written.empty() && shape.empty();
+}
+
+/// Requires a shape as docstrings have it, or one of several: "(J, 4, 4) or (F, J, 4, 4)".
+inline void require_shape(const char* name, const py::array& array, std::string_view expected) {
+  const std::span<const py::ssize_t> shape(array.shape(), static_cast<std::size_t>(array.ndim()));
+  for (std::size_t end = 0, begin; (begin = expected.find('(', end)) != expected.npos;) {
+    end = expected.find(')', begin);
+    if (are_sizes(shape, expected.substr(begin + 1, end - begin - 1))) return;
+  }
+  throw InputError(std::string(name) + " has shape " + shape_text({shape.begin(), shape.end()}) + "; expected " +
+                   std::string(expected));
 }
 
 template <class T>
@@ -66,15 +81,13 @@ inline py::array given_array(const char* name, const py::object& object) {
   return py::reinterpret_borrow<py::array>(object);
 }
 
-/// Returns a view of a stack of 4x4 matrices, (J, 4, 4) or (F, J, 4, 4) with any strides, in place.
+/// Returns a view of a stack of 4x4 matrices with any strides, in place.
 template <class T>
-MatrixStack<T> matrix_stack(const char* name, const py::array& array) {
+MatrixStack<T> matrix_stack(const char* name, const py::array& array, const char* shape = "(J, 4, 4) or (F, J, 4, 4)") {
   using Scalar = std::remove_const_t<T>;
   require_dtype<Scalar>(name, array);
   const py::ssize_t axes = array.ndim();
-  if ((axes != 3 && axes != 4) || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
-    wrong_shape(name, array, "(J, 4, 4) or (F, J, 4, 4)");
-  }
+  require_shape(name, array, shape);
   require_aligned(name, array);
   const auto stride = [&](py::ssize_t axis) { return array.strides(axis) / static_cast<py::ssize_t>(sizeof(T)); };
   MatrixStack<T> stack;
@@ -150,7 +163,7 @@ class Numbers {
 /// Returns (N,) numbers as T.
 template <class T>
 Numbers<T> list_of(const char* name, const py::array& array) {
-  if (array.ndim() != 1) wrong_shape(name, array, "one axis");
+  require_shape(name, array, "(N,)");
   return {name, array};
 }
 
@@ -172,7 +185,7 @@ class OptionalNumbers {
 /// Returns (V, 3) points as T, row by row.
 template <class T>
 Numbers<T> points_of(const char* name, const py::array& array) {
-  if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(V, 3)");
+  require_shape(name, array, "(V, 3)");
   return {name, array};
 }
 
@@ -180,9 +193,7 @@ Numbers<T> points_of(const char* name, const py::array& array) {
 template <class T>
 std::span<T> written_span(const char* name, const py::array& array, const std::vector<py::ssize_t>& shape) {
   require_dtype<T>(name, array);
-  const bool fits =
-      static_cast<std::size_t>(array.ndim()) == shape.size() && std::equal(shape.begin(), shape.end(), array.shape());
-  if (!fits) wrong_shape(name, array, shape_text(py::array(py::dtype::of<bool>(), shape)));
+  require_shape(name, array, shape_text(shape));
   if (!(array.flags() & py::array::c_style)) {
     throw InputError(std::string(name) + " is not C-contiguous; pass a C-contiguous array");
   }
@@ -191,12 +202,9 @@ std::span<T> written_span(const char* name, const py::array& array, const std::v
   return {static_cast<T*>(const_cast<py::array&>(array).mutable_data()), static_cast<std::size_t>(array.size())};
 }
 
-/// Returns numbers that are read in place each frame: float32, C-contiguous. `expected`: the shape, for messages.
-inline std::span<const float> numbers_span(const char* name, const py::array& array, py::ssize_t axes,
-                                           const char* expected) {
-  if (array.ndim() != axes || (axes == 2 && array.shape(1) != 3)) {
-    wrong_shape(name, array, expected);
-  }
+/// Returns numbers that are read in place each frame: float32, C-contiguous.
+inline std::span<const float> numbers_span(const char* name, const py::array& array, const char* shape) {
+  require_shape(name, array, shape);
   require_dtype<float>(name, array);
   if (!(array.flags() & py::array::c_style)) {
     throw InputError(std::string(name) + " is not C-contiguous; pass a C-contiguous array");
@@ -205,11 +213,9 @@ inline std::span<const float> numbers_span(const char* name, const py::array& ar
   return {static_cast<const float*>(array.data()), static_cast<std::size_t>(array.size())};
 }
 
-/// Copies (J, 4, 4) or (F, J, 4, 4) matrices.
-inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::array& array, py::ssize_t axes) {
-  if (array.ndim() != axes || array.shape(axes - 1) != 4 || array.shape(axes - 2) != 4) {
-    wrong_shape(name, array, axes == 3 ? "(J, 4, 4)" : "(F, J, 4, 4)");
-  }
+/// Copies 4x4 matrices.
+inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::array& array, const char* shape) {
+  require_shape(name, array, shape);
   const std::vector<double> numbers = copied<double>(name, array);
   std::vector<Matrix4<double>> matrices(numbers.size() / 16);
   for (std::size_t i = 0; i < matrices.size(); ++i) {
@@ -219,13 +225,11 @@ inline std::vector<Matrix4<double>> copied_matrices(const char* name, const py::
 }
 
 /// Copies (rows, columns) numbers of any real dtype into a matrix.
-template <int rows, int columns>
-Eigen::Matrix<float, rows, columns> matrix_of(const char* name, const py::array& array) {
-  if (array.ndim() != 2 || array.shape(0) != rows || array.shape(1) != columns) {
-    wrong_shape(name, array, "(" + std::to_string(rows) + ", " + std::to_string(columns) + ")");
-  }
-  const std::vector<float> numbers = copied<float>(name, array);
-  return Eigen::Matrix<float, columns, rows>::Map(numbers.data()).transpose();
+template <int rows, int columns, class T = float>
+Eigen::Matrix<T, rows, columns> matrix_of(const char* name, const py::array& array) {
+  require_shape(name, array, shape_text({rows, columns}));
+  const std::vector<T> numbers = copied<T>(name, array);
+  return Eigen::Matrix<T, columns, rows>::Map(numbers.data()).transpose();
 }
 
 /// Returns a read-only array over memory that `owner` keeps alive.

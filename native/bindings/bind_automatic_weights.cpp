@@ -50,7 +50,7 @@ std::shared_ptr<AutomaticWeights> compute_weights(
     throw InputError("fixed_vertices and fixed_weights belong together; expected both or neither");
   }
   const WeightTable given =
-      fixed_weights.is_none() ? WeightTable() : given_table("fixed_weights", fixed_weights, "(F, J)");
+      fixed_weights.is_none() ? WeightTable() : *given_table("fixed_weights", fixed_weights, "(F, J)");
   const WeightSettings settings{
       weight_method_named(method),     resolution, stiffness, max_influences, least_weight, rigid, rigid_size,
       rigid_follow_named(rigid_follow)};
@@ -102,24 +102,10 @@ void bind_automatic_weights(py::module_& module) {
       .def_property_readonly(
           "seconds", [](const WeightReport& self) { return self.weights->seconds; }, "How long it took.");
 
-  py::class_<AutomaticWeights, std::shared_ptr<AutomaticWeights>>(
-      module, "AutomaticWeights", "Weights for a Skin, from automatic_weights. Immutable.")
-      .def_property_readonly(
-          "offsets",
-          [](const py::object& self) { return offsets_view(self.cast<const AutomaticWeights&>().weights, self); },
-          "(V + 1,) int64, read-only: where the influences of each vertex begin; each has at least one.")
-      .def_property_readonly(
-          "joints",
-          [](const py::object& self) {
-            return entries_view(self.cast<const AutomaticWeights&>().weights, &BoneWeight::bone, self);
-          },
-          "(N,) int32, read-only, ascending at each vertex.")
-      .def_property_readonly(
-          "weights",
-          [](const py::object& self) {
-            return entries_view(self.cast<const AutomaticWeights&>().weights, &BoneWeight::weight, self);
-          },
-          "(N,) float32, read-only, above 0, with sum 1 at each vertex.")
+  py::class_<AutomaticWeights, std::shared_ptr<AutomaticWeights>> bound(
+      module, "AutomaticWeights", "Weights for a Skin, from automatic_weights. Immutable.");
+  bind_entries(bound, "joints", ", with sum 1 at each vertex.");
+  bound
       .def_property_readonly(
           "ways",
           [](const py::object& self) {

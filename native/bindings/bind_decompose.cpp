@@ -16,7 +16,7 @@ std::shared_ptr<Decomposition> decomposed(const py::array& rest, const py::array
                                           const std::optional<py::array>& heads,
                                           const std::optional<py::array>& matrices, const py::object& weights,
                                           const DecompositionSettings& settings, std::shared_ptr<Progress> progress) {
-  if (frames.ndim() != 3 || frames.shape(2) != 3) wrong_shape("frames", frames, "(F, V, 3)");
+  require_shape("frames", frames, "(F, V, 3)");
   const Numbers<float> own_rest = points_of<float>("rest", rest);
   if (frames.shape(1) != rest.shape(0)) {
     throw InputError("frames has " + std::to_string(frames.shape(1)) + " vertices in each frame, rest has " +
@@ -33,7 +33,7 @@ std::shared_ptr<Decomposition> decomposed(const py::array& rest, const py::array
   start.heads = own_heads;
   std::vector<Matrix4<double>> own_matrices;
   if (matrices) {
-    own_matrices = copied_matrices("matrices", *matrices, 4);
+    own_matrices = copied_matrices("matrices", *matrices, "(F, J, 4, 4)");
     if (matrices->shape(0) != frames.shape(0)) {
       throw InputError("matrices has " + std::to_string(matrices->shape(0)) + " frames, frames has " +
                        std::to_string(frames.shape(0)));
@@ -41,7 +41,7 @@ std::shared_ptr<Decomposition> decomposed(const py::array& rest, const py::array
     if (own_matrices.empty()) throw InputError("matrices has no joints; expected one at least");
   }
   start.matrices = own_matrices;
-  if (!weights.is_none()) start.weights = given_table("weights", weights, "(V, J)");
+  if (!weights.is_none()) start.weights = *given_table("weights", weights, "(V, J)");
   return interruptible(std::move(progress), [&](Progress* own) {
     auto made = decompose({own_rest, own_frames, offsets, corners}, start, settings, own);
     return made ? std::make_shared<Decomposition>(std::move(*made)) : nullptr;
@@ -63,25 +63,10 @@ py::array decomposition_poses(const py::object& self) {
 }  // namespace
 
 void bind_decompose(py::module_& module) {
-  py::class_<Decomposition, std::shared_ptr<Decomposition>>(
-      module, "Decomposition", "Joints, weights and motions that play a deformation, from decompose. Immutable.")
-      .def_property_readonly("joint_count", &Decomposition::joint_count, "J.")
-      .def_property_readonly(
-          "offsets",
-          [](const py::object& self) { return offsets_view(self.cast<const Decomposition&>().weights, self); },
-          "(V + 1,) int64, read-only: where the influences of each vertex begin.")
-      .def_property_readonly(
-          "joints",
-          [](const py::object& self) {
-            return entries_view(self.cast<const Decomposition&>().weights, &BoneWeight::bone, self);
-          },
-          "(N,) int32, read-only, ascending at each vertex.")
-      .def_property_readonly(
-          "weights",
-          [](const py::object& self) {
-            return entries_view(self.cast<const Decomposition&>().weights, &BoneWeight::weight, self);
-          },
-          "(N,) float32, read-only, above 0, with sum 1 at each vertex; given ones as they were.")
+  py::class_<Decomposition, std::shared_ptr<Decomposition>> bound(
+      module, "Decomposition", "Joints, weights and motions that play a deformation, from decompose. Immutable.");
+  bind_entries(bound, "joints", ", with sum 1 at each vertex; given ones as they were.");
+  bound.def_property_readonly("joint_count", &Decomposition::joint_count, "J.")
       .def_property_readonly(
           "rest", [](const py::object& self) { return view_matrices(self.cast<const Decomposition&>().rest, self); },
           "(J, 4, 4), read-only: the joints at rest, unturned, at `heads` or in the middle of what they move.")

@@ -15,7 +15,7 @@ namespace {
 std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& offsets, const py::array& bones,
                                   const py::array& weights, const py::array& first_joints, const py::array& segments,
                                   const py::array& axes) {
-  if (axes.ndim() != 2 || axes.shape(1) != 4) wrong_shape("axes", axes, "(B, 4)");
+  require_shape("axes", axes, "(B, 4)");
   const auto bent = list_of<std::int64_t>("vertices", vertices), begin = list_of<std::int64_t>("offsets", offsets);
   const auto own = list_of<std::int32_t>("bones", bones);
   const auto shares = list_of<float>("weights", weights);
@@ -31,15 +31,9 @@ std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string&
                                   const std::optional<py::array>& share, std::shared_ptr<Bends> bends,
                                   const std::optional<py::array>& split_space, std::shared_ptr<MethodData> data) {
   std::vector<Matrix4<double>> frames;
-  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
+  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, "(J, 4, 4)");
   std::optional<Matrix4<double>> space;
-  if (split_space) {
-    if (split_space->ndim() != 2 || split_space->shape(0) != 4 || split_space->shape(1) != 4) {
-      wrong_shape("split_space", *split_space, "(4, 4)");
-    }
-    const std::vector<double> numbers = copied<double>("split_space", *split_space);
-    space = Matrix4<double>::Map(numbers.data()).transpose();
-  }
+  if (split_space) space = matrix_of<4, 4, double>("split_space", *split_space);
   const StretchRule rule{stretch_named(stretch), frames};
   const SkinningMethod how = method_named(method);
   const OptionalNumbers own_mask("mask", mask), own_share("share", share);
@@ -100,8 +94,8 @@ void deform(const Deformer& deformer, const py::sequence& poses, const py::objec
   for (const py::handle pose : kept_poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
   const std::span<float> positions = written_span<float>("out", given_array("out", out), {deformer.result_count(), 3});
   std::span<const float> values, rest;
-  if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
-  if (rest_positions) rest = numbers_span("rest_positions", *rest_positions, 2, "(V, 3)");
+  if (key_values) values = numbers_span("key_values", *key_values, "(K,)");
+  if (rest_positions) rest = numbers_span("rest_positions", *rest_positions, "(V, 3)");
   if (key_values && rest_positions) {
     throw InputError("there are key_values and rest_positions; expected one");
   }

@@ -58,7 +58,7 @@ py::dict arrays_of(const DirectDeltaMush& mush) {
 std::shared_ptr<DirectDeltaMush> from_arrays(std::shared_ptr<Skin> skin, int variant, double pruned,
                                              const py::array& offsets, const py::array& joints, const py::array& omega,
                                              const py::array& centers, const py::array& scales) {
-  if (omega.ndim() != 2) wrong_shape("omega", omega, "(N, 10), (N, 4) or (N, 1)");
+  require_shape("omega", omega, "(N, 10), (N, 4) or (N, 1)");
   const MushArrays arrays{list_of<std::int64_t>("offsets", offsets),
                           list_of<std::int32_t>("joints", joints),
                           Numbers<float>("omega", omega),

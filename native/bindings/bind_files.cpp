@@ -29,14 +29,14 @@ QuaternionOrder order_of(const std::string& name) {
 }
 
 Eigen::MatrixXd copied_table(const char* name, const py::array& array) {
-  if (array.ndim() != 2) wrong_shape(name, array, "(rows, columns)");
+  require_shape(name, array, "(rows, columns)");
   const std::vector<double> numbers = copied<double>(name, array);
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   return RowMajor::Map(numbers.data(), array.shape(0), array.shape(1));
 }
 
 Eigen::MatrixX3d copied_row_points(const char* name, const py::array& array) {
-  if (array.ndim() != 2 || array.shape(1) != 3) wrong_shape(name, array, "(J, 3)");
+  require_shape(name, array, "(J, 3)");
   return copied_table(name, array);
 }
 
@@ -64,8 +64,8 @@ Rig rig_from_arrays(const py::array& positions, const py::array& face_offsets, c
   mesh.material_names = material_names;
   mesh.material_library = material_library;
   if (animation) {
-    rig.animation =
-        MatrixClip{animation->ndim() > 0 ? animation->shape(0) : 0, copied_matrices("animation", *animation, 4)};
+    auto matrices = copied_matrices("animation", *animation, "(F, J, 4, 4)");
+    rig.animation = MatrixClip{animation->shape(0), std::move(matrices)};
   }
   check_rig(rig);
   return rig;

@@ -16,7 +16,7 @@ namespace {
 py::array blended(const Skin& skin, const BlendShares& shares, const py::array& matrices, const py::object& out,
                   const std::string& stretch, const std::optional<py::array>& rest_frames) {
   std::vector<Matrix4<double>> frames;
-  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
+  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, "(J, 4, 4)");
   const StretchRule rule{stretch_named(stretch), frames};
   return skinned(skin, matrices, out,
                  [&](auto stack, auto positions) { skin_blended(skin, shares, stack, positions, rule); });
@@ -29,7 +29,7 @@ py::array rotation_centers(const Skin& skin, const RotationCenters& centers, con
 }
 
 std::shared_ptr<RotationCenters> make_centers(const py::array& centers, const py::array& has_center) {
-  if (has_center.ndim() != 1) wrong_shape("has_center", has_center, "(V,)");
+  require_shape("has_center", has_center, "(V,)");
   if (has_center.dtype().kind() != 'b') {
     throw InputError("has_center is " + dtype_text(has_center) + "; expected bool");
   }

@@ -39,31 +39,20 @@ class Inputs {
  private:
   /// (count,) for all frames or (F, count); a single number's second axis may be missing.
   void add_value(const std::string& name, const RigProgram::Place& place, const py::array& array, py::ssize_t frames) {
-    const py::ssize_t axes = array.ndim();
-    const bool is_single = place.count == 1;
-    const bool fits_once = is_single ? axes == 0 : axes == 1 && array.shape(0) == place.count;
-    const bool fits_frames =
-        axes > 0 && array.shape(0) == frames && (is_single ? axes == 1 : axes == 2 && array.shape(1) == place.count);
-    if (!fits_once && !fits_frames) {
-      const std::string count = std::to_string(place.count);
-      wrong_shape(name.c_str(), array,
-                  is_single ? "() or (" + std::to_string(frames) + ",)"
-                            : "(" + count + ",) or (" + std::to_string(frames) + ", " + count + ")");
-    }
-    given_.values.push_back({place.first, place.count, numbers_.back().data(), fits_once ? 0 : place.count});
+    const std::string of_all = std::to_string(frames), count = std::to_string(place.count);
+    const bool is_single = place.count == 1, is_once = array.ndim() == (is_single ? 0 : 1);
+    require_shape(name.c_str(), array,
+                  is_single ? "() or (" + of_all + ",)" : "(" + count + ",) or (" + of_all + ", " + count + ")");
+    given_.values.push_back({place.first, place.count, numbers_.back().data(), is_once ? 0 : place.count});
   }
 
   void add_matrix(const std::string& name, int index, const py::array& array, py::ssize_t frames) {
-    const py::ssize_t axes = array.ndim();
-    const bool is_matrix = axes >= 2 && array.shape(axes - 1) == 4 && array.shape(axes - 2) == 4;
-    if (!is_matrix || (axes == 3 ? array.shape(0) != frames : axes != 2)) {
-      wrong_shape(name.c_str(), array, "(4, 4) or (" + std::to_string(frames) + ", 4, 4)");
-    }
+    require_shape(name.c_str(), array, "(4, 4) or (" + std::to_string(frames) + ", 4, 4)");
     std::vector<float>& numbers = numbers_.back();
     for (std::size_t i = 0; i < numbers.size(); i += 16) {
       Eigen::Map<Eigen::Matrix4f>(numbers.data() + i).transposeInPlace();
     }
-    given_.matrices.push_back({index, numbers.data(), axes == 2 ? 0 : 16});
+    given_.matrices.push_back({index, numbers.data(), array.ndim() == 2 ? 0 : 16});
   }
 
   std::vector<std::vector<float>> numbers_;

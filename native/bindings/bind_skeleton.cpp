@@ -50,10 +50,8 @@ py::array py_skinning_matrices(const Skeleton& skeleton, const py::array& world,
 }
 
 /// Copies (..., J, 4) numbers, w x y z, into quaternions.
-std::vector<Eigen::Quaterniond> copied_rotations(const py::array& array, py::ssize_t axes) {
-  if (array.ndim() != axes || array.shape(axes - 1) != 4) {
-    wrong_shape("rotations", array, axes == 3 ? "(P, J, 4)" : "(J, 4)");
-  }
+std::vector<Eigen::Quaterniond> copied_rotations(const py::array& array, const char* shape) {
+  require_shape("rotations", array, shape);
   const std::vector<double> numbers = copied<double>("rotations", array);
   std::vector<Eigen::Quaterniond> quaternions;
   quaternions.reserve(numbers.size() / 4);
@@ -79,10 +77,10 @@ py::array_t<double> clip_sample(const PoseClip& clip, double time, bool loop) {
 }
 
 py::array py_rotation_transforms(const py::array& rotations, const py::object& out) {
-  const auto quaternions = copied_rotations(rotations, 2);
+  const auto quaternions = copied_rotations(rotations, "(J, 4)");
   const py::array result = out.is_none() ? py::array_t<double>({rotations.shape(0), py::ssize_t{4}, py::ssize_t{4}})
                                          : given_array("out", out);
-  rotation_transforms<double>(quaternions, matrix_stack<double>("out", result));
+  rotation_transforms<double>(quaternions, matrix_stack<double>("out", result, "(J, 4, 4)"));
   return result;
 }
 
@@ -91,7 +89,7 @@ py::array py_rotation_transforms(const py::array& rotations, const py::object& o
 void bind_skeleton(py::module_& module) {
   py::class_<Skeleton>(module, "Skeleton", "The tree of joints and its rest pose. Immutable.")
       .def(py::init([](const py::array& parents, const py::array& rest) {
-             return Skeleton(list_of<std::int32_t>("parents", parents), copied_matrices("rest", rest, 3));
+             return Skeleton(list_of<std::int32_t>("parents", parents), copied_matrices("rest", rest, "(J, 4, 4)"));
            }),
            py::arg("parents"), py::arg("rest"),
            "parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after "
@@ -133,7 +131,7 @@ void bind_skeleton(py::module_& module) {
   py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")
       .def(
           py::init([](const py::array& rotations) {
-            auto quaternions = copied_rotations(rotations, 3);
+            auto quaternions = copied_rotations(rotations, "(P, J, 4)");
             return PoseClip(rotations.shape(1), std::move(quaternions));
           }),
           py::arg("rotations"),

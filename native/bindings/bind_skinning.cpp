@@ -19,7 +19,7 @@ py::array linear(const Skin& skin, const py::array& matrices, const py::object& 
 py::array dual_quaternion(const Skin& skin, const py::array& matrices, const py::object& out,
                           const std::string& stretch, const std::optional<py::array>& rest_frames) {
   std::vector<Matrix4<double>> frames;
-  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, 3);
+  if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, "(J, 4, 4)");
   const StretchRule rule{stretch_named(stretch), frames};
   return skinned(skin, matrices, out,
                  [&](auto stack, auto positions) { skin_dual_quaternion(skin, stack, positions, rule); });
@@ -42,7 +42,8 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
       SkinningJob job{&skin, stack, positions, method_named(tuple[3].cast<std::string>()), {}};
       if (tuple.size() > 4) {
         auto& frames = rest_frames[jobs.size()];
-        if (!tuple[5].is_none()) frames = copied_matrices("rest_frames", given_array("rest_frames", tuple[5]), 3);
+        if (!tuple[5].is_none())
+          frames = copied_matrices("rest_frames", given_array("rest_frames", tuple[5]), "(J, 4, 4)");
         job.rule = {stretch_named(tuple[4].cast<std::string>()), frames};
       }
       if (tuple.size() == 7) job.data = tuple[6].cast<const MethodData*>();

@@ -13,7 +13,7 @@ namespace {
 std::shared_ptr<Topology> make_topology(std::ptrdiff_t vertex_count, const py::array& edges,
                                         const std::optional<py::array>& face_offsets,
                                         const std::optional<py::array>& corner_vertices) {
-  if (edges.ndim() != 2 || edges.shape(1) != 2) wrong_shape("edges", edges, "(E, 2)");
+  require_shape("edges", edges, "(E, 2)");
   const std::vector<std::int32_t> ends = Numbers<std::int32_t>("edges", edges);
   std::vector<std::int32_t> offsets, corners;
   if (face_offsets) offsets = list_of<std::int32_t>("face_offsets", *face_offsets);
@@ -36,11 +36,11 @@ std::shared_ptr<CorrectiveSmooth> make_corrective(std::shared_ptr<Topology> topo
   const OptionalNumbers group("weights", weights);
   const CornerAngle angle = corner_angle_named(corner_angle);
   std::optional<Numbers<float>> rest;
-  if (rest_positions) rest.emplace(points_of<float>("rest_positions", *rest_positions));
-  const std::span<const float> positions = rest ? *rest : std::span<const float>();
-  if (rest && std::ssize(positions) != 3 * topology->vertex_count()) {
-    wrong_shape("rest_positions", *rest_positions, "(" + std::to_string(topology->vertex_count()) + ", 3)");
+  if (rest_positions) {
+    require_shape("rest_positions", *rest_positions, shape_text({topology->vertex_count(), 3}));
+    rest.emplace("rest_positions", *rest_positions);
   }
+  const std::span<const float> positions = rest ? *rest : std::span<const float>();
   const py::gil_scoped_release release;
   return std::make_shared<CorrectiveSmooth>(std::move(topology), positions, VertexGroup{group, invert}, pin_boundary,
                                             angle);

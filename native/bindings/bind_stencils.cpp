@@ -14,14 +14,12 @@ namespace {
 /// Returns what there is of each of so many rows, (R, 3), row by row; nothing for None.
 std::vector<float> rows_of(const char* name, const std::optional<py::array>& array, py::ssize_t count) {
   if (!array) return {};
-  if (array->ndim() != 2 || array->shape(0) != count || array->shape(1) != 3) {
-    wrong_shape(name, *array, "(" + std::to_string(count) + ", 3)");
-  }
+  require_shape(name, *array, shape_text({count, 3}));
   return copied<float>(name, *array);
 }
 
 py::array applied(const Stencils& self, const py::array& positions, const py::object& out) {
-  const auto from = numbers_span("positions", positions, 2, "(V, 3)");
+  const auto from = numbers_span("positions", positions, "(V, 3)");
   const std::vector<py::ssize_t> shape{self.count(), 3};
   const py::array result = out.is_none() ? py::array(py::dtype::of<float>(), shape) : given_array("out", out);
   const auto to = written_span<float>("out", result, shape);
@@ -33,7 +31,7 @@ py::array applied(const Stencils& self, const py::array& positions, const py::ob
 std::optional<py::array> py_colours_apart(std::ptrdiff_t vertex_count, const py::array& edges,
                                           const py::array& face_offsets, const py::array& face_vertices, int steps,
                                           int most) {
-  if (edges.ndim() != 2 || edges.shape(1) != 2) wrong_shape("edges", edges, "(E, 2)");
+  require_shape("edges", edges, "(E, 2)");
   const std::vector<std::int32_t> own_edges = copied<std::int32_t>("edges", edges);
   const std::vector<std::int32_t> offsets = list_of<std::int32_t>("face_offsets", face_offsets);
   const std::vector<std::int32_t> vertices = list_of<std::int32_t>("face_vertices", face_vertices);

@@ -47,14 +47,14 @@ Returned smoothed(const py::object& weights, const py::array& face_offsets, cons
                   double strength, int steps, double factor, const std::optional<py::array>& mask,
                   const std::optional<py::array>& locked, const std::optional<py::array>& positions,
                   std::shared_ptr<Progress> progress) {
-  const WeightTable table = given_table("weights", weights);
+  const auto table = given_table("weights", weights);
   const FacesOfPython faces("face_offsets", face_offsets, "face_vertices", face_vertices);
   const std::vector<float> own_mask = mask_or_none(mask);
   const std::vector<std::int32_t> own_locked = locked_or_none(locked);
   std::vector<float> own_positions;
   if (positions) own_positions = points_of<float>("positions", *positions);
   auto made = interruptible(std::move(progress), [&](Progress* own) {
-    return smooth_weights(table, faces.view(), {strength, steps, factor, own_mask, own_locked, own_positions}, own);
+    return smooth_weights(*table, faces.view(), {strength, steps, factor, own_mask, own_locked, own_positions}, own);
   });
   if (!made) return std::nullopt;
   return in_form_of(weights, std::move(*made));
@@ -63,9 +63,9 @@ Returned smoothed(const py::object& weights, const py::array& face_offsets, cons
 Returned reduced(const py::object& weights, const py::array& positions, const py::array& matrices, int max_influences,
                  int rings, const std::optional<py::array>& face_offsets, const std::optional<py::array>& face_vertices,
                  const std::optional<py::array>& locked, std::shared_ptr<Progress> progress) {
-  const WeightTable table = given_table("weights", weights);
+  const auto table = given_table("weights", weights);
   const std::vector<float> own_positions = points_of<float>("positions", positions);
-  std::vector<Matrix4<double>> own_matrices = copied_matrices("matrices", matrices, 4);
+  std::vector<Matrix4<double>> own_matrices = copied_matrices("matrices", matrices, "(F, J, 4, 4)");
   const auto frames = matrices.shape(0), joints = matrices.shape(1);
   const py::array no_faces = py::array_t<std::int32_t>(0);
   const FacesOfPython faces("face_offsets", face_offsets.value_or(no_faces), "face_vertices",
@@ -74,25 +74,25 @@ Returned reduced(const py::object& weights, const py::array& positions, const py
   auto made = interruptible(std::move(progress), [&](Progress* own) {
     const Matrix4<double> none = Matrix4<double>::Identity();
     const Matrix4<double>* const first = own_matrices.empty() ? &none : own_matrices.data();
-    return reduce_weights(table, own_positions, MatrixStack<const double>::of(first, frames, joints), faces.view(),
+    return reduce_weights(*table, own_positions, MatrixStack<const double>::of(first, frames, joints), faces.view(),
                           {max_influences, rings, own_locked}, own);
   });
   if (!made) return std::nullopt;
   return py::make_tuple(in_form_of(weights, std::move(made->weights)),
-                        given_away(std::move(made->largest), {table.vertices()}),
-                        given_away(std::move(made->mean), {table.vertices()}));
+                        given_away(std::move(made->largest), {table->vertices()}),
+                        given_away(std::move(made->mean), {table->vertices()}));
 }
 
 Returned mirrored(const py::object& weights, const py::array& positions, const py::array& face_offsets,
                   const py::array& face_vertices, const py::array& pairs, int axis, double origin, bool from_positive,
                   double middle, const std::optional<py::array>& mask, std::shared_ptr<Progress> progress) {
-  const WeightTable table = given_table("weights", weights);
+  const auto table = given_table("weights", weights);
   const std::vector<float> own_positions = points_of<float>("positions", positions);
   const FacesOfPython faces("face_offsets", face_offsets, "face_vertices", face_vertices);
   const std::vector<std::int32_t> own_pairs = list_of<std::int32_t>("pairs", pairs);
   const std::vector<float> own_mask = mask_or_none(mask);
   auto made = interruptible(std::move(progress), [&](Progress* own) {
-    return mirror_weights(table, own_positions, faces.view(), own_pairs,
+    return mirror_weights(*table, own_positions, faces.view(), own_pairs,
                           {axis, origin, from_positive, middle, own_mask}, own);
   });
   if (!made) return std::nullopt;
@@ -103,14 +103,14 @@ Returned transferred(const py::array& source_positions, const py::array& source_
                      const py::array& source_face_vertices, const py::object& source_weights,
                      const py::array& positions, const py::array& face_offsets, const py::array& face_vertices,
                      double distance, double angle, bool flipped, std::shared_ptr<Progress> progress) {
-  const WeightTable table = given_table("source_weights", source_weights);
+  const auto table = given_table("source_weights", source_weights);
   const std::vector<float> from = points_of<float>("source_positions", source_positions);
   const FacesOfPython source_faces("source_face_offsets", source_face_offsets, "source_face_vertices",
                                    source_face_vertices);
   const std::vector<float> to = points_of<float>("positions", positions);
   const FacesOfPython faces("face_offsets", face_offsets, "face_vertices", face_vertices);
   auto made = interruptible(std::move(progress), [&](Progress* own) {
-    return transfer_weights(from, source_faces.view(), table, to, faces.view(), {distance, angle, flipped}, own);
+    return transfer_weights(from, source_faces.view(), *table, to, faces.view(), {distance, angle, flipped}, own);
   });
   if (!made) return std::nullopt;
   py::array matched = given_away(std::move(made->matched), {std::ssize(to) / 3});
@@ -150,10 +150,12 @@ constexpr const char* kCommon =
 }  // namespace
 
 void bind_weight_tools(py::module_& module) {
-  py::class_<WeightTable, std::shared_ptr<WeightTable>>(module, "WeightTable",
-                                                        "The weights above 0 of V vertices in B bones: N in all, where "
-                                                        "a table has V x B. What the weight tools are given "
-                                                        "as a WeightTable, they return as one. Immutable.")
+  py::class_<WeightTable, std::shared_ptr<WeightTable>> table(
+      module, "WeightTable",
+      "The weights above 0 of V vertices in B bones: N in all, where a table has V x B. What the weight tools are "
+      "given "
+      "as a WeightTable, they return as one. Immutable.");
+  table
       .def(py::init(&table_from_lists), py::arg("offsets"), py::arg("bones"), py::arg("weights"), py::arg("bone_count"),
            "offsets: (V + 1,) integers; vertex v has the entries offsets[v] up to offsets[v + 1].\n"
            "bones: (N,) integers, in any order at a vertex; weights of a bone that it names twice are added.\n"
@@ -163,25 +165,12 @@ void bind_weight_tools(py::module_& module) {
            "or "
            "not finite.")
       .def_static(
-          "from_dense",
-          [](const py::array& weights) { return std::make_shared<WeightTable>(given_table("weights", weights)); },
-          py::arg("weights"), "weights: (V, B), 0 or more.")
+          "from_dense", [](const py::array& weights) { return given_table("weights", weights); }, py::arg("weights"),
+          "weights: (V, B), 0 or more.")
       .def("dense", &dense, "Returns (V, B) float32.")
       .def_property_readonly("vertex_count", &WeightTable::vertices, "V.")
-      .def_property_readonly("bone_count", &WeightTable::bones, "B.")
-      .def_property_readonly(
-          "offsets", [](const py::object& self) { return offsets_view(self.cast<const WeightTable&>(), self); },
-          "(V + 1,) int64, read-only: where each vertex's entries begin.")
-      .def_property_readonly(
-          "bones",
-          [](const py::object& self) { return entries_view(self.cast<const WeightTable&>(), &BoneWeight::bone, self); },
-          "(N,) int32, read-only, ascending at each vertex.")
-      .def_property_readonly(
-          "weights",
-          [](const py::object& self) {
-            return entries_view(self.cast<const WeightTable&>(), &BoneWeight::weight, self);
-          },
-          "(N,) float32, read-only, above 0.");
+      .def_property_readonly("bone_count", &WeightTable::bones, "B.");
+  bind_entries(table, "bones", ".");
 
   module.def(
       "smooth_weights", &smoothed, py::arg("weights"), py::arg("face_offsets"), py::arg("face_vertices"), py::kw_only(),

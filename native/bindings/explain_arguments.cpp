@@ -1,9 +1,6 @@
 /// Says in one sentence which argument of a call is wrong, where pybind11 would list all types and all values.
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
-#include <cstring>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -15,155 +12,98 @@ namespace sinew::bindings {
 
 namespace {
 
-constexpr std::string_view kOrNone = " | None";
+using FunctionRecord = py::detail::function_record;
+using Parameter = py::detail::argument_record;
 
-/// A parameter as pybind11 writes it: "name: type = default".
-struct Parameter {
-  std::string name, type;
-  bool has_default = false, may_be_none = false;
-  py::handle given{};  // null: it is not
-};
+constexpr std::string_view kOrNone = " | None", kSequence = "collections.abc.Sequence", kFixed = "typing.Annotated[",
+                           kOwn = "sinew_native.";
 
-/// Splits at commas that are in no brackets and quotes, up to the bracket that ends it.
-std::vector<std::string_view> split(std::string_view text) {
-  std::vector<std::string_view> parts;
-  int depth = 0;
-  char quote = 0;
-  std::size_t begin = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (quote || c == '\'' || c == '"') {
-      quote = quote == 0 ? c : c == quote ? '\0' : quote;
-    } else if (std::strchr("([{", c)) {
-      ++depth;
-    } else if (std::strchr(")]}", c) && --depth < 0) {
-      parts.push_back(text.substr(begin, i - begin));
-      break;
-    } else if (c == ',' && depth == 0) {
-      parts.push_back(text.substr(begin, i - begin));
-      begin = i + 2;
-    }
+/// The type of each parameter, with what follows it, from "(name: type = default, *, name: type) -> type".
+std::vector<std::string_view> types_of(const FunctionRecord& record) {
+  std::vector<std::string_view> types;
+  std::string_view rest = record.signature;
+  rest = rest.substr(0, rest.rfind(") -> "));
+  for (const Parameter& own : record.args) {
+    const std::string name = std::string(own.name) + ": ";
+    const std::size_t at = rest.find(name);
+    if (!types.empty()) types.back() = rest.substr(0, at);
+    types.push_back(rest = rest.substr(at + name.size()));
   }
-  return parts;
+  return types;
 }
 
-/// signature  "(name: type = default, *, name: type) -> type".
-std::vector<Parameter> parameters_of(std::string_view signature) {
-  std::vector<Parameter> parameters;
-  for (const std::string_view part : split(signature.substr(1))) {
-    const std::size_t colon = part.find(": "), equals = part.find(" = ");
-    if (colon == part.npos) continue;
-    Parameter own;
-    own.name = part.substr(0, colon);
-    own.type = part.substr(colon + 2, equals - colon - 2);
-    own.has_default = equals != part.npos;
-    own.may_be_none = own.type.ends_with(kOrNone) || (own.has_default && part.substr(equals + 3) == "None");
-    if (own.type.ends_with(kOrNone)) own.type.resize(own.type.size() - kOrNone.size());
-    parameters.push_back(std::move(own));
-  }
-  return parameters;
+bool may_be_none(const Parameter& own, std::string_view type) {
+  return type.find(kOrNone) != type.npos || (own.value && own.value.is_none());
 }
 
-bool is_integer(py::handle value) { return PyIndex_Check(value.ptr()) && !PyFloat_Check(value.ptr()); }
-
-/// What is in the brackets of "collections.abc.Sequence[...]", if any, and how many there have to be, if that is known.
-struct Sequence {
-  std::string_view item;  // empty: anything
-  std::optional<std::size_t> size;
-};
-
-std::optional<Sequence> sequence_of(std::string_view type) {
-  constexpr std::string_view kFixed = "typing.Annotated[", kSequence = "collections.abc.Sequence", kSize = "FixedSize(";
-  Sequence own;
-  if (type.starts_with(kFixed)) {
-    const std::size_t at = type.rfind(kSize);
-    if (at == type.npos) return std::nullopt;
-    std::from_chars(type.data() + at + kSize.size(), type.data() + type.size(), own.size.emplace());
-    type.remove_prefix(kFixed.size());
+/// What a type asks for, as text, and whether a value is that; what is not known may be anything.
+std::pair<std::string, bool> wanted(std::string_view type, const py::object& value) {
+  const std::string_view word = type.substr(0, type.find_first_of(" ,[]"));
+  if (word == "numpy.ndarray") return {"a numpy array", py::isinstance<py::array>(value)};
+  if (word == "typing.SupportsInt") return {"an integer", PyIndex_Check(value.ptr())};
+  if (word == "typing.SupportsFloat") return {"a number", PyNumber_Check(value.ptr())};
+  if (word == "str") return {"text", py::isinstance<py::str>(value)};
+  if (word == "os.PathLike") return {"a path", py::isinstance<py::str>(value) || py::hasattr(value, "__fspath__")};
+  if (word.starts_with(kOwn)) {
+    const std::string name(word.substr(word.rfind('.') + 1)), bases = py::str(py::type::of(value).attr("__mro__"));
+    return {"a " + name, bases.find("." + name + "'") != bases.npos};
   }
-  if (!type.starts_with(kSequence)) return std::nullopt;
-  type.remove_prefix(kSequence.size());
-  if (!type.empty()) own.item = split(type.substr(1)).front();
-  return own;
+  const std::size_t at = type.find(kSequence);
+  if (at != 0 && at != kFixed.size()) return {std::string(word), true};
+  bool is_met = PySequence_Check(value.ptr());
+  const std::size_t count = is_met ? py::len(value) : 0;
+  std::string said = "a list";
+  if (at > 0) {
+    const std::string_view size = type.substr(type.rfind('(') + 1);
+    said = std::string(size.substr(0, size.find(')'))) + " in a list";
+    is_met &= said.starts_with(std::to_string(count) + " ");
+  }
+  type.remove_prefix(at + kSequence.size());
+  if (!type.starts_with('[')) return {said, is_met};
+  type.remove_prefix(1);
+  for (std::size_t i = 0; i < count; ++i) {
+    const py::object item = value[py::int_(i)];
+    is_met &= wanted(type, item).second || (item.is_none() && type.find(kOrNone) != type.npos);
+  }
+  return {said + ", each " + wanted(type, py::none()).first, is_met};
 }
 
-/// Whether a value may be what a type asks for; what is not known may.
-bool fits(py::handle value, std::string_view type) {
-  if (type.ends_with(kOrNone)) return value.is_none() || fits(value, type.substr(0, type.size() - kOrNone.size()));
-  if (type == "numpy.ndarray") return py::isinstance<py::array>(value);
-  if (type.starts_with("typing.SupportsInt")) return is_integer(value);
-  if (type.starts_with("typing.SupportsFloat")) return is_integer(value) || py::hasattr(value, "__float__");
-  if (type == "str") return PyUnicode_Check(value.ptr());
-  if (type.starts_with("os.PathLike")) return PyUnicode_Check(value.ptr()) || py::hasattr(value, "__fspath__");
-  if (type.starts_with("sinew_native.")) {
-    for (const py::handle base : py::type::handle_of(value).attr("__mro__")) {
-      if (type.ends_with("." + std::string(py::str(base.attr("__name__"))))) return true;
-    }
-    return false;
-  }
-  if (const auto sequence = sequence_of(type)) {
-    if (!PySequence_Check(value.ptr())) return false;
-    const auto items = py::reinterpret_borrow<py::sequence>(value);
-    if (sequence->size && items.size() != *sequence->size) return false;
-    for (std::size_t i = 0; i < items.size(); ++i) {
-      if (!fits(py::object(items[i]), sequence->item)) return false;
-    }
-  }
-  return true;
-}
-
-std::string expected(std::string_view type) {
-  if (type == "numpy.ndarray") return "a numpy array";
-  if (type.starts_with("typing.SupportsInt")) return "an integer";
-  if (type.starts_with("typing.SupportsFloat")) return "a number";
-  if (type == "str") return "text";
-  if (type.starts_with("os.PathLike")) return "a path";
-  if (type.starts_with("sinew_native.")) return "a " + std::string(type.substr(type.rfind('.') + 1));
-  if (const auto sequence = sequence_of(type)) {
-    const std::string size = sequence->size ? std::to_string(*sequence->size) + " in a list" : "a list";
-    return sequence->item.empty() ? size : size + ", each " + expected(sequence->item);
-  }
-  return std::string(type);
-}
-
-/// Returns what is wrong with a call, as one sentence, and whether it is about a value rather than a type; or nothing.
-std::optional<std::pair<std::string, bool>> complaint(const py::detail::function_record& record,
-                                                      PyObject* const* arguments, std::size_t positional,
-                                                      py::handle names) {
+/// Raises what is wrong with a call, if that is found.
+void complain(const FunctionRecord& record, PyObject* const* arguments, std::size_t positional, py::handle names) {
   const std::string call =
       std::string(record.is_constructor ? py::str(record.scope.attr("__name__")) : py::str(record.name)) + "()";
-  const auto wrong = [](std::string said) { return std::pair(std::move(said), false); };
-  std::vector<Parameter> parameters = parameters_of(record.signature);
   if (positional > record.nargs_pos) {
-    return wrong(call + " takes " + std::to_string(record.nargs_pos - record.is_method) +
-                 " arguments without names, not " + std::to_string(positional - record.is_method));
+    throw py::type_error(call + " takes " + std::to_string(record.nargs_pos - record.is_method) +
+                         " arguments without names, not " + std::to_string(positional - record.is_method));
   }
-  for (std::size_t i = 0; i < std::min(positional, parameters.size()); ++i) parameters[i].given = arguments[i];
+  std::vector<py::handle> given(arguments, arguments + positional);
+  given.resize(record.args.size());
   for (std::size_t i = 0; names && i < py::len(names); ++i) {
     const std::string name = py::str(names[py::int_(i)]);
-    const auto own = std::ranges::find(parameters, name, &Parameter::name);
-    if (own == parameters.end()) return wrong(call + " has no argument " + name);
-    if (own->given) return wrong(call + " has the argument " + name + " twice");
-    own->given = arguments[positional + i];
+    const auto place = std::ranges::find(record.args, name, &Parameter::name) - record.args.begin();
+    if (place == std::ssize(given)) throw py::type_error(call + " has no argument " + name);
+    if (given[place]) throw py::type_error(call + " has the argument " + name + " twice");
+    given[place] = arguments[positional + i];
   }
-  for (const Parameter& own : parameters) {
-    if (!own.given && !own.has_default) return wrong(call + " lacks the argument " + own.name);
-    if (!own.given || (own.given.is_none() ? own.may_be_none : fits(own.given, own.type))) continue;
-    return wrong(own.name + " is " + type_text(own.given) + "; expected " + expected(own.type) +
-                 (own.may_be_none ? " or None" : ""));
+  const std::vector<std::string_view> types = types_of(record);
+  std::string out_of_range, list;
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    const std::string name = record.args[i].name;
+    if (!given[i] && !record.args[i].value) throw py::type_error(call + " lacks the argument " + name);
+    const bool is_optional = may_be_none(record.args[i], types[i]);
+    if (!given[i] || (given[i].is_none() && is_optional)) continue;
+    const auto value = py::reinterpret_borrow<py::object>(given[i]);
+    const auto [said, is_met] = wanted(types[i], value);
+    const std::string expected = "; expected " + said + (is_optional ? " or None" : "");
+    if (!is_met) throw py::type_error(name + " is " + type_text(value) + expected);
+    if (said == "an integer" && (value < py::int_(INT32_MIN) || value > py::int_(INT32_MAX))) {
+      out_of_range = name + " is " + std::string(py::str(value)) + ", which is out of range";
+    } else if (list.empty() && said.find("list") != said.npos) {
+      list = name + " does not fit" + expected;
+    }
   }
-  for (const Parameter& own : parameters) {
-    if (!own.given || !own.type.starts_with("typing.SupportsInt") || !is_integer(own.given)) continue;
-    const auto number = py::reinterpret_steal<py::object>(PyNumber_Index(own.given.ptr()));
-    int overflow = 0;
-    const long long value = PyLong_AsLongLongAndOverflow(number.ptr(), &overflow);
-    if (overflow == 0 && std::in_range<std::int32_t>(value)) continue;
-    return std::pair(own.name + " is " + std::string(py::str(number)) + ", which is out of range", true);
-  }
-  for (const Parameter& own : parameters) {
-    if (own.given && sequence_of(own.type)) return wrong(own.name + " does not fit; expected " + expected(own.type));
-  }
-  return std::nullopt;
+  if (!out_of_range.empty()) throw py::value_error(out_of_range);
+  if (!list.empty()) throw py::type_error(list);
 }
 
 using Dispatcher = PyObject* (*)(PyObject*, PyObject* const*, std::size_t, PyObject*);
@@ -176,35 +116,25 @@ PyObject* call_and_explain(PyObject* self, PyObject* const* arguments, std::size
   try {
     const std::string said = py::str(raised.value());
     if (said.find("): incompatible ") != said.npos) {
-      const auto* const record = py::detail::function_record_ptr_from_PyObject(self);
-      const auto positional = static_cast<std::size_t>(PyVectorcall_NARGS(count));
-      if (const auto own = complaint(*record, arguments, positional, names)) {
-        PyErr_SetString(own->second ? PyExc_ValueError : PyExc_TypeError, own->first.c_str());
-        return nullptr;
-      }
+      complain(*py::detail::function_record_ptr_from_PyObject(self), arguments, PyVectorcall_NARGS(count), names);
     }
-  } catch (const std::exception&) {  // what was raised says enough
-    PyErr_Clear();
+  } catch (const py::builtin_exception& own) {
+    own.set_error();
+    return nullptr;
+  } catch (const py::error_already_set&) {  // what was raised says enough
   }
   raised.restore();
   return nullptr;
 }
 
-void explain(py::handle member) {
-  PyObject* function = member.ptr();
-  if (PyInstanceMethod_Check(function)) function = PyInstanceMethod_GET_FUNCTION(function);
-  py::object unwrapped;
-  if (py::isinstance<py::staticmethod>(member)) {
-    unwrapped = member.attr("__func__");
-    function = unwrapped.ptr();
-  }
-  if (!PyCFunction_Check(function) || !PyCFunction_GET_SELF(function)) return;
-  auto* const record = py::detail::function_record_ptr_from_PyObject(PyCFunction_GET_SELF(function));
+void explain(py::handle function) {
+  if (!PyCFunction_Check(function.ptr()) || !PyCFunction_GET_SELF(function.ptr())) return;
+  auto* const record = py::detail::function_record_ptr_from_PyObject(PyCFunction_GET_SELF(function.ptr()));
   if (!record || record->next || record->def->ml_flags != (METH_FASTCALL | METH_KEYWORDS)) return;
   // pybind11 would pass null where an object of ours has to be given.
-  const std::vector<Parameter> parameters = parameters_of(record->signature);
-  for (std::size_t i = 0; i < std::min(parameters.size(), record->args.size()); ++i) {
-    if (parameters[i].type.starts_with("sinew_native.") && !parameters[i].may_be_none) record->args[i].none = false;
+  const std::vector<std::string_view> types = types_of(*record);
+  for (std::size_t i = 0; i < types.size(); ++i) {
+    record->args[i].none &= !types[i].starts_with(kOwn) || may_be_none(record->args[i], types[i]);
   }
   dispatcher = reinterpret_cast<Dispatcher>(reinterpret_cast<void (*)()>(record->def->ml_meth));
   record->def->ml_meth = reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(call_and_explain));
@@ -212,14 +142,11 @@ void explain(py::handle member) {
 
 }  // namespace
 
-/// Of all functions and methods of a module or submodule.
-void explain_arguments(const py::object& module) {
-  for (const auto& [name, member] : py::dict(module.attr("__dict__"))) {
-    if (!PyType_Check(member.ptr())) {
-      explain(member);
-      continue;
-    }
-    for (const auto& [own_name, own] : py::dict(member.attr("__dict__"))) explain(own);
+/// Of all functions and methods of a module or class, and of a module's classes.
+void explain_arguments(const py::object& owner) {
+  for (const auto& [name, member] : py::dict(owner.attr("__dict__"))) {
+    const py::object own = py::getattr(owner, name);
+    PyType_Check(own.ptr()) ? explain_arguments(own) : explain(py::detail::get_function(own));
   }
 }
 

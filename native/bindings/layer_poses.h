@@ -19,14 +19,11 @@ inline LayerPose pose_of(const py::handle& given, std::size_t i) {
   const auto tuple = py::reinterpret_borrow<py::tuple>(given);
   const std::string name = where + ": matrices";
   const py::array matrices = given_array(name.c_str(), tuple[0]);
-  if (matrices.ndim() != 3) wrong_shape(name.c_str(), matrices, "(J, 4, 4)");
-  LayerPose pose{matrix_stack<const float>(name.c_str(), matrices)};
+  LayerPose pose{matrix_stack<const float>(name.c_str(), matrices, "(J, 4, 4)")};
   if (tuple[1].is_none()) return pose;
   const std::string space_name = where + ": space";
   const py::array space = given_array(space_name.c_str(), tuple[1]);
-  if (space.ndim() != 2 || space.shape(0) != 4 || space.shape(1) != 4) {
-    wrong_shape(space_name.c_str(), space, "(4, 4)");
-  }
+  require_shape(space_name.c_str(), space, "(4, 4)");
   require_dtype<double>(space_name.c_str(), space);
   auto& matrix = pose.mesh_from_armature.emplace();
   for (int row = 0; row < 4; ++row) {

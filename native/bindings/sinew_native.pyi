@@ -808,7 +808,7 @@ class AutomaticWeights:
 
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only: where the influences of each vertex begin; each has at least one."""
+        """(V + 1,), read-only: where the entries of each vertex begin."""
     @property
     def joints(self) -> _Int32:
         """(N,), read-only, ascending at each vertex."""
@@ -861,7 +861,7 @@ class Decomposition:
         """J."""
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only: where the influences of each vertex begin."""
+        """(V + 1,), read-only: where the entries of each vertex begin."""
     @property
     def joints(self) -> _Int32:
         """(N,), read-only, ascending at each vertex."""
@@ -938,7 +938,7 @@ class WeightTable:
         """B."""
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only: where each vertex's entries begin."""
+        """(V + 1,), read-only: where the entries of each vertex begin."""
     @property
     def bones(self) -> _Int32:
         """(N,), read-only, ascending at each vertex."""

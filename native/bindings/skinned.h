@@ -31,7 +31,7 @@ py::array skinned(const Skin& skin, const py::array& matrices, const py::object&
 }
 
 inline std::shared_ptr<Skin> skin_from_dense(const py::array& rest_positions, const py::array& weights) {
-  if (weights.ndim() != 2) wrong_shape("weights", weights, "(V, J)");
+  require_shape("weights", weights, "(V, J)");
   check_counts(weights.shape(0), 0, weights.shape(1));
   const Numbers<double> numbers("weights", weights);
   const auto points = points_of<float>("rest_positions", rest_positions);

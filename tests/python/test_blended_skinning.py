@@ -83,7 +83,7 @@ def test_refuses_what_is_wrong(subject):
     skin, matrices, shares = subject
     assert said(sinew.BlendShares, shares * 2) == "the share of vertex 1 is 2; expected 0 to 1"
     assert said(sinew.BlendShares, np.array([np.nan])) == "the share of vertex 0 is nan; expected 0 to 1"
-    assert said(sinew.BlendShares, np.zeros((3, 1))) == "shares has shape (3, 1); expected one axis"
+    assert said(sinew.BlendShares, np.zeros((3, 1))) == "shares has shape (3, 1); expected (N,)"
     short = sinew.BlendShares(shares[1:])
     assert said(sinew.skin_blended, skin, short, matrices) == "the data has 299 vertices; the skin has 300"
     assert said(sinew.Layer, skin, "blended", data=short) == "the data has 299 vertices; the skin has 300"

@@ -358,7 +358,7 @@ def test_refuses_bends_that_do_not_fit(random):
     assert complains(offsets=np.array([0, 12])) == "offsets has 2 entries; expected 5, one more than there are vertices"
     assert complains(bones=np.full(12, 3)) == "influence 0 names bone 3; there are 3 bones"
     assert complains(weights=np.full(12, np.nan)) == "the weight of influence 0 is not finite"
-    assert complains(weights=np.ones((12, 1))) == "weights has shape (12, 1); expected one axis"
+    assert complains(weights=np.ones((12, 1))) == "weights has shape (12, 1); expected (N,)"
     assert (
         complains(first_joints=np.array([0, 5]))
         == "first_joints has 2 entries and segments has 3; expected as many of each"
@@ -452,7 +452,7 @@ def test_refuses_what_it_is_made_of():
     )
     assert said(sinew.Layer, skin, "dual_quaternion", "frame") == "there are 0 rest frames; expected 2"
     assert said(sinew.Layer, skin, "linear", mask=np.ones(4)) == "mask has 4 numbers; the skin has 5 vertices"
-    assert said(sinew.Layer, skin, "linear", share=np.ones((5, 1))) == "share has shape (5, 1); expected one axis"
+    assert said(sinew.Layer, skin, "linear", share=np.ones((5, 1))) == "share has shape (5, 1); expected (N,)"
     assert said(sinew.Layer, skin, "linear", mask=np.full(5, np.nan)) == "mask is not finite at vertex 0"
     assert said(sinew.Deformer, []) == "there are no layers and no shape keys; expected at least one of them"
     assert (

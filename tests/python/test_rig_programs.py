@@ -323,7 +323,7 @@ def test_mistakes_of_a_call(rig):
         program.evaluate(np.zeros(1), {'["gone"]': 1})
     with pytest.raises(ValueError, match=r"has shape \(2,\); expected \(3,\) or \(5, 3\)"):
         program.evaluate(np.zeros(5), {'pose.bones["owner"].scale': [1, 2]})
-    with pytest.raises(ValueError, match=r"frames has shape \(1, 1\); expected one axis"):
+    with pytest.raises(ValueError, match=r"frames has shape \(1, 1\); expected \(N,\)"):
         program.evaluate(np.zeros((1, 1)))
 
 

@@ -66,7 +66,7 @@ def test_skeleton_refuses_what_is_wrong():
         said(sinew.Skeleton, np.array([-1]), two)
         == "there are 1 parent and 2 rest transforms; expected one of each per joint"
     )
-    assert said(sinew.Skeleton, np.array([[-1, 0]]), two) == "parents has shape (1, 2); expected one axis"
+    assert said(sinew.Skeleton, np.array([[-1, 0]]), two) == "parents has shape (1, 2); expected (N,)"
     assert said(sinew.Skeleton, np.array([-1, 0]), two[:, :3]) == "rest has shape (2, 3, 4); expected (J, 4, 4)"
     assert said(sinew.Skeleton, np.array([-1.0, 0.0]), two) == "parents is float64; expected integers"
     assert said(sinew.Skeleton, np.array([-1, 0]), two.astype(complex)) == "rest is complex128; expected real numbers"
@@ -240,9 +240,9 @@ def test_rotation_transforms(random):
     expected = np.tile(np.eye(4), (4, 1, 1))
     expected[:, :3, :3] = [reference.rotation(one) for one in q]
     assert transforms.dtype == np.float64 and np.allclose(transforms, expected, atol=1e-14)
-    for out in rigs.layouts(np.zeros((1, 4, 4, 4))):
+    for (out,) in rigs.layouts(np.zeros((1, 4, 4, 4))):
         assert sinew.rotation_transforms(q, out) is out
-        assert np.array_equal(out[0], transforms)
+        assert np.array_equal(out, transforms)
 
 
 def test_rotation_transforms_refuse_what_is_wrong(random):

@@ -72,9 +72,7 @@ def test_skin_refuses_what_is_wrong():
         == "offsets has 2 entries; expected 3, one more than there are vertices"
     )
     assert said(sinew.Skin, points, offsets * 1.0, joints, weights, 2) == "offsets is float64; expected integers"
-    assert (
-        said(sinew.Skin, points, offsets, joints[:, None], weights, 2) == "joints has shape (2, 1); expected one axis"
-    )
+    assert said(sinew.Skin, points, offsets, joints[:, None], weights, 2) == "joints has shape (2, 1); expected (N,)"
     assert said(sinew.Skin, points, offsets, joints, weights, 1) == "influence 1 names joint 1; there are 1 joint"
     assert (
         said(sinew.Skin, points, offsets, joints + 2**40, weights, 2) == f"joints holds {2**40}, which is out of range"

@@ -14,8 +14,8 @@ std::shared_ptr<FrameShape> shape_of(std::uint64_t identity, const py::sequence&
   std::vector<LayerPose> layer_poses;
   for (const py::handle pose : poses) layer_poses.push_back(pose_of(pose, layer_poses.size()));
   std::span<const float> values;
-  if (key_values) values = numbers_span("key_values", *key_values, 1, "(K,)");
-  const std::span<const float> numbers = numbers_span("positions", positions, 2, "(V, 3)");
+  if (key_values) values = numbers_span("key_values", *key_values, "(K,)");
+  const std::span<const float> numbers = numbers_span("positions", positions, "(V, 3)");
   const auto digest = digest_of(identity, layer_poses, values, stages_of(stages));
   return digest ? std::make_shared<FrameShape>(*digest, numbers) : nullptr;
 }

@@ -48,7 +48,7 @@ std::optional<Matrix4<double>> space_between(const Matrix4<float>& mesh, const M
 }
 
 Matrix4<float> placed(const char* name, const py::array& array) {
-  if (array.ndim() != 2 || array.shape(0) != 4 || array.shape(1) != 4) wrong_shape(name, array, "(4, 4)");
+  require_shape(name, array, "(4, 4)");
   require_dtype<float>(name, array);
   const auto numbers = py::array_t<float, py::array::c_style>(array);
   return Matrix4<float>::Map(numbers.data()).transpose();
@@ -191,13 +191,13 @@ class Shortcut {
       if (addresses.empty()) throw InputError("keys has no address; expected one per key");
       if (relative.size() != addresses.size()) throw InputError("keys needs one number per key");
       keys_ = {addresses, offsets, relative, std::vector<float>(addresses.size(), 0.0f), base, {}};
-      keys_.base = numbers_span("keys", *keys_.base_owner, 2, "(V, 3)");
+      keys_.base = numbers_span("keys", *keys_.base_owner, "(V, 3)");
       if (std::ssize(keys_.base) != 3 * deformer_.vertex_count()) {
         throw InputError("the reference key's points are not those of the deformer's vertices");
       }
     }
     for (const Address mark : bones_) marks_.push_back(read<std::uint8_t>(mark));
-    if (rest_owner_) rest_ = numbers_span("rest_positions", *rest_owner_, 2, "(V, 3)");
+    if (rest_owner_) rest_ = numbers_span("rest_positions", *rest_owner_, "(V, 3)");
     poses_.resize(sources_.size());
     pose_stages();
   }
