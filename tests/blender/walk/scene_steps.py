@@ -101,7 +101,7 @@ def edit_bones(random):
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
-@kind(1)
+@kind(2)
 def constrain_bone(random):
     scene.leave_modes()
     armature = one_armature(random)
@@ -110,7 +110,12 @@ def constrain_bone(random):
         if bone.constraints:
             bone.constraints.remove(bone.constraints[0])
         else:
-            bone.constraints.new("COPY_ROTATION").target = bpy.data.objects.get("Target 1")
+            constraint = bone.constraints.new("COPY_ROTATION")
+            constraint.target = bpy.data.objects.get("Target 1")
+            others = [each for each in scene.armatures() if each != armature and len(each.pose.bones)]
+            if others and random.random() < 0.6:
+                constraint.target = random.choice(others)
+                constraint.subtarget = random.choice(constraint.target.pose.bones).name
 
 
 @kind(1)
