@@ -7,7 +7,6 @@
 #include <array>
 #include <initializer_list>
 #include <map>
-#include <set>
 #include <string>
 #include <unordered_map>
 
@@ -46,6 +45,18 @@ constexpr std::array kInterpolations = {
     KeyInterpolation::sine,
 };
 
+/// A key of a dictionary: to make a new text for each look takes longer than the look.
+PyObject* key_of(std::string_view name) {
+  static auto& keys = *new std::unordered_map<const char*, std::pair<std::string, PyObject*>>;
+  auto& [text, key] = keys[name.data()];
+  if (key == nullptr || text != name) {
+    text = name;
+    key = PyUnicode_InternFromString(text.c_str());
+    if (key == nullptr) throw py::error_already_set();
+  }
+  return key;
+}
+
 /// A dictionary whose entries are read one by one; those that nobody has read are mistakes.
 class Entries {
  public:
@@ -57,8 +68,8 @@ class Entries {
   const std::string& where() const { return where_; }
 
   /// Returns an entry or an empty handle.
-  py::handle find(const char* key) {
-    PyObject* const found = PyDict_GetItemString(dict_.ptr(), key);
+  py::handle find(std::string_view key) {
+    PyObject* const found = PyDict_GetItem(dict_.ptr(), key_of(key));
     if (found) ++read_;
     return found;
   }
@@ -97,7 +108,12 @@ class Entries {
   /// `N` numbers, from a list or an array of any shape.
   template <std::size_t N>
   std::array<float, N> numbers(const char* key) {
-    const std::vector<float> all = list(key, get(key));
+    return numbers<N>(key, get(key));
+  }
+  template <std::size_t N>
+  std::array<float, N> numbers(const char* key, const py::handle& object) const {
+    std::vector<float> all;
+    append(key, object, all);
     if (all.size() != N) {
       wrong(where_, std::string("has ") + std::to_string(all.size()) + " numbers as \"" + key + "\"; expected " +
                         std::to_string(N));
@@ -118,34 +134,43 @@ class Entries {
   }
 
   /// Throws InputError if there is an entry that nobody has asked for.
-  void done(std::initializer_list<const char*> known) const {
+  template <class IsKnown>
+  void done_with(const IsKnown& is_known) const {
     if (read_ == dict_.size()) return;
     for (const auto& [key, value] : dict_) {
       const std::string name = py::str(key);
-      if (std::none_of(known.begin(), known.end(), [&](const char* k) { return name == k; })) {
-        wrong(where_, "has \"" + name + "\", which is unknown");
-      }
+      if (!is_known(name)) wrong(where_, "has \"" + name + "\", which is unknown");
     }
   }
+  void done(std::initializer_list<std::string_view> known) const {
+    done_with([&](std::string_view name) { return std::ranges::find(known, name) != known.end(); });
+  }
 
-  std::vector<float> list(const char* key, const py::handle& object) const {
-    if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
-      std::vector<float> result;
-      flatten(key, object, result);
-      return result;
+  /// Appends the numbers of lists in lists, of an array, or a single one.
+  void append(std::string_view key, const py::handle& object, std::vector<float>& numbers) const {
+    if (PyFloat_CheckExact(object.ptr())) {  // as cast() would, faster
+      numbers.push_back(static_cast<float>(PyFloat_AS_DOUBLE(object.ptr())));
+    } else if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
+      for (py::ssize_t i = 0; i < PySequence_Fast_GET_SIZE(object.ptr()); ++i) {  // an element may change the list
+        append(key, py::reinterpret_borrow<py::object>(PySequence_Fast_GET_ITEM(object.ptr(), i)), numbers);
+      }
+    } else if (py::isinstance<py::array>(object)) {
+      const Numbers<float> array(key.data(), py::reinterpret_borrow<py::array>(object));
+      const std::span<const float> all = array;
+      numbers.insert(numbers.end(), all.begin(), all.end());
+    } else {
+      numbers.push_back(cast<float>(key, object));
     }
-    if (!py::isinstance<py::array>(object)) return {cast<float>(key, object)};
-    return copied<float>(key, py::reinterpret_borrow<py::array>(object));
   }
 
   /// Throws InputError, which names the entry.
   template <class T>
-  T cast(const char* key, const py::handle& object) const {
+  T cast(std::string_view key, const py::handle& object) const {
     try {
       return object.cast<T>();
     } catch (const py::cast_error&) {
       wrong(where_,
-            std::string("has ") + std::string(py::repr(object)) + " as \"" + key + "\"; expected " + kind_of<T>());
+            "has " + std::string(py::repr(object)) + " as \"" + std::string(key) + "\"; expected " + kind_of<T>());
     }
   }
 
@@ -155,16 +180,6 @@ class Entries {
     if constexpr (std::is_same_v<T, std::string>) return "text";
     if constexpr (std::is_same_v<T, bool>) return "true or false";
     return "a number";
-  }
-
-  void flatten(const char* key, const py::handle& object, std::vector<float>& numbers) const {
-    if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
-      for (const py::handle element : py::reinterpret_borrow<py::sequence>(object)) flatten(key, element, numbers);
-    } else if (PyFloat_CheckExact(object.ptr())) {  // as cast() would, faster
-      numbers.push_back(static_cast<float>(PyFloat_AS_DOUBLE(object.ptr())));
-    } else {
-      numbers.push_back(cast<float>(key, object));
-    }
   }
 
   py::dict dict_;
@@ -327,7 +342,8 @@ class Reader {
       for (int i = 0; i < setting.count; ++i) bone.values[place++] = setting.initial;
     }
     bone.values[kQuaternion] = 1;
-    if (entries.find("values")) bone.values = entries.numbers<kBoneValueCount>("values");
+    if (const py::handle found = entries.find("values"))
+      bone.values = entries.numbers<kBoneValueCount>("values", found);
   }
 
   /// {"bone": name}, {"armature": true}, {"outside": name} or None.
@@ -368,7 +384,7 @@ class Reader {
     constraint.type = constraint_type(entries.get<std::string>("type"), where);
     constraint.settings = settings_of(entries, constraint.type, where);
     for (const py::handle target : entries.sequence("targets")) constraint.targets.push_back(target_of(target, where));
-    if (const py::handle weights = entries.find("weights")) constraint.weights = entries.list("weights", weights);
+    if (const py::handle weights = entries.find("weights")) entries.append("weights", weights, constraint.weights);
     constraint.space = target_of(entries.find("space"), where);
     for (const py::handle channel : entries.sequence("action")) {
       Entries curve(channel, where + ", its action,");
@@ -383,27 +399,21 @@ class Reader {
     std::vector<float> numbers;
     const py::handle given = constraint.find("settings");
     Entries entries(given ? given : py::handle(py::dict()), where + ", its settings,");
-    std::set<std::string_view> known;
     for (const RigSetting& setting : constraint_settings(type)) {
-      const py::handle found = entries.find(std::string(setting.name).c_str());
-      known.insert(setting.name);
-      if (!found) {
+      const std::size_t before = numbers.size();
+      if (const py::handle found = entries.find(setting.name)) {
+        entries.append(setting.name, found, numbers);
+      } else {
         numbers.insert(numbers.end(), setting.count, setting.initial);
-        continue;
       }
-      const std::vector<float> list = entries.list(setting.name.data(), found);
-      if (static_cast<int>(list.size()) != setting.count) {
-        wrong(where, "has " + std::to_string(list.size()) + " numbers as " + std::string(setting.name) + "; expected " +
+      if (const std::size_t count = numbers.size() - before; static_cast<int>(count) != setting.count) {
+        wrong(where, "has " + std::to_string(count) + " numbers as " + std::string(setting.name) + "; expected " +
                          std::to_string(setting.count));
       }
-      numbers.insert(numbers.end(), list.begin(), list.end());
     }
-    if (given) {
-      for (const auto& [key, value] : py::reinterpret_borrow<py::dict>(given)) {
-        const std::string name = py::str(key);
-        if (!known.count(name)) wrong(where, "has the setting \"" + name + "\", which is unknown");
-      }
-    }
+    entries.done_with([&](std::string_view name) {
+      return std::ranges::any_of(constraint_settings(type), [&](const RigSetting& each) { return each.name == name; });
+    });
     return numbers;
   }
 
@@ -414,7 +424,7 @@ class Reader {
     property.kind = entries.choice("type", kValueKinds, ValueKind::real);
     property.low = entries.get<float>("min", property.low);
     property.high = entries.get<float>("max", property.high);
-    property.values = entries.list("value", entries.get("value"));
+    entries.append("value", entries.get("value"), property.values);
     property.count = static_cast<int>(property.values.size());
     entries.done({"path", "type", "min", "max", "value"});
     rig_.properties.push_back(std::move(property));
@@ -425,12 +435,13 @@ class Reader {
   static CurveDescription curve_of(Entries& entries) {
     constexpr std::size_t kColumns = 11;
     CurveDescription curve;
-    const py::handle keys = entries.find("keys");
-    const std::vector<float> numbers = keys ? entries.list("keys", keys) : std::vector<float>();
+    std::vector<float> numbers;
+    if (const py::handle keys = entries.find("keys")) entries.append("keys", keys, numbers);
     if (numbers.size() % kColumns != 0) {
       wrong(entries.where(),
             "has " + std::to_string(numbers.size()) + " numbers as \"keys\"; expected 11 for each key");
     }
+    curve.keys.reserve(numbers.size() / kColumns);
     for (std::size_t i = 0; i < numbers.size(); i += kColumns) {
       const float* row = numbers.data() + i;
       CurveKey key;
@@ -462,7 +473,7 @@ class Reader {
     modifier.cycles_after = entries.get<int>("cycles_after", 0);
     modifier.is_additive = entries.get<bool>("use_additive", false);
     if (const py::handle list = entries.find("coefficients")) {
-      modifier.coefficients = entries.list("coefficients", list);
+      entries.append("coefficients", list, modifier.coefficients);
     }
     entries.done(
         {"type", "mode_before", "mode_after", "cycles_before", "cycles_after", "use_additive", "coefficients"});

@@ -334,6 +334,22 @@ def test_keyframes_elsewhere_are_not_believed(zoo, monkeypatch):
     assert set(host("contract")._look().lost) == {"Frozen characters"}
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "by"),
+    [("bPoseChannel", "limitmin", 4), ("bPoseChannel", "*parent", 8), ("bPoseChannel", "constraints", -16)]
+    + [("bPoseChannel", "*prop", 8), ("Bone", "arm_mat", 4)],
+)
+def test_numbers_of_bones_elsewhere_are_not_believed(zoo, monkeypatch, kind, name, by):
+    zoo.forget()
+    ob = zoo.frozen
+    ob.pose.bones[0]["own"] = 1
+    assert host("bone_numbers").read(ob) is not None
+    zoo.forget()
+    elsewhere("bone_numbers", kind, name, "offset", by)(monkeypatch)
+    assert host("bone_numbers").read(ob) is None
+    assert set(host("contract")._look().lost) == {"Numbers of bones"}
+
+
 def test_a_character_that_is_frozen_is_thawed_if_that_is_lost(zoo):
     freezing, contract = addon_module("frozen.freezing"), host("contract")
     zoo.reopen()

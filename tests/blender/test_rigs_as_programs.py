@@ -461,10 +461,33 @@ def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
             key.interpolation, key.easing = interpolation, easing
             key.amplitude, key.period, key.back = 0.1 * frame, 0.2 * frame, 0.3 * frame
     (curve,) = addon_module("blender.animation").keyed_curves(ob)
-    found = curves.keys_of(curve)
+    found = curves.curve_of(curve)["keys"]
     assert found.shape == (frame, curves.KEY_NUMBERS)
     monkeypatch.setattr(contract, "has", lambda _feature: False)
-    assert np.array_equal(found, curves.keys_of(curve))
+    assert np.array_equal(found, curves.curve_of(curve)["keys"])
+
+
+def test_bones_are_read_from_memory_as_by_the_api(armature, monkeypatch):
+    reading, contract = addon_module("rig_programs.reading"), addon_module("host.contract")
+
+    def described():
+        found = reading.read(armature).description
+        return [json.dumps(found[part], default=reading.as_list) for part in ("bones", "properties")]
+
+    numbers = iter(range(1, 1000))
+    for bone in armature.pose.bones:
+        for holder in (bone, bone.bone):
+            for name, count, is_of_rest in addon_module("rig_programs.tables").bone_settings():
+                if is_of_rest != (holder is bone) and not name.startswith(("lock_ik", "use_ik_limit")):
+                    value = [0.001 * next(numbers) for _ in range(count)]
+                    setattr(holder, name, value if count > 1 else value[0])
+    armature.pose.bones["b"]["own"], armature.data.bones["c"]["own"] = 0.5, 2
+    found = described()
+    assert '"pose.bones[\\"b\\"][\\"own\\"]"' in found[1] and '"data.bones[\\"c\\"][\\"own\\"]"' in found[1]
+    assert addon_module("host.bone_numbers").read(armature) is not None
+    monkeypatch.setattr(contract, "has", lambda _feature: False)
+    assert addon_module("host.bone_numbers").read(armature) is None
+    assert found == described()
 
 
 @pytest.mark.skipif(IS_WINDOWS, reason="nothing in it differs from system to system")

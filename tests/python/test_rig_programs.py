@@ -284,7 +284,7 @@ def changed(rig, change):
         ),
         (
             lambda rig: rig["constraints"][0]["settings"].update(power=2),
-            'constraint "Copy" of bone "owner" has the setting "power", which is unknown',
+            'constraint "Copy" of bone "owner", its settings, has "power", which is unknown',
         ),
         (
             lambda rig: rig["constraints"][0].update(targets=[{"outside": "Cube"}]),

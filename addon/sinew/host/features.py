@@ -50,8 +50,10 @@ FAST_SMOOTH = "Fast path of Smooth"
 FREEZING = "Frozen characters"
 CONSTRAINTS = "Animated constraints of computed rigs"
 POSED = "Edits of computed rigs"
+NUMBERS = "Numbers of bones"
 
 _FULL = "take more steps on each frame"
+_OF_POSE = "*next", "runtime", "chan_mat", "pose_mat", "pose_head", "pose_tail"
 FEATURES = {
     DEFORMING: Feature(
         "Blender's own modifiers deform",
@@ -82,7 +84,7 @@ FEATURES = {
     ),
     EDITIONS: Feature(
         "whether bones have changed is found out bone by bone, so posing by hand takes longer",
-        "bArmature.bonebase bArmature._pad Bone ListBase.*first",
+        "bArmature.bonebase bArmature._pad Bone.*next Bone.childbase ListBase.*first",
     ),
     WEIGHTS: Feature(
         "the weights of a mesh are read vertex by vertex, so edits and painting take longer",
@@ -152,8 +154,9 @@ FEATURES = {
     FREEZING: Feature(
         "characters cannot be frozen",
         "ID.us AnimData.*action AnimData.nla_tracks ListBase ChannelDriver.expression ChannelDriver.*expr_simple "
-        "ChannelDriver.type bPoseChannel bPoseChannel_Runtime BezTriple FCurve.flag FCurve.*bezt FCurve.*fpt "
-        "FCurve.totvert FCurve.extend FCurve.array_index FCurve.*rna_path FCurve.modifiers",
+        "ChannelDriver.type bPoseChannel_Runtime BezTriple FCurve.flag FCurve.*bezt FCurve.*fpt "
+        "FCurve.totvert FCurve.extend FCurve.array_index FCurve.*rna_path FCurve.modifiers "
+        + " ".join(f"bPoseChannel.{name}" for name in (*_OF_POSE, *members.CHANNELS)),
         (DEFORMING, KEYS),
         "the number of users, actions, drivers, poses, the segments of a B-bone, keyframes",
     ),
@@ -170,6 +173,12 @@ FEATURES = {
         + " ".join(members.CONSTRAINTS.values()),
         (EDITIONS, DRIVERS, FREEZING),
         "where a bone's constraints are, and the type of the first",
+    ),
+    NUMBERS: Feature(
+        "the numbers of the bones of computed rigs are read one property after the other, which takes longer",
+        "bPoseChannel.*next bPoseChannel.*parent bPoseChannel.*prop bPoseChannel.constraints Bone ListBase.*first "
+        + " ".join(f"bPoseChannel.{name}" for name in (*members.CHANNELS, *members.LIMITS)),
+        compared="the numbers of the last bone; of all, parents, and where constraints and custom properties may be",
     ),
 }
 

@@ -59,6 +59,32 @@ CHANNELS = {
     "scale_out": 12,
     **dict.fromkeys(("roll1", "roll2", "curveInX", "curveInY", "curveOutX", "curveOutY", "ease1", "ease2"), 4),
 }
+# What else people set in a pose bone, by what Blender's API calls each of three numbers.
+LIMITS = {
+    "ikstretch": ("ik_stretch",),
+    "stiffness": ("ik_stiffness_x", "ik_stiffness_y", "ik_stiffness_z"),
+    "limitmin": ("ik_min_x", "ik_min_y", "ik_min_z"),
+    "limitmax": ("ik_max_x", "ik_max_y", "ik_max_z"),
+}
+# The numbers of a bone at rest, by what Blender's API calls them.
+REST = {
+    "arm_mat": "matrix_local",
+    "bone_mat": "matrix",
+    "head": "head",
+    "arm_head": "head_local",
+    "arm_tail": "tail_local",
+    "length": "length",
+    "roll1": "bbone_rollin",
+    "roll2": "bbone_rollout",
+    "curveInX": "bbone_curveinx",
+    "curveInY": "bbone_curveinz",
+    "curveOutX": "bbone_curveoutx",
+    "curveOutY": "bbone_curveoutz",
+    "ease1": "bbone_easein",
+    "ease2": "bbone_easeout",
+    "scale_in": "bbone_scalein",
+    "scale_out": "bbone_scaleout",
+}
 # The struct of a type of constraint. Those that are not here use more than one, or what they follow is not in it.
 CONSTRAINTS = {
     "CHILD_OF": "bChildOfConstraint",
@@ -103,7 +129,12 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "nla_tracks": _LIST,
     },
     "NlaStrip": {"*act": _pointer("bAction", shown="action")},
-    "Bone": {"*next": _pointer("Bone", 0), "childbase": _LIST},
+    "Bone": {
+        "*next": _pointer("Bone", 0),
+        "childbase": _LIST,
+        "*prop": _pointer("IDProperty"),
+        **dict.fromkeys(REST, Member("float", None)),
+    },
     # A struct in a list begins with the address of the next one.
     "ListBase": {"*first": _pointer("void", 0), "*last": _pointer("void", 8)},
     "bDeformGroup": {"*next": _pointer("bDeformGroup", 0), "name": _name()},
@@ -124,6 +155,8 @@ MEMBERS: dict[str, dict[str, Member]] = {
     "bPose": {"chanbase": _LIST, "**chan_array": _pointer("bPoseChannel")},
     "bPoseChannel": {
         "*next": _pointer("bPoseChannel", 0),
+        "*parent": _pointer("bPoseChannel"),
+        "*prop": _pointer("IDProperty"),
         "constraints": _LIST,
         "chan_mat": Member("float", 64),
         "runtime": Member("bPoseChannel_Runtime", None),
@@ -131,6 +164,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "pose_head": Member("float", 12),
         "pose_tail": Member("float", 12),
         **{name: Member("float", size) for name, size in CHANNELS.items()},
+        **dict.fromkeys(LIMITS, Member("float", None)),
     },
     "bPoseChannel_Runtime": {
         "bbone_segments": _int(),

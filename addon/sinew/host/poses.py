@@ -17,7 +17,7 @@ _FLOAT = 4  # bytes
 _MEMBERS = ("chan_mat", "pose_mat", "pose_head", "pose_tail", *CHANNELS)
 _COMPUTED = {"chan_mat": "channel_matrix", "pose_mat": "pose_matrix", "pose_head": "head", "pose_tail": "tail"}
 # What Blender's API calls those that keyframes and drivers can set, and how many numbers come before them.
-_NAMES = {
+NAMES = {
     "loc": ("location", 0),
     "eul": ("rotation_euler", 0),
     "quat": ("rotation_quaternion", 0),
@@ -35,7 +35,7 @@ _NAMES = {
     "scale_in": ("bbone_scalein", 0),
     "scale_out": ("bbone_scaleout", 0),
 }
-RECORDED = tuple(dict.fromkeys(name for name, _skipped in _NAMES.values()))
+RECORDED = tuple(dict.fromkeys(name for name, _skipped in NAMES.values()))
 # For each segment of a B-bone, how many more there are, and whether equal poses have equal ones. Blender leaves a part
 # of a dual quaternion undefined if there is no scale.
 _SEGMENTS = (
@@ -78,7 +78,7 @@ def fields() -> list[tuple[str, int, int]]:
     def field(member: str) -> tuple[str, int, int]:
         if member in _COMPUTED:
             return _COMPUTED[member], 0, 0
-        name, skipped = _NAMES[member]
+        name, skipped = NAMES[member]
         return "values", places[name] + skipped, CHANNELS[member] // _FLOAT
 
     return [field(member) for member in sorted(_MEMBERS, key=lambda member: contract.offset(_BONE, member))]

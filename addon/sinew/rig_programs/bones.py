@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..host import bone_numbers
 from .tables import bone_settings
 from .targets import Targets
 
@@ -35,6 +36,8 @@ OF_BEND = (  # what only B-bones need
     "bbone_mapping_mode",
 )
 
+Stored = tuple[bone_numbers.Numbers, bone_numbers.Numbers] | None
+
 
 def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
     """Returns a property of all items: N, or N x width."""
@@ -43,23 +46,39 @@ def column(collection: Any, name: str, width: int, kind: type) -> np.ndarray:
     return numbers if width == 1 else numbers.reshape(-1, width)
 
 
-def bones_of(ob: bpy.types.Object, found: Targets) -> list[dict[str, Any]]:
-    """Returns the bones in the order of the pose. Choices of a newer Blender are added to `found.refused`."""
+def numbers_of(
+    ob: bpy.types.Object, name: str, is_of_rest: bool, width: int, kind: type, row: np.ndarray, stored: Stored
+) -> np.ndarray:
+    """Returns a property of all bones, of the pose or at rest, in the order of the pose: B, or B x width. row, stored:
+    as values_of is given them."""
+    if stored is not None and name in stored[is_of_rest].columns:
+        numbers = stored[is_of_rest].of(name)
+    else:
+        numbers = column(ob.data.bones if is_of_rest else ob.pose.bones, name, width, kind)
+    return numbers[row] if is_of_rest else numbers
+
+
+def bones_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored, found: Targets) -> list[dict[str, Any]]:
+    """Returns the bones in the order of the pose. Choices of a newer Blender are added to `found.refused`. row,
+    stored: as values_of is given them."""
     bones, posed = ob.data.bones, ob.pose.bones
-    row, names = places_of(ob), [bone.name for bone in posed]
-    columns: dict[str, list] = {"name": names, "values": values_of(ob, row).tolist()}
+    names = posed.keys()
+    columns: dict[str, list] = {"name": names, "values": list(values_of(ob, row, stored))}
     for name, (width, kind) in OF_REST.items():
-        numbers = column(bones, name, width, kind)[row]
+        numbers = numbers_of(ob, name, True, width, kind, row, stored)
         side = {16: 4, 9: 3}.get(width)
         if side:  # columns in Blender's memory, rows in a description
-            numbers = numbers.reshape(-1, side, side).swapaxes(1, 2)
-        columns[name] = numbers.tolist()
+            numbers = np.ascontiguousarray(numbers.reshape(-1, side, side).swapaxes(1, 2))
+        columns[name] = numbers.tolist() if width == 1 else list(numbers)
     data = ob.data.animation_data
     if data is not None and any(curve.data_path.endswith(".use_deform") for curve in data.drivers):
         columns["use_deform"] = [True] * len(names)  # it may become one
-    parents = [bone.parent for bone in posed]
-    columns["parent"] = [parent and parent.name for parent in parents]
-    columns["has_constraints"] = [len(bone.constraints) > 0 for bone in posed]
+    if stored is not None:
+        columns["parent"] = [names[i] if i >= 0 else None for i in bone_numbers.parents(stored[0])]
+        columns["has_constraints"] = bone_numbers.have_constraints(stored[0])
+    else:
+        columns["parent"] = [bone.parent and bone.parent.name for bone in posed]
+        columns["has_constraints"] = [len(bone.constraints) > 0 for bone in posed]
     for name, known, numbers in (
         ("rotation_mode", ROTATION_MODES, column(posed, "rotation_mode", 1, np.int32).tolist()),
         ("inherit_scale", INHERIT_SCALES, column(bones, "inherit_scale", 1, np.int32)[row].tolist()),
@@ -90,15 +109,15 @@ def connected_children(ob: bpy.types.Object) -> dict[str, str]:
 
 def places_of(ob: bpy.types.Object) -> np.ndarray:
     """Returns where the armature has each bone of the pose."""
-    places = {name: place for place, name in enumerate(bone.name for bone in ob.data.bones)}
-    return np.array([places[bone.name] for bone in ob.pose.bones], np.intp)
+    places = {name: place for place, name in enumerate(ob.data.bones.keys())}
+    return np.array([places[name] for name in ob.pose.bones.keys()], np.intp)
 
 
-def values_of(ob: bpy.types.Object, row: np.ndarray) -> np.ndarray:
-    """Returns B x N numbers in the order of the library's table of bone settings. row: as places_of returns it."""
-    bones, posed, columns = ob.data.bones, ob.pose.bones, []
+def values_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored) -> np.ndarray:
+    """Returns B x N numbers in the order of the library's table of bone settings. row: as places_of returns it; stored:
+    as bone_numbers.read returns it."""
+    columns = []
     for name, width, is_of_rest in bone_settings():
         kind = bool if name.startswith(("lock_ik", "use_ik_limit")) else np.float32
-        numbers = column(bones if is_of_rest else posed, name, width, kind).reshape(len(row), width)
-        columns.append(numbers[row] if is_of_rest else numbers)
+        columns.append(numbers_of(ob, name, is_of_rest, width, kind, row, stored).reshape(len(row), width))
     return np.concatenate(columns, axis=1, dtype=np.float32)

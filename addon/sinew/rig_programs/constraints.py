@@ -48,9 +48,9 @@ def constraints_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dic
     for bone in ob.pose.bones:
         for constraint in bone.constraints:
             try:
-                if constraint.type not in known:
-                    raise curves.Refused(f"the type {constraint.type} is not covered")
-                yield row_of(bone, constraint, found)
+                if (kind := constraint.type) not in known:
+                    raise curves.Refused(f"the type {kind} is not covered")
+                yield row_of(bone, constraint, kind, found)
             except curves.Refused as reason:
                 if not constraint.mute or is_animated(ob, constraint):
                     found.refused.append(f'the constraint "{constraint.name}" of the bone "{bone.name}": {reason}')
@@ -65,8 +65,9 @@ def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
     )
 
 
-def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: targets.Targets) -> dict[str, Any]:
-    kind = constraint.type
+def row_of(
+    bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, kind: str, found: targets.Targets
+) -> dict[str, Any]:
     settings = reader_of(kind, type(constraint))(constraint)  # type: ignore[arg-type] # a type is hashable
     row: dict[str, Any] = {"bone": bone.name, "name": constraint.name, "type": kind, "settings": settings}
     if kind == "ARMATURE":
@@ -77,11 +78,11 @@ def row_of(bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: ta
             raise curves.Refused("bones of another armature are not covered here")
         row["weights"] = [target.weight for target in constraint.targets]
     elif hasattr(constraint, "target"):
-        target = found.of(constraint.target, getattr(constraint, "subtarget", ""))
+        target = found.of(constraint.target, bone_name := getattr(constraint, "subtarget", ""))
         if target and "outside" in target:
             if settings.get("head_tail", 0) > 0:
                 raise curves.Refused("a place along a bone of another armature is not covered: set Head/Tail to 0")
-            if getattr(constraint, "subtarget", "") and settings["target_space"] not in (WORLD, CUSTOM):
+            if bone_name and settings["target_space"] not in (WORLD, CUSTOM):
                 raise curves.Refused("a space of another armature's bone is not covered: choose World Space")
         row["targets"] = [target]
     if kind == "IK":

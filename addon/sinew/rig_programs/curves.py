@@ -1,6 +1,6 @@
 """F-curves as numbers."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -20,12 +20,21 @@ class Refused(ValueError):
     """What a description cannot say. The message is a reason for people."""
 
 
-def curve_of(curve: bpy.types.FCurve) -> dict[str, Any]:
-    """Returns keys (K x 11, float32), modifiers and extrapolation of an F-curve. Raises Refused."""
-    found: dict[str, Any] = {"keys": keys_of(curve)}
-    modifiers = modifiers_of(curve)
-    if modifiers:
-        found["modifiers"] = modifiers
+def stored_of(curves: Sequence[bpy.types.FCurve]) -> Any:
+    """Returns a copy of all that is stored in curves, or None if only Blender's API can read it."""
+    return keyframes.read(curves) if contract.has(features.FREEZING) else None
+
+
+def curve_of(curve: bpy.types.FCurve, stored: Any = None, number: int = 0) -> dict[str, Any]:
+    """Returns keys (K x 11, float32), modifiers and extrapolation of an F-curve. Raises Refused. stored: of several
+    curves, in which it has that number."""
+    stored = stored or stored_of([curve])
+    found: dict[str, Any] = {"keys": keys_of(curve) if stored is None else stored.rows(number)}
+    if stored is None or not stored.is_local(number):
+        if not len(curve.keyframe_points) and len(curve.sampled_points):
+            raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")
+        if modifiers := modifiers_of(curve):
+            found["modifiers"] = modifiers
     if curve.extrapolation == "LINEAR":
         found["is_extrapolated"] = True
     return found
@@ -37,12 +46,9 @@ def rounding_of(curve: bpy.types.FCurve) -> dict[str, bool]:
 
 
 def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
+    """Returns the keys by Blender's API."""
     points = curve.keyframe_points
-    if len(points) and contract.has(features.FREEZING):
-        return keyframes.read([curve]).rows(0)
     count = len(points)
-    if not count and len(curve.sampled_points):
-        raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")
     keys = np.zeros((count, KEY_NUMBERS), np.float32)
     if not count:
         return keys

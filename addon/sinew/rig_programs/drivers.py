@@ -5,6 +5,7 @@ from typing import Any
 
 import bpy
 
+from ..blender import animation
 from . import constraints, curves, paths, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
@@ -48,37 +49,45 @@ def blocks_of(ob: bpy.types.Object) -> tuple[tuple[bpy.types.ID, str], ...]:
 def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str, Any]]:
     """Yields the animated values of the rig."""
     for block, start in blocks_of(ob):
+        known: dict[str, str | None] = {}  # by the path of curves, of which several have the same: that of their rows
+        wanted: list[tuple[str, bpy.types.FCurve]] = []
         try:
             for curve in curves.curves_in_effect(block):
-                path = path_of(start, curve)
-                if is_wanted(ob, path, found) and exists(block, curve.data_path):
-                    yield curve_row(path, curve)
+                if (own := curve.data_path) not in known:
+                    path = path_of(start, own)
+                    known[own] = path if is_wanted(ob, path, found) and exists(block, own) else None
+                if own := known[own]:
+                    wanted.append((own, curve))
+            stored = curves.stored_of([curve for _path, curve in wanted])
+            for number, (path, curve) in enumerate(wanted):
+                yield curve_row(path, curve, stored, number)
         except curves.Refused as reason:
             found.refused.append(str(reason))
 
 
-def curve_row(path: str, curve: bpy.types.FCurve) -> dict[str, Any]:
-    """Raises Refused."""
-    row = {"path": path, "index": curve.array_index, **curves.curve_of(curve)}
+def curve_row(path: str, curve: bpy.types.FCurve, *stored: Any) -> dict[str, Any]:
+    """stored: as curves.curve_of is given it. Raises Refused."""
+    row = {"path": path, "index": curve.array_index, **curves.curve_of(curve, *stored)}
     return row if path.endswith(CHANNELS) else row | curves.rounding_of(curve)
 
 
 def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:
     """Yields the rig's drivers."""
     for block, start in blocks_of(ob):
-        data = block.animation_data
-        for curve in data.drivers if data is not None else ():
-            path = path_of(start, curve)
+        own = animation.drivers_of(block)
+        stored = curves.stored_of(own)
+        for number, curve in enumerate(own):
+            path = path_of(start, curve.data_path)
             if curve.mute or not curve.is_valid or not curve.driver.is_valid or not is_wanted(ob, path, found):
                 continue
             try:
-                yield driver_of(ob, path, curve, found, outside)
+                yield driver_of(ob, path, curve, found, outside, stored, number)
             except curves.Refused as reason:
                 found.refused.append(f"the driver of {path}: {reason}")
 
 
-def path_of(start: str, curve: bpy.types.FCurve) -> str:
-    return start + paths.normalised(curve.data_path)
+def path_of(start: str, path: str) -> str:
+    return start + paths.normalised(path)
 
 
 def exists(block: bpy.types.ID, path: str) -> bool:
@@ -99,15 +108,16 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
 
 
 def driver_of(
-    ob: bpy.types.Object, path: str, curve: bpy.types.FCurve, found: targets.Targets, outside: Outside
+    ob: bpy.types.Object, path: str, curve: bpy.types.FCurve, found: targets.Targets, outside: Outside, *stored: Any
 ) -> dict[str, Any]:
+    """stored: as curves.curve_of is given it. Raises Refused."""
     driver = curve.driver
     row: dict[str, Any] = {
         "path": path,
         "index": curve.array_index,
         "type": driver.type,
         "variables": [variable_of(ob, variable, found, outside) for variable in driver.variables],
-        "curve": curves.curve_of(curve),
+        "curve": curves.curve_of(curve, *stored),
     }
     if driver.type == "SCRIPTED":
         if driver.use_self or not driver.is_simple_expression:

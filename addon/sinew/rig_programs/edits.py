@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 
 from ..blender import animation, values
+from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from ..host import bones as bone_bytes
-from ..host import driver_bytes, keyframes, pose_settings
 from . import bones, curves, drivers, paths, properties, reading, tables
 
 _WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
@@ -84,7 +84,8 @@ class Known:
     def _read(self, ob: bpy.types.Object, graph: bpy.types.Depsgraph) -> tuple[np.ndarray, list, dict[str, Any]]:
         """Returns the numbers of bones, the custom properties, and what comes from outside."""
         outside = self.outside.values(graph) | self.targets.matrices(graph)
-        return bones.values_of(ob, self._places), list(properties.properties_of(ob)), outside
+        known = ob, self._places, bone_numbers.read(ob)
+        return bones.values_of(*known), list(properties.properties_of(*known)), outside
 
     def _given_of_bones(self, ob: bpy.types.Object, before: np.ndarray) -> Iterator[tuple[str, Any]]:
         now = self._numbers[0]

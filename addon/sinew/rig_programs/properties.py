@@ -1,9 +1,11 @@
 """Custom properties that are numbers."""
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import bpy
+import numpy as np
 
 TYPES = {float: "FLOAT", int: "INT", bool: "BOOLEAN"}
 UNLIMITED = 3.4e38
@@ -20,11 +22,13 @@ def owner_and_name(path: str) -> tuple[str, str]:
     return owner, bpy.utils.unescape_identifier(name)
 
 
-def properties_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
-    """Yields those of the object, of its data, and of all bones of either."""
+def properties_of(ob: bpy.types.Object, row: np.ndarray, stored: Any) -> Iterator[dict[str, Any]]:
+    """Yields those of the object, of its data, and of all bones of either. row, stored: as bones.values_of is given
+    them."""
     yield from of_holder(ob, "")
     yield from of_holder(ob.data, "data.")
-    for bone in ob.pose.bones:
+    may_have = [True] * len(row) if stored is None else stored[0].have_properties() | stored[1].have_properties()[row]
+    for bone in itertools.compress(ob.pose.bones, may_have):
         for holder, start in ((bone, "pose"), (bone.bone, "data")):
             if holder.keys():
                 yield from of_holder(holder, f'{start}.bones["{bpy.utils.escape_identifier(bone.name)}"]')

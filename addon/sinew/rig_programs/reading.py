@@ -1,12 +1,15 @@
 """Reads an armature into a description for sinew_native.RigProgram."""
 
-from collections.abc import Iterable
+import contextlib
+import gc
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ..host import bone_numbers
 from . import bones, constraints, driven_keys, drivers, properties, targets
 
 CAN_READ = bpy.app.version >= (4, 2, 0)  # older ones evaluate in other ways
@@ -32,6 +35,19 @@ def as_list(array: Any) -> Any:
     raise TypeError(f"{type(array).__name__} is no part of a description")
 
 
+@contextlib.contextmanager
+def without_collecting() -> Iterator[None]:
+    """Keeps Python from looking for cycles, of which a description has none: it would look again and again."""
+    is_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if is_enabled:
+            gc.enable()
+
+
+@without_collecting()
 def read(
     ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph | None = None, keyed: Iterable[driven_keys.Keyed] = ()
 ) -> Reading:
@@ -51,13 +67,14 @@ def read(
         found.refused.append("the IK solver is iTaSC: choose the standard one")
     if len(ob.constraints):
         found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
+    row, stored = bones.places_of(ob), bone_numbers.read(ob)
     description = {
         "name": ob.name,
         "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
         "world": [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
-        "bones": bones.bones_of(ob, found),
+        "bones": bones.bones_of(ob, row, stored, found),
         "constraints": list(constraints.constraints_of(ob, found)),
-        "properties": list(properties.properties_of(ob)),
+        "properties": list(properties.properties_of(ob, row, stored)),
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }
