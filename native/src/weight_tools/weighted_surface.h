@@ -19,7 +19,7 @@ class WeightedSurface {
       : points_(std::move(points)),
         triangles_(std::move(triangles)),
         weights_(weights),
-        tree_(points_, triangles_, progress) {}
+        tree_(points_, triangles_, progress, false) {}
   WeightedSurface(const WeightedSurface&) = delete;
   WeightedSurface& operator=(const WeightedSurface&) = delete;
 

@@ -64,7 +64,7 @@ std::size_t node_count(std::size_t triangles) {
 }  // namespace
 
 TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
-                           const Progress* progress)
+                           const Progress* progress, bool has_winding)
     : points_(points), triangles_(triangles), order_(triangles.size()) {
   std::iota(order_.begin(), order_.end(), std::uint32_t{0});
   if (order_.empty()) return;
@@ -73,6 +73,7 @@ TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<co
     centroids[t] = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
   }
   nodes_.resize(node_count(order_.size()));
+  if (has_winding) far_.resize(nodes_.size());
   split(0, static_cast<std::uint32_t>(order_.size()), 0, centroids, progress);
 }
 
@@ -83,7 +84,7 @@ void TriangleTree::split(std::uint32_t begin, std::uint32_t end, std::size_t at,
   node.begin = begin;
   node.end = end;
   node.right = 0;
-  if (end - begin <= kLeaf) return fill_leaf(node);
+  if (end - begin <= kLeaf) return fill_leaf(at);
   Eigen::Vector3d low = centroids[order_[begin]], high = low;
   for (std::uint32_t i = begin; i < end; ++i) {
     low = low.cwiseMin(centroids[order_[i]]);
@@ -108,57 +109,56 @@ void TriangleTree::split(std::uint32_t begin, std::uint32_t end, std::size_t at,
   fill_from_children(at);
 }
 
-void TriangleTree::fill_leaf(Node& node) const {
+void TriangleTree::fill_leaf(std::size_t at) {
+  Node& node = nodes_[at];
   node.low.setConstant(std::numeric_limits<double>::infinity());
   node.high = -node.low;
-  node.centre.setZero();
-  node.normal.setZero();
-  node.moment.setZero();
-  node.area = 0;
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  const auto area_normal = [&](std::uint32_t t) -> Eigen::Vector3d {
-    return (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0)) / 2;
-  };
-  const auto centroid = [&](std::uint32_t t) -> Eigen::Vector3d {
-    return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
-  };
-  for (std::uint32_t i = node.begin; i < node.end; ++i) {
-    const std::uint32_t t = order_[i];
+  const auto own = std::span(order_).subspan(node.begin, node.end - node.begin);
+  for (const std::uint32_t t : own) {
     for (int k = 0; k < 3; ++k) {
       node.low = node.low.cwiseMin(corner(t, k));
       node.high = node.high.cwiseMax(corner(t, k));
     }
+  }
+  if (far_.empty()) return;
+  Far& far = far_[at];
+  far = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero(), 0, 0};
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  const auto area_normal = [&](std::uint32_t t) -> Eigen::Vector3d { return doubled_area(points_, triangles_[t]) / 2; };
+  const auto centroid = [&](std::uint32_t t) -> Eigen::Vector3d {
+    return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
+  };
+  for (const std::uint32_t t : own) {
     const Eigen::Vector3d normal = area_normal(t);
-    node.normal += normal;
-    node.centre += normal.norm() * centroid(t);
-    node.area += normal.norm();
-    mean += centroid(t) / (node.end - node.begin);
+    far.normal += normal;
+    far.centre += normal.norm() * centroid(t);
+    far.area += normal.norm();
+    mean += centroid(t) / own.size();
   }
-  node.centre = node.area > 0 ? Eigen::Vector3d(node.centre / node.area) : mean;
-  double radius = 0;
-  for (std::uint32_t i = node.begin; i < node.end; ++i) {
-    const std::uint32_t t = order_[i];
-    node.moment += (centroid(t) - node.centre) * area_normal(t).transpose();
-    for (int k = 0; k < 3; ++k) radius = std::max(radius, (corner(t, k) - node.centre).norm());
+  far.centre = far.area > 0 ? Eigen::Vector3d(far.centre / far.area) : mean;
+  for (const std::uint32_t t : own) {
+    far.moment += (centroid(t) - far.centre) * area_normal(t).transpose();
+    for (int k = 0; k < 3; ++k) far.radius = std::max(far.radius, (corner(t, k) - far.centre).norm());
   }
-  node.radius = radius;
 }
 
 void TriangleTree::fill_from_children(std::size_t at) {
   Node& node = nodes_[at];
-  const Node &a = nodes_[at + 1], &b = nodes_[node.right];
-  node.low = a.low.cwiseMin(b.low);
-  node.high = a.high.cwiseMax(b.high);
-  node.normal = a.normal + b.normal;
-  node.area = a.area + b.area;
-  const double share = node.area > 0 ? a.area / node.area : 0.5;
-  node.centre = share * a.centre + (1 - share) * b.centre;
-  node.moment = a.moment + b.moment + (a.centre - node.centre) * a.normal.transpose() +
-                (b.centre - node.centre) * b.normal.transpose();
-  const Eigen::Vector3d farthest = (node.centre - node.low).cwiseMax(node.high - node.centre);
+  node.low = nodes_[at + 1].low.cwiseMin(nodes_[node.right].low);
+  node.high = nodes_[at + 1].high.cwiseMax(nodes_[node.right].high);
+  if (far_.empty()) return;
+  Far& far = far_[at];
+  const Far &a = far_[at + 1], &b = far_[node.right];
+  far.normal = a.normal + b.normal;
+  far.area = a.area + b.area;
+  const double share = far.area > 0 ? a.area / far.area : 0.5;
+  far.centre = share * a.centre + (1 - share) * b.centre;
+  far.moment = a.moment + b.moment + (a.centre - far.centre) * a.normal.transpose() +
+               (b.centre - far.centre) * b.normal.transpose();
+  const Eigen::Vector3d farthest = (far.centre - node.low).cwiseMax(node.high - far.centre);
   const double of_balls =
-      std::max((a.centre - node.centre).norm() + a.radius, (b.centre - node.centre).norm() + b.radius);
-  node.radius = std::min(farthest.norm(), of_balls);
+      std::max((a.centre - far.centre).norm() + a.radius, (b.centre - far.centre).norm() + b.radius);
+  far.radius = std::min(farthest.norm(), of_balls);
 }
 
 double TriangleTree::winding_number(const Eigen::Vector3d& point) const {
@@ -170,11 +170,12 @@ double TriangleTree::winding_number(const Eigen::Vector3d& point) const {
   while (height > 0) {
     const std::uint32_t at = stack[--height];
     const Node& node = nodes_[at];
-    const Eigen::Vector3d r = node.centre - point;
+    const Far& far = far_[at];
+    const Eigen::Vector3d r = far.centre - point;
     const double squared = r.squaredNorm();
-    if (squared > kBeta * kBeta * node.radius * node.radius) {
+    if (squared > kBeta * kBeta * far.radius * far.radius) {
       const double distance = std::sqrt(squared), cubed = squared * distance;
-      sum += (r.dot(node.normal) + node.moment.trace() - 3 * r.dot(node.moment * r) / squared) /
+      sum += (r.dot(far.normal) + far.moment.trace() - 3 * r.dot(far.moment * r) / squared) /
              (4 * std::numbers::pi * cubed);
     } else if (node.right != 0) {
       stack[height++] = node.right;

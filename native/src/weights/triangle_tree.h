@@ -21,8 +21,9 @@ struct SurfacePoint {
 /// Keeps references to points and triangles.
 class TriangleTree {
  public:
+  /// has_winding  whether winding numbers will be wanted; without them it takes a third of the memory.
   TriangleTree(std::span<const Eigen::Vector3d> points, std::span<const Triangle> triangles,
-               const Progress* progress = nullptr);
+               const Progress* progress = nullptr, bool has_winding = true);
 
   /// The generalised winding number: the solid angle of all triangles seen from a point, divided by 4 pi. Far groups of
   /// triangles count by the first two terms of their expansion: Barill, Dickson, Schmidt, Levin, Jacobson, "Fast
@@ -38,17 +39,19 @@ class TriangleTree {
  private:
   struct Node {
     Eigen::Vector3d low, high;
+    std::uint32_t begin, end;
+    std::uint32_t right;  ///< the second child, 0 for a leaf; the first follows its parent
+  };
+  struct Far {               ///< a node from afar
     Eigen::Vector3d centre;  ///< weighted by areas
     Eigen::Vector3d normal;  ///< sum of area times normal
     Eigen::Matrix3d moment;  ///< sum of (centroid - centre) (area times normal)^T
     double area;
     double radius;  ///< of a ball about the centre that holds all
-    std::uint32_t begin, end;
-    std::uint32_t right;  ///< the second child, 0 for a leaf; the first follows its parent
   };
   void split(std::uint32_t begin, std::uint32_t end, std::size_t at, std::span<const Eigen::Vector3d> centroids,
              const Progress* progress);
-  void fill_leaf(Node& node) const;
+  void fill_leaf(std::size_t at);
   void fill_from_children(std::size_t at);
   Eigen::Vector3d corner(std::uint32_t triangle, int i) const { return points_[triangles_[triangle][i]]; }
 
@@ -56,6 +59,7 @@ class TriangleTree {
   std::span<const Triangle> triangles_;
   std::vector<std::uint32_t> order_;
   std::vector<Node> nodes_;
+  std::vector<Far> far_;  // of each node, or none
 };
 
 }  // namespace sinew
