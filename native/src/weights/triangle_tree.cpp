@@ -69,9 +69,7 @@ TriangleTree::TriangleTree(std::span<const Eigen::Vector3d> points, std::span<co
   std::iota(order_.begin(), order_.end(), std::uint32_t{0});
   if (order_.empty()) return;
   std::vector<Eigen::Vector3d> centroids(triangles.size());
-  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-    centroids[t] = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
-  }
+  for (std::uint32_t t = 0; t < triangles.size(); ++t) centroids[t] = centroid(t);
   nodes_.resize(node_count(order_.size()));
   if (has_winding) far_.resize(nodes_.size());
   split(0, static_cast<std::uint32_t>(order_.size()), 0, centroids, progress);
@@ -125,9 +123,6 @@ void TriangleTree::fill_leaf(std::size_t at) {
   far = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero(), 0, 0};
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   const auto area_normal = [&](std::uint32_t t) -> Eigen::Vector3d { return doubled_area(points_, triangles_[t]) / 2; };
-  const auto centroid = [&](std::uint32_t t) -> Eigen::Vector3d {
-    return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3;
-  };
   for (const std::uint32_t t : own) {
     const Eigen::Vector3d normal = area_normal(t);
     far.normal += normal;

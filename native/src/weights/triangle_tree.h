@@ -54,6 +54,7 @@ class TriangleTree {
   void fill_leaf(std::size_t at);
   void fill_from_children(std::size_t at);
   Eigen::Vector3d corner(std::uint32_t triangle, int i) const { return points_[triangles_[triangle][i]]; }
+  Eigen::Vector3d centroid(std::uint32_t t) const { return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3; }
 
   std::span<const Eigen::Vector3d> points_;
   std::span<const Triangle> triangles_;
