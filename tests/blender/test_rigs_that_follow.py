@@ -96,11 +96,23 @@ class Led(Cast):
         return all(rig.is_frozen for rig in (self.rig, *self.led))
 
 
-@pytest.fixture
-def led(fresh_scene, monkeypatch):
+def without_keyframes(led):
+    """As the rig of a game, which follows the rig that is animated, and is its child."""
+    for (leader,), (armature, *_) in zip(led.leaders, both(led)):
+        armature.animation_data.action = None
+        armature.parent = leader
+    led.scene.frame_set(2)
+    led.scene.frame_set(1)
+
+
+@pytest.fixture(params=(False, True), ids=("keyed", "not keyed"))
+def led(request, fresh_scene, monkeypatch):
     monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
     fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
-    return Led(fresh_scene)
+    led = Led(fresh_scene)
+    if request.param:
+        without_keyframes(led)
+    return led
 
 
 def test_it_is_computed_after_what_it_follows(led):
@@ -135,7 +147,8 @@ def by_hand(leader):
 
 
 def a_key(leader):
-    for curve in addon_module("blender.animation").action_curves(leader.animation_data.action):
+    action = leader.animation_data.action
+    for curve in addon_module("blender.animation").action_curves(action) if action is not None else ():
         curve.keyframe_points[0].co.y += 0.2
         curve.keyframe_points[-1].co.y += 0.3
         curve.update()

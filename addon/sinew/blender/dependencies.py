@@ -86,6 +86,14 @@ def outside_of(armature: Any) -> list[Any]:
     return list(found)
 
 
+def chain(armature: Any, seen: tuple[Any, ...] = ()) -> list[Any]:
+    """Returns the armature objects whose bones an armature object follows, directly or not, and itself: each one after
+    those that it follows."""
+    own = [each for each in outside_of(armature) if each.type == "ARMATURE" and each not in (*seen, armature)]
+    found = {each: None for leader in own for each in chain(leader, (*seen, armature))}
+    return [*found, armature]
+
+
 def followed_by(ob: Any) -> list[Any]:
     """Returns the objects that one follows by its parent, constraints and Armature modifiers."""
     found = [ob.parent, *(target for each in ob.constraints for target in targets_of(each))]

@@ -6,10 +6,10 @@ where nobody waits, all of them are read once so many frames were changed that i
 
 from typing import Any
 
-from ..blender import armatures
+from ..blender import armatures, dependencies
 from ..rig_programs import reading
 from ..run import characters
-from . import comparing, freezing, leading, playing, reasons, rigs
+from . import comparing, freezing, playing, reasons, rigs
 
 # A rig with less to compute costs less than what it takes to write its pose into Blender. A constraint or a driver
 # counts for as much as a bone.
@@ -76,10 +76,8 @@ def _armatures(layer: Any) -> list[Any]:
     """Returns the armature objects of bound meshes in a view layer that are worth it, each after those that it
     follows."""
     found = {armature: None for ob in characters.known() for armature in armatures.of_modifiers(ob)}
-    worth = [
-        ob for ob in found if ob.visible_get(view_layer=layer) and rigs.has_animation(ob) and _work(ob) >= LEAST_WORK
-    ]
-    return [ob for ob in {each: None for ob in worth for each in leading.chain(ob)} if rigs.has_animation(ob)]
+    worth = [ob for ob in found if ob.visible_get(view_layer=layer) and rigs.moves(ob) and _work(ob) >= LEAST_WORK]
+    return [ob for ob in {each: None for ob in worth for each in dependencies.chain(ob)} if rigs.moves(ob)]
 
 
 def _work(ob: Any) -> int:

@@ -12,7 +12,7 @@ import bpy
 
 from ..blender import animation, dependencies
 from ..host import poses
-from . import computing, differences, leading, rigs
+from . import computing, differences, rigs
 
 NAME = ".Sinew Frames"
 MOST_FRAMES = 16
@@ -26,7 +26,7 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
     that it needs. Call it in the main thread, outside an evaluation. Returns whether Blender has evaluated, so that
     freezing.keep_frozen has to follow."""
     source, spent, now = rig.source, [], scene.frame_current
-    chain = leading.chain(rig.ob)
+    chain = dependencies.chain(rig.ob)
     if scene.frame_subframe or any(animation.unkeyed_path(each, scene.frame_current_final) for each in chain):
         return False
     source.compared.add(now)

@@ -32,7 +32,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
     Otherwise no frame is computed. found: what follows it, as followers.find returns it; users: as bpy.data.user_map
     returns them."""
     frame = rigs.whole_frame(scene)
-    is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.has_animation(rig.ob)
+    is_live = not rig.is_frozen and rigs.evaluated_copy(rig, graph) is not None and rigs.moves(rig.ob)
     if frame is None or not is_live or not can_be(rig) or rig.ob.mode == "EDIT":
         return
     if rig.source.is_proven and rig.at(frame) is not None:
@@ -130,12 +130,13 @@ class _Last(NamedTuple):
 
     source: Source
     known: edits.Known
-    keys: changes.Keys  # of its own action
+    keys: changes.Keys | None  # of its own action
     watch: watch.Watch
 
 
 def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) -> None:
-    if rig.watch is not None and rig.watch.action is not None and not rig.has_edited_keys:
+    has_keys = rig.watch is not None and rig.watch.action is not None
+    if rig.watch is not None and has_keys == rigs.has_animation(rig.ob) and not rig.has_edited_keys:
         rig.last = _Last(source, edits.Known(rig.ob, read, graph), rig.keys, rig.watch)
 
 
@@ -146,21 +147,24 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     rig.last = None
     if last is None or rig.tempo != changes.tempo_of(rig.scene):
         return False
-    needed = [last.watch.action, *last.watch.blocks, *(keys for keys, _numbers in rig.followers.keyed)]
+    action: Any = last.watch.action
+    needed = [*last.watch.blocks, *(keys for keys, _numbers in rig.followers.keyed), *([action] if last.keys else [])]
     if not all(map(rigs.is_alive, needed)):
-        return False
-    if rig.ob.parent is not None and not followers.is_still(rig.ob.parent, rig.ob):
         return False
     if last.source.counts != tuple(len(numbers) for _keys, numbers in rigs.keyed(rig, graph)):
         return False
-    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, last.watch.action, rig.followers.keyed, graph)
-    keys = changes.keys_of(last.watch.action)
-    numbers = last.keys.curves.differing(keys.curves)
-    has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
-    if numbers is None or not has_same_others or not new.is_like(last.watch):
+    new = rig.watch or watch.Watch(rig.ob, last.watch.blocks, action, rig.followers.keyed, graph)
+    keys, numbers = changes.keys_of(action) if last.keys else None, []
+    if keys is not None:
+        numbers = last.keys.curves.differing(keys.curves)
+        has_same_others = last.keys.others == keys.others and last.keys.settings == keys.settings
+        if numbers is None or not has_same_others:
+            return False
+    if not new.is_like(last.watch):
         return False
-    all_curves = animation.action_curves(last.watch.action) if numbers else []
+    all_curves = animation.action_curves(action) if numbers else []
     try:
+        followers.check_place(rig.ob)
         edit = last.known.edit(rig.ob, graph, [all_curves[number] for number in numbers])
         if edit is None:
             return False

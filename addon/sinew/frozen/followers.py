@@ -192,7 +192,9 @@ def check_place(rig: Any) -> None:
         )
     if rig.constraints:
         raise NotFreezable(f"{rig.name} itself has constraints: constrain its root bone instead")
-    if rig.parent is not None and not is_still(rig.parent, rig):
+    if rig.parent is not None and rig.parent.type == "ARMATURE" and rig.parent_type == "OBJECT":
+        check_place(rig.parent)
+    elif rig.parent is not None and not is_still(rig.parent, rig):
         raise NotFreezable(f"{rig.name} is a child of {rig.parent.name}, which moves or may move")
     if rig.rigid_body is not None:
         raise NotFreezable(f"{rig.name} is simulated")

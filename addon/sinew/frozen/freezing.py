@@ -144,7 +144,11 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
     try:
         _rebuild(chosen, at_home, layer)
         watch.expect_no_more(graph)  # no handler has seen that evaluation
-        followed = [ob for rig in chosen for ob in _settle_frozen(rig, scene, layer)]
+        moved = [rig for rig in chosen if _settle_frozen(rig, scene, layer)]
+        followed = [block for rig in moved for block in rig.followers.copied if rigs.is_evaluated(block)]
+        for block in {block for rig in moved for block in (*rig.followers.objects, *rig.followers.driven_blocks())}:
+            if rigs.is_evaluated(block):
+                block.update_tag()
     except BaseException:
         relations.tag()
         raise
@@ -173,7 +177,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     try:
         with relations.Rebuilding() as rebuilding:
             for rig in chosen:
-                rebuilding.without_animation(rig.ob)
+                if rigs.has_animation(rig.ob):
+                    rebuilding.without_animation(rig.ob)
                 for curve in animation.drivers_of(rig.ob):
                     rebuilding.on_no_frame(curve, rigs.time_of(rig.scene))
             for ob in hooked.values():
@@ -190,22 +195,20 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
             relations.type_again(found, original)
 
 
-def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> list[Any]:
-    """Writes the pose of an armature that was just frozen. Returns the objects that have to be evaluated again, because
-    its bones had another pose when they were evaluated."""
+def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
+    """Writes the pose of an armature that was just frozen. Returns whether its bones had another pose, so that what
+    follows them has to be evaluated again."""
     graph, pose = layer.depsgraph, rigs.now(rig, scene)
     if pose is None or not rigs.is_without_keys(rig, graph):  # a handler has changed the frame, or relations
         watch.expect_thaw(graph, rig)
         relations.tag()
-        return []
+        return False
     rig.is_selected = not _selected(layer).isdisjoint(rig.followers.keys | {rig.key})
     rig.shown, rig.pose, rig.state = rigs.whole_frame(scene), pose, State.FROZEN
     if rigs.shows(rig, graph, pose):
-        return []
+        return False
     rigs.show(rig, graph, pose)
-    for block in (*rig.followers.objects, *rig.followers.driven_blocks()):
-        block.update_tag()
-    return rig.followers.copied
+    return True
 
 
 def settle(graph: Any) -> None:

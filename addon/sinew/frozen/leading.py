@@ -53,7 +53,7 @@ def _is_led(block: Any, ob: bpy.types.Object) -> bool:
     if not isinstance(block, bpy.types.Object) or block.type != "ARMATURE":
         raise curves.Refused(f"{ob.name} follows {block.name}, which may move")
     followers.check_place(block)
-    if ob in chain(block):
+    if ob in dependencies.chain(block):
         raise curves.Refused(f"{ob.name} and {block.name} follow each other")
     return True
 
@@ -67,18 +67,10 @@ def may_change(block: Any) -> bool:
     return bool(is_animated) or isinstance(block, bpy.types.Scene)
 
 
-def chain(ob: bpy.types.Object, seen: tuple[Any, ...] = ()) -> list[bpy.types.Object]:
-    """Returns the armature objects whose bones an armature object follows, directly or not, and itself: each one after
-    those that it follows."""
-    own = [each for each in dependencies.outside_of(ob) if each.type == "ARMATURE" and each not in (*seen, ob)]
-    found = {each: None for leader in own for each in chain(leader, (*seen, ob))}
-    return [*found, ob]
-
-
 def in_order(own: Iterable[rigs.Rig]) -> list[rigs.Rig]:
     """Returns armatures with each one after those that it follows."""
     by_key = {rig.key: rig for rig in own}
-    order = {values.key_of(each): None for rig in by_key.values() for each in chain(rig.ob)}
+    order = {values.key_of(each): None for rig in by_key.values() for each in dependencies.chain(rig.ob)}
     return [by_key[key] for key in order if key in by_key]
 
 

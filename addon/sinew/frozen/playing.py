@@ -4,9 +4,10 @@ from typing import Any
 
 import bpy
 
+from ..blender import dependencies
 from ..host import contract, features, poses
 from ..run import mail
-from . import changes, computing, differences, freezing, leading, rigs, watch
+from . import changes, computing, differences, freezing, rigs, watch
 
 _evaluations = 0  # that handlers have seen
 
@@ -83,7 +84,7 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
             freezing.look_at_keys(rig, graph, is_new_frame)
     anew = {rig.ob for rig in own if rig.shown is None}
     for rig in own if anew else ():
-        if not rig.is_frozen and not anew.isdisjoint(leading.chain(rig.ob)):
+        if not rig.is_frozen and not anew.isdisjoint(dependencies.chain(rig.ob)):
             rig.shown = None
     own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
     if not reasons:
@@ -130,7 +131,8 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
                 lacking.append(rig)
             _tag_followers(rig, graph)
             for block in (*rig.followers.hooked, *rig.followers.driven_blocks()) if not is_new_frame else ():
-                block.update_tag()
+                if rigs.is_evaluated(block):
+                    block.update_tag()
     steps = [(rig, rig.at(frame)) for rig in own if rig.shown != frame]
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
         if is_shown:
@@ -143,11 +145,10 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
 
 def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
     for refresh, objects in (("OBJECT", rig.followers.placed), ("DATA", rig.followers.shaped)):
-        for ob in objects:
-            if rigs.is_alive(ob):
-                ob.update_tag(refresh={refresh})
+        for ob in filter(rigs.is_evaluated, objects):
+            ob.update_tag(refresh={refresh})
     if rig.followers.copied:
-        watch.expect(graph, filter(rigs.is_alive, rig.followers.copied))
+        watch.expect(graph, filter(rigs.is_evaluated, rig.followers.copied))
 
 
 def _compare_in(graph: Any, scene: Any) -> None:

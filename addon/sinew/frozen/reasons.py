@@ -54,7 +54,8 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         return f"{rig.name} cannot be frozen: {own}"
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
-    if rig.needs_program and not (rig.source.is_proven and rig.is_posable):
+    needs_program = rig.needs_program or not rigs.has_animation(rig.ob)  # only those are recorded that have keyframes
+    if needs_program and not (rig.source.is_proven and rig.is_posable):
         return why_not_computed(rig, scene)
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
     if unknown:
@@ -172,8 +173,9 @@ def check(rig: Any) -> list[Any]:
                 f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
                 "each frame because of these. Bake its action first (Pose > Animation)"
             )
-        raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
-    if data.use_tweak_mode:
+        if not rigs.moves(rig):
+            raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
+    if data is not None and data.use_tweak_mode:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:
         raise NotFreezable(being_edited(rig))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..blender import values
+from ..blender import dependencies, values
 from ..host import actions, evaluations, key_blocks, poses
 from . import records, settings
 from .followers import Followers
@@ -221,6 +221,9 @@ def is_without_keys(rig: Rig, graph: Any) -> bool:
     that Blender has made since has the action and tracks, but the graph has not."""
     evaluated = evaluated_copy(rig, graph)
     data = evaluated.animation_data if evaluated is not None else None
+    if evaluated is not None and not has_animation(rig.ob):  # it is as those that it follows
+        leaders = map(get, dependencies.chain(rig.ob)[:-1])
+        return all(is_without_keys(each, graph) for each in leaders if each is not None)
     if data is None:
         return False
     if data.action is None and not len(data.nla_tracks):
@@ -386,6 +389,19 @@ def has_animation(ob: Any) -> bool:
     """Whether an original data-block has an action or NLA tracks."""
     data = getattr(ob, "animation_data", None)
     return data is not None and (data.action is not None or len(data.nla_tracks) > 0)
+
+
+def moves(ob: Any) -> bool:
+    """Whether an armature object has keyframes, or bones of others that it follows have."""
+    return has_animation(ob) or any(map(has_animation, dependencies.chain(ob)))
+
+
+def is_evaluated(block: Any) -> bool:
+    """Whether Blender evaluates a data-block that follows an armature: it exists, and is no armature that is idle."""
+    if not is_alive(block):
+        return False
+    is_of_armature = isinstance(block, bpy.types.Armature) or getattr(block, "type", "") == "ARMATURE"
+    return not is_of_armature or not any(block in (rig.ob, rig.ob.data) for rig in idle())
 
 
 def find_again() -> None:

@@ -140,7 +140,7 @@ def _state(ob: bpy.types.Object) -> Any:
     its custom properties, its keyframes, what comes from outside, and what Blender builds relations for, such as the
     handles of a B-bone. None if that cannot be told."""
     data = ob.animation_data
-    if data is None or animation.plays_strips(data) or data.use_tweak_mode or not bone_bytes.can_read():
+    if not bone_bytes.can_read() or data is not None and (animation.plays_strips(data) or data.use_tweak_mode):
         return None
     found: list[Any] = [pose_settings.read(ob), bone_bytes.read_bytes(ob.data)]
     for block in (ob, ob.data):
@@ -153,7 +153,9 @@ def _state(ob: bpy.types.Object) -> Any:
         return None
     if animation.keyed_curves(ob.data):
         return None
-    found += [None if each is None else values.key_of(each) for each in (data.action, ob.parent, ob.data)]
+    found += [
+        None if each is None else values.key_of(each) for each in (getattr(data, "action", None), ob.parent, ob.data)
+    ]
     found += [getattr(data, "action_slot_handle", 0), ob.parent_type, ob.parent_bone, len(ob.constraints)]
     found += [ob.rigid_body is None, ob.data.pose_position, ob.pose.ik_solver, ob.mode == "EDIT", ob.data.is_editmode]
     return [*found, [list(row) for row in ob.matrix_world]]
