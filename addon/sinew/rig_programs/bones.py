@@ -1,5 +1,6 @@
 """Bones as rows."""
 
+from collections.abc import Iterable
 from operator import attrgetter
 from typing import Any
 
@@ -88,7 +89,7 @@ def bones_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored, found: Targe
         found.refused += [f'the {name} of the bone "{bone}" is of a newer Blender, and not covered' for bone in unknown]
     entries = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
     bend = attrgetter(*OF_BEND)
-    children = connected_children(ob)
+    children = connected_children([entries[i] for i in np.argsort(row).tolist()])
     for entry in entries:
         if entry["bbone_segments"] == 1:
             continue
@@ -102,9 +103,9 @@ def bones_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored, found: Targe
     return entries
 
 
-def connected_children(ob: bpy.types.Object) -> dict[str, str]:
-    """Returns the last connected child of each bone that has one, in the armature's order."""
-    return {bone.parent.name: bone.name for bone in ob.data.bones if bone.use_connect and bone.parent is not None}
+def connected_children(entries: Iterable[dict[str, Any]]) -> dict[str, str]:
+    """Returns the last connected child of each bone that has one. entries: in the armature's order."""
+    return {entry["parent"]: entry["name"] for entry in entries if entry["use_connect"] and entry["parent"]}
 
 
 def places_of(ob: bpy.types.Object) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Constraints as rows."""
 
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from operator import attrgetter
 from typing import Any
@@ -42,10 +43,13 @@ def reader_of(kind: str, struct: Any) -> Callable[[Any], dict[str, Any]]:
     return read
 
 
-def constraints_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str, Any]]:
-    """Yields the constraints, bone after bone. What cannot be said is added to `found.refused`."""
+def constraints_of(
+    ob: bpy.types.Object, bones: Iterable[dict[str, Any]], found: targets.Targets
+) -> Iterator[dict[str, Any]]:
+    """Yields the constraints, bone after bone. What cannot be said is added to `found.refused`. bones: of the
+    description."""
     known = tables.constraint_settings()
-    for bone in ob.pose.bones:
+    for bone in itertools.compress(ob.pose.bones, [row["has_constraints"] for row in bones]):
         for constraint in bone.constraints:
             try:
                 if (kind := constraint.type) not in known:
@@ -105,7 +109,7 @@ def action_channels(
         return
     own = found.channels_of(constraint.action, getattr(constraint, "action_slot_handle", 0)).get(bone.name, ())
     # A group of the bone's name hides curves that are not in it.
-    grouped = [(name, curve) for name, curve in own if curve.group is not None and curve.group.name == bone.name]
-    for name, curve in grouped or own:
+    grouped = [each for each in own if each[1].group is not None and each[1].group.name == bone.name]
+    for name, curve, *stored in grouped or own:
         if name in CHANNELS:
-            yield {"channel": CHANNELS[name] + curve.array_index, **curves.curve_of(curve)}
+            yield {"channel": CHANNELS[name] + curve.array_index, **curves.curve_of(curve, *stored)}

@@ -1,6 +1,7 @@
 """Blender's paths of a rig's properties: which of them are numbers that poses depend on. Imports no bpy."""
 
 import re
+from functools import lru_cache
 
 NAME = r'\["((?:[^"\\]|\\.)*)"\]'  # escaped
 BONE = re.compile(rf"^(?:pose|data)\.bones{NAME}")
@@ -18,9 +19,15 @@ OBJECT_TRANSFORM = re.compile(r"^(delta_)?(location|rotation_\w+|scale)(\.[wxyz]
 
 def has_effect(path: str) -> bool:
     """Whether poses may depend on a property. path: of the armature's object; its data's begin with `data.`."""
-    return not WITHOUT_EFFECT.search(path) and not path.startswith(
+    return not _is_without_effect(path.rpartition('"]')[2]) and not path.startswith(
         ("data.collections", "data.layers", "animation_data")
     )
+
+
+@lru_cache(1024)
+def _is_without_effect(end: str) -> bool:
+    """end: what comes after the last name, in which alone there may be a match."""
+    return WITHOUT_EFFECT.search(end) is not None
 
 
 def moves_object(path: str) -> bool:

@@ -68,12 +68,13 @@ def read(
     if len(ob.constraints):
         found.refused.append(f"{ob.name} itself has constraints: apply or remove them")
     row, stored = bones.places_of(ob), bone_numbers.read(ob)
+    rows = bones.bones_of(ob, row, stored, found)
     description = {
         "name": ob.name,
         "blender": 100 * bpy.app.version[0] + bpy.app.version[1],
         "world": [list(row) for row in ob.evaluated_get(depsgraph).matrix_world],
-        "bones": bones.bones_of(ob, row, stored, found),
-        "constraints": list(constraints.constraints_of(ob, found)),
+        "bones": rows,
+        "constraints": list(constraints.constraints_of(ob, rows, found)),
         "properties": list(properties.properties_of(ob, row, stored)),
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),

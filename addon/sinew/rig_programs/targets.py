@@ -8,6 +8,7 @@ import numpy as np
 from . import curves, paths
 
 Target = dict[str, Any] | None
+Channel = tuple[str, bpy.types.FCurve, Any, int]  # the name of a bone's property, and what curves.curve_of is given
 
 
 class Targets:
@@ -18,7 +19,7 @@ class Targets:
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
         self.refused: list[str] = []
-        self._actions: dict[tuple[str, int], dict[str, list[tuple[str, bpy.types.FCurve]]]] = {}
+        self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 
     def of(self, target: bpy.types.Object | None, bone: str) -> Target:
         """Returns what a description says of a target. Raises Refused for what has no matrix."""
@@ -34,16 +35,18 @@ class Targets:
         self.outside.setdefault(name, (target, bone))
         return {"outside": name}
 
-    def channels_of(self, action: bpy.types.Action, slot: int) -> dict[str, list[tuple[str, bpy.types.FCurve]]]:
-        """Returns the curves of an action's slot by bone, each with the name of the bone's property. Raises Refused."""
+    def channels_of(self, action: bpy.types.Action, slot: int) -> dict[str, list[Channel]]:
+        """Returns the curves of an action's slot by bone. Raises Refused."""
         key = (action.name_full, slot)
         if key not in self._actions:
-            found: dict[str, list[tuple[str, bpy.types.FCurve]]] = {}
-            for curve in curves.of_slot(action, slot):
+            found: dict[str, list[Channel]] = {}
+            own = list(curves.of_slot(action, slot))
+            stored = curves.stored_of(own)
+            for number, curve in enumerate(own):
                 bone = paths.BONE.match(curve.data_path)
                 if bone:
                     name = bpy.utils.unescape_identifier(bone[1])
-                    found.setdefault(name, []).append((curve.data_path[bone.end() + 1 :], curve))
+                    found.setdefault(name, []).append((curve.data_path[bone.end() + 1 :], curve, stored, number))
             self._actions[key] = found
         return self._actions[key]
 
