@@ -7,12 +7,12 @@ import numpy as np
 
 from ..native import sinew_native
 from . import contract, features, poses, proof
-from .members import LIMITS, REST
+from .members import BEND, LIMITS, REST
 
 _FLOAT, _ADDRESS = 4, 8  # bytes
 # By the member: what Blender's API calls it, or its parts.
 _POSED = {member: (name,) for member, (name, _skipped) in poses.NAMES.items()} | LIMITS
-_REST = {member: (name,) for member, name in REST.items()}
+_REST = {member: (name,) for member, name in REST.items()} | {member: _POSED[member] for member in BEND}
 _ADDRESSES = {
     "bPoseChannel": ("*next", "*parent", "constraints", "*prop"),
     "Bone": ("*prop",),

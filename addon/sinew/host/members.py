@@ -47,18 +47,13 @@ def _name(shown: str = "") -> Member:
 
 
 _LIST = Member("ListBase", 16)
-# What keyframes, drivers and people set in a pose bone: sizes in bytes.
-CHANNELS = {
-    "loc": 12,
-    "size": 12,
-    "eul": 12,
-    "quat": 16,
-    "rotAxis": 12,
-    "rotAngle": 4,
+# What keyframes, drivers and people set in a pose bone, those of B-bones at rest too: sizes in bytes.
+BEND = {
     "scale_in": 12,
     "scale_out": 12,
     **dict.fromkeys(("roll1", "roll2", "curveInX", "curveInY", "curveOutX", "curveOutY", "ease1", "ease2"), 4),
 }
+CHANNELS = {"loc": 12, "size": 12, "eul": 12, "quat": 16, "rotAxis": 12, "rotAngle": 4, **BEND}
 # What else people set in a pose bone, by what Blender's API calls each of three numbers.
 LIMITS = {
     "ikstretch": ("ik_stretch",),
@@ -74,16 +69,6 @@ REST = {
     "arm_head": "head_local",
     "arm_tail": "tail_local",
     "length": "length",
-    "roll1": "bbone_rollin",
-    "roll2": "bbone_rollout",
-    "curveInX": "bbone_curveinx",
-    "curveInY": "bbone_curveinz",
-    "curveOutX": "bbone_curveoutx",
-    "curveOutY": "bbone_curveoutz",
-    "ease1": "bbone_easein",
-    "ease2": "bbone_easeout",
-    "scale_in": "bbone_scalein",
-    "scale_out": "bbone_scaleout",
 }
 # The struct of a type of constraint. Those that are not here use more than one, or what they follow is not in it.
 CONSTRAINTS = {
@@ -133,7 +118,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "*next": _pointer("Bone", 0),
         "childbase": _LIST,
         "*prop": _pointer("IDProperty"),
-        **dict.fromkeys(REST, Member("float", None)),
+        **dict.fromkeys((*REST, *BEND), Member("float", None)),
     },
     # A struct in a list begins with the address of the next one.
     "ListBase": {"*first": _pointer("void", 0), "*last": _pointer("void", 8)},
