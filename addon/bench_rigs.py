@@ -24,6 +24,7 @@ STACKS = (
     "subdivision",
     "preserve-volume",
     "second-armature",
+    "game-rig",
     "driven-smooth",
     "render-smooth",
     "lattice-smooth",
@@ -263,12 +264,39 @@ def add_stack(ob, stack):
         ob.modifiers.new("Subdivision", "SUBSURF").levels = 1
     elif stack == "second-armature":
         ob.modifiers.new("Face", "ARMATURE").object = make_face(ob)
+    elif stack == "game-rig":
+        ob.modifiers["Armature"].object = make_game_rig(ob.parent)
     elif stack == "mesh-deform":
         bind_to_cage(ob)
     elif stack.startswith("behind-"):
         add_behind(ob, stack.removeprefix("behind-").upper())
     elif stack.startswith("before-"):
         add_before(ob, stack.removeprefix("before-").upper())
+
+
+def make_game_rig(rig):
+    """Returns an armature without keyframes, as game engines are given it: its bones follow those that deform of a
+    rig."""
+    select(rig)
+    bpy.ops.object.duplicate()
+    game = bpy.context.active_object
+    game.animation_data_clear()
+    game.data.animation_data_clear()
+    game.parent, game.matrix_parent_inverse = rig, rig.matrix_world.inverted()
+    for bone in game.pose.bones:
+        for constraint in list(bone.constraints):
+            bone.constraints.remove(constraint)
+    bpy.ops.object.mode_set(mode="EDIT")
+    for bone in list(game.data.edit_bones):
+        if not bone.use_deform:
+            game.data.edit_bones.remove(bone)
+    for bone in game.data.edit_bones:
+        bone.bbone_segments = 1
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for bone in game.pose.bones:
+        constraint = bone.constraints.new("COPY_TRANSFORMS")
+        constraint.target, constraint.subtarget = rig, bone.name
+    return game
 
 
 def add_behind(ob, stack):

@@ -54,6 +54,8 @@ def make_leader():
         for bone in leader.pose.bones:
             for path in ("rotation_quaternion", "location", "scale"):
                 bone.keyframe_insert(path, frame=frame)
+    for number, bone in enumerate(leader.data.bones):
+        bone.bbone_segments = 1 + 2 * (number % 3)
     leader["sum"] = 0.0
     driver = leader.driver_add('["sum"]').driver
     driver.type = "SUM"

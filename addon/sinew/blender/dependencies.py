@@ -10,22 +10,23 @@ from . import animation, values
 _LEFT_OUT = {"rna_type", "fcurves", "keyframe_points", "channels", "data", "points", "value"}
 
 
-def used(roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = ()) -> list[Any]:
+def used(
+    roots: Iterable[Any], users: dict[Any, set[Any]], without: Iterable[Any] = (), by: Iterable[Any] = ()
+) -> list[Any]:
     """Returns the data-blocks that these use, directly or not, and themselves, except for scenes, which use all that is
     in them.
 
-    users: {data-block: those that use it}, as bpy.data.user_map returns it; without: what the first of them may use
-    without being changed by it."""
+    users: {data-block: those that use it}, as bpy.data.user_map returns it; without: what those in `by` may use without
+    being changed by it."""
     uses: dict[Any, list[Any]] = {}
     for block, its_users in users.items():
         for user in its_users:
             if not isinstance(block, bpy.types.Scene):
                 uses.setdefault(user, []).append(block)
-    found = dict.fromkeys(roots)
-    first, skipped = next(iter(found)), set(without)
+    found, skipped, skipping = dict.fromkeys(roots), set(without), set(by)
     queue = list(found)
     for block in queue:
-        own = [each for each in uses.get(block, ()) if block != first or each not in skipped]
+        own = [each for each in uses.get(block, ()) if block not in skipping or each not in skipped]
         tree = None if isinstance(block, bpy.types.NodeTree) else getattr(block, "node_tree", None)
         for each in [*own, tree] if tree is not None else own:
             if each not in found:

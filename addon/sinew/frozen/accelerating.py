@@ -76,8 +76,14 @@ def _armatures(layer: Any) -> list[Any]:
     """Returns the armature objects of bound meshes in a view layer that are worth it, each after those that it
     follows."""
     found = {armature: None for ob in characters.known() for armature in armatures.of_modifiers(ob)}
-    worth = [ob for ob in found if ob.visible_get(view_layer=layer) and rigs.moves(ob) and _work(ob) >= LEAST_WORK]
-    return [ob for ob in {each: None for ob in worth for each in dependencies.chain(ob)} if rigs.moves(ob)]
+    worth = [ob for ob in found if ob.visible_get(view_layer=layer) and _work(ob) >= LEAST_WORK]
+    return [ob for ob in {each: None for ob in worth for each in _with_leaders(ob)} if rigs.moves(ob)]
+
+
+def _with_leaders(ob: Any) -> list[Any]:
+    """Returns an armature object after those that it follows, which are looked for only if that may help it."""
+    rig = rigs.get(ob)
+    return [ob] if rig is not None and (rig.is_idle or rig.tries_to_skip) else dependencies.chain(ob)
 
 
 def _work(ob: Any) -> int:

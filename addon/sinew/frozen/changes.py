@@ -152,9 +152,12 @@ def meet(rig: rigs.Rig, found: Followers, users: Any, graph: Any) -> None:
     follow_shapes(rig, found.hooked)
     if rig.watch is None:
         follow = [keys for keys, _numbers in found.keyed]
-        shapes = {bone.custom_shape for bone in rig.ob.pose.bones} - set(dependencies.outside_of(rig.ob))
+        chain = dependencies.chain(rig.ob)
+        shapes = {bone.custom_shape for each in chain for bone in each.pose.bones}
+        shapes -= {target for each in chain for target in dependencies.outside_of(each)}
         action = watch.own_action(rig.ob)
-        rig.watch = watch.Watch(rig.ob, dependencies.used([rig.ob, *follow], users, shapes), action, found.keyed, graph)
+        used = dependencies.used([rig.ob, *follow], users, shapes, chain)
+        rig.watch = watch.Watch(rig.ob, used, action, found.keyed, graph)
         rig.keys = keys_of(action) if action is not None else None
         rig.has_edited_keys = False
 

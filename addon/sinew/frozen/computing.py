@@ -79,7 +79,7 @@ class _Ahead:
             return
         self.forget()
         able = [rig for rig in own if rig.source.is_proven and rig.at(frame + step) is None]
-        able = [rig for rig in able if not rig.source.links]  # which wait for what others have there
+        able = [rig for rig in able if not rig.source.leaders]  # which wait for what others have there
         if able:
             self._next = frame + step
             self._programs = {rig.key: rig.source.program for rig in able}
@@ -169,11 +169,11 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
         if edit is None:
             return False
         program = last.source.program.edited(*edit)
-        links = leading.links_of(rig.ob, last.known.targets, last.known.outside, graph)
+        leaders = leading.leaders_of(rig.ob, last.known.targets, last.known.outside, graph)
     except (ValueError, KeyError, ReferenceError):
         return False
     compared = set() if any(edit) else last.source.compared
-    rig.source = replace(last.source, program=program, links=links, is_proven=False, heads={}, compared=compared)
+    rig.source = replace(last.source, program=program, leaders=leaders, is_proven=False, heads={}, compared=compared)
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
     rig.last = _Last(rig.source, last.known, keys, new)
     return True
@@ -207,7 +207,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         if old != new:
             raise curves.Refused(f"{scene.name} maps its frames to other times")
         read = reading.read(rig.ob, graph, keyed)
-        links = leading.links_of(rig.ob, read.targets, read.outside, graph)
+        leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description)
     except ValueError as reason:
         return Source(refusal=str(reason))
@@ -215,7 +215,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
     wanted = list(map(driven_keys.path_of, range(sum(counts))))
     own, is_posable = settings.of(rig.ob, read.description)
     wanted += [setting.path for setting in own]
-    source = Source(program, tuple(wanted), counts, tuple(own), links, is_posable=is_posable)
+    source = Source(program, tuple(wanted), counts, tuple(own), leaders, is_posable=is_posable)
     _remember(rig, read, source, graph)
     return source
 

@@ -36,7 +36,7 @@ class Difference:
     ) -> "Difference":
         """copy: evaluated on that frame; given: as above. What is not given of what it follows, is what that has on the
         frame."""
-        if not all(link.name in given for link in rig.source.links):
+        if not all(name in given for leader in rig.source.leaders for name in (*leader.bones, *leader.numbers)):
             given = leading.inputs(rig, [frame]) | dict(given)
         computed = rig.source.program.evaluate(np.array([frame], np.float32), dict(given))[0]
         return cls(frame, checking.matrices_of(copy.pose.bones), computed, given)

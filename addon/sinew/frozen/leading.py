@@ -13,36 +13,39 @@ from ..rig_programs import curves, drivers, paths, targets
 from . import followers, rigs
 
 
-class Link(NamedTuple):
-    """What comes from outside and moves with another armature."""
+class Leader(NamedTuple):
+    """A rig that another one follows, and what the program of that one is given of it, by name."""
 
-    name: str  # in the program of the one that follows
-    leader: rigs.Rig
-    world: np.ndarray  # (4, 4) float32, where the leader stands
-    bone: int  # of the leader, in the order of its pose; -1: a number
-    path: str  # of that number
+    rig: rigs.Rig
+    world: np.ndarray  # (4, 4) float32, where it stands
+    bones: dict[str, int]  # numbers of bones in the order of the pose, whose world matrices are given
+    numbers: dict[str, str]  # paths of numbers
 
 
 class Unknown(ValueError):
     """What a leader has on a frame is not known. The message is a sentence."""
 
 
-def links_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Outside, graph: Any) -> tuple[Link, ...]:
+def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Outside, graph: Any) -> tuple[Leader, ...]:
     """Returns what an armature object follows that moves with other armatures. read, numbers: what it reads from
     outside. Raises ValueError, whose message is a sentence, for what moves otherwise."""
-    found = []
+    found: dict[int, Leader] = {}
+
+    def leader(block: bpy.types.Object) -> Leader:
+        world = np.array(block.evaluated_get(graph).matrix_world, np.float32)
+        return found.setdefault(values.key_of(block), Leader(rigs.learn(block), world, {}, {}))
+
+    is_led = {block: _is_led(block, ob) for block, _what in (*read.outside.values(), *numbers.read.values())}
     for name, (block, bone) in read.outside.items():
-        if _is_led(block, ob) and bone:
-            found.append(Link(name, *_leader(block, graph), block.pose.bones.keys().index(bone), ""))
+        if is_led[block] and bone:
+            leader(block).bones[name] = block.pose.bones.find(bone)
     for name, (block, path) in numbers.read.items():
         path = paths.normalised(path)
-        if _is_led(block, ob) and any(path.startswith(each) for each in animation.animated_paths(block)):
-            found.append(Link(name, *_leader(block, graph), -1, path))
-    return tuple(found)
-
-
-def _leader(block: bpy.types.Object, graph: Any) -> tuple[rigs.Rig, np.ndarray]:
-    return rigs.learn(block), np.array(block.evaluated_get(graph).matrix_world, np.float32)
+        if is_led[block] and any(path.startswith(each) for each in animation.animated_paths(block)):
+            leader(block).numbers[name] = path
+    if any(-1 in each.bones.values() for each in found.values()):
+        raise curves.Refused(f"{ob.name} follows a bone that is not there")
+    return tuple(found.values())
 
 
 def _is_led(block: Any, ob: bpy.types.Object) -> bool:
@@ -78,7 +81,7 @@ def levels(own: Iterable[rigs.Rig]) -> Iterator[list[rigs.Rig]]:
     """Yields armatures that were read, those first that follow none of the others."""
     left = {rig.key: rig for rig in own}
     while left:
-        ready = [rig for rig in left.values() if not any(link.leader.key in left for link in rig.source.links)]
+        ready = [rig for rig in left.values() if not any(each.rig.key in left for each in rig.source.leaders)]
         yield ready or list(left.values())
         left = {key: rig for key, rig in left.items() if ready and rig not in ready}
 
@@ -86,25 +89,22 @@ def levels(own: Iterable[rigs.Rig]) -> Iterator[list[rigs.Rig]]:
 def inputs(rig: rigs.Rig, frames: Sequence[float]) -> dict[str, np.ndarray]:
     """Returns what those have on these frames that an armature follows, as RigProgram.evaluate takes it. Raises
     Unknown."""
-    leaders = {link.leader.key: link.leader for link in rig.source.links}
     try:
-        return {name: numbers for leader in leaders.values() for name, numbers in _of(leader, rig.source.links, frames)}
+        return {name: given for leader in rig.source.leaders for name, given in _given(leader, frames)}
     except ValueError as reason:
         raise Unknown(str(reason)) from None
 
 
-def _of(leader: rigs.Rig, links: Iterable[Link], frames: Sequence[float]) -> Iterator[tuple[str, np.ndarray]]:
-    own = [link for link in links if link.leader is leader]
-    program, times, given = leader.source.program, np.array(frames, np.float32), {}
-    moments: list[Any] = [leader.at(frame) for frame in frames]
-    if None in moments or any(link.bone < 0 for link in own):
+def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.ndarray]]:
+    program, times, given = leader.rig.source.program, np.array(frames, np.float32), {}
+    moments: list[Any] = [leader.rig.at(frame) for frame in frames]
+    if None in moments or leader.numbers:
         if program is None:
-            raise Unknown(f"{leader.name}, which it follows, is not computed")
-        given = inputs(leader, frames)
+            raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
+        given = inputs(leader.rig, frames)
     is_known = None not in moments
-    matrices = [poses.matrices_in(each.pose) for each in moments] if is_known else program.evaluate(times, given)
-    for link in own:
-        if link.bone < 0:
-            yield link.name, program.values(times, [link.path], given)[:, 0]
-        else:
-            yield link.name, np.stack([targets.multiplied(link.world, each[link.bone]) for each in matrices])
+    found = [poses.matrices_in(each.pose) for each in moments] if is_known else program.evaluate(times, given)
+    own = np.stack([each[list(leader.bones.values())] for each in found], axis=1)  # (bones, F, 4, 4)
+    yield from zip(leader.bones, targets.multiplied(leader.world, own))
+    if leader.numbers:
+        yield from zip(leader.numbers, program.values(times, list(leader.numbers.values()), given).T)

@@ -88,7 +88,8 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
             rig.shown = None
     own = [rig for rig in own if rig.is_frozen or rig.shown is None or rig.shown != frame]
     if not reasons:
-        reasons = freezing.resume([rig for rig in own if not rig.is_frozen], graph)
+        posed = [rig for rig in own if not rig.is_frozen]
+        reasons = freezing.resume(posed, graph) if posed else {}
         computing.fill(own, [frame])
     for rig in own:
         if rig.at(frame) is None:

@@ -94,7 +94,7 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
     """Returns why an armature is not frozen that is only if it can be computed, as a sentence."""
     if rig.source.refusal:
         return rig.source.refusal
-    unknown = next((link.leader.name for link in rig.source.links if link.leader.source.program is None), "")
+    unknown = next((each.rig.name for each in rig.source.leaders if each.rig.source.program is None), "")
     if unknown:
         return f"{rig.name} follows bones of {unknown}, which is not computed"
     if rig.source.is_proven:

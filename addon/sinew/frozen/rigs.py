@@ -39,7 +39,7 @@ class Source:
     paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
-    links: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Link
+    leaders: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Leader
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -222,7 +222,7 @@ def is_without_keys(rig: Rig, graph: Any) -> bool:
     evaluated = evaluated_copy(rig, graph)
     data = evaluated.animation_data if evaluated is not None else None
     if evaluated is not None and not has_animation(rig.ob):  # it is as those that it follows
-        leaders = map(get, dependencies.chain(rig.ob)[:-1])
+        leaders: Any = [each.rig for each in rig.source.leaders] or map(get, dependencies.chain(rig.ob)[:-1])
         return all(is_without_keys(each, graph) for each in leaders if each is not None)
     if data is None:
         return False
@@ -393,7 +393,8 @@ def has_animation(ob: Any) -> bool:
 
 def moves(ob: Any) -> bool:
     """Whether an armature object has keyframes, or bones of others that it follows have."""
-    return has_animation(ob) or any(map(has_animation, dependencies.chain(ob)))
+    rig = get(ob)
+    return has_animation(ob) or rig is not None and rig.is_idle or any(map(has_animation, dependencies.chain(ob)))
 
 
 def is_evaluated(block: Any) -> bool:

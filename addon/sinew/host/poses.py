@@ -107,10 +107,12 @@ def matrices_in(recorded: np.ndarray) -> np.ndarray:
     sizes = {"channel_matrix": 16, "pose_matrix": 16, "head": 3, "tail": 3}
     counts = [count or sizes[name] for name, _first, count in fields()]
     begin = sum(counts[: [name for name, *_ in fields()].index("pose_matrix")])
-    bones = int(recorded[:4].view(np.int32)[0])
-    header, width = 1 + bones, sum(counts) + SIZES["DualQuat"] // _FLOAT
-    numbers = recorded.view(np.float32)[header : header + bones * width].reshape(bones, width)
-    return numbers[:, begin : begin + 16].reshape(bones, 4, 4).swapaxes(1, 2)
+    header = 1 + int(recorded[:4].view(np.int32)[0])
+    segments = recorded[4 : 4 * header].view(np.int32)
+    bent = sum((segments + more) * (SIZES[kind] // _FLOAT) for _member, kind, more, _is_compared in _SEGMENTS)
+    widths = sum(counts) + SIZES["DualQuat"] // _FLOAT + np.where(segments > 0, bent, 0)
+    places = header + np.cumsum(widths) - widths + begin
+    return recorded.view(np.float32)[places[:, None] + np.arange(16)].reshape(-1, 4, 4).swapaxes(1, 2)
 
 
 def play(armature: Any, recorded: np.ndarray) -> bool:

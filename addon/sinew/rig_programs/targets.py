@@ -66,6 +66,6 @@ def matrix_of(target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgrap
 
 
 def multiplied(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Returns the product of two matrices, with the sums in Blender's order."""
-    terms = [a[:, k, None] * b[k] for k in range(4)]
+    """Returns the product of a matrix and others, (..., 4, 4), with the sums in Blender's order."""
+    terms = [a[:, k, None] * b[..., k, None, :] for k in range(4)]
     return (terms[0] + terms[1]) + (terms[2] + terms[3])
