@@ -703,6 +703,7 @@ def test_the_switch(cast):
     cast.scene.sinew_accelerates_rigs = False
     assert not cast.rig.is_wanted and not cast.rig.is_idle
     cast.play()
+    assert not cast.rig.record.runs() and cast.rig.watch is None  # nobody has asked for a record
     cast.scene.sinew_accelerates_rigs = True
     keep_live(cast)
     accelerate(cast)

@@ -178,13 +178,14 @@ class SidebarFrozen(InSidebar, bpy.types.Panel):
 
 
 def _switch_rigs(scene: Any, context: Any) -> None:
-    """Lets Blender evaluate all rigs again that are only accelerated, or tries all of them."""
-    own = [rig for rig in rigs.known() if rig.needs_program or rig.stays_live]
+    """Lets Blender evaluate all rigs again that are only accelerated, and keeps nothing of them, or tries all of them."""
+    own = [rig for rig in rigs.known() if rig.needs_program]
     if not scene.sinew_accelerates_rigs:
-        freezing.thaw([rig for rig in own if rig.needs_program], scene, context.view_layer)
-    for rig in own:
-        rig.needs_program = rig.stays_live = False
-        rig.tries = rig.tries_to_skip = 0
+        freezing.thaw(own, scene, context.view_layer)
+        for rig in own:
+            rig.clear()
+    for rig in rigs.known():
+        rig.stays_live, rig.tries, rig.tries_to_skip = False, 0, 0
 
 
 CLASSES = (Record, Freeze, FreezeOthers, Thaw, SidebarFrozen)
