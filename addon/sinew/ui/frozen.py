@@ -178,7 +178,7 @@ class SidebarFrozen(InSidebar, bpy.types.Panel):
 
 
 def _switch_rigs(scene: Any, context: Any) -> None:
-    """Lets Blender evaluate all rigs again that are only accelerated, and keeps nothing of them, or tries all of them."""
+    """Lets Blender evaluate all rigs that are only accelerated, and keeps nothing of them, or tries all again."""
     own = [rig for rig in rigs.known() if rig.needs_program]
     if not scene.sinew_accelerates_rigs:
         freezing.thaw(own, scene, context.view_layer)
