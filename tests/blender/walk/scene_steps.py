@@ -257,6 +257,8 @@ def evaluate_another_scene(random):
     scene.leave_modes()
     current = bpy.context.scene
     pairs = [pair for pair in scene.pairs() if pair[0].sinew.is_bound] or scene.pairs()
+    # Keyed vertices go from the other scene to the original at any moment, before or after they are moved here.
+    pairs = [pair for pair in pairs if pair[0].data.animation_data is None]
     if not pairs:
         return
     if len(bpy.data.scenes) < 2:
