@@ -32,8 +32,11 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     found: dict[int, Leader] = {}
 
     def leader(block: bpy.types.Object) -> Leader:
-        world = np.array(block.evaluated_get(graph).matrix_world, np.float32)
-        return found.setdefault(values.key_of(block), Leader(rigs.learn(block), world, {}, {}))
+        key = values.key_of(block)
+        if key not in found:
+            world = np.array(block.evaluated_get(graph).matrix_world, np.float32)
+            found[key] = Leader(rigs.learn(block), world, {}, {})
+        return found[key]
 
     is_led = {block: _is_led(block, ob) for block, _what in (*read.outside.values(), *numbers.read.values())}
     for name, (block, bone) in read.outside.items():
@@ -51,7 +54,7 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
 def _is_led(block: Any, ob: bpy.types.Object) -> bool:
     """Whether what an armature object reads of a data-block moves with the bones of another armature. Raises
     ValueError."""
-    if not may_change(block):
+    if not _may_change(block):
         return False
     if not isinstance(block, bpy.types.Object) or block.type != "ARMATURE":
         raise curves.Refused(f"{ob.name} follows {block.name}, which may move")
@@ -61,7 +64,7 @@ def _is_led(block: Any, ob: bpy.types.Object) -> bool:
     return True
 
 
-def may_change(block: Any) -> bool:
+def _may_change(block: Any) -> bool:
     """Whether time, or the pose of an armature, may change a data-block that nobody edits."""
     if isinstance(block, bpy.types.Object):
         return not followers.is_still(block, None)
@@ -81,9 +84,10 @@ def levels(own: Iterable[rigs.Rig]) -> Iterator[list[rigs.Rig]]:
     """Yields armatures that were read, those first that follow none of the others."""
     left = {rig.key: rig for rig in own}
     while left:
-        ready = [rig for rig in left.values() if not any(each.rig.key in left for each in rig.source.leaders)]
-        yield ready or list(left.values())
-        left = {key: rig for key, rig in left.items() if ready and rig not in ready}
+        waiting = {key for key, rig in left.items() if any(each.rig.key in left for each in rig.source.leaders)}
+        ready = left.keys() - waiting or left.keys()
+        yield [rig for key, rig in left.items() if key in ready]
+        left = {key: rig for key, rig in left.items() if key not in ready}
 
 
 def inputs(rig: rigs.Rig, frames: Sequence[float]) -> dict[str, np.ndarray]:
