@@ -73,7 +73,18 @@ def way(ob):
     return entry.way.kind + " " + entry.way.reason if entry else "not evaluated yet"
 
 
+def copy_again(ob, twin):
+    """Has Blender copy both where shape keys are animated and there are several scenes: it may go on showing keyed
+    points of another scene's frame, of a mesh without Sinew too, until it copies that one again, as Bind has it do."""
+    keys = ob.data.shape_keys
+    if len(bpy.data.scenes) > 1 and keys is not None and keys.animation_data is not None:
+        for each in ob, twin:
+            each.data.update_tag()
+        bpy.context.view_layer.update()
+
+
 def assert_same_shape(ob, twin, where):
+    copy_again(ob, twin)
     assert ob.visible_get() == twin.visible_get(), where + "visible or not"
     if ob.visible_get():  # else Blender does not evaluate it
         # The originals may have the places of another scene's evaluation.
