@@ -196,6 +196,7 @@ class Reader {
     rig_.blender = rig.get<int>("blender");
     if (rig.find("world")) rig_.world = columns(rig, "world");
     read_matrices(rig);
+    read_objects(rig);
     read_values(rig);
     const py::sequence bones = rig.sequence("bones");
     for (std::size_t i = 0; i < bones.size(); ++i) name_bone(bones[i], i);
@@ -205,8 +206,8 @@ class Reader {
     for (const py::handle curve : rig.sequence("curves")) rig_.curves.push_back(animated_value(curve));
     for (const py::handle driver : rig.sequence("drivers")) read_driver(driver);
     rig_.refused = rig.get<std::vector<std::string>>("refused", {});
-    rig.done({"name", "blender", "world", "matrices", "values", "bones", "constraints", "properties", "curves",
-              "drivers", "refused"});
+    rig.done({"name", "blender", "world", "matrices", "objects", "values", "bones", "constraints", "properties",
+              "curves", "drivers", "refused"});
     return std::move(rig_);
   }
 
@@ -242,6 +243,39 @@ class Reader {
       entries.done({"name", "matrix"});
       matrices_.emplace(matrix.name, static_cast<int>(rig_.matrices.size()));
       rig_.matrices.push_back(std::move(matrix));
+    }
+  }
+
+  /// After the matrices, to which each object adds its own.
+  void read_objects(Entries& rig) {
+    for (const py::handle entry : rig.sequence("objects")) {
+      Entries entries(entry, "an object");
+      ObjectDescription object{entries.get<std::string>("name"), static_cast<int>(rig_.matrices.size())};
+      const py::handle parent = entries.find("parent");
+      if (parent && !parent.is_none()) {
+        const auto name = entries.cast<std::string>("parent", parent);
+        const auto found = matrices_.find(name);
+        if (found == matrices_.end()) {
+          wrong(entries.where(), "names parent \"" + name + "\", which is neither a matrix nor an object before it");
+        }
+        object.parent = found->second;
+      }
+      if (entries.find("matrix_parent_inverse")) object.parent_inverse = columns(entries, "matrix_parent_inverse");
+      object.rotation_mode = entries.choice("rotation_mode", kRotationModes, RotationMode::xyz);
+      std::size_t place = 0;
+      for (const RigSetting& setting : object_settings()) {
+        for (int i = 0; i < setting.count; ++i) object.values[place++] = setting.initial;
+      }
+      for (const int deltas : {0, +kPoseBend}) object.values[deltas + kQuaternion] = 1;
+      if (const py::handle found = entries.find("values")) {
+        object.values = entries.numbers<kObjectValueCount>("values", found);
+      }
+      entries.done({"name", "parent", "matrix_parent_inverse", "rotation_mode", "values"});
+      if (!matrices_.emplace(object.name, object.matrix).second) {
+        wrong("object \"" + object.name + "\"", "has the name of a matrix; give each a name of its own");
+      }
+      rig_.matrices.push_back({object.name, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+      rig_.objects.push_back(std::move(object));
     }
   }
 

@@ -7,6 +7,7 @@ import re
 import sys
 from functools import partial
 from pathlib import Path
+from random import Random
 
 import addon_utils
 import bpy
@@ -248,23 +249,70 @@ def test_curves_of_what_is_not_there_are_passed_over(armature):
     assert differences(armature) == []
 
 
+def new_empty(name, parent=None):
+    ob = bpy.data.objects.new(name, None)
+    bpy.context.collection.objects.link(ob)
+    ob.parent = parent
+    return ob
+
+
 def test_what_other_objects_do_is_given(armature):
-    other = bpy.data.objects.new("Other", None)
-    bpy.context.collection.objects.link(other)
+    """Their places are computed if nothing but keyframes moves them."""
+    other, turned = new_empty("Other"), new_empty("Turned")
     other.location = (1, 2, 3)
     other.keyframe_insert("location", frame=1)
     other.location = (-3, 0, 1)
     other.keyframe_insert("location", frame=30)
-    constraint = armature.pose.bones["b"].constraints.new("COPY_LOCATION")
-    constraint.target = other
+    turned.constraints.new("COPY_ROTATION").target = other
+    for name, target in (("b", other), ("c", turned)):
+        armature.pose.bones[name].constraints.new("COPY_LOCATION").target = target
     driver = armature.pose.bones["c"].driver_add("location", 1).driver
     driver.type = "SUM"
     variable = driver.variables.new()
     variable.targets[0].id, variable.targets[0].data_path = other, "location.x"
     read = reading().read(armature)
-    assert [row["name"] for row in read.description["matrices"]] == ["Other"]
+    assert [row["name"] for row in read.description["objects"]] == ["Other"]
+    assert [row["name"] for row in read.description["matrices"]] == ["Turned"]
     assert [row["name"] for row in read.description["values"]] == ["Other: location.x"]
     assert differences(armature) == []
+
+
+@pytest.mark.parametrize("mode", ["XYZ", "YZX", "ZYX", "QUATERNION", "AXIS_ANGLE"])
+def test_places_of_objects_are_computed(armature, mode):
+    """Of a keyed child of a keyed child of what stays, in all ways in which an object has a place."""
+    random = Random(mode)
+
+    def some(count, size=1.0):
+        return [random.uniform(-size, size) for _ in range(count)]
+
+    lineage = [new_empty('Se"t')]
+    for name in ("Cart", "Ai'm"):
+        lineage.append(new_empty(name, lineage[-1]))
+    for ob in lineage:
+        ob.location, ob.rotation_euler, ob.scale = some(3), some(3, 3), some(3)
+        ob.rotation_mode = mode
+        ob.rotation_quaternion, ob.rotation_axis_angle = some(4), some(4)
+        ob.delta_location, ob.delta_rotation_euler, ob.delta_scale = some(3), some(3, 3), some(3)
+        ob.delta_rotation_quaternion = some(4)
+        ob.matrix_parent_inverse = [some(4) for _ in range(3)] + [(0, 0, 0, 1)]
+    for frame in (1, 9, 30):
+        for ob in lineage[1:]:
+            for name in ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale"):
+                setattr(ob, name, some(len(getattr(ob, name)), 3))
+                ob.keyframe_insert(name, frame=frame)
+            ob.delta_location = some(3)
+            ob.keyframe_insert("delta_location", frame=frame)
+    addon_module("blender.animation").keyed_curves(lineage[1])[0].mute = True
+    for name, kind in (("b", "COPY_TRANSFORMS"), ("c", "DAMPED_TRACK")):
+        armature.pose.bones[name].constraints.new(kind).target = lineage[-1]
+    read = reading().read(armature)
+    assert [row["name"] for row in read.description["objects"]] == [ob.name for ob in lineage]
+    assert read.description["matrices"] == [] and differences(armature) == []
+    text = json.loads(json.dumps(read.description, default=reading().as_list))
+    frames = np.arange(1, 30, 0.5)
+    rig_program = addon_module("native").sinew_native.RigProgram
+    poses = [rig_program(each).evaluate(frames) for each in (read.description, text)]
+    assert np.array_equal(*poses) and np.ptp(poses[0], axis=0).max() > 0.1
 
 
 def test_what_is_not_covered_is_refused_by_name(armature):

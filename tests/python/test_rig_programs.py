@@ -241,6 +241,85 @@ def test_matrices_from_outside(rig):
     assert poses[:, 1, :3, 3].tolist() == [[4, 5, 3], [7, 8, 3]]
 
 
+@pytest.fixture
+def with_objects(rig):
+    """One bone follows an object, whose parent moves too, and is a child of what stays."""
+    still, inverse = np.eye(4), np.eye(4)
+    still[:3, 3], inverse[:3, 3] = (0, 0, 10), (-1, 0, 0)
+    inverse[0, 0] = 2
+    rig["matrices"] = [{"name": "Set", "matrix": still}]
+    rig["objects"] = [
+        {"name": "Cart", "parent": "Set", "rotation_mode": "ZYX"},
+        {"name": 'Ai"m', "parent": "Cart", "matrix_parent_inverse": inverse},
+    ]
+    rig["constraints"][0]["targets"] = [{"outside": 'Ai"m'}]
+    rig["constraints"][0]["settings"]["use_z"] = 1
+    rig["curves"] += [
+        line('objects["Cart"].rotation_euler', 2, (0, 0), (10, np.pi)),
+        line('objects["Cart"].scale', 0, (0, 3)),
+        line('objects["Ai\\"m"].location', 1, (0, 1), (10, 5)),
+        line('objects["Ai\\"m"].delta_location', 0, (0, 4)),
+    ]
+    return rig
+
+
+def place(program, frames, given=None):
+    return program.evaluate(np.array(frames), given or {})[:, 1, :3, 3]
+
+
+def test_objects_that_keyframes_move(with_objects):
+    program = sinew.RigProgram(with_objects)
+    found = place(program, [0, 5, 10])
+    # In the parent's space: 2 * 4 - 1 along X, which the parent scales by 3, and what is keyed along Y.
+    for (x, y, z), angle, along in zip(found, (0, np.pi / 2, np.pi), (1, 3, 5)):
+        turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ [21, along]
+        np.testing.assert_allclose([x, y, z], [*turned, 10], atol=2e-5)
+    assert program.paths['objects["Cart"].rotation_euler'] == 3 and program.matrix_names == ["Set", "Cart", 'Ai"m']
+    assert program.paths['objects["Cart"].delta_rotation_quaternion'] == 4
+
+
+def test_what_is_given_of_objects_counts(with_objects):
+    program, raised = sinew.RigProgram(with_objects), np.eye(4)
+    raised[:3, 3] = (1, 2, 30)
+    assert place(program, [0], {'objects["Ai\\"m"].location': [0, 7, 1]}).tolist() == [[21, 7, 11]]
+    assert place(program, [0, 10], {"Set": raised})[0].tolist() == [22, 3, 30]
+    assert place(program, [0, 10], {'Ai"m': raised}).tolist() == [[1, 2, 30]] * 2
+    assert np.array_equal(place(program, [10]), place(sinew.RigProgram(with_objects), [10]))  # nothing of it is kept
+    edited = program.edited({'objects["Ai\\"m"].scale': [1, 1, 2], "Set": raised}, [])
+    assert place(edited, [0]).tolist() == [[22, 3, 30]]
+    with pytest.raises(ValueError, match='matrix "Cart" is that of an object that moves; set the object'):
+        program.edited({"Cart": raised}, [])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda rig: rig["objects"].reverse(),
+            'an object names parent "Cart", which is neither a matrix nor an object before it',
+        ),
+        (lambda rig: rig["objects"][0].update(name="Set"), 'object "Set" has the name of a matrix'),
+        (lambda rig: rig["objects"][0].update(rotation_mode="AUTO"), 'an object has "rotation_mode": "AUTO"; expected'),
+        (lambda rig: rig["objects"][0].update(values=[1, 2]), 'an object has 2 numbers as "values"; expected 34'),
+        (lambda rig: rig["objects"][0].update(values=[np.nan] * 34), "the rig has nan as a value of location"),
+        (
+            lambda rig: rig["objects"][1].update(matrix_parent_inverse=np.full((4, 4), np.inf)),
+            'the parent inverse matrix of object "Ai"m" has inf in it',
+        ),
+        (
+            lambda rig: rig["drivers"][0].update(path='objects["Cart"].location'),
+            'a driver sets objects["Cart"].location, which is not computed; use keyframes',
+        ),
+        (
+            lambda rig: rig["curves"].append(line('objects["Bus"].location', 0, (0, 0))),
+            'a curve sets objects["Bus"].location, which the rig does not have',
+        ),
+    ],
+)
+def test_mistakes_about_objects(with_objects, change, message):
+    test_mistakes(with_objects, change, message)
+
+
 def test_segments(rig):
     rig["bones"][0]["bbone_segments"] = 4
     program = sinew.RigProgram(rig)

@@ -61,8 +61,19 @@ def targets_of(constraint: Any) -> list[Any]:
     """Returns the objects that a constraint follows."""
     several = getattr(constraint, "targets", None)
     found = [each.target for each in several] if several is not None else [getattr(constraint, "target", None)]
-    found += [getattr(constraint, "pole_target", None)]
+    found += [getattr(constraint, name, None) for name in ("pole_target", "space_object")]
     return [each for each in found if each is not None]
+
+
+def with_parents(objects: Iterable[Any]) -> list[Any]:
+    """Returns objects and their parents, each one after its parents."""
+    found: dict[Any, None] = {}
+    for ob in objects:
+        lineage = [ob]
+        while lineage[-1].parent is not None and lineage[-1].parent not in lineage:
+            lineage.append(lineage[-1].parent)
+        found.update(dict.fromkeys(reversed(lineage)))
+    return list(found)
 
 
 def read_by(curve: Any) -> list[Any]:

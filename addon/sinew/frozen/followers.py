@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, nodes, values
-from ..host import poses, relations
+from ..host import contract, features, members, poses, relations
 from ..plan import wiring
-from ..rig_programs import paths
+from ..rig_programs import objects, paths
 from .shapes import is_alive
 
 # Constraints that depend on the frame, or on what cannot be watched.
@@ -181,6 +181,42 @@ def is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
         and getattr(ob.data, "shape_keys", None) is None
         and all(is_still(each, rig, seen) for each in followed)
     )
+
+
+def moving(rig: Any) -> list[Any]:
+    """Returns the objects, armatures left out, that an armature object follows and that may move by themselves."""
+    outside = dependencies.outside_of(rig)
+    return [each for each in outside if each.type != "ARMATURE" and not is_still(each, rig)]
+
+
+def check_moving(rig: Any, layer: Any) -> None:
+    """Raises NotFreezable if an armature object follows a moving object in another way than by constraints, or one
+    whose place on each frame is not known from keyframes."""
+    read = {target for curve in dependencies.drivers_of_both(rig) for target in dependencies.read_by(curve)}
+    for each in moving(rig):
+        why = objects.why_not(each)
+        if each in read:
+            why = "drivers read it"
+        elif not each.visible_get(view_layer=layer):  # so that Blender might not evaluate it
+            why = f"{each.name} is hidden"
+        elif not contract.has(features.FOLLOWING):
+            why = contract.why_not(features.FOLLOWING)
+        if why:
+            raise NotFreezable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
+    for constraint, _targets in constraints_on(rig, moving(rig)):
+        if constraint.type not in members.CONSTRAINTS:
+            raise NotFreezable(f"{constraint.name} of {rig.name} follows an object that may move")
+
+
+def constraints_on(rig: Any, targets: list[Any]) -> list[tuple[Any, list[Any]]]:
+    """Returns the constraints of bones that follow some of these objects, with those."""
+    found = [
+        (constraint, [each for each in dependencies.targets_of(constraint) if each in targets])
+        for bone in rig.pose.bones
+        if targets
+        for constraint in bone.constraints
+    ]
+    return [each for each in found if each[1]]
 
 
 def check_place(rig: Any) -> None:

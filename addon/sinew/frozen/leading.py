@@ -9,7 +9,7 @@ import numpy as np
 
 from ..blender import animation, dependencies, values
 from ..host import poses
-from ..rig_programs import curves, drivers, paths, targets
+from ..rig_programs import curves, drivers, objects, paths, targets
 from . import followers, rigs
 
 
@@ -28,7 +28,8 @@ class Unknown(ValueError):
 
 def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Outside, graph: Any) -> tuple[Leader, ...]:
     """Returns what an armature object follows that moves with other armatures. read, numbers: what it reads from
-    outside. Raises ValueError, whose message is a sentence, for what moves otherwise."""
+    outside. Raises ValueError, whose message is a sentence, for what moves otherwise, unless the program computes
+    it."""
     found: dict[int, Leader] = {}
 
     def leader(block: bpy.types.Object) -> Leader:
@@ -38,9 +39,10 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
             found[key] = Leader(rigs.learn(block), world, {}, {})
         return found[key]
 
-    is_led = {block: _is_led(block, ob) for block, _what in (*read.outside.values(), *numbers.read.values())}
+    placed = [each for name, each in read.outside.items() if each[1] or name not in read.moving and _may_move(each[0])]
+    is_led = {block: _is_led(block, ob) for block, _what in (*placed, *numbers.read.values())}
     for name, (block, bone) in read.outside.items():
-        if is_led[block] and bone:
+        if bone and is_led[block]:
             leader(block).bones[name] = block.pose.bones.find(bone)
     for name, (block, path) in numbers.read.items():
         path = paths.normalised(path)
@@ -51,13 +53,19 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
     return tuple(found.values())
 
 
+def _may_move(ob: bpy.types.Object) -> bool:
+    """Whether time, or the pose of an armature, may change where an object is."""
+    return ob.type == "ARMATURE" or objects.may_move(ob)
+
+
 def _is_led(block: Any, ob: bpy.types.Object) -> bool:
     """Whether what an armature object reads of a data-block moves with the bones of another armature. Raises
     ValueError."""
     if not _may_change(block):
         return False
     if not isinstance(block, bpy.types.Object) or block.type != "ARMATURE":
-        raise curves.Refused(f"{ob.name} follows {block.name}, which may move")
+        why = objects.why_not(block) if isinstance(block, bpy.types.Object) else ""
+        raise curves.Refused(f"{ob.name} follows {block.name}, which may move{why and ': ' + why}")
     followers.check_place(block)
     if ob in dependencies.chain(block):
         raise curves.Refused(f"{ob.name} and {block.name} follow each other")

@@ -38,7 +38,7 @@ def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, l
     needed: dict[int, list[Any]] = {}
     for rig in own:
         try:
-            needs = check(rig.ob)
+            needs = check(rig.ob, layer)
             rig.reason = _why_not(rig, found[rig.ob], users, scene, layer)
         except NotFreezable as reason:
             rig.reason = str(reason)
@@ -54,9 +54,12 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         return f"{rig.name} cannot be frozen: {own}"
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
-    needs_program = rig.needs_program or not rigs.has_animation(rig.ob)  # only those are recorded that have keyframes
+    # Only those are recorded that have keyframes, and follow nothing that moves by itself.
+    moving = followers.moving(rig.ob)
+    needs_program = rig.needs_program or not rigs.has_animation(rig.ob) or bool(moving)
     if needs_program and not (rig.source.is_proven and rig.is_posable):
-        return why_not_computed(rig, scene)
+        follows = f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move: " if moving else ""
+        return follows + why_not_computed(rig, scene)
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
     if unknown:
         path = min(unknown)
@@ -162,13 +165,12 @@ def prepare(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> None:
 # --- the armature itself --------------------------------------------------------------------------
 
 
-def check(rig: Any) -> list[Any]:
-    """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played,
-    whatever follows it. Returns the other armature objects on which the pose depends."""
+def check(rig: Any, layer: Any) -> list[Any]:
+    """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played
+    in a view layer, whatever follows it. Returns the other armature objects on which the pose depends."""
     data, outside = rig.animation_data, dependencies.outside_of(rig)
-    moving = [each for each in outside if each.type != "ARMATURE" and not followers.is_still(each, rig)]
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
-        if moving:
+        if moving := followers.moving(rig):
             raise NotFreezable(
                 f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
                 "each frame because of these. Bake its action first (Pose > Animation)"
@@ -194,8 +196,7 @@ def check(rig: Any) -> list[Any]:
         timed = next((each for each in bone.constraints if each.type in followers.TIMED), None)
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
-    if moving:
-        raise NotFreezable(f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move")
+    followers.check_moving(rig, layer)
     return [each for each in outside if each.type == "ARMATURE" and not followers.is_still(each, None)]
 
 

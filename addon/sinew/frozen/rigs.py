@@ -84,6 +84,7 @@ class Rig:
     has_differed: bool = False  # from what Blender has evaluated elsewhere, once
     difference: Any = None  # differences.Difference of its last program, or None
     posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
+    moving: list[Any] = field(default_factory=list)  # what it follows that moves by itself, and parents of that
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
     tried_at: int = 0

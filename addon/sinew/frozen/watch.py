@@ -146,6 +146,18 @@ def _mark(block: Any, graph: Any) -> None:
         copies.mark(copy)
 
 
+def may_have_moved(ob: Any, graph: Any) -> bool:
+    """Whether somebody may have moved an object that is watched, or has hidden it, so that Blender may not evaluate
+    it."""
+    if not is_alive(ob) or not ob.visible_get(view_layer=graph.view_layer):
+        return True
+    action = ob.animation_data.action if ob.animation_data is not None else None
+    copies_of = [each.evaluated_get(graph) for each in (ob, action) if each is not None]
+    return not all(
+        each.is_evaluated and copies.is_marked(each) and not evaluations.is_tagged(each) for each in copies_of
+    )
+
+
 def expect(graph: Any, blocks: Iterable[Any]) -> None:
     """Says that this package has Blender copy these original data-blocks in the next evaluation of a graph."""
     _expected.setdefault(graph.view_layer.as_pointer(), set()).update(map(values.key_of, blocks))

@@ -51,6 +51,7 @@ FREEZING = "Frozen characters"
 CONSTRAINTS = "Animated constraints of computed rigs"
 POSED = "Edits of computed rigs"
 NUMBERS = "Numbers of bones"
+FOLLOWING = "Rigs that follow objects with keyframes"
 
 _FULL = "take more steps on each frame"
 _OF_POSE = "*next", "runtime", "chan_mat", "pose_mat", "pose_head", "pose_tail"
@@ -179,6 +180,12 @@ FEATURES = {
         "bPoseChannel.*next bPoseChannel.*parent bPoseChannel.*prop bPoseChannel.constraints Bone ListBase.*first "
         + " ".join(f"bPoseChannel.{name}" for name in (*members.CHANNELS, *members.LIMITS)),
         compared="the numbers of the last bone; of all, parents, and where constraints and custom properties may be",
+    ),
+    FOLLOWING: Feature(
+        "a rig whose constraints follow objects with keyframes is live",
+        "bConstraint " + " ".join(members.CONSTRAINTS.values()),
+        (FREEZING,),
+        "the objects that a constraint follows",
     ),
 }
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from . import contract, features, layout, proof
+from . import contract, features, layout, members, proof
 
 _TYPES = {"AVERAGE": 0, "SCRIPTED": 1, "SUM": 2, "MIN": 3, "MAX": 4}  # of drivers
 LONGEST = 256  # bytes of an expression
@@ -66,6 +66,23 @@ class Rebuilding:
             raise contract.distrust(features.FREEZING, "actions are not where they were")
         self._change(action, bytes(size))
         self._change(strips, bytes(strips_size))
+
+    def without_targets(self, constraint: Any, targets: list[Any]) -> None:
+        """Has Blender see none of these original objects, all that a constraint of a bone follows. Raises
+        contract.Broken."""
+        addresses = {each.as_pointer() for each in targets}
+        data = contract.address_at(contract.region(constraint, "bConstraint", "*data")[0])
+        kinds = (constraint.as_pointer(), "bConstraint"), (data, members.CONSTRAINTS[constraint.type])
+        found = [
+            place
+            for start, kind in kinds
+            for place in range(start, start + contract.struct_size(kind), members.POINTER)
+            if contract.address_at(place) in addresses
+        ]
+        if len(found) != len(targets):
+            raise contract.distrust(features.FOLLOWING, "constraints are not where they were")
+        for place in found:
+            self._change(place, bytes(members.POINTER))
 
     def on_each_frame(self, curve: Any, text: str = "") -> None:
         """Has Blender evaluate a driver of an original on each frame. text: an expression with its value, if not

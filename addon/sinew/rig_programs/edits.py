@@ -2,6 +2,7 @@
 
 To read and build a large rig takes as long as several frames, and after most edits nearly all of it is as it was."""
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from ..blender import animation, values
 from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from ..host import bones as bone_bytes
-from . import bones, curves, drivers, paths, properties, reading, tables
+from . import bones, curves, drivers, objects, paths, properties, reading, tables
 
 _WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
 
@@ -29,7 +30,7 @@ class Known:
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
         self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
         self._switches = list(self._read_switches(ob))
-        self._modes = self._read_modes()
+        self._modes, self._objects = self._read_modes(), self._read_objects()
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
@@ -42,7 +43,7 @@ class Known:
         if something from outside can no longer be read."""
         if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
             return None
-        if self._read_modes() != self._modes:
+        if self._read_modes() != self._modes or self._read_objects() != self._objects:
             return None
         own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
         edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
@@ -59,6 +60,10 @@ class Known:
     def _read_modes(self) -> list[str]:
         """Returns the modes of rotation of what is outside, on which it depends how that is read."""
         return [each.rotation_mode for each in self.follows if isinstance(each, bpy.types.Object)]
+
+    def _read_objects(self) -> str:
+        """Returns the places and the keyframes of other objects that are computed, too, as text."""
+        return json.dumps(objects.rows_of(self.targets), default=reading.as_list)
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
         """Yields influence, mute and validity of each constraint, None for what is written on each frame."""

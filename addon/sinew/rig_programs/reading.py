@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..host import bone_numbers
-from . import bones, constraints, driven_keys, drivers, properties, targets
+from . import bones, constraints, driven_keys, drivers, objects, properties, targets
 
 CAN_READ = bpy.app.version >= (4, 2, 0)  # older ones evaluate in other ways
 
@@ -82,6 +82,8 @@ def read(
     for property_row, driver_row in driven_keys.rows_of(ob, keyed, found, outside):
         description["properties"].append(property_row)
         description["drivers"].append(driver_row)
+    description["objects"], keyed_places = objects.rows_of(found)
+    description["curves"] += keyed_places
     description["values"] = [{"name": name, "value": value} for name, value in outside.values(depsgraph).items()]
     description["matrices"] = [
         {"name": name, "matrix": matrix.tolist()} for name, matrix in found.matrices(depsgraph).items()

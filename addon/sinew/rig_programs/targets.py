@@ -18,6 +18,7 @@ class Targets:
         self.ob = ob
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
+        self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 
@@ -55,8 +56,9 @@ class Targets:
         return bool(self._actions)
 
     def matrices(self, depsgraph: bpy.types.Depsgraph | None = None) -> dict[str, np.ndarray]:
-        """Returns the present world matrices from outside, each 4 x 4."""
-        return {name: matrix_of(target, bone, depsgraph) for name, (target, bone) in self.outside.items()}
+        """Returns the present world matrices from outside that are not computed, each 4 x 4."""
+        given = {name: each for name, each in self.outside.items() if name not in self.moving}
+        return {name: matrix_of(target, bone, depsgraph) for name, (target, bone) in given.items()}
 
 
 def matrix_of(target: bpy.types.Object, bone: str, depsgraph: bpy.types.Depsgraph | None) -> np.ndarray:

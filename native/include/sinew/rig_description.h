@@ -181,6 +181,16 @@ struct OutsideMatrix {
   std::array<float, 16> matrix = {};
 };
 
+/// Another object that curves move. Its numbers have paths such as objects["Aim"].location.
+struct ObjectDescription {
+  std::string name;
+  int matrix = -1;  ///< in RigDescription::matrices, where it puts its world matrix
+  int parent = -1;  ///< the matrix there that it is a child of, or -1; that of an object has to be one in front of it
+  std::array<float, 16> parent_inverse = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  RotationMode rotation_mode = RotationMode::xyz;
+  std::array<float, kObjectValueCount> values = {};  ///< in the order of object_settings()
+};
+
 enum class DriverType : std::uint8_t { average, scripted, sum, minimum, maximum };
 enum class VariableType : std::uint8_t { property, transform, location_difference, rotation_difference };
 enum class TransformChannel : std::uint8_t {
@@ -248,6 +258,7 @@ struct RigDescription {
   std::vector<CustomProperty> properties;
   std::vector<OutsideValue> values;
   std::vector<OutsideMatrix> matrices;
+  std::vector<ObjectDescription> objects;
   std::vector<AnimatedValue> curves;
   std::vector<DriverDescription> drivers;
   std::vector<std::string> refused;  ///< what the description cannot say, each as a reason; a program is then refused

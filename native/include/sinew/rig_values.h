@@ -2,7 +2,8 @@
 ///
 /// A rig keeps its numbers in one array. First come the settings of each bone, kBoneValueCount of them; then those of
 /// each constraint, in the order of its type's table; then the weights of an Armature constraint's targets; then custom
-/// properties; then values from outside. RigProgram::find_value finds a number by Blender's path.
+/// properties; then values from outside; then those of each object, kObjectValueCount of them. RigProgram::find_value
+/// finds a number by Blender's path.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +30,9 @@ struct RigSetting {
 /// with data.bones.
 std::span<const RigSetting> bone_settings();
 
+/// An object's settings: its channels as those of a bone, up to kPoseBend, then its deltas in the same order.
+std::span<const RigSetting> object_settings();
+
 /// Where a bone's numbers begin.
 enum BoneValue : int {
   kLocation = 0,
@@ -47,6 +51,8 @@ enum BoneValue : int {
   kRestBend = kArmatureValues,
   kBoneValueCount = 61,
 };
+
+inline constexpr int kObjectValueCount = 2 * kPoseBend;
 
 /// The numbers of a B-bone's shape, from kPoseBend (of the pose) or kRestBend (of the armature's bone) on.
 enum BendValue : int {

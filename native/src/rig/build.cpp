@@ -196,6 +196,26 @@ int place_of(const ValueMap& map, const ValuePath& value, const char* what) {
   return found.first + value.index;
 }
 
+void add_object(const RigDescription& rig, int index, Program& program) {
+  const ObjectDescription& given = rig.objects[index];
+  const std::string text = "object \"" + given.name + "\"";
+  const int matrices = static_cast<int>(rig.matrices.size());
+  if (given.matrix < 0 || given.matrix >= matrices) {
+    fail(text, " has matrix ", given.matrix, "; the rig has ", grouped(matrices));
+  }
+  if (given.parent < -1 || given.parent >= matrices) {
+    fail(text, " has matrix ", given.parent, " as its parent; expected -1 to ", matrices - 1);
+  }
+  for (int other = 0; other < static_cast<int>(rig.objects.size()); ++other) {
+    const int matrix = rig.objects[other].matrix;
+    if (other < index && matrix == given.matrix) fail(text, " has the matrix of another object");
+    if (other >= index && matrix == given.parent) fail(text, " comes before its parent; sort the objects");
+  }
+  check_finite(given.parent_inverse, "the parent inverse matrix of " + text);
+  program.objects.push_back({program.map.first_of_object(index), given.matrix, given.parent,
+                             matrix_of(given.parent_inverse), given.rotation_mode});
+}
+
 Variable variable_of(const RigDescription& rig, const VariableDescription& given, const ValueMap& map,
                      const std::string& owner) {
   const auto refuse_unknown = [&](const std::string& name) {
@@ -256,6 +276,9 @@ auto named(const std::string& owner, const Build& build) {
 
 void add_driver(const RigDescription& rig, const DriverDescription& given, Program& program) {
   const int value = place_of(program.map, given.value, "driver");
+  if (given.value.path.starts_with("objects[")) {
+    fail("a driver sets ", given.value.path, ", which is not computed; use keyframes");
+  }
   const std::string owner = "the driver of " + program.map.name(value);
   std::vector<Variable> variables;
   for (const VariableDescription& variable : given.variables) {
@@ -371,6 +394,7 @@ Program build_program(const RigDescription& rig) {
   for (int i = 0; i < static_cast<int>(rig.bones.size()); ++i) add_bone(rig, i, program);
   for (int i = 0; i < static_cast<int>(rig.constraints.size()); ++i) add_constraint(rig, i, program);
   for (const OutsideMatrix& matrix : rig.matrices) program.outside.push_back(matrix_of(matrix.matrix));
+  for (int i = 0; i < static_cast<int>(rig.objects.size()); ++i) add_object(rig, i, program);
   for (const AnimatedValue& curve : rig.curves) program.curves.push_back(curve_of(curve, program));
   for (const DriverDescription& driver : rig.drivers) add_driver(rig, driver, program);
   check_settings(rig, program);

@@ -6,7 +6,6 @@
 #include "rig/spaces.h"
 
 namespace sinew::rig {
-namespace {
 
 Mat3 rotation_of(const float* channels, RotationMode mode) {
   if (mode >= RotationMode::xyz) {
@@ -21,6 +20,8 @@ Mat3 rotation_of(const float* channels, RotationMode mode) {
   const float* q = channels + kQuaternion;
   return matrix_of(normalized(Quat{q[0], q[1], q[2], q[3]}));
 }
+
+namespace {
 
 /// The matrix of a bone's channels, computed again only if a channel has changed.
 const KeptChannels& kept_channels(const Program& program, State& state, int index) {

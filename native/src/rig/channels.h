@@ -6,6 +6,7 @@
 namespace sinew::rig {
 
 /// channels  kLocation to kScale + 2.
+Mat3 rotation_of(const float* channels, RotationMode mode);
 Mat4 channel_matrix(const float* channels, RotationMode mode, bool has_location);
 
 /// The matrix of the bone's channels in this frame.

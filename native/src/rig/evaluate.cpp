@@ -25,6 +25,22 @@ void drive(const Program& program, State& state, int index) {
   store(program, state, driver.value, result.value);
 }
 
+/// Blender's order: the deltas turn last; then the parent, its inverse and what the channels say.
+void place_objects(const Program& program, State& state) {
+  for (const MovingObject& object : program.objects) {
+    if (state.is_given[object.matrix]) continue;
+    const float* channels = state.values.data() + object.values;
+    const float* deltas = channels + kPoseBend;
+    Mat4 local = widened(rotation_of(deltas, object.rotation_mode) * rotation_of(channels, object.rotation_mode));
+    for (int i = 0; i < 3; ++i) {
+      local.scale_axis(i, channels[kScale + i] * deltas[kScale + i]);
+      local[3][i] = channels[kLocation + i] + deltas[kLocation + i];
+    }
+    Mat4& world = state.outside[object.matrix];
+    world = object.parent < 0 ? local : (state.outside[object.parent] * object.parent_inverse) * local;
+  }
+}
+
 }  // namespace
 
 void evaluate(const Program& program, State& state, float frame) {
@@ -38,6 +54,7 @@ void evaluate(const Program& program, State& state, float frame) {
     store(program, state, curve.value, curve.curve.value(frame, 0, &known));
   }
   for (const GivenNumber& given : state.given) state.values[given.value] = given.number;
+  place_objects(program, state);
   for (std::size_t i = 0; i < program.order.size(); ++i) {
     const Operation& operation = program.order[i];
     switch (operation.type) {

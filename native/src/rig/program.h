@@ -95,6 +95,15 @@ struct ProgramCurve {
   FCurve curve;
 };
 
+/// An object that curves move.
+struct MovingObject {
+  int values = 0;  ///< where its numbers begin
+  int matrix = 0;  ///< in State::outside
+  int parent = -1;
+  Mat4 parent_inverse = kIdentity4;
+  RotationMode rotation_mode = RotationMode::xyz;
+};
+
 /// Bones that IK solves at once, parents first, and their goals.
 struct IkPlan {
   std::vector<int> bones;        ///< of the rig
@@ -132,6 +141,7 @@ struct Program {
   std::vector<ProgramDriver> drivers;
   std::vector<ProgramCurve> curves;
   std::vector<Mat4> outside;
+  std::vector<MovingObject> objects;  ///< parents first
   std::vector<Tree> trees;
   std::vector<Operation> order;
   int segment_count = 0;

@@ -36,6 +36,7 @@ std::span<const float, 16> matrix_at(const GivenMatrix& given, std::ptrdiff_t fr
 void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptrdiff_t frame, rig::State& state) {
   state.given.clear();
   std::ranges::copy(program.outside, state.outside.begin());
+  std::ranges::fill(state.is_given, 0);
   for (const GivenValues& values : given.values) {
     const float* numbers = values.numbers + frame * values.frame_stride;
     for (int i = 0; i < values.count; ++i) {
@@ -46,6 +47,7 @@ void take_inputs(const GivenInputs& given, const rig::Program& program, std::ptr
   }
   for (const GivenMatrix& matrix : given.matrices) {
     state.outside[matrix.index] = rig::matrix_of(matrix_at(matrix, frame));
+    state.is_given[matrix.index] = 1;
   }
 }
 
@@ -102,7 +104,11 @@ RigProgram RigProgram::edited(const GivenInputs& given, std::span<const Animated
   }
   for (const GivenMatrix& matrix : given.matrices) {
     const std::span<const float, 16> numbers = matrix_at(matrix, 0);
-    rig::check_finite(numbers, "matrix \"" + matrix_names_[matrix.index] + "\"");
+    const std::string name = "matrix \"" + matrix_names_[matrix.index] + "\"";
+    rig::check_finite(numbers, name);
+    if (std::ranges::find(program->objects, matrix.index, &rig::MovingObject::matrix) != program->objects.end()) {
+      fail(name, " is that of an object that moves; set the object's channels instead");
+    }
     program->outside[matrix.index] = rig::matrix_of(numbers);
   }
   for (const AnimatedValue& curve : curves) rig::replace_curve(curve, *program);

@@ -36,6 +36,14 @@ constexpr std::array kChannelSettings = {
     several("scale", 3, 1),
 };
 
+constexpr std::array kDeltaSettings = {
+    several("delta_location", 3),
+    several("delta_rotation_quaternion", 4),
+    several("delta_rotation_axis_angle", 4),
+    several("delta_rotation_euler", 3),
+    several("delta_scale", 3, 1),
+};
+
 constexpr std::array kIkSettings = {
     real_setting("ik_stretch", 0, 0, 1),
     real_setting("ik_stiffness_x", 0, 0, 0.99F),
@@ -63,11 +71,13 @@ constexpr auto joined(const std::array<RigSetting, N>&... parts) {
   return all;
 }
 
+constexpr auto kObjectSettings = joined(kChannelSettings, kDeltaSettings);
 constexpr auto kBoneSettings = joined(kChannelSettings, bend_settings(0), kIkSettings, bend_settings(1));
 
 }  // namespace
 
 std::span<const RigSetting> bone_settings() { return kBoneSettings; }
+std::span<const RigSetting> object_settings() { return kObjectSettings; }
 
 std::span<const RigSetting> constraint_settings(ConstraintType type) { return rig::kind_of(type).settings; }
 

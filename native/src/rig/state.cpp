@@ -6,6 +6,7 @@ namespace sinew::rig {
 
 State::State(const Program& program)
     : outside(program.outside),
+      is_given(program.outside.size()),
       poses(program.bones.size(), kIdentity4),
       tails(program.bones.size()),
       segments(program.segment_count, kIdentity4),

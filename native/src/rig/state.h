@@ -94,6 +94,7 @@ struct State {
   std::vector<float> values;
   std::vector<GivenNumber> given;  ///< replace what curves set
   std::vector<Mat4> outside;       ///< world matrices from outside
+  std::vector<char> is_given;      ///< of those: objects do not replace them
   std::vector<Mat4> poses;         ///< of each bone, in armature space
   std::vector<Vec3> tails;
   std::vector<Mat4> segments;  ///< of each B-bone, relative to its pose

@@ -135,6 +135,17 @@ ValueMap::ValueMap(const RigDescription& description) {
     properties_.emplace_back(outside.name, static_cast<int>(values_.size()));
     append(outside.value, {.name = outside.name});
   }
+  for (const ObjectDescription& object : description.objects) {
+    objects_.push_back(static_cast<int>(values_.size()));
+    for (const RigSetting& setting : object_settings()) {
+      const std::string path = "objects" + as_key(object.name) + "." + std::string(setting.name);
+      const Found place{static_cast<int>(values_.size()), setting.count};
+      property_places_.emplace(path, place);
+      properties_.emplace_back(path, place.first);
+      const auto at = object.values.begin() + (place.first - objects_.back());
+      append_all({&setting, 1}, {at, static_cast<std::size_t>(setting.count)});
+    }
+  }
 }
 
 int ValueMap::bone_named(std::string_view name) const {

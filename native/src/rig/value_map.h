@@ -31,6 +31,7 @@ class ValueMap {
   int first_of_bone(int bone) const { return bone * kBoneValueCount; }
   int first_of_constraint(int constraint) const { return constraints_[constraint]; }
   int first_weight(int constraint) const { return weights_[constraint]; }
+  int first_of_object(int object) const { return objects_[object]; }
 
   /// Returns -1 if there is none.
   int bone_named(std::string_view name) const;
@@ -65,6 +66,7 @@ class ValueMap {
   std::vector<ValueInfo> values_;
   std::vector<int> constraints_;
   std::vector<int> weights_;
+  std::vector<int> objects_;
   std::vector<int> constraint_bones_;
   std::vector<ConstraintType> types_;
   std::vector<int> target_counts_;

@@ -1,0 +1,76 @@
+"""Other objects that bones follow, as rows: where each is follows from its own keyframes and those of its parents."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+from ..blender import animation, dependencies
+from . import curves, drivers, paths, targets
+
+# In the order of a description; there is no delta of an axis and an angle.
+_CHANNELS = ("location", "rotation_quaternion", "rotation_axis_angle", "rotation_euler", "scale")
+_DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_euler", "delta_scale")
+
+
+def may_move(ob: bpy.types.Object) -> bool:
+    """Whether time may change where an object is."""
+    return any(
+        each.animation_data is not None or each.constraints or each.parent_type != "OBJECT" or each.rigid_body
+        for each in dependencies.with_parents([ob])
+    )
+
+
+def why_not(ob: bpy.types.Object) -> str:
+    """Returns why it is not known on each frame where an object is, as a clause; "" if it is."""
+    try:
+        for each in dependencies.with_parents([ob]):
+            _check(each)
+            list(_curves_of(each))
+    except curves.Refused as reason:
+        return str(reason)
+    return ""
+
+
+def _check(ob: bpy.types.Object) -> None:
+    """Raises Refused if anything but keyframes and parents may say where an object is."""
+    if ob.constraints:
+        raise curves.Refused(f"{ob.name} has constraints")
+    if ob.rigid_body is not None:
+        raise curves.Refused(f"{ob.name} is simulated")
+    if ob.parent is not None and (ob.parent_type != "OBJECT" or ob.parent.type == "CURVE"):
+        raise curves.Refused(f"{ob.name} is a child of a part of {ob.parent.name}")
+    driven = next((each for each in animation.drivers_of(ob) if paths.moves_object(each.data_path)), None)
+    if driven is not None:
+        raise curves.Refused(f"{driven.data_path} of {ob.name} has a driver")
+
+
+def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
+    """Yields the curves that say where an object is. Raises Refused."""
+    for curve in curves.curves_in_effect(ob):
+        path = paths.normalised(curve.data_path)
+        if not paths.moves_object(path) or not drivers.exists(ob, path):
+            continue
+        if path not in (*_CHANNELS, *_DELTAS):
+            raise curves.Refused(f"{path} of {ob.name} is keyed")
+        yield drivers.curve_row(f'objects["{bpy.utils.escape_identifier(ob.name_full)}"].{path}', curve)
+
+
+def rows_of(found: targets.Targets) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Returns the rows of the objects that keyframes move among those outside, with their parents, and their curves.
+    Notes them in `found.moving`."""
+    outside = [target for target, bone in found.outside.values() if not bone]
+    own = dependencies.with_parents(each for each in outside if may_move(each) and not why_not(each))
+    found.moving = {each.name_full: each for each in own}
+    return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
+
+
+def _row_of(ob: bpy.types.Object) -> dict[str, Any]:
+    numbers = [getattr(ob, name) if name else (0.0,) * 4 for name in (*_CHANNELS, *_DELTAS)]
+    return {
+        "name": ob.name_full,
+        "parent": ob.parent.name_full if ob.parent is not None else None,
+        "matrix_parent_inverse": [list(row) for row in ob.matrix_parent_inverse],
+        "rotation_mode": ob.rotation_mode,
+        "values": [number for each in numbers for number in each],
+    }

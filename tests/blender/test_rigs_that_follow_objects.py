@@ -1,0 +1,315 @@
+"""Rigs whose bones follow other objects that have keyframes, as a hand follows a steering wheel, or a puppet the
+empties of a motion capture. The first character of the cast is accelerated; the second one is live and follows the
+same."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from helpers import addon_module, depsgraph, needs_rig_programs, select
+from test_accelerated_rigs import accelerating as accelerating
+from test_accelerated_rigs import keep_live, recorded, wait
+from test_frozen import FRAMES, Cast, freezing, layer
+from test_frozen_who import both
+
+pytestmark = needs_rig_programs
+KEYED = {"location": 3, "rotation_euler": 3, "scale": 3}
+
+
+def add(armature, kind, on, target, **settings):
+    constraint = armature.pose.bones[on].constraints.new(kind)
+    constraint.target = target
+    for name, value in settings.items():
+        setattr(constraint, name, value)
+    return constraint
+
+
+class Driven(Cast):
+    """A cast whose characters hold a wheel on a cart, look at a ball and reach for it."""
+
+    def __init__(self, scene):
+        super().__init__(scene)
+        self.random = np.random.default_rng(1)
+        self.cart, self.wheel, self.ball = (self.new(name) for name in ("Cart", "Wheel", "Ball"))
+        self.wheel.parent, self.wheel.matrix_parent_inverse = self.cart, Matrix.Translation((0.5, 0, 1))
+        self.ball.rotation_mode = "QUATERNION"
+        for frame in (1, 5, 10):
+            for ob in self.cart, self.wheel, self.ball:
+                self.move(ob, frame)
+        for armature, *_ in both(self):
+            add(armature, "CHILD_OF", "bone1", self.wheel, inverse_matrix=Matrix.Translation((0, 0, 1)))
+            add(armature, "DAMPED_TRACK", "bone2", self.ball, influence=0.5)
+            ik = add(armature, "IK", "bone4", self.ball, chain_count=2)
+            ik.pole_target, ik.pole_angle = self.wheel, 0.3
+            turned = add(armature, "COPY_ROTATION", "side", self.wheel, owner_space="CUSTOM", target_space="CUSTOM")
+            turned.space_object = self.cart
+        select()
+        scene.frame_set(2)
+        scene.frame_set(1)
+        keep_live(self)
+
+    def new(self, name):
+        ob = bpy.data.objects.new(name, bpy.data.meshes.new(name) if name == "Ball" else None)
+        self.scene.collection.objects.link(ob)
+        return ob
+
+    def move(self, ob, frame=None):
+        """With keyframes on a frame, or by hand."""
+        for name, count in KEYED.items():
+            setattr(ob, name, self.random.uniform(0.4, 1.6, count))
+            if frame is not None:
+                ob.keyframe_insert(name, frame=frame)
+        ob.rotation_quaternion = self.random.uniform(-1, 1, 4)
+        if frame is not None and ob.rotation_mode == "QUATERNION":
+            ob.keyframe_insert("rotation_quaternion", frame=frame)
+
+    def accelerate(self):
+        wait(self)
+        assert self.rig.is_frozen and self.rig.needs_program, self.rig.reason
+
+
+@pytest.fixture
+def cast(fresh_scene, monkeypatch):
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    fresh_scene.frame_start, fresh_scene.frame_end = 1, 10
+    return Driven(fresh_scene)
+
+
+def followed(armature):
+    return [
+        (each.target, getattr(each, "pole_target", None), each.space_object)
+        for bone in armature.pose.bones
+        for each in bone.constraints
+    ]
+
+
+def test_it_is_computed(cast):
+    before = followed(cast.frozen[0])
+    cast.accelerate()
+    shapes = cast.play([*FRAMES, 3, -7, 400, 5])
+    cast.scene.frame_set(4, subframe=0.5)
+    cast.assert_same()
+    assert cast.rig.is_frozen and np.ptp(shapes, axis=0).max() > 0.1
+    assert followed(cast.frozen[0]) == before == followed(cast.live[0])
+
+
+def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
+    """What it follows moves on each frame: bones that Blender evaluated because of that would be others."""
+    cast.accelerate()
+    cast.scene.frame_set(4)
+    copy = cast.frozen[0].evaluated_get(depsgraph())
+    monkeypatch.setattr(addon_module("frozen.playing"), "_has_work", lambda: False)
+    before = np.array([bone.matrix for bone in copy.pose.bones])
+    cast.scene.frame_set(9)
+    assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
+
+
+def key(cast):
+    cast.move(cast.wheel, 7)
+
+
+def edit_a_key(cast):
+    curve = addon_module("blender.animation").keyed_curves(cast.cart)[0]
+    curve.keyframe_points[1].co.y += 0.4
+    curve.update()
+    cast.cart.animation_data.action.update_tag()
+
+
+def move(cast):
+    cast.move(cast.ball)
+
+
+def move_the_parent(cast):
+    cast.move(cast.cart)
+
+
+def let_go(cast):
+    cast.wheel.parent = None
+
+
+def hold(cast):
+    """What it follows is constrained from now on."""
+    cast.ball.constraints.new("LIMIT_LOCATION").use_max_z = True
+
+
+def drive(cast):
+    cast.wheel.driver_add("scale", 1).driver.expression = "frame / 7"
+
+
+def remove(cast):
+    bpy.data.objects.remove(cast.ball)
+
+
+def stop(cast):
+    cast.wheel.animation_data_clear()
+
+
+def hide(cast):
+    for ob in cast.ball, cast.wheel:
+        ob.hide_set(True)
+
+
+def pose(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].location.x += 0.3
+        armature.pose.bones["side"].rotation_quaternion = (1, 0.4, 0.2, 0)
+
+
+def pose_and_move(cast):
+    pose(cast)
+    move(cast)
+
+
+def key_a_bone(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone1"].location.x += 0.3
+        armature.pose.bones["bone1"].keyframe_insert("location", frame=4)
+
+
+def set_influence(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].constraints[0].influence = 0.9
+
+
+def look_elsewhere(cast):
+    for armature, *_ in both(cast):
+        armature.pose.bones["bone2"].constraints[0].target = cast.cart
+
+
+EDITS = (
+    *(key, edit_a_key, move, move_the_parent, let_go, hold, drive, remove, stop, hide),
+    *(pose, pose_and_move, key_a_bone, set_influence, look_elsewhere),
+)
+STAYS_LIVE = (hold, drive, remove)  # what is removed was the target of an IK
+
+
+@pytest.mark.parametrize("is_seen", (True, False), ids=("with an update", "without"))
+@pytest.mark.parametrize("edit", EDITS)
+def test_edits(cast, edit, is_seen):
+    cast.accelerate()
+    cast.play([3, 4])
+    edit(cast)
+    if is_seen:
+        layer().update()
+        cast.assert_same()
+    cast.play([5, 4, 9])
+    wait(cast)
+    assert cast.rig.is_frozen == (edit not in STAYS_LIVE), cast.rig.reason
+    cast.play()
+    edit(cast) if edit in (key, move, pose, pose_and_move, key_a_bone) else None
+    layer().update()
+    cast.assert_same()
+    cast.play([2, 8])
+
+
+def test_posing_by_hand_keeps_it_computed(cast, monkeypatch):
+    cast.accelerate()
+    cast.play([3, 4])
+    built = []
+    build = freezing()._build
+    monkeypatch.setattr(freezing(), "_build", lambda *arguments: built.append(arguments) or build(*arguments))
+    for frame in (5, 6, 8):
+        pose(cast)
+        layer().update()
+        cast.assert_same()
+        cast.play([frame])
+        assert cast.rig.is_frozen
+    assert built == []
+
+
+def test_after_what_it_follows_was_hidden_it_is_not_posed_without_it(cast):
+    """Blender may not evaluate what is hidden."""
+    cast.accelerate()
+    cast.play([3, 4])
+    hide(cast)
+    cast.play([5, 8])
+    pose(cast)
+    layer().update()
+    cast.assert_same()
+    assert not cast.rig.is_idle
+
+
+def test_undo(cast):
+    bpy.ops.ed.undo_push(message="before")
+    cast.accelerate()
+    cast.play([3, 4])
+    bpy.ops.ed.undo_push(message="frame")
+    cast.move(cast.wheel)
+    layer().update()
+    cast.assert_same()
+    bpy.ops.ed.undo_push(message="move")
+    cast.undo()
+    cast.assert_same()
+    cast.play([5, 4])
+
+
+def with_constraint(cast):
+    cast.wheel.constraints.new("LIMIT_LOCATION")
+    return "Wheel has constraints"
+
+
+def with_driver(cast):
+    cast.ball.driver_add("location", 0).driver.expression = "frame / 10"
+    return "location of Ball has a driver"
+
+
+def in_a_hand(cast):
+    cast.ball.parent, cast.ball.parent_type, cast.ball.parent_bone = cast.live[0], "BONE", "bone3"
+    return "Ball is a child of a part of"
+
+
+def with_strips(cast):
+    data = cast.ball.animation_data
+    data.nla_tracks.new().strips.new("strip", 1, data.action)
+    data.action = None
+    return "Ball is animated by strips of the NLA"
+
+
+def with_mode(cast):
+    cast.ball.keyframe_insert("rotation_mode", frame=1)
+    return "rotation_mode of Ball is keyed"
+
+
+def hidden(cast):
+    cast.ball.hide_set(True)
+    return "Ball is hidden"
+
+
+def read_by_a_driver(cast):
+    for armature, *_ in both(cast):
+        driver = armature.pose.bones["bone3"].driver_add("location", 0).driver
+        driver.type, variable = "SUM", driver.variables.new()
+        variable.type, variable.targets[0].id = "TRANSFORMS", cast.ball
+    return "drivers read it"
+
+
+REASONS = (with_constraint, with_driver, in_a_hand, with_strips, with_mode, hidden, read_by_a_driver)
+
+
+@pytest.mark.parametrize("prepare", REASONS)
+def test_what_moves_otherwise_keeps_it_live(cast, prepare):
+    clause = prepare(cast)
+    wait(cast)
+    assert not cast.rig.is_frozen and clause in cast.rig.reason
+    cast.play()
+
+
+def test_what_stays_may_have_modifiers(cast):
+    """They change its shape, not its place."""
+    cast.ball.animation_data_clear()
+    cast.ball.modifiers.new("Bevel", "BEVEL")
+    cast.accelerate()
+    cast.play()
+    cast.move(cast.ball)
+    layer().update()
+    cast.assert_same()
+
+
+def test_it_can_be_frozen(cast):
+    freezing().freeze([recorded().learn(cast.frozen[0])], cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play([*FRAMES, 3])
+    cast.move(cast.wheel, 6)
+    layer().update()
+    cast.play([*FRAMES, 3])
