@@ -201,7 +201,7 @@ def test_bones_that_follow_what_may_move_on_the_same_armature(cast, follow, make
     hang(cast, follow, make, "bone4")
     cast.record()
     freezing().freeze([cast.rig], cast.scene, layer())
-    assert cast.rig.reason == reason and not cast.rig.is_frozen
+    assert cast.rig.reason.startswith(reason) and not cast.rig.is_frozen
     cast.play()
 
 

@@ -221,8 +221,14 @@ def test_of_two_one_is_thawed(cast):
 # --- who cannot -----------------------------------------------------------------------------------
 
 
+def key_a_way(ob):
+    for frame in (1, 10):
+        ob.location.x += 0.5
+        ob.keyframe_insert("location", frame=frame)
+
+
 def with_moving_object(cast, armature, _ob, _prop):
-    armature.keyframe_insert("location", frame=1)
+    key_a_way(armature)
     return "itself is animated (location"
 
 
@@ -363,7 +369,7 @@ def test_freezing_records_what_is_not_recorded(cast):
 
 
 def test_the_operator_says_why_not(cast):
-    cast.frozen[0].keyframe_insert("location", frame=1)
+    key_a_way(cast.frozen[0])
     select(cast.frozen[0])
     with pytest.raises(RuntimeError, match="itself is animated"):
         bpy.ops.object.sinew_freeze()
@@ -498,3 +504,51 @@ def test_motion_in_a_render_is_live(cast):
         bpy.app.handlers.frame_change_post.remove(look)
     cast.play()
     assert all(np.array_equal(*shapes) for shapes in seen.values())
+
+
+def key_place(cast):
+    """As importers do."""
+    for armature, *_ in both(cast):
+        armature.location, armature.rotation_euler, armature.scale = (1, 2, 3), (0.1, 0.2, 0.3), (2, 2, 2)
+        for name in ("location", "rotation_euler", "scale"):
+            armature.keyframe_insert(name, frame=1)
+            armature.keyframe_insert(name, frame=10)
+    layer().update()
+
+
+def test_an_object_whose_keyframes_do_not_move_it_is_frozen(cast):
+    key_place(cast)
+    cast.freeze()
+    cast.play([*FRAMES, 3])
+    assert cast.rig.is_frozen
+
+
+def move_by_hand(cast):
+    for armature, *_ in both(cast):
+        armature.location.x = 5
+
+
+def move_a_key_of_its_place(cast):
+    for armature, *_ in both(cast):
+        curve = next(
+            each
+            for each in addon_module("blender.animation").keyed_curves(armature)
+            if each.data_path == "location" and each.array_index == 2
+        )
+        curve.keyframe_points[1].co.y = -7
+        curve.update()
+        armature.animation_data.action.update_tag()
+
+
+@pytest.mark.parametrize("is_seen", (True, False))
+@pytest.mark.parametrize("edit", (move_by_hand, move_a_key_of_its_place))
+def test_it_is_live_when_they_do(cast, edit, is_seen):
+    key_place(cast)
+    cast.freeze()
+    cast.play([4])
+    edit(cast)
+    if is_seen:
+        layer().update()
+        cast.assert_same()
+    cast.play([5, 8, 1])
+    assert cast.frozen[0].location.x == 1

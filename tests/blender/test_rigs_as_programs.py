@@ -423,6 +423,9 @@ def test_settings_of_constraints_have_blenders_types_and_limits(armature):
 
 def test_a_moving_object_is_refused(armature):
     armature.keyframe_insert("location", frame=1)
+    assert differences(armature) == []
+    armature.location.z += 1
+    armature.keyframe_insert("location", frame=9)
     assert "Rig itself moves (its location is animated): move a bone instead" in refusal(armature)
 
 

@@ -5,9 +5,11 @@ from collections.abc import Iterable
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..host import actions
 
+PLACE = "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale"  # of an object
 GROUPS_MUTE = bpy.app.version < (4, 4, 0)  # later versions evaluate the curves of muted groups
 
 
@@ -115,6 +117,18 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
         if isinstance(value, (int, float)) and abs(value - keyed) > off:
             return curve.data_path
     return ""
+
+
+def stays(ob: bpy.types.Object, curve: bpy.types.FCurve) -> bool:
+    """Whether a curve of keyframes sets, on all frames, a number of an object's place to what it is now: as importers
+    key the place of an armature that does not move."""
+    if curve.driver is not None or curve.data_path not in PLACE:
+        return False
+    points, value = curve.keyframe_points, getattr(ob, curve.data_path)[curve.array_index]
+    numbers = np.empty((3, 2 * len(points)), np.float32)
+    for name, row in zip(("co", "handle_left", "handle_right"), numbers):
+        points.foreach_get(name, row)
+    return len(points) > 0 and not len(curve.modifiers) and bool((numbers[:, 1::2] == np.float32(value)).all())
 
 
 def find_curve(block: bpy.types.ID, path: str) -> bpy.types.FCurve | None:

@@ -221,7 +221,9 @@ def constraints_on(rig: Any, targets: list[Any]) -> list[tuple[Any, list[Any]]]:
 
 def check_place(rig: Any) -> None:
     """Raises NotFreezable if an armature object may move as a whole while nobody edits it."""
-    own = sorted(path for path in animation.animated_paths(rig) if not path.startswith(("pose.", '["')))
+    curves = [*animation.drivers_of(rig), *animation.keyed_curves(rig)]
+    others = [curve for curve in curves if not curve.data_path.startswith(("pose.", '["'))]
+    own = sorted({curve.data_path for curve in others if not animation.stays(rig, curve)})
     if own:
         raise NotFreezable(
             f"{rig.name} itself is animated ({listed(own)}), not only its bones: animate its root bone instead"

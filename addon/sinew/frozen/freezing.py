@@ -383,10 +383,11 @@ def _evaluate_keys(rig: rigs.Rig) -> None:
 
 
 def _has_other_keys(ob: Any) -> bool:
-    """Whether keyframes set anything that is not recorded, such as custom properties."""
+    """Whether keyframes set anything that is not recorded, such as custom properties. They do not move the object."""
     ends = tuple(f'"].{name}' for name in poses.RECORDED)
     return any(
-        not (curve.data_path.startswith("pose.") and curve.data_path.endswith(ends))
+        curve.data_path not in animation.PLACE
+        and not (curve.data_path.startswith("pose.") and curve.data_path.endswith(ends))
         or "constraints[" in curve.data_path
         for curve in animation.keyed_curves(ob)
     )

@@ -55,6 +55,8 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
             for curve in curves.curves_in_effect(block):
                 if (own := curve.data_path) not in known:
                     path = path_of(start, own)
+                    if block == ob and animation.stays(ob, curve):
+                        continue
                     known[own] = path if is_wanted(ob, path, found) and exists(block, own) else None
                 if own := known[own]:
                     wanted.append((own, curve))

@@ -22,8 +22,6 @@ def new_scene(random):
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.context.scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     bpy.context.collection.objects.link(bpy.context.scene.camera)
-    for _ in range(random.choice((1, 2))):
-        new_armature(random)
     for name in ("Target 1", "Target 2"):
         target = bpy.data.objects.new(name, None)
         bpy.context.collection.objects.link(target)
@@ -31,6 +29,8 @@ def new_scene(random):
             target.location, target.rotation_euler = some(random, 1), some(random, 1)
             target.keyframe_insert("location", frame=frame)
             target.keyframe_insert("rotation_euler", frame=frame)
+    for _ in range(random.choice((1, 2))):
+        new_armature(random)
     new_cages()
     for _ in range(random.choice((2, 3))):
         new_character(random)
@@ -65,6 +65,9 @@ def new_armature(random):
     armature = make_armature()
     armature.name = armature.data.name = next_name("Rig ")
     is_scaled = random.random() < 0.5
+    if random.random() < 0.5:
+        constraint = armature.pose.bones["side"].constraints.new("COPY_ROTATION")
+        constraint.target = bpy.data.objects.get("Target 1")
     for frame in (1, 7, 14, LAST_FRAME):
         for bone in armature.pose.bones:
             pose_bone(bone, random, is_scaled)

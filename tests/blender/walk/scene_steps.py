@@ -110,12 +110,35 @@ def constrain_bone(random):
         if bone.constraints:
             bone.constraints.remove(bone.constraints[0])
         else:
-            constraint = bone.constraints.new("COPY_ROTATION")
-            constraint.target = bpy.data.objects.get("Target 1")
+            constraint = bone.constraints.new(random.choice(("COPY_ROTATION", "CHILD_OF", "DAMPED_TRACK")))
+            constraint.target = bpy.data.objects.get(random.choice(("Target 1", "Target 2")))
             others = [each for each in scene.armatures() if each != armature and len(each.pose.bones)]
             if others and random.random() < 0.6:
                 constraint.target = random.choice(others)
                 constraint.subtarget = random.choice(constraint.target.pose.bones).name
+
+
+@kind(2)
+def change_target(random):
+    """What bones and hooks follow."""
+    scene.leave_modes()
+    ob, other = (bpy.data.objects.get(name) for name in random.sample(("Target 1", "Target 2"), 2))
+    if ob is None or other is None:
+        return None
+    what = random.choice(("move", "key", "parent", "hide", "stop", "mode"))
+    if what in ("move", "key"):
+        ob.location, ob.rotation_euler, ob.delta_scale = (scene.some(random, 1) for _ in range(3))
+        if what == "key":
+            ob.keyframe_insert("location", frame=random.randint(1, scene.LAST_FRAME))
+    elif what == "parent":
+        ob.parent = other if ob.parent is None and other.parent is None else None
+    elif what == "hide":
+        ob.hide_set(random.random() < 0.5)
+    elif what == "mode":
+        ob.rotation_mode = random.choice(("XYZ", "ZXY", "QUATERNION"))
+    else:
+        ob.animation_data_clear()
+    return f"{what} {ob.name}"
 
 
 @kind(1)
