@@ -29,6 +29,7 @@ class Maker {
       for (float& number : rig.world) number = this->number();
     }
     if (byte() & 1) rig.matrices.push_back({"outside", rig.world});
+    for (int i = byte() % 3; i > 0; --i) object(rig);
     for (int i = 0; i < bones; ++i) bone(rig);
     for (int i = byte() % 6, bone = 0; i > 0; --i) {
       bone = std::min(bone + byte() % 3, raw_ ? bone + 2 : bones - 1);
@@ -69,9 +70,22 @@ class Maker {
     for (int i = byte() % 8; i > 0; --i) bone.values[byte() % bone.values.size()] = number();
   }
 
+  void object(RigDescription& rig) {
+    rig.matrices.push_back({"o" + std::to_string(rig.objects.size()), rig.world});
+    ObjectDescription made{rig.matrices.back().name, static_cast<int>(rig.matrices.size()) - 1,
+                           place(rig.matrices.size()) - 1};
+    if (raw_) made.matrix = place(rig.matrices.size());
+    made.rotation_mode = static_cast<RotationMode>(byte() % 8 - 1);
+    for (int i = byte() % 8; i > 0; --i) made.values[byte() % made.values.size()] = number();
+    if (byte() & 1) made.parent_inverse[byte() % made.parent_inverse.size()] = number();
+    rig.objects.push_back(made);
+  }
+
   RigTarget target(const RigDescription& rig) {
     RigTarget target{static_cast<RigTarget::Type>(byte() % 4), place(rig.bones.size())};
-    if (target.type == RigTarget::Type::outside && !raw_) target.index = 0;
+    if (target.type == RigTarget::Type::outside && !raw_) {
+      target.index = rig.matrices.empty() ? 0 : byte() % static_cast<int>(rig.matrices.size());
+    }
     if (target.type == RigTarget::Type::outside && rig.matrices.empty()) target.type = RigTarget::Type::none;
     return target;
   }
@@ -123,6 +137,7 @@ class Maker {
   std::string path(const RigDescription& rig) {
     static constexpr std::array kProperties = {"location", "rotation_quaternion", "scale", "bbone_rollin",
                                                "ik_stretch"};
+    if (!rig.objects.empty() && byte() % 4 == 0) return "objects[\"o0\"].scale";
     if (!rig.constraints.empty() && byte() & 1) {
       const ConstraintDescription& chosen = rig.constraints[byte() % rig.constraints.size()];
       return "pose.bones[\"b" + std::to_string(chosen.bone) + "\"].constraints[\"" + chosen.name + "\"].influence";

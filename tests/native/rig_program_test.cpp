@@ -139,6 +139,58 @@ TEST(RigProgram, TakesEditsOfValuesAndCurves) {
             "pose.bones[\"tip\"].constraints[\"first\"].influence is a setting of a constraint; build the rig again");
 }
 
+/// Adds an object with a place along X, and returns the number of its matrix.
+int add_object(RigDescription& rig, const std::string& name, int parent, float x) {
+  const int matrix = static_cast<int>(rig.matrices.size());
+  rig.matrices.push_back({name, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+  ObjectDescription object{name, matrix, parent};
+  object.values[kLocation] = x;
+  for (const int part : {0, +kPoseBend}) {
+    object.values[part + kQuaternion] = 1;
+    for (int i = 0; i < 3; ++i) object.values[part + kScale + i] = 1;
+  }
+  rig.objects.push_back(object);
+  return matrix;
+}
+
+/// The tip follows an object, the parent of which moves.
+RigDescription with_objects() {
+  RigDescription rig = two_bones();
+  const int cart = add_object(rig, "cart", -1, 5);
+  const int aim = add_object(rig, "aim", cart, 1);
+  add_constraint(rig, ConstraintType::copy_location, 1).targets.push_back({RigTarget::Type::outside, aim});
+  rig.curves.push_back(curve("objects[\"cart\"].location", 2, {{0, 0}, {10, 20}}));
+  return rig;
+}
+
+TEST(RigProgram, PlacesObjectsThatItFollows) {
+  RigDescription rig = with_objects();
+  const RigProgram program(rig);
+  expect_near(poses_of(program, 5)[1].location(), {6, 0, 10});
+  const float numbers[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 8, 9, 1};
+  expect_near(poses_of(program, 5, {{}, {{0, numbers, 0}}})[1].location(), {8, 8, 9});
+  expect_near(poses_of(program, 5)[1].location(), {6, 0, 10});
+  EXPECT_EQ(complaint([&] {
+              program.edited({{}, {{0, numbers, 0}}}, {});
+            }),
+            "matrix \"cart\" is that of an object that moves; set the object's channels instead");
+
+  std::swap(rig.objects[0], rig.objects[1]);
+  EXPECT_EQ(failure_of(rig), "object \"aim\" comes before its parent; sort the objects");
+  rig.objects[0] = rig.objects[1];
+  EXPECT_EQ(failure_of(rig), "object \"cart\" has the matrix of another object");
+  rig.objects[0].parent = 2;
+  EXPECT_EQ(failure_of(rig), "object \"cart\" has matrix 2 as its parent; expected -1 to 1");
+  rig.objects[0].matrix = 2;
+  EXPECT_EQ(failure_of(rig), "object \"cart\" has matrix 2; the rig has 2");
+  rig = with_objects();
+  rig.objects[0].parent = 0;
+  EXPECT_EQ(failure_of(rig), "object \"cart\" comes before its parent; sort the objects");
+  rig = with_objects();
+  rig.drivers.push_back(driver("objects[\"aim\"].scale", 0, {bone_path("root", "location") + "[0]"}));
+  EXPECT_EQ(failure_of(rig), "a driver sets objects[\"aim\"].scale, which is not computed; use keyframes");
+}
+
 TEST(RigProgram, GivesTheSameBitsWithAnyNumberOfThreads) {
   RigDescription rig = two_bones();
   rig.bones[1].segments = 8;
@@ -301,6 +353,7 @@ TEST(RigProgram, EvaluatingAllKindsOfPartsTakesNoMemory) {
   rig.curves.push_back(curve(root, 0, {{0, 0}, {10, 3}}));
   rig.drivers.push_back(driver(root, 1, {root + "[0]"}, "sin(a) + frame / 10"));
   rig.drivers.push_back(driver(bone_path(rig.bones[count].name, "bbone_rollin"), 0, {root + "[0]"}));
+  add_object(rig, "aim", -1, 5);
   const RigProgram program(rig);
   const std::array<float, 4> frames = {1, 2.5F, 7, 12};
   const auto evaluate = [&] { program.profile(frames, {}); };
