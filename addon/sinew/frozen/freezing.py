@@ -434,7 +434,8 @@ def find_again() -> None:
             watch.expect(graph, rig.watch.blocks)  # Blender copies all armatures again, with or without changes
             rig.watch.action, rig.has_edited_keys = watch.own_action(rig.ob), rig.watch.action is not None
             if rig.has_edited_keys == (rig.watch.action is not None):
-                changes.compare_keys(rig, graph)
+                if not rig.needs_program:  # of others nothing is shown before they are computed again
+                    changes.compare_keys(rig, graph)
                 continue
         changes.drop_all(rig)
         rig.followers = Followers()
