@@ -168,6 +168,68 @@ def test_a_character_that_is_frozen_is_compared_first(cast):
     cast.play()
 
 
+def compare_more(cast):
+    """What the timer does while the user does nothing for long."""
+    for number in range(100):
+        if not accelerating().compare_more(cast.scene, layer()):
+            return number
+    raise AssertionError("it does not come to an end")
+
+
+def test_all_frames_are_compared_while_nothing_is_done(cast, monkeypatch):
+    monkeypatch.setattr(addon_module("frozen.comparing"), "SECONDS", 0.02)
+    cast.scene.frame_end = 60
+    cast.play([4])
+    accelerate(cast)
+    compared, names = cast.rig.source.compared, data_names()
+    assert len(compared) < 60 and compare_more(cast) > 1
+    assert compared == set(range(1, 61)) and cast.rig.is_frozen and cast.scene.frame_current == 4
+    assert data_names() == names
+    cast.assert_same()
+    cast.play()
+    assert compare_more(cast) == 0
+    turn(cast)
+    cast.play([5])
+    wait(cast)
+    assert compare_more(cast) > 0 and cast.rig.is_frozen
+    cast.play()
+
+
+class InOrder:
+    def sample(self, found, _count):
+        return found
+
+
+@pytest.mark.says_errors
+def test_a_difference_that_is_found_while_nothing_is_done_has_it_live(cast, monkeypatch):
+    reading, comparing = addon_module("rig_programs.reading"), addon_module("frozen.comparing")
+    read = reading.read
+
+    def read_wrongly(*arguments):
+        found = read(*arguments)
+        curve = next(each for each in found.description["curves"] if each["path"] == 'pose.bones["bone1"].location')
+        curve["keys"][-1][3] += 0.01
+        return found
+
+    monkeypatch.setattr(comparing, "SECONDS", -1)  # one frame
+    monkeypatch.setattr(comparing.random, "Random", InOrder)
+    monkeypatch.setattr(reading, "read", read_wrongly)
+    cast.scene.frame_end = 20
+    for each in both(cast):
+        for frame in (1, 6, 20):
+            each[0].pose.bones["bone1"].keyframe_insert("location", frame=frame)
+            each[0].pose.bones["bone1"].location.x += 0.1
+    cast.play([1])
+    accelerate(cast)
+    cast.play([3])
+    compare_more(cast)
+    assert not cast.rig.is_idle and "bone1 of Rig would have" in cast.rig.source.refusal
+    cast.play([9, 15])
+    wait(cast)
+    assert not cast.rig.is_idle
+    cast.play()
+
+
 @pytest.mark.says_errors
 def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     """A key of a later frame that is read wrongly makes no difference on this one."""

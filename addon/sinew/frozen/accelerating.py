@@ -67,6 +67,17 @@ def step(scene: Any, layer: Any, number: int) -> bool:
     return len(due) < len(own)
 
 
+def compare_more(scene: Any, layer: Any) -> bool:
+    """Compares one of the rigs that are accelerated with Blender on more frames, while the user has done nothing for a
+    while. Returns False if there is none left."""
+    for rig in rigs.frozen():
+        if rig.needs_program and rig.source.is_proven and rig.scene == scene and not rig.source.is_compared:
+            if comparing.compare(rig, scene, len(range(scene.frame_start, scene.frame_end + 1))):
+                freezing.thaw([rig] if rig.source.refusal else [], scene, layer)
+            return True
+    return False
+
+
 def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:
     rig.tries = 0 if has_succeeded else min(2 * rig.tries + 1, MOST_TO_SKIP)
     rig.tries_to_skip, rig.tried_at = rig.tries, number

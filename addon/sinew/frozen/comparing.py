@@ -12,32 +12,37 @@ import bpy
 
 from ..blender import animation, dependencies
 from ..host import poses
+from ..rig_programs import objects
 from . import computing, differences, rigs
 
 NAME = ".Sinew Frames"
-MOST_FRAMES = 16
+MOST_FRAMES = 16  # before a rig is accelerated
 SECONDS = 0.1  # after which no other frame is begun
 
 
-def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
+def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int = MOST_FRAMES) -> bool:
     """Compares a program that was proven on the scene's frame with Blender on others, to the bit. If any differs, there
     is no program. Blender writes the values of an evaluated frame into the originals, so nothing is compared while the
-    armature, or one that it follows, has been edited without a key, and no other frame if keyframes move anything else
+    armature, or what it follows, has been edited without a key, and no other frame if keyframes change anything else
     that it needs. Call it in the main thread, outside an evaluation. Returns whether Blender has evaluated, so that
     freezing.keep_frozen has to follow."""
     source, spent, now = rig.source, [], scene.frame_current
-    chain = dependencies.chain(rig.ob)
-    if scene.frame_subframe or any(animation.unkeyed_path(each, scene.frame_current_final) for each in chain):
+    chain, source.is_compared = dependencies.chain(rig.ob), True
+    used = [each for each in dependencies.used([rig.ob], bpy.data.user_map()) if rigs.has_animation(each)]
+    if scene.frame_subframe or any(animation.unkeyed_path(each, scene.frame_current_final) for each in (*chain, *used)):
         return False
     source.compared.add(now)
-    used = dependencies.used([rig.ob], bpy.data.user_map())
-    if any(rigs.has_animation(each) for each in used if each not in chain):
+    if not all(isinstance(each, bpy.types.Object) and (each in chain or not objects.why_not(each)) for each in used):
+        return False
+    lacking = [frame for frame in range(scene.frame_start, scene.frame_end + 1) if frame not in source.compared]
+    source.is_compared = not lacking
+    if not lacking:
         return False
     with _on_frames(rig.ob) as evaluated_on:
         try:
             evaluated_on(now)  # which builds relations
             began = perf_counter()
-            for frame in _some(scene):
+            for frame in random.Random().sample(lacking, min(len(lacking), most_frames)):
                 moment = computing.moment(rig, frame)
                 if moment is None:  # so that Blender would disable a driver
                     return True
@@ -53,14 +58,8 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene) -> bool:
                     break
         finally:
             evaluated_on(now)
-    source.blender_milliseconds = median(spent)
+    source.blender_milliseconds = median(spent) if spent else source.blender_milliseconds
     return True
-
-
-def _some(scene: bpy.types.Scene) -> list[int]:
-    """Returns some frames of the scene's range, in a random order."""
-    frames = range(scene.frame_start, scene.frame_end + 1)
-    return random.Random().sample(frames, min(len(frames), MOST_FRAMES))
 
 
 @contextmanager

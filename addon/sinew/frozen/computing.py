@@ -52,7 +52,7 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         rig.last = None
         if rig.source.is_proven:  # something has changed that was not noticed
             changes.drop_all(rig)
-        elif not animation.unkeyed_path(rig.ob, scene.frame_current_final):
+        elif not (animation.unkeyed_path(rig.ob, scene.frame_current_final) or followers.unkeyed(rig.ob, scene)):
             differences.note(rig, differences.Difference.between(rig, copy, frame))
 
 
@@ -173,7 +173,9 @@ def read_again(rig: rigs.Rig, graph: Any) -> bool:
     except (ValueError, KeyError, ReferenceError):
         return False
     compared = set() if any(edit) else last.source.compared
-    rig.source = replace(last.source, program=program, leaders=leaders, is_proven=False, heads={}, compared=compared)
+    rig.source = replace(
+        last.source, program=program, leaders=leaders, is_proven=False, heads={}, compared=compared, is_compared=False
+    )
     rig.watch, rig.keys, rig.has_edited_keys = new, keys, False
     rig.last = _Last(rig.source, last.known, keys, new)
     return True

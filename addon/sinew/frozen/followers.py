@@ -189,6 +189,12 @@ def moving(rig: Any) -> list[Any]:
     return [each for each in outside if each.type != "ARMATURE" and not is_still(each, rig)]
 
 
+def unkeyed(rig: Any, scene: Any) -> str:
+    """Returns the name of what `moving` returns, or of a parent, that is not where its keyframes put it, or ""."""
+    time, all_moving = scene.frame_current_final, dependencies.with_parents(moving(rig))
+    return next((each.name for each in all_moving if each != rig and animation.unkeyed_path(each, time)), "")
+
+
 def check_moving(rig: Any, layer: Any) -> None:
     """Raises NotFreezable if an armature object follows a moving object in another way than by constraints, or one
     whose place on each frame is not known from keyframes."""

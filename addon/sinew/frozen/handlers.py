@@ -13,8 +13,10 @@ from . import accelerating, computing, freezing, ghosts, playing, rigs
 
 log = logging.getLogger("sinew")
 SECONDS_BETWEEN_LOOKS = 0.3  # between attempts to freeze again what is wanted frozen
+LOOKS_BEFORE_COMPARING = 10  # without anything to do
 _tried = (0, False)  # the number of evaluations at the last attempt, and whether the scene played
 _has_accelerated = False  # all that can be done without another evaluation
+_looks = 0  # since then
 # In the background: whoever has changed so many frames changes more, and it pays to read the rigs.
 FRAMES_AHEAD = 24
 _frames = 0  # that were changed since
@@ -79,7 +81,7 @@ def freeze_again() -> float:
     """Freezes again what is wanted frozen and is not selected, as a timer. While the scene plays only what was thawed
     together with another one, which takes one building of relations. If nothing has been evaluated since the last call,
     accelerates rigs. Returns the seconds until the next call."""
-    global _tried, _has_accelerated
+    global _tried, _has_accelerated, _looks
     context = bpy.context
     if context.window is None or evaluations.is_job_running():
         return SECONDS_BETWEEN_LOOKS
@@ -89,20 +91,26 @@ def freeze_again() -> float:
             freezing.freeze_again(context.scene, context.view_layer, is_playing)
         except Exception:
             log.exception("nothing could be frozen again")
-        _tried, _has_accelerated = (playing.evaluation_count(), is_playing), False
-    elif not _has_accelerated and not is_playing and not getattr(context.window, "modal_operators", ()):
-        _has_accelerated = True
+        _tried, _has_accelerated, _looks = (playing.evaluation_count(), is_playing), False, 0
+    elif context.scene.sinew_accelerates_rigs and not (is_playing or getattr(context.window, "modal_operators", ())):
+        was_done, _has_accelerated = _has_accelerated, True
         try:
-            is_on = context.scene.sinew_accelerates_rigs
-            _has_accelerated = not (
-                is_on and accelerating.step(context.scene, context.view_layer, playing.evaluation_count())
-            )
-            if not _has_accelerated:
+            if _accelerate(context.scene, context.view_layer, was_done):
                 notice.redraw()
         except Exception:
             log.exception("no rig could be accelerated")
         _tried = playing.evaluation_count(), is_playing
     return SECONDS_BETWEEN_LOOKS
+
+
+def _accelerate(scene: Any, layer: Any, is_done: bool) -> bool:
+    """Accelerates a rig, or if that is done, compares one now and then. Returns whether anything has come of it."""
+    global _has_accelerated, _looks
+    if not is_done:
+        _has_accelerated = not accelerating.step(scene, layer, playing.evaluation_count())
+        return not _has_accelerated
+    _looks = (_looks + 1) % LOOKS_BEFORE_COMPARING
+    return _looks == 0 and accelerating.compare_more(scene, layer)
 
 
 HANDLERS = (

@@ -105,6 +105,8 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
     bone = unkeyed_bone(rig, scene)
     if bone:
         return f"{rig.name} has changes that are not keyed (bone {bone})"
+    if followed := followers.unkeyed(rig.ob, scene):
+        return f"{followed}, which {rig.name} follows, has changes that are not keyed"
     if rig.difference is not None:
         return rig.difference.sentence(rig.ob)
     return f"the pose of {rig.name} is not exactly what was computed"

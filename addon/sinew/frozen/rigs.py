@@ -45,6 +45,7 @@ class Source:
     refusal: str = ""  # why there is no program
     heads: dict[int, Any] = field(default_factory=dict)  # of bones, by frame, see paths.py
     compared: set[int] = field(default_factory=set)  # frames on which it is what Blender has, see comparing.py
+    is_compared: bool = False  # on all frames of the scene's range on which it can be
     blender_milliseconds: float = 0.0  # that Blender takes for a frame
 
 
