@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from characters import add_shape_keys, smoothed
-from helpers import addon_module, evaluated, select
+from helpers import addon_module, evaluated, needs_rig_programs, select
+from test_accelerated_rigs import accelerating, keep_live, wait
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
+from test_frozen_who import both
 
 
 @pytest.fixture
@@ -94,6 +96,72 @@ def test_ghosts_are_the_shapes_of_their_frames(cast, settings, is_frozen):
     cast.scene.frame_set(9)
     assert_ghosts(cast, [])
     assert cast.rig.is_frozen == is_frozen
+
+
+@pytest.fixture
+def computed(cast, monkeypatch):
+    """The cast, of which the first is accelerated as soon as nothing is done."""
+    monkeypatch.setattr(accelerating(), "LEAST_WORK", 0)
+    keep_live(cast)
+    return cast
+
+
+def fill(cast, frames):
+    """What the timer does. Returns whether anything was evaluated."""
+    wait(cast)
+    is_any = ghosts().fill(cast.scene, frames)
+    if is_any:
+        freezing().keep_frozen(cast.scene, layer())
+    return is_any
+
+
+@needs_rig_programs
+@pytest.mark.parametrize("is_accelerated_first", (True, False))
+def test_ghosts_of_a_computed_rig_need_no_playing(computed, settings, is_accelerated_first):
+    settings.before, settings.after, settings.step = 2, 3, 1
+    computed.scene.frame_set(4)
+    if is_accelerated_first:
+        wait(computed)
+    toggle(computed)
+    assert fill(computed, [2, 3, 5, 6, 7]) and computed.rig.is_frozen
+    computed.assert_same()
+    assert not fill(computed, [2, 3, 5, 6, 7])
+    assert_drawn_as_live(computed, [2, 3, 5, 6, 7])
+    for armature, *_ in both(computed):
+        armature.pose.bones["bone1"].location.x += 0.4
+        armature.pose.bones["bone1"].keyframe_insert("location", frame=4)
+    layer().update()
+    computed.play([4])
+    assert fill(computed, [2, 3, 5, 6, 7])
+    assert_drawn_as_live(computed, [2, 3, 5, 6, 7])
+    computed.play()
+    assert computed.rig.is_frozen
+
+
+def assert_drawn_as_live(cast, frames):
+    frame, drawn, wanted = cast.scene.frame_current, drawings(), live_shapes(cast, frames)
+    found = {}
+    for each in drawn:
+        found.setdefault(each.ghost.key[1], []).append(world(each.ghost.shape.positions, each.ghost.shape.matrix))
+    assert sorted(found) == frames and cast.scene.frame_current == frame
+    for each in frames:
+        for shape in wanted[each]:
+            assert any(np.allclose(shape, other, atol=1e-5) for other in found[each] if other.shape == shape.shape)
+
+
+@needs_rig_programs
+def test_what_is_simulated_or_not_keyed_is_not_evaluated_on_other_frames(computed, settings):
+    flag = bpy.data.objects.new("Flag", computed.frozen[2].data.copy())
+    computed.scene.collection.objects.link(flag)
+    flag.parent, cloth = computed.frozen[0], flag.modifiers.new("Cloth", "CLOTH")
+    toggle(computed)
+    assert not fill(computed, [2, 3]) and computed.rig.is_frozen
+    flag.modifiers.remove(cloth)
+    computed.frozen[1].data.vertices[0].co.x += 0.1  # no keyframe sets it
+    assert fill(computed, [2])
+    computed.frozen[0].pose.bones["bone1"].location.x += 0.4
+    layer().update()
+    assert not fill(computed, [3])
 
 
 def test_there_are_none_unless_somebody_asks(cast, settings):
@@ -226,8 +294,8 @@ def test_no_ghost_is_older_than_an_edit_of_the_mesh(cast, settings, edit):
     cast.record()
     cast.freeze()
     cast.scene.frame_set(5)
-    for _, *both, _prop in (cast.frozen, cast.live):
-        for ob in both:
+    for _, *meshes, _prop in (cast.frozen, cast.live):
+        for ob in meshes:
             edit(ob)
     layer().update()
     assert_ghosts(cast, sorted(shown(cast, cast.frozen[1])))

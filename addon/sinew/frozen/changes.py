@@ -118,9 +118,7 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
 def can_record(rig: rigs.Rig, scene: Any, graph: Any) -> bool:
     """Whether the scene's frame of an armature can be recorded."""
     is_there = rigs.evaluated_copy(rig, graph) is not None and rigs.whole_frame(scene) is not None
-    return (
-        is_there and not rig.needs_program and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
-    )
+    return is_there and rig.is_recorded and rig.to_skip == 0 and rig.ob.mode != "EDIT" and rigs.has_animation(rig.ob)
 
 
 def ask_for_shapes(own: Sequence[rigs.Rig], graph: Any) -> None:

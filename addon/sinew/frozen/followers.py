@@ -97,13 +97,18 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
     if meshes:
         found.shaped += [ob for ob in bpy.data.objects if ob.data in meshes and _is_evaluated(ob, graph)]
     for ob in found.objects:
-        simulated = next((each for each in ob.modifiers if each.type in _SIMULATED), None)
-        if simulated is not None or ob.rigid_body is not None or ob.soft_body is not None:
+        if is_simulated(ob):
             raise NotFreezable(f"{ob.name} is simulated, and a simulation needs each frame of its armature")
     data = [ob.data for ob in (*found.hooked, *found.shaped) if ob.data is not None]
     data += [each.shape_keys for each in data if getattr(each, "shape_keys", None) is not None]
     found.keys, found.copied = frozenset(map(values.key_of, found.objects)), [*found.objects, *data]
     return found
+
+
+def is_simulated(ob: Any) -> bool:
+    """Whether an object's shape or place depends on the frames before."""
+    is_body = ob.rigid_body is not None or ob.soft_body is not None
+    return is_body or any(each.type in _SIMULATED for each in ob.modifiers)
 
 
 def _made_by(groups: set[Any], users: dict[Any, set[Any]], graph: Any) -> list[Any]:

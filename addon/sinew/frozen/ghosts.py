@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..blender import meshes, values
-from . import freezing, playing, recording, records, rigs
+from . import computing, elsewhere, followers, freezing, playing, recording, records, rigs
 
 MOST_FACES = 2_000_000  # of a mesh that is shown as a ghost
 
@@ -106,6 +106,29 @@ def keep_now(scene: Any, layer: Any) -> None:
     _keep_all(scene, layer.depsgraph)
 
 
+def fill(scene: Any, frames: Iterable[int]) -> bool:
+    """Keeps the shapes of frames that were never played, of characters whose rigs are computed: Blender evaluates them
+    elsewhere. Call it in the main thread, outside an evaluation. Returns whether it has, so that freezing.keep_frozen
+    has to follow."""
+    is_any = False
+    for rig in shown():
+        lacking = [frame for frame in frames if recording.lacks(rig, frame)]
+        objects = [rig.ob, *filter(rigs.is_alive, rig.skins.objects)]
+        if not lacking or not (rig.is_frozen and rig.source.is_proven and rig.scene == scene):
+            continue
+        if any(map(followers.is_simulated, objects)) or elsewhere.animated(objects, scene) is None:
+            continue
+        is_any = True
+        computing.fill([rig], lacking)
+        with elsewhere.on_frames(objects, scene) as evaluated_on:
+            for frame in lacking:
+                graph, moment = evaluated_on(frame), rig.record.at(frame)
+                if moment is not None and rigs.is_shown(rig, graph, moment):
+                    _keep_frame(rig, graph, frame, moment)
+                rig.skins.seen[frame] = moment  # and is not tried again
+    return is_any
+
+
 def find_again() -> None:
     """Finds all meshes again after an undo step, which may have replaced them."""
     for rig in rigs.known():
@@ -149,11 +172,15 @@ def _keep_all(scene: Any, graph: Any) -> None:
         if frame is None or moment is None or not rigs.is_shown(rig, graph, moment):
             continue
         try:
-            for ob in rig.skins.objects:
-                _keep(rig.skins, ob, graph, frame, moment)
-            rig.skins.seen[frame] = moment
+            _keep_frame(rig, graph, frame, moment)
         except ReferenceError:  # one was removed, and another one added
             _find_objects(rig)
+
+
+def _keep_frame(rig: rigs.Rig, graph: Any, frame: int, moment: Any) -> None:
+    for ob in rig.skins.objects:
+        _keep(rig.skins, ob, graph, frame, moment)
+    rig.skins.seen[frame] = moment
 
 
 def _look_at_edits(rig: rigs.Rig, graph: Any) -> None:

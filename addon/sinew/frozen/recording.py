@@ -18,11 +18,12 @@ def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
 def missing(rig: rigs.Rig, scene: bpy.types.Scene) -> list[int]:
     """Returns the frames of the range that are not recorded, or not with the shapes that its onion skins need."""
     first, last = frame_range(scene)
-    return [
-        frame
-        for frame in range(first, last + 1)
-        if frame not in rig.record or rig.skins is not None and rig.skins.lacks(frame, rig.record.at(frame))
-    ]
+    return [frame for frame in range(first, last + 1) if lacks(rig, frame)]
+
+
+def lacks(rig: rigs.Rig, frame: int) -> bool:
+    """Whether a frame is not recorded, or not with the shapes that onion skins need."""
+    return frame not in rig.record or rig.skins is not None and rig.skins.lacks(frame, rig.record.at(frame))
 
 
 def armatures_of(objects: Iterable[Any]) -> list[Any]:

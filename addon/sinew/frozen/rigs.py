@@ -105,13 +105,18 @@ class Rig:
         """Whether it is frozen whenever possible."""
         return self.state is not State.LIVE
 
+    @property
+    def is_recorded(self) -> bool:
+        """Whether moments are kept: of those that are only accelerated for their onion skins."""
+        return not self.needs_program or self.skins is not None
+
     def at(self, time: float) -> Any:
         """Returns the Moment at that frame or between two, or None if it is neither recorded nor computed."""
         return self.passing[1] if self.passing is not None and self.passing[0] == time else self.record.at(time)
 
     def keep(self, time: float, moment: Any) -> None:
         """Keeps a Moment: in the record, or until there is another one if it is only accelerated or between frames."""
-        if self.needs_program or time != int(time):
+        if not self.is_recorded or time != int(time):
             self.passing = time, moment
         else:
             self.record.put(int(time), moment)

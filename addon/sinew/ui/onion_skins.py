@@ -3,14 +3,20 @@
 import bpy
 
 from ..feedback import notice
-from ..frozen import ghosts, rigs
+from ..frozen import freezing, ghosts, playing, rigs
+from ..host import evaluations
+from ..main import callbacks
 from . import frozen, ghost_drawing, onion_settings, path_drawing, preferences
 from .panels import InSidebar
 
+SECONDS_BETWEEN_LOOKS = 0.3
+LOOKS_BEFORE_FILLING = 3  # in which nothing is evaluated
+_seen, _looks = 0, 0  # the number of evaluations at the last look, and how many looks there were since
+
 
 class ToggleOnionSkins(bpy.types.Operator):
-    """Show ghosts of the selected characters before and after the current frame, on all frames that are recorded or
-    play from now on; press again to hide them. The file does not change"""
+    """Show ghosts of the selected characters before and after the current frame: at once if their rigs are computed,
+    otherwise on all frames that play from now on. Press again to hide them. The file does not change"""
 
     bl_idname = "object.sinew_onion_skins"
     bl_label = "Onion Skins"
@@ -32,9 +38,33 @@ class ToggleOnionSkins(bpy.types.Operator):
         if change is ghosts.show:
             ghosts.keep_now(context.scene, context.view_layer)
             if not any(ghosts.is_complete(rig, context.scene) for rig in own):
-                self.report({"INFO"}, "Ghosts appear on the frames that you play from now on. Record plays all of them")
+                self.report(
+                    {"INFO"},
+                    "Ghosts of rigs that are computed appear in a moment, others on the frames that you play from now "
+                    "on. Record plays all of them",
+                )
         notice.redraw()
         return {"FINISHED"}
+
+
+def fill() -> float:
+    """Has ghosts around the current frame made that are missing, as a timer, once nothing has been evaluated for a
+    moment. Returns the seconds until the next call."""
+    global _seen, _looks
+    context, settings = bpy.context, preferences.of_sinew()
+    if context.window is None or settings is None or not ghosts.shown() or evaluations.is_job_running():
+        return SECONDS_BETWEEN_LOOKS
+    now = playing.evaluation_count()
+    _looks, _seen = _looks + 1 if _seen == now else 0, now
+    is_busy = context.screen.is_animation_playing or getattr(context.window, "modal_operators", ())
+    if _looks == LOOKS_BEFORE_FILLING and not is_busy:
+        _looks, scene, layer = 0, context.scene, context.view_layer
+        onion = settings.onion
+        around = ghosts.frames_around(scene.frame_current, onion.before, onion.after, onion.step)
+        if ghosts.fill(scene, [frame for frame, _steps in around]):
+            freezing.keep_frozen(scene, layer)
+            notice.redraw()
+    return SECONDS_BETWEEN_LOOKS
 
 
 def are_shown(context: bpy.types.Context) -> bool:
@@ -62,9 +92,11 @@ def register() -> None:
     register_classes()
     ghost_drawing.start()
     path_drawing.start()
+    callbacks.start(fill)
 
 
 def unregister() -> None:
+    callbacks.stop(fill)
     path_drawing.stop()
     ghost_drawing.stop()
     unregister_classes()
