@@ -35,13 +35,13 @@ sanitize_thread() {
       ctest --test-dir "$folder" --output-on-failure -E '/(SSE2|EMU128|SCALAR)( |$)'
 }
 
-# [WHAT...]: of the Python tests; without, all
+# [WHAT...]: of the Python tests; without, all, and with all instruction sets
 sanitize_address() {
-  [ $# -gt 0 ] || set -- tests/python
-  say "native tests under the address,undefined sanitizer"
-  local folder=$BUILD/sanitize-address runtime='' library
+  local folder=$BUILD/sanitize-address runtime='' library sets=$ONE_INSTRUCTION_SET
   # SSE2 has vectors of the same size.
-  build_sanitized "$folder" address,undefined -DSINEW_DISABLED_TARGETS=HWY_SSE4 &&
+  [ $# -gt 0 ] || { set -- tests/python && sets=-DSINEW_DISABLED_TARGETS=HWY_SSE4; }
+  say "native tests under the address,undefined sanitizer"
+  build_sanitized "$folder" address,undefined "$sets" &&
     ASAN_OPTIONS=$NO_MEMORY_IS_NO_FAULT ctest --test-dir "$folder" --output-on-failure || return 1
   say "Python tests under the address,undefined sanitizer"
   for library in libasan.so libubsan.so libstdc++.so.6; do

@@ -1,5 +1,6 @@
 import os
 import sys
+from collections import Counter
 
 import bpy
 import pytest
@@ -58,6 +59,22 @@ def usd():
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "says_errors: something goes wrong on purpose, and the log says so")
+    config.addinivalue_line("markers", "sampled(share): where SINEW_SAMPLES is a number, one in so many cases is tried")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Which cases are tried depends on that number and on Blender's version: each change tries others."""
+    number, counts, kept, left = os.environ.get("SINEW_SAMPLES"), Counter(), [], []
+    for item in items:
+        marker = item.get_closest_marker("sampled")
+        name = item.nodeid.partition("[")[0]
+        is_kept = (
+            not number or marker is None or (counts[name] + int(number) + bpy.app.version[1]) % marker.args[0] == 0
+        )
+        counts[name] += 1
+        (kept if is_kept else left).append(item)
+    config.hook.pytest_deselected(items=left)
+    items[:] = kept
 
 
 @pytest.fixture(autouse=True)
