@@ -6,7 +6,8 @@ Medians of whole `scene.frame_set` calls over 40 different frames, alternating b
 meshes hidden), Blender's modifiers with Sinew's handlers removed, Sinew while Blender evaluates the rigs, and Sinew
 with rigs accelerated, if they are large enough. Of the first three, the figure to compare is the time that the meshes
 add to the rig alone: how many times smaller it is with Sinew. Without options: a chain
-of 22 bones with up to a million vertices and ten such characters in one scene, and Rigify's human.
+of 22 bones with up to a million vertices and ten such characters in one scene, and Rigify's human. Of a .blend file the
+largest armature whose name begins with "RIG" is taken.
 """
 
 import argparse
@@ -22,7 +23,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from bench_rigs import ADDON, CHAIN, FOLLOWER, RIGS, STACKS, make_characters, select
+from bench_rigs import ADDON, CHAIN, FOLLOWER, RIGS, STACKS, is_file, make_characters, select
 
 FRAMES = range(2, 42)
 SIZES, LARGE = (30_000, 180_000), 1_000_000
@@ -135,7 +136,7 @@ def measure(rig, vertices, count=1, stack="", outputs=("MODIFIER",)):
     return row_of(
         {name: statistics.median(each) for name, each in times.items()},
         {
-            "rig": rig,
+            "rig": Path(rig).stem,
             "bones": len(meshes[0].parent.data.bones),
             "vertices": len(meshes[0].data.vertices),
             "characters": count,
@@ -228,9 +229,18 @@ def line(row):
     )
 
 
+def rig_of(text):
+    if is_file(text):
+        return str(Path(text).resolve(strict=True))
+    if text not in (*RIGS, "all"):
+        raise argparse.ArgumentTypeError(f"{text} is neither a rig nor a .blend file")
+    return text
+
+
 def parsed(arguments):
     parser = argparse.ArgumentParser(prog="bench_playback.py", description=__doc__.splitlines()[0])
-    parser.add_argument("--rig", action="append", choices=(*RIGS, "all"), help="may be repeated")
+    names = ", ".join((*RIGS, "all"))
+    parser.add_argument("--rig", action="append", type=rig_of, help=f"{names}, or a .blend file; may be repeated")
     parser.add_argument("--stack", action="append", choices=STACKS, dest="stacks", help="may be repeated")
     parser.add_argument("--vertices", action="append", type=int, help="of a mesh; may be repeated")
     parser.add_argument("--characters", type=int, help="how many are in one scene")

@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from bench_playback import number, print_rows, without_handlers
-from bench_rigs import ADDON, METARIGS, animate, make_generated, sinew
+from bench_rigs import ADDON, METARIGS, animate, make_generated, put_alone, sinew
 
 RIGS = ("human", "cat", "horse", "bird", "shark")
 FRAMES, ROUNDS = range(2, 42), 3
@@ -121,12 +121,7 @@ def of_folder(folder):
         for ob in armatures:
             if len(ob.pose.bones) < LEAST_BONES:
                 continue
-            scene = bpy.data.scenes.new("Rig")
-            scene.collection.objects.link(ob)
-            bpy.context.window.scene = scene
-            if ob.animation_data:
-                ob.animation_data.action = None
-            animate(ob, 1, controls=None)
+            animate(put_alone(ob), 1, controls=None)
             yield ob, f"{ob.name} ({path.stem})"
 
 

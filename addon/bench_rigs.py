@@ -67,8 +67,9 @@ def sinew(name):
 
 
 def make_characters(rig, vertices, count=1, stack=""):
-    """Adds `count` characters to the open file, each with its own armature. Returns [mesh object]."""
-    armature = make_chain() if rig == CHAIN else make_generated(rig)
+    """Adds `count` characters to the open file, or to a .blend file that has the rig, each with its own armature.
+    Returns [mesh object]."""
+    armature = make_chain() if rig == CHAIN else loaded(rig) if is_file(rig) else make_generated(rig)
     meshes = [make_mesh(armature, vertices, one_tube=rig == CHAIN)]
     add_stack(meshes[0], stack)
     meshes += [duplicate(meshes[0], linked=stack == "shared") for _ in range(count - 1)]
@@ -122,6 +123,27 @@ def make_generated(rig):
     assert armature != metarig
     bpy.data.objects.remove(metarig)
     return armature
+
+
+def is_file(rig):
+    return rig.endswith(".blend")
+
+
+def loaded(path):
+    """Returns the largest armature of a file whose name begins with "RIG", alone in a scene."""
+    bpy.ops.wm.open_mainfile(filepath=path)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+    found = [ob for ob in bpy.data.objects if ob.type == "ARMATURE" and ob.name.startswith("RIG")]
+    return put_alone(max(found, key=lambda ob: len(ob.pose.bones)))
+
+
+def put_alone(ob):
+    scene = bpy.data.scenes.new("Rig")
+    scene.collection.objects.link(ob)
+    bpy.context.window.scene = scene
+    if ob.animation_data:
+        ob.animation_data.action = None
+    return ob
 
 
 def animate(armature, seed, controls=CONTROLS):
