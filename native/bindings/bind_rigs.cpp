@@ -133,6 +133,23 @@ std::vector<int> places_of(const RigProgram& program, const std::vector<std::str
   return places;
 }
 
+py::array_t<int> py_places(const RigProgram& program, const std::vector<std::string>& paths) {
+  const std::vector<int> places = places_of(program, paths);
+  return py::array_t<int>(static_cast<py::ssize_t>(places.size()), places.data());
+}
+
+/// From what `places` returns.
+std::vector<int> checked_places(const RigProgram& program, const py::array& given) {
+  std::vector<int> places = list_of<int>("places", given);
+  for (const int place : places) {
+    if (place < 0 || place >= program.value_count()) {
+      throw InputError("place " + std::to_string(place) + " is asked for; the rig has " +
+                       std::to_string(program.value_count()) + " numbers, see RigProgram.places");
+    }
+  }
+  return places;
+}
+
 py::array py_values(const RigProgram& program, const py::array& frames, const std::vector<std::string>& paths,
                     const py::dict& set) {
   const std::vector<int> places = places_of(program, paths);
@@ -166,19 +183,18 @@ std::vector<RecordField> fields_of(const std::vector<FieldTuple>& given) {
   return fields;
 }
 
-using RigsOfPython =
-    std::vector<std::tuple<std::shared_ptr<const RigProgram>, py::array, std::vector<std::string>, py::dict>>;
+using RigsOfPython = std::vector<std::tuple<std::shared_ptr<const RigProgram>, py::array, py::array, py::dict>>;
 
 /// Records of several rigs, with the memory that they are written to.
 class Records {
  public:
   Records(const RigsOfPython& rigs, const std::vector<FieldTuple>& fields) : fields_(fields_of(fields)) {
     rigs_.reserve(rigs.size());
-    for (const auto& [program, frames, paths, set] : rigs) {
+    for (const auto& [program, frames, places, set] : rigs) {
       OfRig& each = rigs_.emplace_back();
       each.program = program;
       each.times = list_of<float>("frames", frames);
-      each.places = places_of(*program, paths);
+      each.places = checked_places(*program, places);
       const auto count = static_cast<py::ssize_t>(each.times.size());
       each.inputs.emplace(*program, set, count);
       const std::ptrdiff_t size = program->record_size(fields_);
@@ -349,6 +365,10 @@ void bind_rigs(py::module_& module) {
           "values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
           "Returns what properties hold, (F, N) float32, all numbers of each path one after the other. Other arguments "
           "and errors: see evaluate().")
+      .def(
+          "places", &py_places, py::arg("paths"),
+          "Returns where the numbers of paths are among all numbers of the rig, (P,) int32, for rig_records. It is the "
+          "same in a rig that `edited` returns. Raises ValueError for an unknown path.")
       .def("profile", &py_profile, py::arg("frames"), py::arg("set") = py::dict(),
            "Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves', "
            "'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones. Arguments: see evaluate().");
@@ -356,10 +376,11 @@ void bind_rigs(py::module_& module) {
       "rig_records", &py_records, py::arg("rigs"), py::arg("fields"),
       "Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at "
       "the same time.\n\n"
-      "rigs: of each (program, (F,) times, paths of P numbers, what evaluate() takes as `set`). fields: (name, first, "
+      "rigs: of each (program, (F,) times, (P,) places of numbers, see RigProgram.places, and what evaluate() takes as "
+      "`set`). fields: (name, first, "
       "count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are "
       "`count` of the bone's numbers from `first` on, in the order of rig_bone_settings().\n"
-      "Returns of each rig a tuple of its records, (F, N) uint8, and the values of the paths, (F, P) float32; or a "
+      "Returns of each rig a tuple of its records, (F, N) uint8, and those numbers, (F, P) float32; or a "
       "sentence if a driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.");
   py::class_<RecordsAhead>(module, "RigRecordsAhead", "What rig_records returns, computed by other threads meanwhile.")
       .def(py::init<const RigsOfPython&, const std::vector<FieldTuple>&>(), py::arg("rigs"), py::arg("fields"),

@@ -1097,6 +1097,10 @@ class RigProgram:
 
         frames (F,); other arguments and errors: see evaluate().
         """
+    def places(self, paths: list[str]) -> _Int32:
+        """Returns where the numbers of paths are among all numbers of the rig, (P,), for rig_records. It is the same in
+        a rig that `edited` returns. Raises ValueError for an unknown path.
+        """
     def profile(self, frames: _Reals, set: dict[str, Any] = {}) -> dict[str, float]:
         """Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves',
         'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones.
@@ -1105,24 +1109,24 @@ class RigProgram:
         """
 
 def rig_records(
-    rigs: list[tuple[RigProgram, _Reals, list[str], dict[str, Any]]], fields: list[tuple[str, int, int]]
+    rigs: list[tuple[RigProgram, _Reals, _Integers, dict[str, Any]]], fields: list[tuple[str, int, int]]
 ) -> list[tuple[_UInt8, _Float32] | str]:
     """Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at
     the same time.
 
-    rigs: of each (program, (F,) times, paths of P numbers, what evaluate() takes as `set`). fields: (name, first,
-    count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head' and 'tail'; 'values' are `count`
-    of the bone's numbers from `first` on, in the order of rig_bone_settings().
-    Returns of each rig a tuple of its records, (F, N), and the values of the paths, (F, P); or a sentence if a driver
-    divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions. Raises ValueError for an
-    unknown path or field.
+    rigs: of each (program, (F,) times, (P,) places of numbers, see RigProgram.places, and what evaluate() takes as
+    `set`). fields: (name, first, count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head'
+    and 'tail'; 'values' are `count` of the bone's numbers from `first` on, in the order of rig_bone_settings().
+    Returns of each rig a tuple of its records, (F, N), and those numbers, (F, P); or a sentence if a driver divides by
+    0. A record is what host.record_pose returns, with the rig's dual quaternions. Raises ValueError for an unknown
+    place or field.
     """
 
 class RigRecordsAhead:
     """What rig_records returns, computed by other threads meanwhile."""
 
     def __init__(
-        self, rigs: list[tuple[RigProgram, _Reals, list[str], dict[str, Any]]], fields: list[tuple[str, int, int]]
+        self, rigs: list[tuple[RigProgram, _Reals, _Integers, dict[str, Any]]], fields: list[tuple[str, int, int]]
     ) -> None:
         """Begins, and returns at once. Arguments and errors: see rig_records."""
     def found(self) -> list[tuple[_UInt8, _Float32] | str]:

@@ -109,8 +109,9 @@ def computed(cast, monkeypatch):
 def fill(cast, frames):
     """What the timer does. Returns whether anything was evaluated."""
     wait(cast)
-    is_any = ghosts().fill(cast.scene, frames)
-    if is_any:
+    is_any = False
+    while ghosts().fill(cast.scene, frames):
+        is_any = True
         freezing().keep_frozen(cast.scene, layer())
     return is_any
 

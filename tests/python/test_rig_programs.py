@@ -406,6 +406,7 @@ def test_mistakes_of_a_call(rig):
         program.evaluate(np.zeros((1, 1)))
 
 
+NONE = np.zeros(0, np.int32)
 FIELDS = [("pose_matrix", 0, 0), ("tail", 0, 0), ("values", 0, 3), ("channel_matrix", 0, 0), ("head", 0, 0)]
 
 
@@ -413,7 +414,7 @@ def test_records_hold_what_blender_keeps_of_each_bone(rig):
     rig["bones"][1]["matrix_local"][:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]  # a quarter turn
     rig["bones"][0]["bbone_segments"] = 3
     program, frames = sinew.RigProgram(rig), np.array([0, 5, 7.5])
-    ((records, values),) = sinew.rig_records([(program, frames, ['["share"]'], {})], FIELDS)
+    ((records, values),) = sinew.rig_records([(program, frames, program.places(['["share"]']), {})], FIELDS)
     assert values.tolist() == [[0.5]] * 3
     poses, segments = program.evaluate(frames), program.segments(frames)
     heads = records[:, :12].copy().view(np.int32)
@@ -443,7 +444,7 @@ def test_records_hold_what_blender_keeps_of_each_bone(rig):
 
 def test_bones_that_do_not_deform_have_no_dual_quaternion(rig):
     rig["bones"][1]["use_deform"] = False
-    ((records, _values),) = sinew.rig_records([(sinew.RigProgram(rig), np.array([5]), [], {})], [("head", 0, 0)])
+    ((records, _values),) = sinew.rig_records([(sinew.RigProgram(rig), np.array([5]), NONE, {})], [("head", 0, 0)])
     first, second = records[0, 12:].copy().view(np.float32).reshape(2, 3 + 25)
     assert first[3] == 1 and not second[3:].any() and second[:3].any()
 
@@ -451,7 +452,7 @@ def test_bones_that_do_not_deform_have_no_dual_quaternion(rig):
 def test_records_of_several_rigs(rig):
     other = copy.deepcopy(rig)
     other["drivers"][0]["expression"] = "share / 0"
-    rigs = [(sinew.RigProgram(each), np.array([1, 2]), [], {}) for each in (rig, other)]
+    rigs = [(sinew.RigProgram(each), np.array([1, 2]), NONE, {}) for each in (rig, other)]
     (records, values), error = sinew.rig_records(rigs, FIELDS)
     assert records.shape[0] == 2 and values.shape == (2, 0)
     assert "divides by 0" in error
@@ -459,22 +460,22 @@ def test_records_of_several_rigs(rig):
 
 def test_records_of_what_comes_from_outside(rig):
     program, frames = sinew.RigProgram(rig), np.array([1, 2])
+    lamp = program.places(["lamp"])
     given = {"lamp": np.array([3, 4], np.float32)}
     (_records, values), (_others, known) = sinew.rig_records(
-        [(program, frames, ["lamp"], given), (program, frames, ["lamp"], {})], FIELDS
+        [(program, frames, lamp, given), (program, frames, lamp, {})], FIELDS
     )
     assert values.tolist() == [[3], [4]] and known.tolist() == [[2], [2]]
     assert (_records != _others).any()
     with pytest.raises(ValueError, match=r"lamp has shape \(3,\); expected \(\) or \(2,\)"):
-        sinew.rig_records([(program, frames, [], {"lamp": np.ones(3)})], FIELDS)
+        sinew.rig_records([(program, frames, NONE, {"lamp": np.ones(3)})], FIELDS)
 
 
 def test_records_computed_ahead_are_the_same(rig):
     other = copy.deepcopy(rig)
     other["drivers"][0]["expression"] = "share / 0"
-    rigs = [
-        (sinew.RigProgram(each), np.array([frame]), ['["share"]'], {}) for frame in (1, 2.5) for each in (rig, other)
-    ]
+    programs = [sinew.RigProgram(each) for each in (rig, other)]
+    rigs = [(each, np.array([frame]), each.places(['["share"]']), {}) for frame in (1, 2.5) for each in programs]
     wanted = sinew.rig_records(rigs, FIELDS)
     for _ in range(20):
         ahead = sinew.RigRecordsAhead(rigs, FIELDS)
@@ -483,18 +484,30 @@ def test_records_computed_ahead_are_the_same(rig):
                 assert type(found) is type(each)
                 assert found == each if isinstance(each, str) else all(map(np.array_equal, found, each))
     del rigs
-    sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.arange(2000.0), [], {})], FIELDS)  # nobody asks for them
+    sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.arange(2000.0), NONE, {})], FIELDS)  # nobody asks for them
     with pytest.raises(ValueError, match="a field"):
-        sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.array([1]), [], {})], [("pose", 0, 0)])
+        sinew.RigRecordsAhead([(sinew.RigProgram(rig), np.array([1]), NONE, {})], [("pose", 0, 0)])
 
 
 @pytest.mark.parametrize("field", [("pose", 0, 0), ("values", -1, 3), ("values", 0, 0), ("values", 60, 2**31 - 1)])
 def test_unknown_fields(rig, field):
     with pytest.raises(ValueError, match="a field"):
-        sinew.rig_records([(sinew.RigProgram(rig), np.array([1]), [], {})], [field])
+        sinew.rig_records([(sinew.RigProgram(rig), np.array([1]), NONE, {})], [field])
+
+
+def test_places_that_are_not_there(rig):
+    program = sinew.RigProgram(rig)
+    assert program.places([]).tolist() == []
+    with pytest.raises(ValueError, match="the rig has no property gone"):
+        program.places(["gone"])
+    for place in (-1, 10**6):
+        with pytest.raises(
+            ValueError, match=f"place {place} is asked for; the rig has .* numbers, see RigProgram.places"
+        ):
+            sinew.rig_records([(program, np.array([1]), np.array([place]), {})], FIELDS)
 
 
 @pytest.mark.parametrize("frames", [np.array(["a"]), np.ones((2, 2)), np.array([1j]), np.array([None])])
 def test_records_of_frames_that_are_no_numbers(rig, frames):
     with pytest.raises(ValueError, match="frames"):
-        sinew.rig_records([(sinew.RigProgram(rig), frames, [], {})], FIELDS)
+        sinew.rig_records([(sinew.RigProgram(rig), frames, NONE, {})], FIELDS)

@@ -211,13 +211,13 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         read = reading.read(rig.ob, graph, keyed)
         leaders = leading.leaders_of(rig.ob, read.targets, read.outside, graph)
         program = sinew_native.RigProgram(read.description)
+        counts = tuple(len(numbers) for _keys, numbers in keyed)
+        own, is_posable = settings.of(rig.ob, read.description)
+        wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
+        moving = tuple(each for each in read.targets.moving.values() if each != rig.ob)
+        source = Source(program, program.places(wanted), counts, tuple(own), leaders, moving, is_posable=is_posable)
     except ValueError as reason:
         return Source(refusal=str(reason))
-    counts = tuple(len(numbers) for _keys, numbers in keyed)
-    wanted = list(map(driven_keys.path_of, range(sum(counts))))
-    own, is_posable = settings.of(rig.ob, read.description)
-    wanted += [setting.path for setting in own]
-    source = Source(program, tuple(wanted), counts, tuple(own), leaders, is_posable=is_posable)
     _remember(rig, read, source, graph)
     return source
 
@@ -225,8 +225,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
 def _asked(asked: Sequence[_Asked]) -> tuple[list[Any], Any]:
     """Returns the arguments of `rig_records`."""
     return [
-        (rig.source.program, np.array(frames, np.float32), list(rig.source.paths), given)
-        for rig, frames, given in asked
+        (rig.source.program, np.array(frames, np.float32), rig.source.places, given) for rig, frames, given in asked
     ], poses.fields()
 
 

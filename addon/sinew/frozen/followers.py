@@ -1,7 +1,7 @@
 """Finds all that follows an armature, or why it could not follow a frozen one."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -188,23 +188,27 @@ def is_still(ob: Any, rig: Any, seen: tuple[Any, ...] = ()) -> bool:
     )
 
 
-def moving(rig: Any) -> list[Any]:
-    """Returns the objects, armatures left out, that an armature object follows and that may move by themselves."""
-    outside = dependencies.outside_of(rig)
+def moving(rig: Any, outside: Iterable[Any]) -> list[Any]:
+    """Returns those objects, armatures left out, that may move by themselves. outside: what an armature object follows,
+    as dependencies.outside_of returns it."""
     return [each for each in outside if each.type != "ARMATURE" and not is_still(each, rig)]
 
 
 def unkeyed(rig: Any, scene: Any) -> str:
-    """Returns the name of what `moving` returns, or of a parent, that is not where its keyframes put it, or ""."""
-    time, all_moving = scene.frame_current_final, dependencies.with_parents(moving(rig))
-    return next((each.name for each in all_moving if each != rig and animation.unkeyed_path(each, time)), "")
+    """Returns the name of what moves and is followed by an armature object, or of a parent of that, which is not where
+    its keyframes put it; "" if there is none."""
+    followed = dependencies.with_parents(moving(rig, dependencies.outside_of(rig)))
+    time = scene.frame_current_final
+    return next((each.name for each in followed if each != rig and animation.unkeyed_path(each, time)), "")
 
 
-def check_moving(rig: Any, layer: Any) -> None:
-    """Raises NotFreezable if an armature object follows a moving object in another way than by constraints, or one
-    whose place on each frame is not known from keyframes."""
+def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
+    """Raises NotFreezable if an armature object follows one of these moving objects in another way than by constraints,
+    or if its place on each frame is not known from keyframes."""
+    if not followed:
+        return
     read = {target for curve in dependencies.drivers_of_both(rig) for target in dependencies.read_by(curve)}
-    for each in moving(rig):
+    for each in followed:
         why = objects.why_not(each)
         if each in read:
             why = "drivers read it"
@@ -214,12 +218,12 @@ def check_moving(rig: Any, layer: Any) -> None:
             why = contract.why_not(features.FOLLOWING)
         if why:
             raise NotFreezable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
-    for constraint, _targets in constraints_on(rig, moving(rig)):
+    for constraint, _targets in constraints_on(rig, followed):
         if constraint.type not in members.CONSTRAINTS:
             raise NotFreezable(f"{constraint.name} of {rig.name} follows an object that may move")
 
 
-def constraints_on(rig: Any, targets: list[Any]) -> list[tuple[Any, list[Any]]]:
+def constraints_on(rig: Any, targets: Sequence[Any]) -> list[tuple[Any, list[Any]]]:
     """Returns the constraints of bones that follow some of these objects, with those."""
     found = [
         (constraint, [each for each in dependencies.targets_of(constraint) if each in targets])

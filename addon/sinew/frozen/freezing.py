@@ -166,7 +166,6 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     hooked = {values.key_of(ob): ob for rig in chosen for ob in rig.followers.hooked}
     idle = {block for rig in chosen for block in (rig.ob, rig.ob.data)}
     driven = [curve for rig in chosen for curve in rig.followers.drivers() if curve.id_data not in idle]
-    followed = {rig.key: followers.moving(rig.ob) for rig in chosen}
 
     def mark() -> None:
         for rig in at_home:
@@ -182,7 +181,7 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
                     rebuilding.without_animation(rig.ob)
                 for curve in animation.drivers_of(rig.ob):
                     rebuilding.on_no_frame(curve, rigs.time_of(rig.scene))
-                for constraint, targets in followers.constraints_on(rig.ob, followed[rig.key]):
+                for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
                     rebuilding.without_targets(constraint, targets)
             for ob in hooked.values():
                 rebuilding.on_each_frame(followers.hook_of(ob), f"{wiring.CALLS} + 0 * frame")
@@ -192,7 +191,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     finally:
         _is_building = False
     for rig in chosen:
-        rig.moving = [each for each in dependencies.with_parents(followed[rig.key]) if each != rig.ob]
+        followed = dependencies.with_parents(dependencies.outside_of(rig.ob)) if rig.source.moving else ()
+        rig.unseen = [each for each in followed if each != rig.ob]
     for original in [*map(followers.hook_of, hooked.values()), *driven]:
         copy = original.id_data.evaluated_get(graph).animation_data
         found = copy and copy.drivers.find(original.data_path, index=original.array_index)
@@ -225,10 +225,10 @@ def settle(graph: Any) -> None:
 
 def pose(rig: rigs.Rig) -> bool:
     """Lets Blender evaluate the bones of a frozen armature that was edited, from a handler. Returns whether it may: not
-    if the edit moves what it follows, for Blender would not evaluate the bones again."""
+    if the edit moves what it follows while Blender does not see all of that."""
     changes.drop_all(rig)
     graph = rig.graph()
-    if not rig.is_posable or any(watch.may_have_moved(each, graph) for each in rig.moving):
+    if not rig.is_posable or any(watch.may_have_moved(each, graph) for each in rig.unseen):
         return False
     rig.state, rig.pose, rig.posed_on = State.POSED, None, None
     return True

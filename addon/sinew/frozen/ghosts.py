@@ -6,6 +6,7 @@ modifiers, the mesh) is noticed by comparing, on each frame that is evaluated.""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import bpy
@@ -14,6 +15,7 @@ import numpy as np
 from ..blender import meshes, values
 from . import computing, elsewhere, followers, freezing, playing, recording, records, rigs
 
+SECONDS = 0.3  # after which no other frame is evaluated elsewhere
 MOST_FACES = 2_000_000  # of a mesh that is shown as a ghost
 
 
@@ -107,10 +109,10 @@ def keep_now(scene: Any, layer: Any) -> None:
 
 
 def fill(scene: Any, frames: Iterable[int]) -> bool:
-    """Keeps the shapes of frames that were never played, of characters whose rigs are computed: Blender evaluates them
-    elsewhere. Call it in the main thread, outside an evaluation. Returns whether it has, so that freezing.keep_frozen
-    has to follow."""
-    is_any = False
+    """Keeps the shapes of some frames that were never played, of characters whose rigs are computed: Blender evaluates
+    them elsewhere, in this order, until so much time has passed that the next call should go on. Call it in the main
+    thread, outside an evaluation. Returns whether it has, so that freezing.keep_frozen has to follow."""
+    is_any, began = False, perf_counter()
     for rig in shown():
         lacking = [frame for frame in frames if recording.lacks(rig, frame)]
         objects = [rig.ob, *filter(rigs.is_alive, rig.skins.objects)]
@@ -126,6 +128,8 @@ def fill(scene: Any, frames: Iterable[int]) -> bool:
                 if moment is not None and rigs.is_shown(rig, graph, moment):
                     _keep_frame(rig, graph, frame, moment)
                 rig.skins.seen[frame] = moment  # and is not tried again
+                if perf_counter() - began > SECONDS:
+                    return True
     return is_any
 
 

@@ -54,12 +54,12 @@ def _why_not(rig: rigs.Rig, own: Any, users: Any, scene: Any, layer: Any) -> str
         return f"{rig.name} cannot be frozen: {own}"
     _drop_what_is_wrong(rig, scene, layer)
     computing.prove(rig, own, users, scene, layer.depsgraph)
-    # Only those are recorded that have keyframes, and follow nothing that moves by itself.
-    moving = followers.moving(rig.ob)
-    needs_program = rig.needs_program or not rigs.has_animation(rig.ob) or bool(moving)
-    if needs_program and not (rig.source.is_proven and rig.is_posable):
+    if not (rig.source.is_proven and rig.is_posable):
+        # Only those are recorded that have keyframes, and follow nothing that moves by itself.
+        moving = followers.moving(rig.ob, dependencies.outside_of(rig.ob))
         follows = f"bones of {rig.name} follow {_names(moving)}, outside of it, which may move: " if moving else ""
-        return follows + why_not_computed(rig, scene)
+        if rig.needs_program or moving or not rigs.has_animation(rig.ob):
+            return follows + why_not_computed(rig, scene)
     unknown = own.reads.keys() - {each.path for each in rig.source.settings}
     if unknown:
         path = min(unknown)
@@ -171,8 +171,9 @@ def check(rig: Any, layer: Any) -> list[Any]:
     """Raises NotFreezable if the pose of an original armature object is not a function of the frame that can be played
     in a view layer, whatever follows it. Returns the other armature objects on which the pose depends."""
     data, outside = rig.animation_data, dependencies.outside_of(rig)
+    moving = followers.moving(rig, outside)
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
-        if moving := followers.moving(rig):
+        if moving:
             raise NotFreezable(
                 f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
                 "each frame because of these. Bake its action first (Pose > Animation)"
@@ -198,7 +199,7 @@ def check(rig: Any, layer: Any) -> list[Any]:
         timed = next((each for each in bone.constraints if each.type in followers.TIMED), None)
         if timed is not None:
             raise NotFreezable(f"{timed.name} of {rig.name}'s bone {bone.name} may change on each frame by itself")
-    followers.check_moving(rig, layer)
+    followers.check_moving(rig, moving, layer)
     return [each for each in outside if each.type == "ARMATURE" and not followers.is_still(each, None)]
 
 

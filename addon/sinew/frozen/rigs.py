@@ -36,10 +36,11 @@ class Source:
     """What the moments of one armature are computed from, see computing.py."""
 
     program: Any = None  # sinew_native.RigProgram
-    paths: tuple[str, ...] = ()  # of the values of shape keys that it drives
+    places: Any = None  # of the numbers that it computes besides: values of shape keys, then settings
     counts: tuple[int, ...] = ()  # how many of them each data-block of shape keys has
     settings: tuple[Setting, ...] = ()  # that keyframes and drivers set besides
     leaders: tuple[Any, ...] = ()  # what it follows of other armatures, leading.Leader
+    moving: tuple[Any, ...] = ()  # the other objects that it computes, as it follows them, parents first
     is_proven: bool = False  # it has computed what Blender has
     is_posable: bool = False  # keyframes set nothing but what is written on each frame
     refusal: str = ""  # why there is no program
@@ -85,7 +86,8 @@ class Rig:
     has_differed: bool = False  # from what Blender has evaluated elsewhere, once
     difference: Any = None  # differences.Difference of its last program, or None
     posed_on: float | None = None  # the frame on which Blender has last evaluated it while it is POSED
-    moving: list[Any] = field(default_factory=list)  # what it follows that moves by itself, and parents of that
+    # What it follows, with parents, if relations were built without some of it.
+    unseen: list[Any] = field(default_factory=list)
     tries: int = 0  # see accelerating.py
     tries_to_skip: int = 0
     tried_at: int = 0

@@ -15,10 +15,13 @@ _DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_eu
 
 def may_move(ob: bpy.types.Object) -> bool:
     """Whether time may change where an object is."""
-    return any(
-        each.animation_data is not None or each.constraints or each.parent_type != "OBJECT" or each.rigid_body
-        for each in dependencies.with_parents([ob])
-    )
+    try:
+        lineage = dependencies.with_parents([ob])
+        for each in lineage:
+            _check(each)
+        return any(True for each in lineage for _row in _curves_of(each))
+    except curves.Refused:
+        return True
 
 
 def why_not(ob: bpy.types.Object) -> str:

@@ -61,7 +61,7 @@ def fill() -> float:
         _looks, scene, layer = 0, context.scene, context.view_layer
         onion = settings.onion
         around = ghosts.frames_around(scene.frame_current, onion.before, onion.after, onion.step)
-        if ghosts.fill(scene, [frame for frame, _steps in around]):
+        if ghosts.fill(scene, [frame for frame, _steps in reversed(around)]):  # the nearest first
             freezing.keep_frozen(scene, layer)
             notice.redraw()
     return SECONDS_BETWEEN_LOOKS

@@ -109,6 +109,9 @@ class RigProgram {
   /// The rest matrix of a bone, in armature space.
   Matrix4<float> rest(std::ptrdiff_t bone) const;
 
+  /// How many numbers the rig has.
+  int value_count() const;
+
   const std::vector<std::string>& matrix_names() const { return matrix_names_; }
 
   /// The place of a property's first number, and how many it has. Throws InputError for an unknown path.

@@ -147,6 +147,8 @@ std::vector<std::string> RigProgram::keyed() const {
 
 Matrix4<float> RigProgram::rest(std::ptrdiff_t bone) const { return eigen_of(program_->bones[bone].rest); }
 
+int RigProgram::value_count() const { return static_cast<int>(program_->map.values().size()); }
+
 float RigProgram::value(int place) const { return program_->map.values()[place].initial; }
 
 std::ptrdiff_t RigProgram::record_size(std::span<const RecordField> fields) const {

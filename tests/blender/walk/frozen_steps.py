@@ -57,7 +57,7 @@ def do_nothing(_random):
     own = [rig for rig in recorded().known() if rig.needs_program]
     looked_at.update("accelerated" if rig.is_frozen else "left to Blender" for rig in own)
     looked_at["following another"] += sum(rig.is_frozen and len(rig.source.leaders) > 0 for rig in own)
-    looked_at["following an object"] += sum(rig.is_frozen and len(rig.moving) > 0 for rig in own)
+    looked_at["following an object"] += sum(rig.is_frozen and len(rig.source.moving) > 0 for rig in own)
     return [(rig.name, rig.state.name, rig.reason) for rig in own]
 
 
