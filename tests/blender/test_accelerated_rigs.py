@@ -195,14 +195,9 @@ def test_all_frames_are_compared_while_nothing_is_done(cast, monkeypatch):
     cast.play()
 
 
-class InOrder:
-    def sample(self, found, _count):
-        return found
-
-
-@pytest.mark.says_errors
-def test_a_difference_that_is_found_while_nothing_is_done_has_it_live(cast, monkeypatch):
-    reading, comparing = addon_module("rig_programs.reading"), addon_module("frozen.comparing")
+def misread_the_last_key(monkeypatch):
+    """Has the last key of a bone's curve read as another one. Returns a function that ends it."""
+    reading = addon_module("rig_programs.reading")
     read = reading.read
 
     def read_wrongly(*arguments):
@@ -211,9 +206,21 @@ def test_a_difference_that_is_found_while_nothing_is_done_has_it_live(cast, monk
         curve["keys"][-1][3] += 0.01
         return found
 
+    monkeypatch.setattr(reading, "read", read_wrongly)
+    return lambda: monkeypatch.setattr(reading, "read", read)
+
+
+class InOrder:
+    def sample(self, found, _count):
+        return found
+
+
+@pytest.mark.says_errors
+def test_a_difference_that_is_found_while_nothing_is_done_has_it_live(cast, monkeypatch):
+    comparing = addon_module("frozen.comparing")
     monkeypatch.setattr(comparing, "SECONDS", -1)  # one frame
     monkeypatch.setattr(comparing.random, "Random", InOrder)
-    monkeypatch.setattr(reading, "read", read_wrongly)
+    misread_the_last_key(monkeypatch)
     cast.scene.frame_end = 20
     for each in both(cast):
         for frame in (1, 6, 20):
@@ -233,17 +240,8 @@ def test_a_difference_that_is_found_while_nothing_is_done_has_it_live(cast, monk
 @pytest.mark.says_errors
 def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     """A key of a later frame that is read wrongly makes no difference on this one."""
-    reading = addon_module("rig_programs.reading")
-    read = reading.read
-
-    def read_wrongly(*arguments):
-        found = read(*arguments)
-        curve = next(each for each in found.description["curves"] if each["path"] == 'pose.bones["bone1"].location')
-        curve["keys"][-1][3] += 0.01
-        return found
-
     cast.play([1])
-    monkeypatch.setattr(reading, "read", read_wrongly)
+    stop_misreading = misread_the_last_key(monkeypatch)
     for each in both(cast):
         for frame in (1, 10):
             each[0].pose.bones["bone1"].keyframe_insert("location", frame=frame)
@@ -261,7 +259,7 @@ def test_a_difference_is_seen_on_another_frame(cast, monkeypatch, tmp_path):
     computed = program.evaluate(np.array([report["frame"]], np.float32))[0]
     assert np.array_equal(computed, np.array(report["computed"], np.float32))
     assert not np.array_equal(computed, np.array(report["blender"], np.float32))
-    monkeypatch.setattr(reading, "read", read)
+    stop_misreading()
     turn(cast)
     cast.play([1])
     wait(cast)
