@@ -163,8 +163,8 @@ def test_the_example_of_a_bake_runs(character, capsys, tmp_path):
     ob, _, _ = character
     ob.name = "Body"
     package = addon_module("bake").__name__
-    code = example(
-        "bake.md", **{"bl_ext.user_default.sinew.bake": package, "/shots/010/bake": tmp_path.as_posix(), "240": "3"}
+    code = example(  # the number first: the folder's name may have it
+        "bake.md", **{"240": "3", "bl_ext.user_default.sinew.bake": package, "/shots/010/bake": tmp_path.as_posix()}
     )
     exec(code, {"bpy": bpy})
     assert "3 of 3 frames baked" in capsys.readouterr().out and (tmp_path / "Body.pc2").is_file()
