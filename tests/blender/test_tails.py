@@ -757,3 +757,31 @@ def test_the_panel(fresh_scene):
     said = draw()
     assert f"1,200, made into {len(evaluated(pairs[0][0])):,}" in said and "in Blender" not in said
     assert said[said.index("SUBSURF") + 1].endswith(" ms") and are_deforming(pairs) == [True]
+
+
+@pytest.mark.parametrize("is_edited", (False, True))
+@pytest.mark.parametrize("is_applied", (False, True))
+def test_the_modifier_is_removed_or_applied_after_an_edit(fresh_scene, is_applied, is_edited):
+    """Only if it was applied, those that it stands in for are switched off. The canvas has not what was edited."""
+    ((ob, twin),) = bound(character_with(("SUBSURF", {"levels": 1}), BEHIND))
+    find_stencils()
+    for each in (ob, twin) if is_edited else ():
+        select(each)
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.transform.translate(value=(0.1, 0, 0))
+        bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    addon_module("main.handlers").look_into_the_mail()
+    assert tail_of(ob) is not None
+    own = addon_module("blender.nodes").find_modifier(ob)
+    select(ob)
+    if is_applied:
+        bpy.ops.object.modifier_apply(modifier=own.name)
+    else:
+        ob.modifiers.remove(own)
+    bpy.context.view_layer.update()
+    assert not ob.sinew.is_bound and ob.modifiers["Armature"].show_viewport != is_applied
+    if not is_applied:
+        for frame in (2, 5):
+            bpy.context.scene.frame_set(frame)
+            assert_same_shape(ob, twin)

@@ -1,5 +1,7 @@
 """Binds meshes to Sinew and unbinds them: what changes in the .blend, and how it is restored."""
 
+import zlib
+
 import bpy
 
 from ..blender import meshes, nodes, values
@@ -178,6 +180,8 @@ def release_if_undone(ob: bpy.types.Object) -> bool:
     """
     lacks_own = ob.sinew.needs_attribute and not nodes.find_modifier(ob)
     if not lacks_own and wiring.carrier_of(ob) is not None:
+        if ob.sinew.canvas is not None and not ob.data.is_editmode:
+            characters.of(ob).edited_to = _sum_of_positions(ob.data)
         return False
     if ob.data.is_editmode or ob.library or ob.override_library or old_files.is_old(ob):
         return False
@@ -188,7 +192,10 @@ def release_if_undone(ob: bpy.types.Object) -> bool:
         # Applying a modifier gives the object a mesh of its own.
         meshes.point_attribute(ob.data, nodes.POSITION_ATTRIBUTE) is None
         if not canvas_survey.is_canvas_of(canvas, ob)
-        else canvas.data != ob.data and not meshes.are_same(canvas.data, ob.data)
+        # A canvas need not have what was edited since.
+        else canvas.data != ob.data
+        and characters.of(ob).edited_to != _sum_of_positions(ob.data)
+        and not meshes.are_same(canvas.data, ob.data)
     )
     was_applied = took_shape and (taken or ob.sinew.last_armature is None)
     stood_in_for = (*taken, *runs.of(survey.of(ob)).stages)
@@ -201,6 +208,10 @@ def release_if_undone(ob: bpy.types.Object) -> bool:
         else f"{ob.name} no longer has the modifier that Sinew needs, so it was unbound; accelerate it again"
     )
     return True
+
+
+def _sum_of_positions(mesh: bpy.types.Mesh) -> int:
+    return zlib.crc32(meshes.read_positions(mesh).tobytes())
 
 
 def switch_method(ob: bpy.types.Object, name: str) -> None:

@@ -34,6 +34,7 @@ class Character:
         self.edition = 0  # of the mesh that was last read, see reading.Reading
         self.shared = Shared()
         self.kept = methods.Kept()  # what the method has precomputed
+        self.edited_to: int | None = None  # tells the vertices that its own mesh had after the last edit, see bind.py
         self.lock = threading.RLock()
 
     # --- its plan ---------------------------------------------------------------------------------
