@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from characters import make_armature
 from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, recorded, wait
@@ -270,7 +271,7 @@ def with_driver(cast):
 
 
 def in_a_hand(cast):
-    cast.ball.parent, cast.ball.parent_type, cast.ball.parent_bone = cast.live[0], "BONE", "bone3"
+    cast.ball.parent, cast.ball.parent_type, cast.ball.parent_bone = make_armature(), "BONE", "bone3"
     return "Ball is a child of a part of"
 
 
