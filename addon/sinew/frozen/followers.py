@@ -227,8 +227,7 @@ def constraints_on(rig: Any, targets: Sequence[Any]) -> list[tuple[Any, list[Any
     """Returns the constraints of bones that follow some of these objects, with those."""
     found = [
         (constraint, [each for each in dependencies.targets_of(constraint) if each in targets])
-        for bone in rig.pose.bones
-        if targets
+        for bone in (rig.pose.bones if targets else ())
         for constraint in bone.constraints
     ]
     return [each for each in found if each[1]]

@@ -63,7 +63,8 @@ class Known:
 
     def _read_objects(self) -> str:
         """Returns the places and the keyframes of other objects that are computed, too, as text."""
-        return json.dumps(objects.rows_of(self.targets), default=reading.as_list)
+        own = objects.moving(self.targets.outside.values())
+        return json.dumps(objects.rows_of(own), default=reading.as_list)
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
         """Yields influence, mute and validity of each constraint, None for what is written on each frame."""

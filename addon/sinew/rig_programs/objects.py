@@ -1,25 +1,22 @@
 """Other objects that bones follow, as rows: where each is follows from its own keyframes and those of its parents."""
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import bpy
 
 from ..blender import animation, dependencies
-from . import curves, drivers, paths, targets
+from . import curves, drivers, paths
 
-# In the order of a description; there is no delta of an axis and an angle.
-_CHANNELS = ("location", "rotation_quaternion", "rotation_axis_angle", "rotation_euler", "scale")
+# As drivers.CHANNELS, in the order of a description; there is no delta of an axis and an angle.
 _DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_euler", "delta_scale")
 
 
 def may_move(ob: bpy.types.Object) -> bool:
     """Whether time may change where an object is."""
     try:
-        lineage = dependencies.with_parents([ob])
-        for each in lineage:
-            _check(each)
-        return any(True for each in lineage for _row in _curves_of(each))
+        return bool(_keyed(ob))
     except curves.Refused:
         return True
 
@@ -27,12 +24,33 @@ def may_move(ob: bpy.types.Object) -> bool:
 def why_not(ob: bpy.types.Object) -> str:
     """Returns why it is not known on each frame where an object is, as a clause; "" if it is."""
     try:
-        for each in dependencies.with_parents([ob]):
-            _check(each)
-            list(_curves_of(each))
+        _keyed(ob)
     except curves.Refused as reason:
         return str(reason)
     return ""
+
+
+def moving(outside: Iterable[tuple[bpy.types.Object, str]]) -> list[bpy.types.Object]:
+    """Returns the objects that keyframes move, and their parents, each one after these. outside: objects, and bones of
+    armatures, as Targets.outside has them."""
+    found = []
+    for ob, bone in outside:
+        with contextlib.suppress(curves.Refused):
+            found += [ob] if not bone and _keyed(ob) else []
+    return dependencies.with_parents(found)
+
+
+def rows_of(own: Iterable[bpy.types.Object]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Returns the rows of objects and of their curves. own: as returned by moving."""
+    return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
+
+
+def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
+    """Returns the curves that say where an object and its parents are. Raises Refused if anything else may."""
+    lineage = dependencies.with_parents([ob])
+    for each in lineage:
+        _check(each)
+    return [row for each in lineage for row in _curves_of(each)]
 
 
 def _check(ob: bpy.types.Object) -> None:
@@ -54,22 +72,13 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
         path = paths.normalised(curve.data_path)
         if not paths.moves_object(path) or not drivers.exists(ob, path):
             continue
-        if path not in (*_CHANNELS, *_DELTAS):
+        if path not in (*drivers.CHANNELS, *_DELTAS):
             raise curves.Refused(f"{path} of {ob.name} is keyed")
         yield drivers.curve_row(f'objects["{bpy.utils.escape_identifier(ob.name_full)}"].{path}', curve)
 
 
-def rows_of(found: targets.Targets) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Returns the rows of the objects that keyframes move among those outside, with their parents, and their curves.
-    Notes them in `found.moving`."""
-    outside = [target for target, bone in found.outside.values() if not bone]
-    own = dependencies.with_parents(each for each in outside if may_move(each) and not why_not(each))
-    found.moving = {each.name_full: each for each in own}
-    return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
-
-
 def _row_of(ob: bpy.types.Object) -> dict[str, Any]:
-    numbers = [getattr(ob, name) if name else (0.0,) * 4 for name in (*_CHANNELS, *_DELTAS)]
+    numbers = [getattr(ob, name) if name else (0.0,) * 4 for name in (*drivers.CHANNELS, *_DELTAS)]
     return {
         "name": ob.name_full,
         "parent": ob.parent.name_full if ob.parent is not None else None,

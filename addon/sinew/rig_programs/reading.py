@@ -82,7 +82,9 @@ def read(
     for property_row, driver_row in driven_keys.rows_of(ob, keyed, found, outside):
         description["properties"].append(property_row)
         description["drivers"].append(driver_row)
-    description["objects"], keyed_places = objects.rows_of(found)
+    own = objects.moving(found.outside.values())
+    found.moving = {each.name_full: each for each in own}
+    description["objects"], keyed_places = objects.rows_of(own)
     description["curves"] += keyed_places
     description["values"] = [{"name": name, "value": value} for name, value in outside.values(depsgraph).items()]
     description["matrices"] = [
