@@ -186,12 +186,13 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
         if is_new_frame:
             _compare_in(graph, scene)
         return
+    own, frame, reasons = rigs.at_home(graph), rigs.time_of(scene), {}
     for rig in rigs.known():
-        if rig.graph() is None and rigs.evaluated_copy(rig, graph) is not None:
+        if rig not in own and rig.graph() is None and rigs.evaluated_copy(rig, graph) is not None:
             rig.clear()
             rig.live_in(scene, graph.view_layer)
+            own.append(rig)
     freezing.settle(graph)
-    own, frame, reasons = rigs.at_home(graph), rigs.time_of(scene), {}
     for rig in own:
         if rig.is_idle and not rigs.is_without_keys(rig, graph):  # Blender has built relations, and copied it
             reasons[rig.key] = ""

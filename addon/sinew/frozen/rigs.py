@@ -170,7 +170,8 @@ def known() -> list[Rig]:
 
 def at_home(graph: Any) -> list[Rig]:
     """Returns the armatures that are recorded and frozen in a graph."""
-    return [rig for rig in known() if rig.graph() == graph]
+    scene, layer = graph.scene, graph.view_layer.as_pointer()
+    return [rig for rig in known() if rig.layer == layer and is_alive(rig.scene) and rig.scene == scene]
 
 
 def graphs(own: Iterable[Rig]) -> list[Any]:

@@ -18,7 +18,7 @@ _BYTES_OF_PLACE = 200  # of a matrix of Blender's
 def is_alive(block: Any) -> bool:
     """Whether a data-block still exists."""
     try:
-        return block is not None and bool(block.name_full)
+        return block is not None and bool(block.as_pointer())
     except ReferenceError:
         return False
 
