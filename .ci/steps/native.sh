@@ -19,10 +19,11 @@ sanitize() {
   done
 }
 
-# FOLDER SANITIZERS [CMake options]
+# FOLDER SANITIZERS [CMake options]. What reads nowhere, or behind an object, the address sanitizer finds as well: to look
+# for it twice takes a fifth of the time to compile.
 build_sanitized() {
   configure_and_build "$1" -DSINEW_SANITIZE="$2" -DCMAKE_BUILD_TYPE=Sanitized \
-    -DCMAKE_CXX_FLAGS_SANITIZED="-O1 -g1" "${@:3}"
+    -DCMAKE_CXX_FLAGS_SANITIZED="-O1 -g1 -fno-sanitize=null,object-size" "${@:3}"
 }
 
 sanitize_thread() {

@@ -305,7 +305,7 @@ py::dict settings_dict(std::span<const RigSetting> settings) {
 
 py::dict constraint_settings_dict() {
   py::dict types;
-  for (int i = 0; i <= static_cast<int>(ConstraintType::ik); ++i) {
+  for (int i = 0; i < kConstraintTypeCount; ++i) {
     const auto type = static_cast<ConstraintType>(i);
     types[py::str(std::string(constraint_name(type)))] = settings_dict(constraint_settings(type));
   }

@@ -26,6 +26,7 @@ struct Names {
 const Names kRotationModes = {-1, {"AXIS_ANGLE", "QUATERNION", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"}};
 const Names kInheritScales = {0, {"FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE", "NONE", "NONE_LEGACY"}};
 const Names kHandleTypes = {0, {"AUTO", "ABSOLUTE", "RELATIVE", "TANGENT"}};
+const Names kSplineHandles = {0, {"FREE", "AUTO", "VECTOR", "ALIGNED"}};
 const Names kCycleModes = {0, {"NONE", "REPEAT", "REPEAT_OFFSET", "MIRROR"}};
 const Names kDriverTypes = {0, {"AVERAGE", "SCRIPTED", "SUM", "MIN", "MAX"}};
 const Names kVariableTypes = {0, {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}};
@@ -201,13 +202,14 @@ class Reader {
     const py::sequence bones = rig.sequence("bones");
     for (std::size_t i = 0; i < bones.size(); ++i) name_bone(bones[i], i);
     for (std::size_t i = 0; i < bones.size(); ++i) read_bone(bones[i], i);
+    for (const py::handle spline : rig.sequence("splines")) read_spline(spline);
     for (const py::handle constraint : rig.sequence("constraints")) read_constraint(constraint);
     for (const py::handle property : rig.sequence("properties")) read_property(property);
     for (const py::handle curve : rig.sequence("curves")) rig_.curves.push_back(animated_value(curve));
     for (const py::handle driver : rig.sequence("drivers")) read_driver(driver);
     rig_.refused = rig.get<std::vector<std::string>>("refused", {});
     rig.done({"name", "blender", "world", "matrices", "objects", "values", "bones", "constraints", "properties",
-              "curves", "drivers", "refused"});
+              "curves", "drivers", "splines", "refused"});
     return std::move(rig_);
   }
 
@@ -402,10 +404,62 @@ class Reader {
   }
 
   static ConstraintType constraint_type(const std::string& name, const std::string& where) {
-    for (int i = 0; i <= static_cast<int>(ConstraintType::ik); ++i) {
+    for (int i = 0; i < kConstraintTypeCount; ++i) {
       if (constraint_name(static_cast<ConstraintType>(i)) == name) return static_cast<ConstraintType>(i);
     }
     wrong(where, "is of type " + name + ", which is not computed");
+  }
+
+  int spline_named(const std::string& name, const std::string& where) const {
+    const auto found = std::ranges::find(rig_.splines, name, &SplineDescription::name);
+    if (found == rig_.splines.end()) wrong(where, "follows spline \"" + name + "\", which the rig does not have");
+    return static_cast<int>(found - rig_.splines.begin());
+  }
+
+  void read_spline(const py::handle& object) {
+    Entries entries(object, "a spline");
+    SplineDescription spline;
+    spline.name = entries.get<std::string>("name");
+    const std::string where = "spline \"" + spline.name + "\"";
+    const RigTarget place = target_of(entries.find("object"), where);
+    if (place.type == RigTarget::Type::outside) spline.matrix = place.index;
+    spline.is_poly = entries.choice("type", {0, {"BEZIER", "POLY"}}, false);
+    spline.resolution = entries.get<int>("resolution_u", spline.resolution);
+    spline.radius_interpolation = entries.choice("radius_interpolation", {0, {"LINEAR", "CARDINAL", "BSPLINE", "EASE"}},
+                                                 RadiusInterpolation::linear);
+    spline.radii = entries.get<std::string>("radii");
+    for (const py::handle point : entries.sequence("points")) {
+      Entries parts(point, where + ", a point,");
+      spline.points.push_back(parts.numbers<9>("co"));
+      spline.handles.push_back({parts.choice("handle_left_type", kSplineHandles, SplineHandle::free),
+                                parts.choice("handle_right_type", kSplineHandles, SplineHandle::free)});
+      parts.done({"co", "handle_left_type", "handle_right_type"});
+    }
+    spline.has_keys = entries.get<bool>("has_shape_keys", false);
+    for (const py::handle object_of_key : entries.sequence("shape_keys")) {
+      Entries parts(object_of_key, where + ", a shape key,");
+      SplineKey key{parts.get<std::string>("value"), parts.get<int>("relative", -1), {}};
+      std::vector<float> numbers;
+      parts.append("points", parts.get("points"), numbers);
+      if (numbers.size() % 10 != 0) wrong(parts.where(), "has points that are not of 10 numbers");
+      key.points.resize(numbers.size() / 10);
+      for (std::size_t i = 0; i < numbers.size(); ++i) key.points[i / 10][i % 10] = numbers[i];
+      parts.done({"value", "relative", "points"});
+      spline.keys.push_back(std::move(key));
+    }
+    for (const py::handle modifier : entries.sequence("hooks")) {
+      Entries parts(modifier, where + ", a hook,");
+      SplineHook hook;
+      hook.target = target_of(parts.find("target"), where);
+      hook.inverse = columns(parts, "matrix_inverse");
+      hook.strength = parts.get<float>("strength", hook.strength);
+      hook.points = parts.get<std::vector<int>>("handles", {});
+      parts.done({"target", "matrix_inverse", "strength", "handles"});
+      spline.hooks.push_back(std::move(hook));
+    }
+    entries.done({"name", "object", "type", "resolution_u", "radius_interpolation", "radii", "points", "has_shape_keys",
+                  "shape_keys", "hooks"});
+    rig_.splines.push_back(std::move(spline));
   }
 
   void read_constraint(const py::handle& object) {
@@ -425,7 +479,9 @@ class Reader {
       constraint.action.push_back({curve.get<int>("channel"), curve_of(curve)});
       curve.done({"channel", "keys", "modifiers", "is_extrapolated", "is_free"});
     }
-    entries.done({"bone", "name", "type", "settings", "targets", "weights", "space", "action"});
+    if (entries.find("spline")) constraint.spline = spline_named(entries.get<std::string>("spline"), where);
+    if (const py::handle joints = entries.find("joints")) entries.append("joints", joints, constraint.joints);
+    entries.done({"bone", "name", "type", "settings", "targets", "weights", "space", "action", "spline", "joints"});
     rig_.constraints.push_back(std::move(constraint));
   }
 

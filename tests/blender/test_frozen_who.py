@@ -88,6 +88,15 @@ def test_objects_that_are_constrained_to_bones(cast):
     assert cast.rig.is_frozen
 
 
+def test_another_armature_may_name_it(cast):
+    """As Rigify's metarig names the rig that was made of it."""
+    for armature, *_ in both(cast):
+        make_armature().data["rig"] = armature
+    cast.scene.frame_set(1)
+    cast.freeze()
+    cast.play()
+
+
 def test_children_of_what_hangs_on_a_bone(cast):
     rings = []
     for *_, prop in both(cast):

@@ -26,7 +26,7 @@ METARIGS = [
     HUMAN,
     *(f"armature_{name}_metarig_add" for name in "basic_human basic_quadruped bird cat horse shark wolf".split()),
 ]
-SAMPLES = 26  # of Rigify
+SAMPLES = 27  # of Rigify
 # Of the large ones and of the samples each version of Blender tries others.
 PART, PARTS = (2 * bpy.app.version[0] + bpy.app.version[1]) % 3, 3
 IS_WINDOWS = sys.platform == "win32"  # here with Wine, which is slow
@@ -139,8 +139,7 @@ def test_samples_of_rigify(fresh_scene, number):
     if addon_utils.enable("rigify", default_set=True) is None:
         pytest.skip("this Blender has no Rigify")
     rigs = importlib.import_module("rigify.rig_lists").rigs
-    # One has Spline IK, and one is glued to others.
-    names = sorted(name for name in rigs if name not in ("limbs.spline_tentacle", "skin.glue"))
+    names = sorted(name for name in rigs if name != "skin.glue")  # which is glued to others
     assert len(names) == SAMPLES
     data = bpy.data.armatures.new("Sample")
     ob = bpy.data.objects.new("Sample", data)

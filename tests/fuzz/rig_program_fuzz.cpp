@@ -31,6 +31,7 @@ class Maker {
     if (byte() & 1) rig.matrices.push_back({"outside", rig.world});
     for (int i = byte() % 3; i > 0; --i) object(rig);
     for (int i = 0; i < bones; ++i) bone(rig);
+    for (int i = byte() % 2; i > 0; --i) spline(rig);
     for (int i = byte() % 6, bone = 0; i > 0; --i) {
       bone = std::min(bone + byte() % 3, raw_ ? bone + 2 : bones - 1);
       constraint(rig, bone);
@@ -81,6 +82,35 @@ class Maker {
     rig.objects.push_back(made);
   }
 
+  void spline(RigDescription& rig) {
+    SplineDescription made;
+    made.name = "s";
+    made.matrix = place(rig.matrices.size() + 1) - 1;
+    const std::uint8_t flags = byte();
+    made.is_poly = flags & 1;
+    made.resolution = raw_ ? bytes_.take<std::int8_t>() : 1 + byte() % 16;
+    made.radius_interpolation = static_cast<RadiusInterpolation>(byte() % 4);
+    made.points.resize(byte() % 5);
+    made.handles.resize(made.points.size());
+    for (auto& point : made.points) {
+      for (float& each : point) each = number();
+    }
+    for (auto& handles : made.handles) {
+      for (SplineHandle& each : handles) each = static_cast<SplineHandle>(byte() % 4);
+    }
+    const int count = static_cast<int>(made.points.size());
+    made.radii = "radii";
+    rig.properties.push_back({"radii", count, ValueKind::real, 0, 10, std::vector<float>(count, number())});
+    if (flags & 2) {
+      SplineHook hook{target(rig), {}, number(), {place(3 * count + 1)}};
+      for (float& each : hook.inverse) each = number();
+      made.hooks.push_back(hook);
+    }
+    if (flags & 4) made.keys.push_back({"[\"p\"]", place(2) - 1, std::vector<std::array<float, 10>>(count)});
+    made.has_keys = flags & 8;
+    rig.splines.push_back(made);
+  }
+
   RigTarget target(const RigDescription& rig) {
     RigTarget target{static_cast<RigTarget::Type>(byte() % 4), place(rig.bones.size())};
     if (target.type == RigTarget::Type::outside && !raw_) {
@@ -94,17 +124,21 @@ class Maker {
     if (type == ConstraintType::armature || raw_) return byte() % 3;
     if (type == ConstraintType::ik) return 2;
     const bool is_limit = constraint_name(type).starts_with("LIMIT") && type != ConstraintType::limit_distance;
-    return is_limit || type == ConstraintType::maintain_volume ? 0 : 1;
+    return is_limit || type == ConstraintType::maintain_volume || type == ConstraintType::spline_ik ? 0 : 1;
   }
 
   void constraint(RigDescription& rig, int bone) {
     ConstraintDescription& made =
-        add_constraint(rig, static_cast<ConstraintType>(byte() % (static_cast<int>(ConstraintType::ik) + 1)), bone, -1);
+        add_constraint(rig, static_cast<ConstraintType>(byte() % kConstraintTypeCount), bone, -1);
     for (int i = target_count(made.type); i > 0; --i) made.targets.push_back(target(rig));
     if (made.type == ConstraintType::armature) made.weights.assign(made.targets.size(), number());
     for (int i = byte() % 8; i > 0; --i) made.settings[byte() % made.settings.size()] = number();
     if (made.type == ConstraintType::action && byte() & 1) made.action.push_back({place(kPoseBend), curve()});
     made.space = target(rig);
+    if (made.type == ConstraintType::spline_ik) {
+      made.spline = place(rig.splines.size() + 1) - 1;
+      for (int i = byte() % 4; i > 0; --i) made.joints.push_back(number());
+    }
   }
 
   CurveDescription curve() {

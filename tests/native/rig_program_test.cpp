@@ -261,6 +261,108 @@ TEST(RigProgram, ReachesWithIk) {
 }
 
 /// Two bones, the last with two IK constraints.
+/// A polyline from the origin to (4, 0, 0), the far end of which a bone hooks, and a chain of two bones along it.
+RigDescription along_a_spline() {
+  RigDescription rig = two_bones();
+  const int hand = add_bone(rig, "hand", -1, {4, 0, 0});
+  rig.matrices.push_back({"Rail", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}});
+  rig.properties.push_back({"radii", 2, ValueKind::real, 0, 10, {1, 3}});
+  SplineDescription spline;
+  spline.name = "Rail";
+  spline.matrix = 0;
+  spline.is_poly = true;
+  spline.radii = "radii";
+  spline.points = {{0, 0, 0, 0, 0, 0, 0, 0, 0}, {4, 0, 0, 4, 0, 0, 4, 0, 0}};
+  spline.handles.resize(2);
+  spline.hooks.push_back({{RigTarget::Type::bone, hand}, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -4, 0, 0, 1}, 1, {4}});
+  rig.splines.push_back(spline);
+  ConstraintDescription& made = add_constraint(rig, ConstraintType::spline_ik, 1);
+  made.spline = 0;
+  set(made, "chain_count", 2);
+  set(made, "y_scale_mode", 1);
+  set(made, "use_curve_radius", 1);
+  return rig;
+}
+
+TEST(RigProgram, ChainsFollowASpline) {
+  RigDescription rig = along_a_spline();
+  std::vector<Mat4> poses = poses_of(rig);
+  expect_near(poses[0].location(), {0, 0, 0});
+  expect_near(poses[0].axis(1), {2, 0, 0});  // as long as half of the spline
+  expect_near(poses[1].location(), {2, 0, 0});
+  expect_near(poses[1].axis(1), {2, 0, 0});
+  EXPECT_NEAR(rig::sizes_of(poses[0])[0], 1.5F, 1e-6F);  // the mean of the radii at both ends
+  EXPECT_NEAR(rig::sizes_of(poses[1])[2], 2.5F, 1e-6F);
+
+  rig.curves.push_back(curve(bone_path("hand", "location"), 1, {{0, 3}}));  // to (4, 3, 0)
+  poses = poses_of(rig);
+  expect_near(poses[0].axis(1), {2, 1.5F, 0});
+  expect_near(poses[1].location(), {2, 1.5F, 0});
+
+  set(rig.constraints[0], "y_scale_mode", 0);  // bones keep their lengths
+  poses = poses_of(rig);
+  expect_near(poses[1].location(), {0.8F, 0.6F, 0});
+  expect_near(poses[1].axis(1), {0.8F, 0.6F, 0});
+
+  set(rig.constraints[0], "influence", 0.5F);
+  const float half = std::atan2(0.6F, 0.8F) / 2 + rig::kPi / 4;
+  expect_near(poses_of(rig)[0].axis(1), {std::cos(half), std::sin(half), 0});
+  set(rig.constraints[0], "mute", 1);
+  expect_near(poses_of(rig)[1].location(), {0, 1, 0});
+}
+
+TEST(RigProgram, SplinesHaveShapeKeys) {
+  RigDescription rig = along_a_spline();
+  SplineDescription& spline = rig.splines[0];
+  spline.hooks.clear();
+  add_bone(rig, "child", 1, {0, 2, 0});  // comes before drivers that it does not need
+  rig.properties.push_back({"raised", 1, ValueKind::real, 0, 1, {0.5F}});
+  spline.keys.push_back({"raised", -1, {{0, 0, 0, 0, 0, 0, 0, 0, 0, 1}, {4, 0, 0, 4, 6, 0, 4, 0, 0, 5}}});
+  const std::vector<Mat4> poses = poses_of(rig);
+  expect_near(poses[1].location(), {2, 1.5F, 0});
+  EXPECT_NEAR(rig::sizes_of(poses[1])[2], 3.25F, 1e-6F);                             // between 2.5 and 4
+  rig.drivers.push_back(driver("raised", 0, {bone_path("hand", "scale") + "[0]"}));  // 1, before the chain is posed
+  expect_near(poses_of(rig)[1].location(), {2, 3, 0});
+}
+
+TEST(RigProgram, SplinesThatAreNotWholeAreRefused) {
+  const auto failure = [](const auto& change) {
+    RigDescription rig = along_a_spline();
+    change(rig, rig.splines[0]);
+    return failure_of(rig);
+  };
+  using Rig = RigDescription;
+  using Spline = SplineDescription;
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.matrix = 1; }), "spline \"Rail\" has matrix 1; the rig has 1");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.points.pop_back(); }),
+            "spline \"Rail\" has 1 point; expected 2 to 10,000");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.handles.clear(); }),
+            "spline \"Rail\" has handles of 0 points; expected 2");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.resolution = 0; }),
+            "spline \"Rail\" has resolution 0; expected 1 to 1,024");
+  EXPECT_EQ(failure([](Rig& rig, Spline&) { rig.properties[0] = {"radii", 1, ValueKind::real, 0, 10, {1}}; }),
+            "spline \"Rail\" has 2 points and as their radii radii, which is no property of so many numbers");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.hooks[0].points = {6}; }),
+            "spline \"Rail\" has a hook of handle 6; it has 6");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) { spline.hooks[0].target = {}; }),
+            "spline \"Rail\" has a hook without a target");
+  EXPECT_EQ(failure([](Rig&, Spline& spline) {
+              spline.keys.push_back({"none", -1, {}});
+            }),
+            "spline \"Rail\" has a key with the value none, which is no property of one number");
+  EXPECT_EQ(failure([](Rig& rig, Spline&) { rig.constraints[0].spline = 1; }),
+            "SPLINE_IK \"SPLINE_IK 0\" of bone \"tip\" follows spline 1; the rig has 1");
+  EXPECT_EQ(failure([](Rig& rig, Spline&) {
+              rig.constraints[0].joints = {1, 0.5F};
+            }),
+            "Spline IK of bone \"tip\" has 2 joints for 2 bones; expected one more joint than bones");
+  EXPECT_EQ(
+      failure([](Rig& rig, Spline&) { rig.constraints.push_back(rig.constraints[0]); }),
+      "Spline IK of bone \"tip\" moves bone \"tip\", which another IK constraint moves, too; that is not computed");
+  const std::string cycle = failure([](Rig&, Spline& spline) { spline.hooks[0].target.index = 0; });
+  EXPECT_NE(cycle.find("the rig has a cycle: the Spline IK of bone [\"tip\"]"), std::string::npos) << cycle;
+}
+
 RigDescription two_goals() {
   RigDescription rig = two_bones();
   add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});
@@ -349,6 +451,16 @@ TEST(RigProgram, EvaluatingAllKindsOfPartsTakesNoMemory) {
   }
   for (const int bendy : {count, count + 1}) rig.bones[bendy].segments = 5;
   rig.bones[count].maps_curved = true;
+  const RigDescription chain = along_a_spline();
+  rig.splines = chain.splines;
+  rig.splines[0].is_poly = false;
+  rig.splines[0].hooks[0].target.index = 0;
+  rig.matrices = chain.matrices;
+  rig.properties = chain.properties;
+  const int end = add_bone(rig, "end", add_bone(rig, "middle", -1, {0, 5, 0}), {0, 6, 0});
+  ConstraintDescription follows = chain.constraints[0];
+  follows.bone = end;
+  rig.constraints.push_back(follows);
   const std::string root = bone_path(rig.bones[0].name, "location");
   rig.curves.push_back(curve(root, 0, {{0, 0}, {10, 3}}));
   rig.drivers.push_back(driver(root, 1, {root + "[0]"}, "sin(a) + frame / 10"));

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 
 import numpy as np
 import pytest
@@ -261,6 +262,59 @@ def with_objects(rig):
         line('objects["Ai\\"m"].delta_location', 0, (0, 4)),
     ]
     return rig
+
+
+@pytest.fixture
+def with_spline(rig):
+    """The second bone alone lies along a line, whose far end another object hooks."""
+    rig["matrices"] = [{"name": "Rail", "matrix": np.eye(4)}, {"name": "Hand", "matrix": np.eye(4)}]
+    rig["properties"].append({"path": "radii", "value": [1.0, 1.0]})
+    rig["splines"] = [
+        {
+            "name": "Rail",
+            "object": {"outside": "Rail"},
+            "type": "POLY",
+            "points": [{"co": [0] * 9}, {"co": [4, 0, 0] * 3}],
+            "radii": "radii",
+            "hooks": [{"target": {"outside": "Hand"}, "matrix_inverse": np.eye(4), "handles": [4]}],
+        }
+    ]
+    settings = {"is_valid": 1, "chain_count": 1, "y_scale_mode": 1}
+    bone = rig["bones"][1]["name"]
+    rig["constraints"] = [{"bone": bone, "name": "s", "type": "SPLINE_IK", "settings": settings, "spline": "Rail"}]
+    return rig
+
+
+def test_spline_ik(with_spline):
+    program, moved = sinew.RigProgram(with_spline), np.eye(4)
+    found = program.evaluate(np.zeros(1), {})[0, 1]
+    np.testing.assert_allclose(found[:3, 3], [0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(found[:3, 1] / np.linalg.norm(found[:3, 1]), [1, 0, 0], atol=1e-6)
+    moved[:3, 3] = (0, 3, 0)
+    found = program.evaluate(np.zeros(1), {"Hand": moved})[0, 1]
+    np.testing.assert_allclose(found[:3, 1] / np.linalg.norm(found[:3, 1]), [0.8, 0.6, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rig: rig["constraints"][0].update(spline="Way"), 'follows spline "Way", which the rig does not have'),
+        (lambda rig: rig["constraints"][0].pop("spline"), "follows spline -1; the rig has 1"),
+        (lambda rig: rig["constraints"][0].update(joints=[np.nan]), "the joints of SPLINE_IK"),
+        (lambda rig: rig["splines"][0].pop("object"), 'spline "Rail" has matrix -1; the rig has 2'),
+        (lambda rig: rig["splines"][0].update(type="NURBS"), 'a spline has "type": "NURBS"; expected'),
+        (lambda rig: rig["splines"][0]["points"][0].update(co=[1, 2]), 'has 2 numbers as "co"; expected 9'),
+        (lambda rig: rig["splines"][0]["points"][0].update(co=[np.inf] * 9), 'a point of spline "Rail" has inf'),
+        (lambda rig: rig["splines"][0]["hooks"][0].update(handles=[-1]), "has a hook of handle -1; it has 6"),
+        (lambda rig: rig["splines"][0]["hooks"][0].update(handles=["a"]), "handles"),
+        (lambda rig: rig["splines"][0].update(shape_keys=[{"value": "radii", "points": [1.0]}]), "not of 10 numbers"),
+        (lambda rig: rig["splines"][0].update(colour=1), "colour"),
+    ],
+)
+def test_wrong_splines_are_refused(with_spline, change, message):
+    change(with_spline)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        sinew.RigProgram(with_spline)
 
 
 def place(program, frames, given=None):

@@ -214,8 +214,11 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         counts = tuple(len(numbers) for _keys, numbers in keyed)
         own, is_posable = settings.of(rig.ob, read.description)
         wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
-        moving = tuple(each for each in read.targets.moving.values() if each != rig.ob)
-        source = Source(program, program.places(wanted), counts, tuple(own), leaders, moving, is_posable=is_posable)
+        moving = [each for each in read.targets.moving.values() if each != rig.ob]
+        moving += followers.moving(rig.ob, read.targets.splines.values())
+        source = Source(
+            program, program.places(wanted), counts, tuple(own), leaders, tuple(moving), is_posable=is_posable
+        )
     except ValueError as reason:
         return Source(refusal=str(reason))
     _remember(rig, read, source, graph)

@@ -20,7 +20,10 @@ _SIMULATED = {"CLOTH", "SOFT_BODY", "PARTICLE_SYSTEM", "FLUID", "DYNAMIC_PAINT"}
 _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "length"}
 MOST_NAMES = 3  # that a reason lists
 # What may use an armature without being changed by its pose, unless it has drivers.
-_LISTS = (bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace)
+_LISTS = (
+    *(bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace),
+    bpy.types.Armature,  # of a metarig, which names the rig that Rigify has made of it
+)
 
 
 @dataclass
@@ -76,7 +79,8 @@ def _of(rig: Any, users: dict[Any, set[Any]], graph: Any) -> Followers:
         if isinstance(user, bpy.types.Object):
             _sort_in(rig, user, found, graph)
             continue
-        driven = _driven_values(user, rig) if isinstance(user, bpy.types.Key) else ()
+        is_of_mesh = isinstance(user, bpy.types.Key) and not isinstance(user.user, bpy.types.Curve)
+        driven = _driven_values(user, rig) if is_of_mesh else ()
         if driven:
             found.keyed.append((user, driven))
             continue
@@ -212,7 +216,8 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
         why = objects.why_not(each)
         if each in read:
             why = "drivers read it"
-        elif not each.visible_get(view_layer=layer):  # so that Blender might not evaluate it
+        elif not each.visible_get(view_layer=layer) and (each.type != "CURVE" or objects.may_move(each)):
+            # so that Blender might not evaluate it
             why = f"{each.name} is hidden"
         elif not contract.has(features.FOLLOWING):
             why = contract.why_not(features.FOLLOWING)

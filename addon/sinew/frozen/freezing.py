@@ -145,9 +145,9 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
         _rebuild(chosen, at_home, layer)
         watch.expect_no_more(graph)  # no handler has seen that evaluation
         moved = [rig for rig in chosen if _settle_frozen(rig, scene, layer)]
-        followed = [block for rig in moved for block in rig.followers.copied if rigs.is_evaluated(block)]
+        followed = [block for rig in moved for block in rig.followers.copied if rigs.is_evaluated(block, graph)]
         for block in {block for rig in moved for block in (*rig.followers.objects, *rig.followers.driven_blocks())}:
-            if rigs.is_evaluated(block):
+            if rigs.is_evaluated(block, graph):
                 block.update_tag()
     except BaseException:
         relations.tag()
@@ -225,10 +225,12 @@ def settle(graph: Any) -> None:
 
 def pose(rig: rigs.Rig) -> bool:
     """Lets Blender evaluate the bones of a frozen armature that was edited, from a handler. Returns whether it may: not
-    if the edit moves what it follows while Blender does not see all of that."""
+    if the edit moves what it follows, such as a curve that its own bones bend, while Blender does not see all of
+    that."""
     changes.drop_all(rig)
     graph = rig.graph()
-    if not rig.is_posable or any(watch.may_have_moved(each, graph) for each in rig.unseen):
+    follows_itself = any(each in rig.followers.shaped for each in rig.unseen)
+    if not rig.is_posable or follows_itself or any(watch.may_have_moved(each, graph) for each in rig.unseen):
         return False
     rig.state, rig.pose, rig.posed_on = State.POSED, None, None
     return True

@@ -132,7 +132,7 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
                 lacking.append(rig)
             _tag_followers(rig, graph)
             for block in (*rig.followers.hooked, *rig.followers.driven_blocks()) if not is_new_frame else ():
-                if rigs.is_evaluated(block):
+                if rigs.is_evaluated(block, graph):
                     block.update_tag()
     steps = [(rig, rig.at(frame)) for rig in own if rig.shown != frame]
     for (rig, moment), is_shown in zip(steps, rigs.show_next(graph, steps)):
@@ -146,10 +146,11 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
 
 def _tag_followers(rig: rigs.Rig, graph: Any) -> None:
     for refresh, objects in (("OBJECT", rig.followers.placed), ("DATA", rig.followers.shaped)):
-        for ob in filter(rigs.is_evaluated, objects):
-            ob.update_tag(refresh={refresh})
+        for ob in objects:
+            if rigs.is_evaluated(ob, graph):
+                ob.update_tag(refresh={refresh})
     if rig.followers.copied:
-        watch.expect(graph, filter(rigs.is_evaluated, rig.followers.copied))
+        watch.expect(graph, (block for block in rig.followers.copied if rigs.is_evaluated(block, graph)))
 
 
 def _compare_in(graph: Any, scene: Any) -> None:

@@ -407,9 +407,10 @@ def moves(ob: Any) -> bool:
     return has_animation(ob) or rig is not None and rig.is_idle or any(map(has_animation, dependencies.chain(ob)))
 
 
-def is_evaluated(block: Any) -> bool:
-    """Whether Blender evaluates a data-block that follows an armature: it exists, and is no armature that is idle."""
-    if not is_alive(block):
+def is_evaluated(block: Any, graph: Any) -> bool:
+    """Whether Blender evaluates a data-block that follows an armature: it exists and is in the graph, in which a hidden
+    curve is only as long as bones follow it, and is no armature that is idle."""
+    if not is_alive(block) or not block.evaluated_get(graph).is_evaluated:
         return False
     is_of_armature = isinstance(block, bpy.types.Armature) or getattr(block, "type", "") == "ARMATURE"
     return not is_of_armature or not any(block in (rig.ob, rig.ob.data) for rig in idle())

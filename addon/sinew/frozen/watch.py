@@ -14,6 +14,7 @@ from ..blender import animation, dependencies, values
 from ..host import copies, driver_bytes, evaluations, key_blocks, keyframes
 from .shapes import is_alive
 
+_WITHOUT_COPY = (bpy.types.Action, bpy.types.Curve, bpy.types.Key, bpy.types.Object)
 _expected: dict[int, set[int]] = {}  # by view layer: keys of data-blocks that this package has had copied
 _awaited: dict[int, Any] = {}  # by view layer: see wait_for
 
@@ -58,8 +59,8 @@ class Watch:
         try:
             for key, block in zip(self.keys, self.blocks):
                 copy = block.evaluated_get(graph)
-                if not copy.is_evaluated:  # a frozen armature's actions have no copy
-                    if not isinstance(block, bpy.types.Action) or evaluations.is_tagged(block):
+                if not copy.is_evaluated:  # a frozen armature's actions, and a hidden curve of its own, have no copy
+                    if not isinstance(block, _WITHOUT_COPY) or evaluations.is_tagged(block):
                         return False
                 elif key in expected:
                     copies.mark(copy)

@@ -87,6 +87,7 @@ CONSTRAINTS = {
     "LOCKED_TRACK": "bLockTrackConstraint",
     "MAINTAIN_VOLUME": "bSameVolumeConstraint",
     "PIVOT": "bPivotConstraint",
+    "SPLINE_IK": "bSplineIKConstraint",
     "STRETCH_TO": "bStretchToConstraint",
     "TRACK_TO": "bTrackToConstraint",
     "TRANSFORM": "bTransformConstraint",

@@ -8,11 +8,9 @@ from typing import Any
 
 import bpy
 
-from . import curves, tables, targets
+from . import curves, splines, tables, targets
 
 WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
-# The channels of a bone that an Action constraint sets: where they begin among a bone's numbers.
-CHANNELS = {"location": 0, "rotation_quaternion": 3, "rotation_axis_angle": 7, "rotation_euler": 11, "scale": 14}
 
 
 @cache
@@ -81,6 +79,10 @@ def row_of(
         if any(target and "outside" in target for target in row["targets"]):
             raise curves.Refused("bones of another armature are not covered here")
         row["weights"] = [target.weight for target in constraint.targets]
+    elif kind == "SPLINE_IK":
+        splines.check(curve := constraint.target)
+        found.splines.setdefault(curve.name_full, curve)
+        row |= {"spline": curve.name_full, "joints": [*constraint.joint_bindings]}
     elif hasattr(constraint, "target"):
         target = found.of(constraint.target, bone_name := getattr(constraint, "subtarget", ""))
         if target and "outside" in target:
@@ -111,5 +113,5 @@ def action_channels(
     # A group of the bone's name hides curves that are not in it.
     grouped = [each for each in own if each[1].group is not None and each[1].group.name == bone.name]
     for name, curve, *stored in grouped or own:
-        if name in CHANNELS:
-            yield {"channel": CHANNELS[name] + curve.array_index, **curves.curve_of(curve, *stored)}
+        if name in tables.CHANNELS:
+            yield {"channel": tables.CHANNELS[name] + curve.array_index, **curves.curve_of(curve, *stored)}

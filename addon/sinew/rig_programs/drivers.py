@@ -6,10 +6,10 @@ from typing import Any
 import bpy
 
 from ..blender import animation
-from . import constraints, curves, paths, targets
+from . import curves, paths, tables, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
-CHANNELS = tuple(constraints.CHANNELS)  # most curves set one of these
+CHANNELS = tuple(tables.CHANNELS)  # most curves set one of these
 # Of the rig: what a variable reads of the object itself is outside.
 OF_RIG = ("pose.", '["', "data.")
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..blender import animation, values
 from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from ..host import bones as bone_bytes
-from . import bones, curves, drivers, objects, paths, properties, reading, tables
+from . import bones, curves, drivers, objects, paths, properties, reading, splines, tables
 
 _WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
 
@@ -30,7 +30,7 @@ class Known:
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
         self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
         self._switches = list(self._read_switches(ob))
-        self._modes, self._objects = self._read_modes(), self._read_objects()
+        self._modes, self._objects = self._read_modes(), self._read_objects(ob)
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
@@ -43,7 +43,7 @@ class Known:
         if something from outside can no longer be read."""
         if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
             return None
-        if self._read_modes() != self._modes or self._read_objects() != self._objects:
+        if self._read_modes() != self._modes or self._read_objects(ob) != self._objects:
             return None
         own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
         edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
@@ -61,10 +61,12 @@ class Known:
         """Returns the modes of rotation of what is outside, on which it depends how that is read."""
         return [each.rotation_mode for each in self.follows if isinstance(each, bpy.types.Object)]
 
-    def _read_objects(self) -> str:
-        """Returns the places and the keyframes of other objects that are computed, too, as text."""
+    def _read_objects(self, ob: bpy.types.Object) -> str:
+        """Returns the places and the keyframes of other objects that are computed, too, and splines, as text."""
         own = objects.moving(self.targets.outside.values())
-        return json.dumps(objects.rows_of(own), default=reading.as_list)
+        values = splines.values_of(ob, self.targets, self.outside)
+        rows = objects.rows_of(own), splines.rows_of(self.targets), list(values)
+        return json.dumps(rows, default=reading.as_list)
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
         """Yields influence, mute and validity of each constraint, None for what is written on each frame."""

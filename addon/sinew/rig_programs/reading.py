@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..host import bone_numbers
-from . import bones, constraints, driven_keys, drivers, objects, properties, targets
+from . import bones, constraints, driven_keys, drivers, objects, properties, splines, targets
 
 CAN_READ = bpy.app.version >= (4, 2, 0)  # older ones evaluate in other ways
 
@@ -82,6 +82,10 @@ def read(
     for property_row, driver_row in driven_keys.rows_of(ob, keyed, found, outside):
         description["properties"].append(property_row)
         description["drivers"].append(driver_row)
+    description["splines"] = splines.rows_of(found)
+    for property_row, driver_rows in splines.values_of(ob, found, outside):
+        description["properties"].append(property_row)
+        description["drivers"] += driver_rows
     own = objects.moving(found.outside.values())
     found.moving = {each.name_full: each for each in own}
     description["objects"], keyed_places = objects.rows_of(own)

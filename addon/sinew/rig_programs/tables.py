@@ -5,6 +5,9 @@ from functools import cache
 
 from ..native import sinew_native
 
+# The channels of a bone that an Action constraint sets: where they begin among a bone's numbers.
+CHANNELS = {"location": 0, "rotation_quaternion": 3, "rotation_axis_angle": 7, "rotation_euler": 11, "scale": 14}
+
 
 @cache
 def bone_settings() -> list[tuple[str, int, bool]]:

@@ -19,6 +19,7 @@ class Targets:
         self.bones = set(ob.pose.bones.keys())
         self.outside: dict[str, tuple[bpy.types.Object, str]] = {}  # object and bone by name
         self.moving: dict[str, bpy.types.Object] = {}  # those whose matrices the program computes, and their parents
+        self.splines: dict[str, bpy.types.Object] = {}  # curves that Spline IK follows
         self.refused: list[str] = []
         self._actions: dict[tuple[str, int], dict[str, list[Channel]]] = {}
 

@@ -140,7 +140,9 @@ enum class ConstraintType : std::uint8_t {
   pivot,
   action,
   ik,
+  spline_ik,
 };
+inline constexpr int kConstraintTypeCount = static_cast<int>(ConstraintType::spline_ik) + 1;
 
 /// A bone's channel that an Action constraint's action sets.
 struct ActionChannel {
@@ -157,6 +159,8 @@ struct ConstraintDescription {
   std::vector<float> weights;      ///< of an Armature constraint's targets
   RigTarget space;                 ///< the object or bone of the space CUSTOM
   std::vector<ActionChannel> action;
+  int spline = -1;            ///< of Spline IK: in RigDescription::splines
+  std::vector<float> joints;  ///< of Spline IK: SplineIKConstraint.joint_bindings; empty if Blender divides the spline
 };
 
 /// A number that drivers may read and curves may set, and which is no setting of a bone or constraint.
@@ -189,6 +193,39 @@ struct ObjectDescription {
   std::array<float, 16> parent_inverse = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   RotationMode rotation_mode = RotationMode::xyz;
   std::array<float, kObjectValueCount> values = {};  ///< in the order of object_settings()
+};
+
+enum class SplineHandle : std::uint8_t { free, automatic, vector, aligned };
+enum class RadiusInterpolation : std::uint8_t { linear, cardinal, bspline, ease };
+
+/// A Hook modifier that moves points of a spline with a bone or an object.
+struct SplineHook {
+  RigTarget target;
+  std::array<float, 16> inverse = {};  ///< HookModifier.matrix_inverse
+  float strength = 1;
+  std::vector<int> points;  ///< 3 * point + 0 for its left handle, 1 for itself, 2 for its right handle
+};
+
+/// A shape key of a spline that is not its Basis.
+struct SplineKey {
+  std::string value;  ///< path of a property with one number
+  int relative = -1;  ///< the key that it is relative to, among those of the spline, or -1 for the spline's own points
+  std::vector<std::array<float, 10>> points;  ///< left handle, point, right handle, radius
+};
+
+/// The first spline of a curve object that Spline IK follows: open, in three dimensions, Bezier or a polyline.
+struct SplineDescription {
+  std::string name;
+  int matrix = -1;  ///< in RigDescription::matrices: of the curve object
+  bool is_poly = false;
+  int resolution = 12;                               ///< segments between two points
+  std::vector<std::array<float, 9>> points;          ///< left handle, point, right handle; in the object's space
+  std::vector<std::array<SplineHandle, 2>> handles;  ///< of each point; hooks have Blender place some again
+  std::string radii;                                 ///< path of a property with a number for each point
+  RadiusInterpolation radius_interpolation = RadiusInterpolation::linear;
+  bool has_keys = false;  ///< shape keys, also if none but the Basis counts: Blender places handles again
+  std::vector<SplineKey> keys;
+  std::vector<SplineHook> hooks;  ///< in the order of the modifiers
 };
 
 enum class DriverType : std::uint8_t { average, scripted, sum, minimum, maximum };
@@ -259,6 +296,7 @@ struct RigDescription {
   std::vector<OutsideValue> values;
   std::vector<OutsideMatrix> matrices;
   std::vector<ObjectDescription> objects;
+  std::vector<SplineDescription> splines;
   std::vector<AnimatedValue> curves;
   std::vector<DriverDescription> drivers;
   std::vector<std::string> refused;  ///< what the description cannot say, each as a reason; a program is then refused

@@ -2,6 +2,7 @@
 
 #include "rig/bend.h"
 #include "rig/channels.h"
+#include "rig/spline_chain.h"
 #include "rig/state.h"
 #include "rig/tree.h"
 #include "rig/variables.h"
@@ -73,6 +74,10 @@ void evaluate(const Program& program, State& state, float frame) {
         i += trees.size() - 1;
         break;
       }
+      case Operation::Type::chain:
+        state.enter(RigPart::ik);
+        follow_spline(program, state, program.chains[operation.index]);
+        break;
       case Operation::Type::segments:
         state.enter(RigPart::segments);
         bend_bone(program, state, operation.index);

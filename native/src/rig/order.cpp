@@ -42,7 +42,8 @@ class Graph {
         bones_(static_cast<int>(program.bones.size())),
         drivers_(static_cast<int>(program.drivers.size())),
         trees_(static_cast<int>(program.trees.size())),
-        needs_(2 * bones_ + drivers_ + trees_) {
+        chains_(static_cast<int>(program.chains.size())),
+        needs_(2 * bones_ + drivers_ + trees_ + chains_) {
     note_owners();
     writers_.assign(owners_.size(), -1);
     for (int i = 0; i < drivers_; ++i) {
@@ -53,6 +54,7 @@ class Graph {
     for (int i = 0; i < bones_; ++i) add_bone(i);
     for (int i = 0; i < drivers_; ++i) add_driver(i);
     for (int i = 0; i < trees_; ++i) add_tree(i);
+    for (int i = 0; i < chains_; ++i) add_chain(i);
   }
 
   std::vector<Operation> sorted();
@@ -61,12 +63,13 @@ class Graph {
   enum class Mark : char { unseen, open, done };
 
   int bone_node(int bone) const {
-    const int tree = program_.bones[bone].tree;
-    return tree < 0 ? bone : bones_ + drivers_ + tree;
+    const auto [tree, chain] = std::pair(program_.bones[bone].tree, program_.bones[bone].chain);
+    return tree >= 0 ? tree_node(tree) : chain >= 0 ? chain_node(chain) : bone;
   }
   int driver_node(int driver) const { return bones_ + driver; }
   int tree_node(int tree) const { return bones_ + drivers_ + tree; }
   int segments_node(int bone) const { return bones_ + drivers_ + trees_ + bone; }
+  int chain_node(int chain) const { return segments_node(bones_) + chain; }
 
   void need(int node, int other) { needs_[node].push_back(other); }
   void need_values(int node, int first, int count) {
@@ -96,6 +99,7 @@ class Graph {
   void add_constraint(int node, const Constraint& constraint);
   void add_driver(int index);
   void add_tree(int index);
+  void add_chain(int index);
   std::string name(int node) const;
   [[noreturn]] void refuse_cycle(const std::vector<int>& path, int again) const;
 
@@ -103,6 +107,7 @@ class Graph {
   int bones_;
   int drivers_;
   int trees_;
+  int chains_;
   std::vector<std::vector<int>> needs_;
   std::vector<int> writers_;      // of each number, the last driver that sets it, or -1
   std::vector<int> next_writer_;  // of each driver, the one before it that sets the same number
@@ -179,6 +184,18 @@ void Graph::add_tree(int index) {
   }
 }
 
+void Graph::add_chain(int index) {
+  const Chain& chain = program_.chains[index];
+  const Spline& spline = program_.splines[chain.spline];
+  const int node = chain_node(index);
+  add_constraint(node, program_.constraints[chain.constraint]);
+  need_values(node, spline.radii, static_cast<int>(spline.points.size()));
+  for (const ShapeOfSpline& key : spline.keys) need_values(node, key.value, 1);
+  for (const SplineHook& hook : spline.hooks) {
+    if (hook.target.type == RigTarget::Type::bone) need(node, bone_node(hook.target.index));
+  }
+}
+
 void Graph::need_bent(int driver, int value) {
   const int bone = value / kBoneValueCount;
   const int place = value % kBoneValueCount;
@@ -219,7 +236,8 @@ std::string Graph::name(int node) const {
   if (node < bones_) return bone_name(node);
   if (node < tree_node(0)) return "the driver of " + program_.map.name(program_.drivers[node - bones_].value);
   if (node < segments_node(0)) return "the IK of " + bone_name(program_.trees[node - tree_node(0)].bones.front());
-  return "the segments of " + bone_name(node - segments_node(0));
+  if (node < chain_node(0)) return "the segments of " + bone_name(node - segments_node(0));
+  return "the Spline IK of " + bone_name(program_.chains[node - chain_node(0)].bones.front());
 }
 
 void Graph::refuse_cycle(const std::vector<int>& path, int again) const {
@@ -247,15 +265,17 @@ std::vector<Operation> Graph::sorted() {
       order.push_back({Operation::Type::driver, node - bones_, levels[node]});
     } else if (node < segments_node(0)) {
       order.push_back({Operation::Type::tree, node - tree_node(0), levels[node]});
-    } else {
+    } else if (node < chain_node(0)) {
       order.push_back({Operation::Type::segments, node - segments_node(0), levels[node]});
+    } else {
+      order.push_back({Operation::Type::chain, node - chain_node(0), levels[node]});
     }
   };
   for (int start = 0; start < static_cast<int>(needs_.size()); ++start) {
-    const bool is_bone_of_tree = start < bones_ && program_.bones[start].tree >= 0;
+    const bool is_solved_with_others = start < bones_ && bone_node(start) != start;
     const int bone = start - segments_node(0);
-    const bool is_straight = bone >= 0 && !program_.bones[bone].is_bendy();
-    if (is_bone_of_tree || is_straight || marks[start] == Mark::done) continue;
+    const bool is_straight = bone >= 0 && bone < bones_ && !program_.bones[bone].is_bendy();
+    if (is_solved_with_others || is_straight || marks[start] == Mark::done) continue;
     path.assign(1, start);
     marks[start] = Mark::open;
     while (!path.empty()) {

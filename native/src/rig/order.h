@@ -11,7 +11,7 @@ namespace sinew::rig {
 /// in.
 std::vector<Tree> find_trees(std::vector<Bone>& bones, const std::vector<Constraint>& constraints, const ValueMap& map);
 
-/// Sorts bones, drivers, trees and B-bones' segments. Throws InputError for a cycle, and names what is in it.
+/// Sorts bones, drivers, trees, chains and B-bones' segments. Throws InputError for a cycle, and names what is in it.
 std::vector<Operation> put_in_order(const Program& program);
 
 /// Whether a curve or a driver sets each number.

@@ -37,6 +37,7 @@ struct Bone {
   bool deforms = true;
   bool has_constraints = false;  ///< of any type: its pose goes to the world and back, which rounds
   int tree = -1;                 ///< the bones that IK may join with it
+  int chain = -1;                ///< the chain of Spline IK that it is in
   RotationMode rotation_mode = RotationMode::quaternion;
   InheritScale inherit_scale = InheritScale::full;
   bool inherits_rotation = true;
@@ -74,6 +75,8 @@ struct Constraint {
   RigTarget space;
   std::vector<RigTarget> targets;
   std::vector<ActionCurve> action;
+  int spline = -1;            ///< of Spline IK, as `joints`
+  std::vector<float> joints;  ///< see ConstraintDescription
 };
 
 struct Variable {
@@ -123,8 +126,37 @@ struct Tree {
   std::vector<std::vector<IkPlan>> plans;
 };
 
+struct ShapeOfSpline {
+  int value = 0;      ///< the number that says how much of it there is
+  int relative = -1;  ///< see SplineKey
+  std::vector<std::array<float, 10>> points;
+};
+
+/// A curve that Spline IK follows.
+struct Spline {
+  int matrix = 0;  ///< in State::outside
+  bool is_poly = false;
+  int resolution = 1;
+  int radii = 0;  ///< where its points' radii begin among the numbers
+  RadiusInterpolation radius_interpolation = RadiusInterpolation::linear;
+  std::vector<std::array<Vec3, 3>> points;
+  std::vector<std::array<SplineHandle, 2>> handles;
+  bool has_keys = false;  ///< also if all are muted
+  std::vector<ShapeOfSpline> keys;
+  std::vector<SplineHook> hooks;
+};
+
+/// Bones that Spline IK moves together.
+struct Chain {
+  int constraint = 0;
+  int spline = 0;
+  std::vector<int> bones;     ///< from the tip to the root
+  std::vector<float> joints;  ///< where they are along the spline, from 1 on; one more than bones
+  float length = 0;           ///< of all bones at rest
+};
+
 struct Operation {
-  enum class Type : std::uint8_t { bone, driver, tree, segments };
+  enum class Type : std::uint8_t { bone, driver, tree, segments, chain };
   Type type;
   int index;
   int level = 0;  ///< how many trees come before it, one needing the other
@@ -143,6 +175,8 @@ struct Program {
   std::vector<Mat4> outside;
   std::vector<MovingObject> objects;  ///< parents first
   std::vector<Tree> trees;
+  std::vector<Spline> splines;
+  std::vector<Chain> chains;
   std::vector<Operation> order;
   int segment_count = 0;
   int bendy_count = 0;

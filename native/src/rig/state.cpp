@@ -46,6 +46,11 @@ State::State(const Program& program)
     work.settings.blender = program.blender;
     work.solver.reserve(most_bones, most_goals);
   }
+  for (const Spline& spline : program.splines) {
+    path.reserve(spline.points.size() * (spline.is_poly ? 1 : spline.resolution));
+    spline_points.reserve(std::max(spline_points.capacity(), spline.points.size()));
+    spline_radii.reserve(spline_points.capacity());
+  }
   for (const Bone& bone : program.bones) {
     if (!bone.is_bendy()) continue;
     RestShape& shape = rest_shapes[bone.bend.number];

@@ -11,6 +11,7 @@
 
 #include "rig/ik_tree.h"
 #include "rig/program.h"
+#include "rig/spline_path.h"
 #include "sinew/rig_program.h"
 
 namespace sinew::rig {
@@ -121,6 +122,10 @@ struct State {
   std::vector<TreeWork> tree_work;  ///< of trees that are solved at the same time
   std::vector<IkTreeSolver*> ik_solvers;
   std::vector<DampedLeastSquares*> ik_systems;
+
+  SplinePath path;  ///< of the spline that is being followed
+  std::vector<std::array<Vec3, 3>> spline_points;
+  std::vector<float> spline_radii;
 
   PartClock* clock = nullptr;
   void enter(RigPart part) const {

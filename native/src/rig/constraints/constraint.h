@@ -67,7 +67,8 @@ struct ConstraintKind {
   std::string_view name;
   std::span<const RigSetting> settings;  ///< those that all have, then its own
 
-  /// Changes the owner's matrix, which is in the owner space. Null for IK, which moves several bones at once.
+  /// Changes the owner's matrix, which is in the owner space. Null for IK and Spline IK, which move several bones at
+  /// once.
   void (*apply)(const Acting& acting, Mat4& owner);
 
   /// The owner's matrix is not taken back to the world after it.
@@ -85,6 +86,6 @@ void apply_constraint(const Program& program, State& state, const Constraint& co
 // The kinds' table entries, one from each file.
 extern const ConstraintKind kCopyLocation, kCopyRotation, kCopyScale, kCopyTransforms, kLimitLocation, kLimitRotation,
     kLimitScale, kLimitDistance, kMaintainVolume, kTransformation, kDampedTrack, kLockedTrack, kStretchTo, kTrackTo,
-    kArmature, kChildOf, kFloor, kPivot, kAction, kIkConstraint;
+    kArmature, kChildOf, kFloor, kPivot, kAction, kIkConstraint, kSplineIk;
 
 }  // namespace sinew::rig

@@ -1,6 +1,6 @@
-#include <algorithm>
-#include <numbers>
+#include <cmath>
 
+#include "rig/constraints/bulge.h"
 #include "rig/constraints/damped_track.h"
 #include "rig/constraints/kind.h"
 
@@ -25,28 +25,6 @@ constexpr auto kSettings = settings_with(
     choice_setting("volume", 3), choice_setting("keep_axis", 2), real_setting("rest_length", 0, 0, 1000),
     real_setting("bulge", 1, 0, 100), flag_setting("use_bulge_min"), flag_setting("use_bulge_max"),
     real_setting("bulge_min", 1, 0, 1), real_setting("bulge_max", 1, 1, 100), real_setting("bulge_smooth", 0, 0, 1));
-
-/// Between hard limits and limits that are approached slowly, by `bulge_smooth`.
-float limited_bulge(const Acting& acting, float bulge) {
-  constexpr auto kQuarterTurn = static_cast<float>(std::numbers::pi / 2);
-  if (bulge > 1.0F && acting.flag(kUseBulgeMax)) {
-    const float maximum = std::max(acting.number(kBulgeMax), 1.0F);
-    const float hard = std::min(bulge, maximum);
-    const float range = maximum - 1.0F;
-    const float scale = range > 0 ? 1.0F / range : 0.0F;
-    const float soft = 1.0F + range * std::atan((bulge - 1.0F) * scale) / kQuarterTurn;
-    bulge = lerp(hard, soft, acting.number(kBulgeSmooth));
-  }
-  if (bulge < 1.0F && acting.flag(kUseBulgeMin)) {
-    const float minimum = clamped(acting.number(kBulgeMin), 0.0F, 1.0F);
-    const float hard = std::max(bulge, minimum);
-    const float range = 1.0F - minimum;
-    const float scale = range > 0 ? 1.0F / range : 0.0F;
-    const float soft = 1.0F - range * std::atan((1.0F - bulge) * scale) / kQuarterTurn;
-    bulge = lerp(hard, soft, acting.number(kBulgeSmooth));
-  }
-  return bulge;
-}
 
 Vec3 bulged(const Acting& acting, float bulge, float stretch) {
   switch (static_cast<Volume>(acting.choice(kVolume, 4))) {
@@ -80,7 +58,7 @@ void apply(const Acting& acting, Mat4& owner) {
   const Direction direction = normalized(target->location() - owner.location());
   const float distance = direction.length / sizes[1];
   const float rest = acting.number(kRestLength) == 0 ? distance : acting.number(kRestLength);
-  const float bulge = limited_bulge(acting, std::pow(rest / distance, acting.number(kBulge)));
+  const float bulge = limited_bulge(acting, kUseBulgeMin, std::pow(rest / distance, acting.number(kBulge)));
   const Vec3 scale = bulged(acting, bulge, distance / rest);
   if (keep == KeepAxis::swing) {
     turn_axis_to(owner, direction.unit, 1);
