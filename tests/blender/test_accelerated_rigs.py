@@ -649,6 +649,17 @@ def test_when_blender_has_built_relations_it_is_computed_as_before(cast, monkeyp
     cast.play()
 
 
+def test_a_key_that_is_rounded_is_not_what_was_computed_wrong(cast, caplog):
+    """Blender 5.2 rounds the quaternion that it keys, and shows the one that was set until the frame is changed."""
+    bone = cast.frozen[0].pose.bones["bone1"]
+    bone.location.x = np.nextafter(np.float32(bone.location.x), np.float32(9))
+    layer().update()
+    wait(cast)
+    assert not cast.rig.is_frozen and cast.rig.difference is None and caplog.records == []
+    cast.play([2])
+    accelerate(cast)
+
+
 def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
     move(cast, 2)
     wait(cast)
