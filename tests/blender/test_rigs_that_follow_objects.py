@@ -333,6 +333,16 @@ def test_a_live_rig_that_follows_it_is_posed_after_it(cast):
     assert recorded().get(armature) is None
     assert np.array_equal(matrices_of(armature), before)
     cast.play()
+    curve = addon_module("blender.animation").slot_curves(cast.frozen[0])[0]
+    for key in curve.keyframe_points:
+        key.co.y += 0.4
+    curve.update()
+    layer().update()
+    assert cast.rig.is_idle
+    shown = matrices_of(armature)
+    freezing().thaw([cast.rig], cast.scene, layer())
+    cast.scene.frame_set(cast.scene.frame_current)
+    assert np.array_equal(matrices_of(armature), shown) and not np.array_equal(before, shown)
 
 
 def test_it_can_be_frozen(cast):
