@@ -110,6 +110,9 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
         return f"{rig.name} has changes that are not keyed (bone {bone})"
     if followed := followers.unkeyed(rig.ob, scene):
         return f"{followed}, which {rig.name} follows, has changes that are not keyed"
+    graph = rig.graph()
+    if graph is not None and rigs.is_hidden(rig, graph):
+        return f"{rig.name} is hidden, so Blender may not evaluate all of its bones"
     if rig.difference is not None:
         return rig.difference.sentence(rig.ob)
     return f"the pose of {rig.name} is not exactly what was computed"
