@@ -36,7 +36,7 @@ def parent(random, ob):
         ob.parent = None
         return
     rig = random.choice(rigs)
-    ob.parent, ob.parent_type = rig, random.choice(("OBJECT", "OBJECT", "BONE", "ARMATURE"))
+    ob.parent, ob.parent_type = rig, random.choice(("OBJECT", "OBJECT", "OBJECT", "BONE", "BONE", "ARMATURE"))
     if ob.parent_type == "BONE":
         ob.parent_bone = random.choice(rig.data.bones.keys())
 

@@ -133,7 +133,7 @@ def change_target(random):
     elif what == "parent":
         ob.parent = other if ob.parent is None and other.parent is None else None
     elif what == "hide":
-        ob.hide_set(random.random() < 0.5)
+        ob.hide_set(random.random() < 0.3)
     elif what == "mode":
         ob.rotation_mode = random.choice(("XYZ", "ZXY", "QUATERNION"))
     else:
