@@ -61,9 +61,7 @@ def change_action(random, armature):
 
 @on_rig(2)
 def change_curve(random, armature):
-    data = armature.animation_data
-    animation = addon_module("blender.animation")
-    curves = animation.action_curves(data.action) if data is not None and data.action is not None else []
+    curves = addon_module("blender.animation").slot_curves(armature)
     if not curves:
         return None
     curve = random.choice(curves)
@@ -85,8 +83,9 @@ def change_curve(random, armature):
     elif what == "insert":
         curve.keyframe_points.insert(random.randint(1, scene.LAST_FRAME), random.uniform(-0.5, 1))
     elif what == "remove":
-        animation.remove_curve(armature, curve)
-    return f"{what} {curve.data_path if what != 'remove' else ''}"
+        if len(curve.keyframe_points) > 1:
+            curve.keyframe_points.remove(curve.keyframe_points[-1])
+    return f"{what} {curve.data_path}"
 
 
 @on_rig(2.5)
