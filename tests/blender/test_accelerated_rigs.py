@@ -649,6 +649,42 @@ def test_when_blender_has_built_relations_it_is_computed_as_before(cast, monkeyp
     cast.play()
 
 
+@pytest.mark.parametrize("is_accelerated", (False, True))
+def test_bones_that_blender_leaves_as_they_were_are_not_compared(cast, caplog, is_accelerated):
+    """Of an armature that is hidden with its meshes it evaluates only what a driver reads."""
+    reader = bpy.data.objects.new("Reader", None)
+    cast.scene.collection.objects.link(reader)
+    variable = reader.driver_add("location", 0).driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = cast.frozen[0], 'pose.bones["bone0"].location[0]'
+    if is_accelerated:
+        accelerate(cast)
+        freezing().melt_all()
+    for ob in cast.frozen:
+        ob.hide_viewport = True
+    for frame in (3, 5, 8):
+        cast.scene.frame_set(frame)
+        wait(cast)
+        freezing().freeze([cast.rig], cast.scene, layer())
+        assert caplog.records == [] and not cast.rig.is_distrusted
+    for ob in cast.frozen:
+        ob.hide_viewport = False
+    cast.play([2, 6])
+    freezing().freeze([cast.rig], cast.scene, layer())
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
+
+
+def test_a_key_that_is_rounded_is_not_what_was_computed_wrong(cast, caplog):
+    """Blender 5.2 rounds the quaternion that it keys, and shows the one that was set until the frame is changed."""
+    bone = cast.frozen[0].pose.bones["bone1"]
+    bone.location.x = np.nextafter(np.float32(bone.location.x), np.float32(9))
+    layer().update()
+    wait(cast)
+    assert not cast.rig.is_frozen and cast.rig.difference is None and caplog.records == []
+    cast.play([2])
+    accelerate(cast)
+
+
 def test_a_pose_that_is_not_keyed_keeps_it_live(cast):
     move(cast, 2)
     wait(cast)

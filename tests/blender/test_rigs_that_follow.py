@@ -237,6 +237,38 @@ def test_a_wrong_leader_is_noticed(led):
     assert found.keys() == right.keys() and any(abs(found[name] - right[name]).max() > 0.09 for name in found)
 
 
+def leave_unkeyed(led):
+    for (leader,) in led.leaders:
+        leader.pose.bones["bone1"].location.z += 0.2
+
+
+def edit_a_key_meanwhile(led):
+    """Those that lead are not looked at, only the one that follows."""
+    accelerate(led)
+    freezing().thaw([led.rig, *led.led], led.scene, layer())
+    for (leader,) in led.leaders:
+        curve = addon_module("blender.animation").slot_curves(leader)[0]
+        for key in curve.keyframe_points:
+            key.co.y += 0.4
+        curve.update()
+    led.led[0].tries_to_skip = 9
+    led.rig.last = None
+    addon_module("frozen.changes").drop_all(led.rig)
+
+
+@pytest.mark.parametrize("edit", (leave_unkeyed, edit_a_key_meanwhile))
+def test_what_is_not_known_of_a_leader_is_no_fault_of_the_one_that_follows(led, caplog, edit):
+    edit(led)
+    layer().update()
+    wait(led)
+    assert not led.rig.is_frozen and caplog.records == []
+    led.assert_same()
+    led.play([2, 3])
+    led.led[0].tries_to_skip = 0
+    accelerate(led)
+    led.play()
+
+
 def test_paths_of_bones(led):
     accelerate(led)
     ((points, now),) = addon_module("frozen.paths").around([(led.rig.ob, "bone4")], 4, 3)

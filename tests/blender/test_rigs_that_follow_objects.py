@@ -11,7 +11,7 @@ from characters import make_armature
 from helpers import addon_module, depsgraph, needs_rig_programs, select
 from test_accelerated_rigs import accelerating as accelerating
 from test_accelerated_rigs import keep_live, recorded, wait
-from test_frozen import FRAMES, Cast, freezing, layer
+from test_frozen import FRAMES, Cast, freezing, layer, matrices_of
 from test_frozen_who import both
 
 pytestmark = needs_rig_programs
@@ -320,6 +320,29 @@ def test_what_stays_may_have_modifiers(cast):
     cast.move(cast.ball)
     layer().update()
     cast.assert_same()
+
+
+def test_a_live_rig_that_follows_it_is_posed_after_it(cast):
+    """While relations are built it is without what it follows."""
+    armature = make_armature()
+    armature.keyframe_insert('pose.bones["bone0"].location', frame=1)
+    add(armature, "CHILD_OF", "bone0", cast.frozen[0], subtarget="bone2", set_inverse_pending=False)
+    cast.scene.frame_set(2)
+    before = matrices_of(armature)
+    cast.accelerate()
+    assert recorded().get(armature) is None
+    assert np.array_equal(matrices_of(armature), before)
+    cast.play()
+    curve = addon_module("blender.animation").slot_curves(cast.frozen[0])[0]
+    for key in curve.keyframe_points:
+        key.co.y += 0.4
+    curve.update()
+    layer().update()
+    assert cast.rig.is_idle
+    shown = matrices_of(armature)
+    freezing().thaw([cast.rig], cast.scene, layer())
+    cast.scene.frame_set(cast.scene.frame_current)
+    assert np.array_equal(matrices_of(armature), shown) and not np.array_equal(before, shown)
 
 
 def test_it_can_be_frozen(cast):

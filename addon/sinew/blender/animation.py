@@ -113,7 +113,7 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
             continue
         value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
         keyed = curve.evaluate(time)
-        off = 1e-5 * max(1.0, abs(keyed)) if isinstance(value, float) else 0.999  # Blender rounds whole numbers
+        off = 0.0 if isinstance(value, float) else 0.999  # Blender rounds whole numbers
         if isinstance(value, (int, float)) and abs(value - keyed) > off:
             return curve.data_path
     return ""

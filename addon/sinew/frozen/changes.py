@@ -100,7 +100,7 @@ def record(own: Iterable[rigs.Rig], scene: Any, graph: Any) -> None:
             drop_all(rig)
         elif moment is None or rigs.shows(rig, graph, moment) or differences.is_near(rig, copy, frame):
             continue
-        elif rig.source.is_proven:  # something has changed that was not noticed
+        elif rig.source.is_proven and not rigs.is_hidden(rig, graph):  # something has changed that was not noticed
             rig.has_differed, difference = True, differences.Difference.between(rig, copy, frame)
             differ(rig)
             differences.note(rig, difference)

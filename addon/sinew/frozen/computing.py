@@ -52,7 +52,11 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
         rig.last = None
         if rig.source.is_proven:  # something has changed that was not noticed
             changes.drop_all(rig)
-        elif not (animation.unkeyed_path(rig.ob, scene.frame_current_final) or followers.unkeyed(rig.ob, scene)):
+        elif not (
+            rigs.is_hidden(rig, graph)
+            or animation.unkeyed_path(rig.ob, scene.frame_current_final)
+            or followers.unkeyed(rig.ob, scene)
+        ):
             differences.note(rig, differences.Difference.between(rig, copy, frame))
 
 

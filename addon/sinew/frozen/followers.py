@@ -33,6 +33,7 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
+    keyframed: list[Any] = field(default_factory=list)  # armatures that Blender evaluates on each frame anyway
     # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
     keyed: list[tuple[Any, tuple[int, ...]]] = field(default_factory=list)
     driven: list[tuple[Any, str, int]] = field(default_factory=list)  # other drivers: data-block, path, index
@@ -140,8 +141,8 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
         if ob.data == rig.data and rig not in dependencies.outside_of(ob):
             return  # shares its bones, not its pose
         if rig in dependencies.outside_of(ob):
-            if not (ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)):
-                found.shaped.append(ob)  # nothing but these bones has Blender evaluate it
+            has_keys = ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)
+            (found.keyframed if has_keys else found.shaped).append(ob)
         if _hangs_on(ob, rig):  # so that it cannot be frozen itself
             found.placed.append(ob)
         return

@@ -145,8 +145,11 @@ def _build(chosen: list[rigs.Rig], scene: Any, layer: Any) -> None:
         _rebuild(chosen, at_home, layer)
         watch.expect_no_more(graph)  # no handler has seen that evaluation
         moved = [rig for rig in chosen if _settle_frozen(rig, scene, layer)]
-        followed = [block for rig in moved for block in rig.followers.copied if rigs.is_evaluated(block, graph)]
-        for block in {block for rig in moved for block in (*rig.followers.objects, *rig.followers.driven_blocks())}:
+        own = [rig.followers for rig in moved]
+        followed = [
+            block for each in own for block in (*each.copied, *each.keyframed) if rigs.is_evaluated(block, graph)
+        ]
+        for block in {block for each in own for block in (*each.objects, *each.keyframed, *each.driven_blocks())}:
             if rigs.is_evaluated(block, graph):
                 block.update_tag()
     except BaseException:

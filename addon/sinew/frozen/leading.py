@@ -111,7 +111,7 @@ def _given(leader: Leader, frames: Sequence[float]) -> Iterator[tuple[str, np.nd
     program, times, given = leader.rig.source.program, np.array(frames, np.float32), {}
     moments: list[Any] = [leader.rig.at(frame) for frame in frames]
     if None in moments or leader.numbers:
-        if program is None:
+        if program is None or not leader.rig.source.is_proven:
             raise Unknown(f"{leader.rig.name}, which it follows, is not computed")
         given = inputs(leader.rig, frames)
     is_known = None not in moments

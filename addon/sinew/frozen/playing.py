@@ -131,7 +131,8 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
             if not rigs.show(rig, graph, rig.pose):
                 lacking.append(rig)
             _tag_followers(rig, graph)
-            for block in (*rig.followers.hooked, *rig.followers.driven_blocks()) if not is_new_frame else ():
+            follow = rig.followers
+            for block in (*follow.hooked, *follow.keyframed, *follow.driven_blocks()) if not is_new_frame else ():
                 if rigs.is_evaluated(block, graph):
                     block.update_tag()
     steps = [(rig, rig.at(frame)) for rig in own if rig.shown != frame]

@@ -35,6 +35,9 @@ def look_at_each(own: Iterable[rigs.Rig], scene: Any, layer: Any) -> dict[int, l
     own, users = leading.in_order(own), bpy.data.user_map()
     found = followers.find([rig.ob for rig in own], users, layer.depsgraph)
     changes.look(rigs.at_home(layer.depsgraph), layer.depsgraph)
+    for rig in rigs.at_home(layer.depsgraph):  # which these may follow
+        if not rig.is_idle:
+            changes.compare_keys(rig, layer.depsgraph)
     needed: dict[int, list[Any]] = {}
     for rig in own:
         try:
@@ -97,7 +100,7 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
     """Returns why an armature is not frozen that is only if it can be computed, as a sentence."""
     if rig.source.refusal:
         return rig.source.refusal
-    unknown = next((each.rig.name for each in rig.source.leaders if each.rig.source.program is None), "")
+    unknown = next((each.rig.name for each in rig.source.leaders if not each.rig.source.is_proven), "")
     if unknown:
         return f"{rig.name} follows bones of {unknown}, which is not computed"
     if rig.source.is_proven:
@@ -107,6 +110,9 @@ def why_not_computed(rig: rigs.Rig, scene: Any) -> str:
         return f"{rig.name} has changes that are not keyed (bone {bone})"
     if followed := followers.unkeyed(rig.ob, scene):
         return f"{followed}, which {rig.name} follows, has changes that are not keyed"
+    graph = rig.graph()
+    if graph is not None and rigs.is_hidden(rig, graph):
+        return f"{rig.name} is hidden, so Blender may not evaluate all of its bones"
     if rig.difference is not None:
         return rig.difference.sentence(rig.ob)
     return f"the pose of {rig.name} is not exactly what was computed"

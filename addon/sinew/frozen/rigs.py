@@ -226,6 +226,11 @@ def evaluated_copy(rig: Rig, graph: Any) -> Any:
     return found if found.is_evaluated else None
 
 
+def is_hidden(rig: Rig, graph: Any) -> bool:
+    """Whether an armature is hidden in a graph, so that Blender may evaluate only some of its bones."""
+    return not rig.ob.visible_get(view_layer=graph.view_layer)
+
+
 def is_without_keys(rig: Rig, graph: Any) -> bool:
     """Whether a graph evaluates no keyframes of an armature: its relations are those that `freezing` has built. A copy
     that Blender has made since has the action and tracks, but the graph has not."""

@@ -12,6 +12,7 @@ from . import compare, scene
 from .kinds import kind
 
 looked_at: Counter[str] = Counter()  # rigs, while nothing was done
+began: Counter[str] = Counter()  # steps
 
 
 def freezing():
@@ -22,7 +23,7 @@ def recorded():
     return addon_module("frozen.rigs")
 
 
-@kind(6)
+@kind(3)
 def freeze(random):
     scene.leave_modes()
     chosen = [each for each in scene.armatures() if random.random() < 0.7]
@@ -34,7 +35,7 @@ def freeze(random):
     return [(rig.name, rig.is_frozen, rig.reason) for rig in rigs]
 
 
-@kind(1)
+@kind(2)
 def thaw(random):
     rigs = [rig for rig in recorded().known() if random.random() < 0.6]
     freezing().thaw(rigs, bpy.context.scene, bpy.context.view_layer)
@@ -45,11 +46,25 @@ def freeze_again(_random):
     freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
 
 
-@kind(10)
+@kind(2)
 def do_nothing(_random):
+    return wait()
+
+
+@kind(1)
+def compare_more(_random):
+    addon_module("frozen.accelerating").compare_more(bpy.context.scene, bpy.context.view_layer)
+
+
+def count_step():
+    began["all"] += 1
+    began["with an accelerated rig"] += any(rig.is_idle and rig.needs_program for rig in recorded().known())
+
+
+def wait():
     """As long as it takes until rigs are accelerated."""
     accelerating = addon_module("frozen.accelerating")
-    accelerating.LEAST_WORK = 0
+    accelerating.LEAST_WORK, accelerating.MOST_TO_SKIP = 0, 1
     freezing().freeze_again(bpy.context.scene, bpy.context.view_layer)
     number = addon_module("frozen.playing").evaluation_count()
     while accelerating.step(bpy.context.scene, bpy.context.view_layer, number):

@@ -36,7 +36,7 @@ def parent(random, ob):
         ob.parent = None
         return
     rig = random.choice(rigs)
-    ob.parent, ob.parent_type = rig, random.choice(("OBJECT", "OBJECT", "BONE", "ARMATURE"))
+    ob.parent, ob.parent_type = rig, random.choice(("OBJECT", "OBJECT", "OBJECT", "BONE", "BONE", "ARMATURE"))
     if ob.parent_type == "BONE":
         ob.parent_bone = random.choice(rig.data.bones.keys())
 
@@ -170,7 +170,12 @@ def has_circle(ob):
     return False
 
 
-@on_both(0.5)
+def is_exact(ob, _twin):
+    """Whether its shape may become its own: what a modifier makes of rounding would stay when that is gone."""
+    return not compare.looseness(ob)[0]
+
+
+@on_both(0.5, wanted=is_exact)
 def convert_to_mesh(random, ob):
     select(ob)
     if ob.visible_get():
@@ -221,7 +226,7 @@ def hide_collection(random):
         collection.hide_viewport = random.random() < 0.3
 
 
-@on_both(0.7)
+@on_both(0.7, wanted=is_exact)
 def take_evaluated_mesh(random, ob):
     """In place of its own. (With shape keys it crashes Blender 5.2 as the next file is opened, bound or not.)"""
     if not ob.data.shape_keys and (ob.visible_get() and not ob.modifiers or random.random() < 0.5):

@@ -20,6 +20,7 @@ def new_scene(random):
     """An empty file with some characters in it."""
     deform_small_meshes()
     bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.context.scene.frame_end = LAST_FRAME
     bpy.context.scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     bpy.context.collection.objects.link(bpy.context.scene.camera)
     for name in ("Target 1", "Target 2"):
@@ -62,12 +63,16 @@ def some(random, most):
 
 
 def new_armature(random):
+    others = [each for each in armatures() if "bone2" in each.data.bones]
     armature = make_armature()
     armature.name = armature.data.name = next_name("Rig ")
     is_scaled = random.random() < 0.5
     if random.random() < 0.5:
         constraint = armature.pose.bones["side"].constraints.new("COPY_ROTATION")
         constraint.target = bpy.data.objects.get("Target 1")
+    elif others and random.random() < 0.5:
+        constraint = armature.pose.bones["bone0"].constraints.new("CHILD_OF")
+        constraint.target, constraint.subtarget = random.choice(others), "bone2"
     for frame in (1, 7, 14, LAST_FRAME):
         for bone in armature.pose.bones:
             pose_bone(bone, random, is_scaled)
