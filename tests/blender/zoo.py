@@ -197,7 +197,8 @@ class Zoo:
 
 def forget_memory():
     """Discards all that is known of Blender's memory."""
-    for name in ("contract", "proof", "motions", "poses", "pose_settings", "bone_numbers", "keyframes"):
+    own = "contract", "proof", "motions", "poses", "pose_settings", "bone_numbers", "driver_variables", "keyframes"
+    for name in own:
         addon_module(f"host.{name}").forget()
     addon_module("host.key_blocks").key_layout.cache_clear()
     addon_module("host.bones")._layout.cache_clear()

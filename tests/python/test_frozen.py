@@ -303,14 +303,14 @@ class FCurve(ctypes.Structure):
         ("count", ctypes.c_int32),
         ("index", ctypes.c_int32),
         ("flag", ctypes.c_uint16),
+        ("extrapolation", ctypes.c_int16),
     )
 
 
 PLACES = {name: getattr(FCurve, name).offset for name, _ in FCurve._fields_}
 CURVES = host.CurveLayout(
-    *(PLACES[name] for name in ("keys", "count", "path", "modifiers", "samples", "flag")),
+    *(PLACES[name] for name in ("keys", "count", "path", "modifiers", "samples", "extrapolation", "index", "flag")),
     0b11,
-    [(PLACES["index"], 4)],
     ctypes.sizeof(Key),
     Key.frame.offset,
     [(0, 8)],
@@ -335,7 +335,7 @@ def test_what_is_stored_in_curves():
     assert found.keys(0).view(np.float32).tolist() == [[1, 2], [5, 10]]
     assert found.keys(1).shape == (0, 8)
     assert [found.is_local(i) for i in range(4)] == [True, True, False, False]
-    assert found.settings(1) == b"scale\0" + (2).to_bytes(4, "little") + b"\0\0"
+    assert found.settings(1) == b"scale\0\0\0" + (2).to_bytes(4, "little") + b"\0\0"
     with pytest.raises(ValueError, match="there are 4 curves, no number 4"):
         found.frames(4)
 
