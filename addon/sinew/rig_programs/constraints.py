@@ -107,8 +107,6 @@ def action_channels(bone: str, constraint: bpy.types.Constraint, found: targets.
     if constraint.action is None:
         return
     own = found.channels_of(constraint.action, getattr(constraint, "action_slot_handle", 0))
-    for name, curve, row in own.get(bone, ()):
+    for name, index, curve, row in own.get(bone, ()):
         if name in CHANNELS:
-            rest = dict(curves.complete(row, curve))
-            del rest["path"]
-            yield {"channel": CHANNELS[name] + rest.pop("index"), **rest}
+            yield {"channel": CHANNELS[name] + index, **curves.complete(row, curve)}

@@ -59,8 +59,8 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
                     if block == ob and animation.stays(ob, curve):
                         continue
                     known[stored] = path if is_wanted(ob, path, found) and exists(block, stored) else None
-                if path := known[stored]:
-                    row["path"] = path
+                if own_path := known[stored]:
+                    row["path"] = own_path
                     yield curve_row(row, curve)
         except curves.Refused as reason:
             found.refused.append(str(reason))
@@ -159,7 +159,8 @@ def variable_of(
 def target_of(kind: str, target: driver_variables.Target, found: targets.Targets, outside: Outside) -> dict[str, Any]:
     block: Any
     block, _path, bone, channel, space, mode = target
-    row = {"target": found.of(block, bone), "transform_type": channel, "transform_space": space, "rotation_mode": mode}
+    row: dict[str, Any] = {"target": found.of(block, bone), "transform_type": channel}
+    row |= {"transform_space": space, "rotation_mode": mode}
     if not row["target"] or "outside" not in row["target"]:
         return row
     # Only world matrices come from outside.

@@ -8,7 +8,7 @@ import numpy as np
 from . import curves, paths
 
 Target = dict[str, Any] | None
-Channel = tuple[str, bpy.types.FCurve, dict[str, Any]]  # the name of a bone's property, the curve and its row
+Channel = tuple[str, int, bpy.types.FCurve, dict[str, Any]]  # a bone's property, its index, the curve and its row
 
 
 class Targets:
@@ -43,13 +43,14 @@ class Targets:
             found: dict[str, list[Channel]] = {}
             own = curves.of_slot(action, slot)
             for curve, row in zip(own, curves.rows_of(own)):
-                bone = paths.BONE.match(row["path"])
+                path, index = row.pop("path"), row.pop("index")
+                bone = paths.BONE.match(path)
                 if bone:
                     name = bpy.utils.unescape_identifier(bone[1])
-                    found.setdefault(name, []).append((row["path"][bone.end() + 1 :], curve, row))
+                    found.setdefault(name, []).append((path[bone.end() + 1 :], index, curve, row))
             # A group of the bone's name hides curves that are not in it.
             for name, channels in found.items():
-                groups = [curve.group for _name, curve, _row in channels]
+                groups = [curve.group for _name, _index, curve, _row in channels]
                 grouped = [each for each, group in zip(channels, groups) if group is not None and group.name == name]
                 found[name] = grouped or channels
             self._actions[key] = found
