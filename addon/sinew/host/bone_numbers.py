@@ -52,11 +52,6 @@ def _layout(kind: str) -> tuple[Any, dict[str, slice], int]:
     return sinew_native.host.Described(regions, [], [], lists), columns, count
 
 
-def forget() -> None:
-    """Discards the layout. For tests."""
-    _layout.cache_clear()
-
-
 def read(ob: Any) -> tuple[Numbers, Numbers] | None:
     """Returns what the bones of an original armature object's pose have, and those of its data, in the order of the
     collections in the API. None if it cannot be read."""

@@ -10,93 +10,68 @@ import bpy
 from ..native import sinew_native
 from . import contract, features, proof
 
-# Of a target, by what Blender's API calls it: the member, and how it is read.
-_OF_TARGET = {
-    "id": ("*id", "P"),
-    "data_path": ("*rna_path", "s"),
-    "bone_target": ("pchan_name", "s"),
-    "transform_type": ("transChan", "h"),
-    "transform_space": ("flag", "h"),
-    "rotation_mode": ("rotation_mode", "b"),
-}
-_OF_TWO = "LOC_DIFF", "ROTATION_DIFF"
-_get = attrgetter(*_OF_TARGET)
+_CHOICES = "transform_type", "transform_space", "rotation_mode"
+_get = attrgetter("id", "data_path", "bone_target", *_CHOICES)
+_OF_TARGET = (
+    ("*id", "P"),
+    ("*rna_path", "s"),
+    ("pchan_name", "s"),
+    ("transChan", "h"),
+    ("flag", "h"),
+    ("rotation_mode", "b"),
+)
 
-Target = tuple[bpy.types.ID | None, str, str, str, str, str]  # in the same order
-Variable = tuple[str, str, list[Target]]  # name, type
+Target = tuple[bpy.types.ID | None, str, str, str, str, str]  # as above
+Variables = list[tuple[str, str, list[Target]]]  # name, type
 
 
 @functools.cache
 def _layout() -> Any:
-    """Returns what is read of a driver's F-curve."""
-
-    def of(kind: str, *names: str) -> list[int]:
-        return [contract.offset(kind, name) for name in names]
-
-    fields = [(of("DriverVar", "name"), "s"), (of("DriverVar", "type"), "b")]
-    first, stride = contract.offset("DriverVar", "targets"), contract.struct_size("DriverTarget")
-    for target in (first, first + stride):
-        for member, kind in _OF_TARGET.values():
-            path = [target + contract.offset("DriverTarget", member)]
-            fields.append((path + [0] * (member == "*rna_path"), kind))
+    """Returns what is read of a driver's F-curve: of variables, with the first target."""
+    first = contract.offset("DriverVar", "targets")
+    members = [([contract.offset("DriverVar", name)], kind) for name, kind in (("name", "s"), ("type", "b"))]
+    for name, kind in _OF_TARGET:
+        members.append(([first + contract.offset("DriverTarget", name)] + [0] * (name == "*rna_path"), kind))
     variables = contract.offset("ChannelDriver", "variables") + contract.offset("ListBase", "*first")
-    path = [contract.offset("FCurve", "*driver"), variables]
-    return sinew_native.host.StructValues([(path, sinew_native.host.StructValues(fields))])
+    of_curve = [contract.offset("FCurve", "*driver"), variables], sinew_native.host.StructValues(members)
+    return sinew_native.host.StructValues([of_curve])
 
 
 @functools.cache
-def _choices(kind: Any, name: str) -> dict[int, str]:
-    """Returns the choices of a property by number."""
-    return {item.value: item.identifier for item in kind.bl_rna.properties[name].enum_items}
+def _chosen(kind: Any, names: Sequence[str], *numbers: int) -> list[str]:
+    """Returns the choices that properties have by numbers, which may have other bits besides."""
+    tables = [{item.value: item.identifier for item in kind.bl_rna.properties[name].enum_items} for name in names]
+    return [own.get(number & functools.reduce(int.__or__, own), "") for own, number in zip(tables, numbers)]
 
 
-@functools.cache
-def _chosen(channel: int, space: int, mode: int) -> tuple[str, str, str]:
-    """Returns what a target has chosen. space: with other bits."""
-    names = "transform_type", "transform_space", "rotation_mode"
-    channels, spaces, modes = (_choices(bpy.types.DriverTarget, name) for name in names)
-    bits = functools.reduce(int.__or__, spaces)
-    return channels.get(channel, ""), spaces.get(space & bits, ""), modes.get(mode, "")
-
-
-def forget() -> None:
-    """Discards the layout. For tests."""
-    _layout.cache_clear()
-
-
-def read(drivers: Sequence[Any]) -> list[list[Variable]]:
+def read(drivers: Sequence[Any]) -> list[Variables]:
     """Returns the variables of each driver's F-curve."""
-    if contract.has(features.VARIABLES):
-        found = _stored(drivers)
-        if not any(found) or not proof.is_due("variables"):
-            return found
-        if found == (shown := _shown(drivers)):
-            proof.give("variables")
-            return found
-        contract.distrust(features.VARIABLES, "the variables of drivers are not where they were")
-        return shown
-    return _shown(drivers)
+    if not contract.has(features.VARIABLES):
+        return _shown(drivers)
+    found = _stored(drivers)
+    if any(found) and proof.is_due("variables"):
+        if found != _shown(drivers):
+            contract.distrust(features.VARIABLES, "the variables of drivers are not where they were")
+            return _shown(drivers)
+        proof.give("variables")
+    return found
 
 
-def _shown(drivers: Sequence[Any]) -> list[list[Variable]]:
+def _shown(drivers: Sequence[Any]) -> list[Variables]:
     own = (curve.driver.variables for curve in drivers)
     return [[(each.name, each.type, [_get(target) for target in each.targets]) for each in some] for some in own]
 
 
-def _stored(drivers: Sequence[Any]) -> list[list[Variable]]:
+def _stored(drivers: Sequence[Any]) -> list[Variables]:
     blocks: dict[int, bpy.types.ID | None] = {0: None}
-    kinds, found = _choices(bpy.types.DriverVariable, "type"), []
-    for curve, (variables,) in zip(drivers, _layout().of([curve.as_pointer() for curve in drivers])):
-        own: list[Variable] = []
-        for name, of_kind, at, path, bone, channel, space, mode, *others in variables:
-            if at not in blocks:
-                blocks[at] = curve.driver.variables[len(own)].targets[0].id
-            targets: list[Target] = [(blocks[at], path or "", bone, *_chosen(channel, space, mode))]
-            if (kind := kinds.get(of_kind, "")) in _OF_TWO:
-                at, path, bone, *choices = others
-                if at not in blocks:
-                    blocks[at] = curve.driver.variables[len(own)].targets[1].id
-                targets.append((blocks[at], path or "", bone, *_chosen(*choices)))
+    found: list[Variables] = [[] for _curve in drivers]
+    for curve, own, (variables,) in zip(drivers, found, _layout().of([each.as_pointer() for each in drivers])):
+        for name, number, at, path, bone, *choices in variables:
+            (kind,) = _chosen(bpy.types.DriverVariable, ("type",), number)
+            if at not in blocks or kind in ("LOC_DIFF", "ROTATION_DIFF"):
+                targets = [_get(each) for each in curve.driver.variables[len(own)].targets]
+                blocks[at] = targets[0][0]
+            else:
+                targets = [(blocks[at], path or "", bone, *_chosen(bpy.types.DriverTarget, _CHOICES, *choices))]
             own.append((name, kind, targets))
-        found.append(own)
     return found

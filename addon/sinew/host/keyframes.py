@@ -38,11 +38,6 @@ def is_rounded(curve: Any) -> bool:
     return bool(ctypes.c_int16.from_address(address).value & _ROUNDED)
 
 
-def forget() -> None:
-    """Discards the layout. For tests."""
-    _layout.cache_clear()
-
-
 def read(curves: Sequence[Any]) -> Any:
     """Returns a copy of what is stored in F-curves of originals, a sinew_native.host.StoredCurves: all that their
     values depend on, without selection and the like. Raises contract.Broken."""

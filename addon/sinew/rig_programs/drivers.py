@@ -81,7 +81,7 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
             if curve.mute or not curve.is_valid or not curve.driver.is_valid or not is_wanted(ob, path, found):
                 continue
             try:
-                yield driver_of(ob, path, curve, row, variables, found, outside)
+                yield driver_of(path, curve, row, variables, found, outside)
             except curves.Refused as reason:
                 found.refused.append(f"the driver of {path}: {reason}")
 
@@ -108,21 +108,20 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
 
 
 def driver_of(
-    ob: bpy.types.Object,
     path: str,
     curve: bpy.types.FCurve,
-    row: dict[str, Any],
-    variables: list[driver_variables.Variable],
+    row: Any,
+    own: driver_variables.Variables,
     found: targets.Targets,
     outside: Outside,
 ) -> dict[str, Any]:
-    """row, variables: of curves.rows_of and driver_variables.read. Raises Refused."""
+    """row, own: of curves.rows_of and driver_variables.read. Raises Refused."""
     driver = curve.driver
     result: dict[str, Any] = {
         "path": path,
         "index": row.pop("index"),
         "type": driver.type,
-        "variables": [variable_of(ob, variable, found, outside) for variable in variables],
+        "variables": [variable_of(*variable, found, outside) for variable in own],
         "curve": curves.complete(row, curve),
     }
     del row["path"]
@@ -134,18 +133,17 @@ def driver_of(
 
 
 def variable_of(
-    ob: bpy.types.Object, variable: driver_variables.Variable, found: targets.Targets, outside: Outside
+    name: str, kind: str, read: list[driver_variables.Target], found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:
-    name, kind, read = variable
     if kind not in VARIABLES:
         raise curves.Refused(f"variables of the type {kind} are not covered")
     row: dict[str, Any] = {"name": name, "type": kind}
     if kind == "SINGLE_PROP":
         block, stored, *_rest = read[0]
         path = paths.normalised(stored)
-        if block == ob and path.startswith(OF_RIG):
+        if block == found.ob and path.startswith(OF_RIG):
             row["path"] = path
-        elif block == ob.data:
+        elif block == found.ob.data:
             row["path"] = "data." + path
         elif block is None:
             raise curves.Refused(f"its variable {name} reads nothing")
