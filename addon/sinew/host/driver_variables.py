@@ -11,6 +11,7 @@ from ..native import sinew_native
 from . import contract, features, proof
 
 _CHOICES = "transform_type", "transform_space", "rotation_mode"
+_OF_TWO = "LOC_DIFF", "ROTATION_DIFF"
 _get = attrgetter("id", "data_path", "bone_target", *_CHOICES)
 _OF_TARGET = (
     ("*id", "P"),
@@ -68,10 +69,10 @@ def _stored(drivers: Sequence[Any]) -> list[Variables]:
     for curve, own, (variables,) in zip(drivers, found, _layout().of([each.as_pointer() for each in drivers])):
         for name, number, at, path, bone, *choices in variables:
             (kind,) = _chosen(bpy.types.DriverVariable, ("type",), number)
-            if at not in blocks or kind in ("LOC_DIFF", "ROTATION_DIFF"):
-                targets = [_get(each) for each in curve.driver.variables[len(own)].targets]
-                blocks[at] = targets[0][0]
-            else:
-                targets = [(blocks[at], path or "", bone, *_chosen(bpy.types.DriverTarget, _CHOICES, *choices))]
+            stored: Any = curve.driver.variables[len(own)].targets if at not in blocks or kind in _OF_TWO else ()
+            if at not in blocks:
+                blocks[at] = stored[0].id
+            targets = [(blocks[at], path or "", bone, *_chosen(bpy.types.DriverTarget, _CHOICES, *choices))]
+            targets += [_get(each) for each in stored[1:]]
             own.append((name, kind, targets))
     return found
