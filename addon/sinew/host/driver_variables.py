@@ -64,15 +64,16 @@ def _shown(drivers: Sequence[Any]) -> list[Variables]:
 
 
 def _stored(drivers: Sequence[Any]) -> list[Variables]:
+    of_variable, of_target = bpy.types.DriverVariable, bpy.types.DriverTarget  # to look these up takes long
     blocks: dict[int, bpy.types.ID | None] = {0: None}
     found: list[Variables] = [[] for _curve in drivers]
     for curve, own, (variables,) in zip(drivers, found, _layout().of([each.as_pointer() for each in drivers])):
         for name, number, at, path, bone, *choices in variables:
-            (kind,) = _chosen(bpy.types.DriverVariable, ("type",), number)
+            (kind,) = _chosen(of_variable, ("type",), number)
             stored: Any = curve.driver.variables[len(own)].targets if at not in blocks or kind in _OF_TWO else ()
             if at not in blocks:
                 blocks[at] = stored[0].id
-            targets = [(blocks[at], path or "", bone, *_chosen(bpy.types.DriverTarget, _CHOICES, *choices))]
+            targets = [(blocks[at], path or "", bone, *_chosen(of_target, _CHOICES, *choices))]
             targets += [_get(each) for each in stored[1:]]
             own.append((name, kind, targets))
     return found
