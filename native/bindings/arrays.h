@@ -65,6 +65,14 @@ inline void require_aligned(const char* name, const py::array& array) {
   }
 }
 
+/// A text of Blender's, which may be no UTF-8, as Blender's API gives it.
+inline py::str text_of(std::string_view text) {
+  const auto size = static_cast<py::ssize_t>(text.size());
+  PyObject* const found = PyUnicode_DecodeUTF8(text.data(), size, "surrogateescape");
+  if (found == nullptr) throw py::error_already_set();
+  return py::reinterpret_steal<py::str>(found);
+}
+
 /// What an object is, for messages: "a list", "an int", "None".
 inline std::string type_text(const py::handle& object) {
   if (object.is_none()) return "None";

@@ -39,6 +39,7 @@ function(add_python_module target soabi)  # ARGN: folders with Python's headers
     bindings/host/bind_host.cpp
     bindings/host/bind_pose_record.cpp
     bindings/host/bind_described.cpp
+    bindings/host/bind_struct_values.cpp
     bindings/host/bind_stored_curves.cpp
     bindings/host/bind_shortcut.cpp
     bindings/host/frame_shape.cpp

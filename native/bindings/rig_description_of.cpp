@@ -27,6 +27,7 @@ const Names kRotationModes = {-1, {"AXIS_ANGLE", "QUATERNION", "XYZ", "XZY", "YX
 const Names kInheritScales = {0, {"FULL", "FIX_SHEAR", "ALIGNED", "AVERAGE", "NONE", "NONE_LEGACY"}};
 const Names kHandleTypes = {0, {"AUTO", "ABSOLUTE", "RELATIVE", "TANGENT"}};
 const Names kSplineHandles = {0, {"FREE", "AUTO", "VECTOR", "ALIGNED"}};
+const Names kMappings = {0, {"STRAIGHT", "CURVED"}};
 const Names kCycleModes = {0, {"NONE", "REPEAT", "REPEAT_OFFSET", "MIRROR"}};
 const Names kDriverTypes = {0, {"AVERAGE", "SCRIPTED", "SUM", "MIN", "MAX"}};
 const Names kVariableTypes = {0, {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}};
@@ -61,12 +62,14 @@ PyObject* key_of(std::string_view name) {
 /// A dictionary whose entries are read one by one; those that nobody has read are mistakes.
 class Entries {
  public:
-  Entries(const py::handle& object, std::string where) : where_(std::move(where)) {
-    if (!py::isinstance<py::dict>(object)) wrong(where_, "is not a dictionary");
+  /// owner, part: what it is, for messages. The owner's text must live as long.
+  Entries(const py::handle& object, std::string_view owner, std::string_view part = "") : owner_(owner), part_(part) {
+    if (!PyDict_Check(object.ptr())) wrong(where(), "is not a dictionary");
     dict_ = py::reinterpret_borrow<py::dict>(object);
   }
 
-  const std::string& where() const { return where_; }
+  std::string_view owner() const { return owner_; }
+  std::string where() const { return std::string(owner_) + std::string(part_); }
 
   /// Returns an entry or an empty handle.
   py::handle find(std::string_view key) {
@@ -77,7 +80,7 @@ class Entries {
 
   py::handle get(const char* key) {
     const py::handle found = find(key);
-    if (!found) wrong(where_, std::string("has no \"") + key + "\"");
+    if (!found) wrong(where(), std::string("has no \"") + key + "\"");
     return found;
   }
 
@@ -96,12 +99,12 @@ class Entries {
   Enum choice(const char* key, const Names& names, Enum fallback) {
     const py::handle found = find(key);
     if (!found) return fallback;
-    const auto name = cast<std::string>(key, found);
+    const auto name = cast<std::string_view>(key, found);
     const auto at = std::find(names.names.begin(), names.names.end(), name);
     if (at == names.names.end()) {
       std::string expected;
       for (const std::string_view known : names.names) expected += (expected.empty() ? "" : ", ") + std::string(known);
-      wrong(where_, std::string("has \"") + key + "\": \"" + name + "\"; expected one of " + expected);
+      wrong(where(), std::string("has \"") + key + "\": \"" + std::string(name) + "\"; expected one of " + expected);
     }
     return static_cast<Enum>(names.first + (at - names.names.begin()));
   }
@@ -113,14 +116,14 @@ class Entries {
   }
   template <std::size_t N>
   std::array<float, N> numbers(const char* key, const py::handle& object) const {
-    std::vector<float> all;
-    append(key, object, all);
-    if (all.size() != N) {
-      wrong(where_, std::string("has ") + std::to_string(all.size()) + " numbers as \"" + key + "\"; expected " +
-                        std::to_string(N));
-    }
     std::array<float, N> result{};
-    std::copy(all.begin(), all.end(), result.begin());
+    with_numbers(key, object, [&](std::span<const float> all) {
+      if (all.size() != N) {
+        wrong(where(), std::string("has ") + std::to_string(all.size()) + " numbers as \"" + key + "\"; expected " +
+                           std::to_string(N));
+      }
+      std::copy(all.begin(), all.end(), result.begin());
+    });
     return result;
   }
 
@@ -129,7 +132,7 @@ class Entries {
     const py::handle found = find(key);
     if (!found) return py::list();
     if (!py::isinstance<py::list>(found) && !py::isinstance<py::tuple>(found)) {
-      wrong(where_, std::string("has no list as \"") + key + "\"");
+      wrong(where(), std::string("has no list as \"") + key + "\"");
     }
     return py::reinterpret_borrow<py::sequence>(found);
   }
@@ -140,51 +143,70 @@ class Entries {
     if (read_ == dict_.size()) return;
     for (const auto& [key, value] : dict_) {
       const std::string name = py::str(key);
-      if (!is_known(name)) wrong(where_, "has \"" + name + "\", which is unknown");
+      if (!is_known(name)) wrong(where(), "has \"" + name + "\", which is unknown");
     }
   }
   void done(std::initializer_list<std::string_view> known) const {
     done_with([&](std::string_view name) { return std::ranges::find(known, name) != known.end(); });
   }
 
+  /// Calls `use` with the numbers of an array in place, or of what append() takes.
+  template <class Use>
+  void with_numbers(std::string_view key, const py::handle& object, const Use& use) const {
+    if (py::isinstance<py::array>(object)) {
+      use(std::span<const float>(Numbers<float>(key.data(), py::reinterpret_borrow<py::array>(object))));
+    } else {
+      std::vector<float> numbers;
+      append(key, object, numbers);
+      use(std::span<const float>(numbers));
+    }
+  }
+
   /// Appends the numbers of lists in lists, of an array, or a single one.
   void append(std::string_view key, const py::handle& object, std::vector<float>& numbers) const {
     if (PyFloat_CheckExact(object.ptr())) {  // as cast() would, faster
       numbers.push_back(static_cast<float>(PyFloat_AS_DOUBLE(object.ptr())));
+    } else if (PyBool_Check(object.ptr())) {
+      numbers.push_back(object.ptr() == Py_True ? 1.0f : 0.0f);
     } else if (PyList_Check(object.ptr()) || PyTuple_Check(object.ptr())) {
       for (py::ssize_t i = 0; i < PySequence_Fast_GET_SIZE(object.ptr()); ++i) {  // an element may change the list
         append(key, py::reinterpret_borrow<py::object>(PySequence_Fast_GET_ITEM(object.ptr(), i)), numbers);
       }
     } else if (py::isinstance<py::array>(object)) {
-      const Numbers<float> array(key.data(), py::reinterpret_borrow<py::array>(object));
-      const std::span<const float> all = array;
-      numbers.insert(numbers.end(), all.begin(), all.end());
+      with_numbers(key, object, [&](auto all) { numbers.insert(numbers.end(), all.begin(), all.end()); });
     } else {
       numbers.push_back(cast<float>(key, object));
     }
   }
 
-  /// Throws InputError, which names the entry.
+  /// Throws InputError, which names the entry. The text of a string_view lives as long as the object.
   template <class T>
   T cast(std::string_view key, const py::handle& object) const {
-    try {
-      return object.cast<T>();
-    } catch (const py::cast_error&) {
-      wrong(where_,
-            "has " + std::string(py::repr(object)) + " as \"" + std::string(key) + "\"; expected " + kind_of<T>());
+    if constexpr (std::is_convertible_v<T, std::string_view>) {
+      py::ssize_t size = 0;
+      const char* const text = PyUnicode_Check(object.ptr()) ? PyUnicode_AsUTF8AndSize(object.ptr(), &size) : nullptr;
+      if (text != nullptr) return T(text, static_cast<std::size_t>(size));
+      PyErr_Clear();
+    } else {
+      try {
+        return object.cast<T>();
+      } catch (const py::cast_error&) {
+      }
     }
+    wrong(where(),
+          "has " + std::string(py::repr(object)) + " as \"" + std::string(key) + "\"; expected " + kind_of<T>());
   }
 
  private:
   template <class T>
   static std::string kind_of() {
-    if constexpr (std::is_same_v<T, std::string>) return "text";
+    if constexpr (std::is_convertible_v<T, std::string_view>) return "text";
     if constexpr (std::is_same_v<T, bool>) return "true or false";
     return "a number";
   }
 
   py::dict dict_;
-  std::string where_;
+  std::string_view owner_, part_;
   std::size_t read_ = 0;
 };
 
@@ -200,6 +222,7 @@ class Reader {
     read_objects(rig);
     read_values(rig);
     const py::sequence bones = rig.sequence("bones");
+    rig_.bones.reserve(bones.size());
     for (std::size_t i = 0; i < bones.size(); ++i) name_bone(bones[i], i);
     for (std::size_t i = 0; i < bones.size(); ++i) read_bone(bones[i], i);
     for (const py::handle spline : rig.sequence("splines")) read_spline(spline);
@@ -290,13 +313,16 @@ class Reader {
   }
 
   void name_bone(const py::handle& object, std::size_t index) {
-    Entries entries(object, "bone " + std::to_string(index));
+    const std::string where = "bone " + std::to_string(index);
+    Entries entries(object, where);
     names_.emplace(entries.get<std::string>("name"), static_cast<int>(index));
   }
 
-  int bone_named(const std::string& name, const std::string& where) const {
+  int bone_named(std::string_view name, std::string_view where) const {
     const auto found = names_.find(name);
-    if (found == names_.end()) wrong(where, "names bone \"" + name + "\", which the rig does not have");
+    if (found == names_.end()) {
+      wrong(std::string(where), "names bone \"" + std::string(name) + "\", which the rig does not have");
+    }
     return found->second;
   }
 
@@ -304,11 +330,12 @@ class Reader {
   int optional_bone(Entries& entries, const char* key) const {
     const py::handle found = entries.find(key);
     if (!found || found.is_none()) return -1;
-    return bone_named(entries.cast<std::string>(key, found), entries.where());
+    return bone_named(entries.cast<std::string_view>(key, found), entries.owner());
   }
 
   void read_bone(const py::handle& object, std::size_t index) {
-    Entries entries(object, "bone " + std::to_string(index));
+    const std::string where = "bone " + std::to_string(index);
+    Entries entries(object, where);
     BoneDescription bone;
     bone.name = entries.get<std::string>("name");
     bone.parent = optional_bone(entries, "parent");
@@ -337,7 +364,7 @@ class Reader {
                          entries.get<bool>("bbone_handle_use_ease_end", false)};
     bone.uses_end_roll = entries.get<bool>("use_endroll_as_inroll", false);
     bone.scales_ease = entries.get<bool>("use_scale_easing", false);
-    bone.maps_curved = entries.choice("bbone_mapping_mode", {0, {"STRAIGHT", "CURVED"}}, false);
+    bone.maps_curved = entries.choice("bbone_mapping_mode", kMappings, false);
     read_bone_values(entries, bone);
     entries.done({"name",
                   "parent",
@@ -385,10 +412,10 @@ class Reader {
   /// {"bone": name}, {"armature": true}, {"outside": name} or None.
   RigTarget target_of(const py::handle& object, const std::string& where) const {
     if (!object || object.is_none()) return {};
-    Entries entries(object, where + ", a target,");
+    Entries entries(object, where, ", a target,");
     RigTarget target;
     if (const py::handle bone = entries.find("bone")) {
-      target = {RigTarget::Type::bone, bone_named(py::str(bone), where)};
+      target = {RigTarget::Type::bone, bone_named(entries.cast<std::string_view>("bone", bone), where)};
     } else if (const py::handle outside = entries.find("outside")) {
       const auto found = matrices_.find(py::str(outside));
       if (found == matrices_.end()) {
@@ -475,7 +502,7 @@ class Reader {
     if (const py::handle weights = entries.find("weights")) entries.append("weights", weights, constraint.weights);
     constraint.space = target_of(entries.find("space"), where);
     for (const py::handle channel : entries.sequence("action")) {
-      Entries curve(channel, where + ", its action,");
+      Entries curve(channel, where, ", its action,");
       constraint.action.push_back({curve.get<int>("channel"), curve_of(curve)});
       curve.done({"channel", "keys", "modifiers", "is_extrapolated", "is_free"});
     }
@@ -488,7 +515,7 @@ class Reader {
   static std::vector<float> settings_of(Entries& constraint, ConstraintType type, const std::string& where) {
     std::vector<float> numbers;
     const py::handle given = constraint.find("settings");
-    Entries entries(given ? given : py::handle(py::dict()), where + ", its settings,");
+    Entries entries(given ? given : py::handle(py::dict()), where, ", its settings,");
     for (const RigSetting& setting : constraint_settings(type)) {
       const std::size_t before = numbers.size();
       if (const py::handle found = entries.find(setting.name)) {
@@ -522,11 +549,8 @@ class Reader {
 
   /// Keys are rows: left handle, point and right handle, each as frame and value; amplitude, period, back;
   /// interpolation and easing as Blender numbers them.
-  static CurveDescription curve_of(Entries& entries) {
+  static void add_keys(const Entries& entries, std::span<const float> numbers, CurveDescription& curve) {
     constexpr std::size_t kColumns = 11;
-    CurveDescription curve;
-    std::vector<float> numbers;
-    if (const py::handle keys = entries.find("keys")) entries.append("keys", keys, numbers);
     if (numbers.size() % kColumns != 0) {
       wrong(entries.where(),
             "has " + std::to_string(numbers.size()) + " numbers as \"keys\"; expected 11 for each key");
@@ -547,6 +571,13 @@ class Reader {
       key.easing = static_cast<KeyEasing>(row[10]);
       curve.keys.push_back(key);
     }
+  }
+
+  static CurveDescription curve_of(Entries& entries) {
+    CurveDescription curve;
+    const py::handle keys = entries.find("keys");
+    if (keys)
+      entries.with_numbers("keys", keys, [&](std::span<const float> numbers) { add_keys(entries, numbers, curve); });
     curve.is_extrapolated = entries.get<bool>("is_extrapolated", false);
     curve.is_free = entries.get<bool>("is_free", false);
     for (const py::handle modifier : entries.sequence("modifiers")) curve.modifiers.push_back(modifier_of(modifier));
@@ -581,7 +612,7 @@ class Reader {
       driver.variables.push_back(variable_of(variable, where));
     }
     if (const py::handle curve = entries.find("curve")) {
-      Entries parts(curve, where + ", its curve,");
+      Entries parts(curve, where, ", its curve,");
       driver.curve = curve_of(parts);
       parts.done({"keys", "modifiers", "is_extrapolated", "is_free"});
     }
@@ -604,7 +635,7 @@ class Reader {
   }
 
   VariableDescription variable_of(const py::handle& object, const std::string& where) const {
-    Entries entries(object, where + ", a variable,");
+    Entries entries(object, where, ", a variable,");
     VariableDescription variable;
     variable.name = entries.get<std::string>("name");
     variable.type = entries.choice("type", kVariableTypes, VariableType::property);
@@ -613,7 +644,7 @@ class Reader {
     const py::sequence targets = entries.sequence("targets");
     if (targets.size() > variable.targets.size()) wrong(entries.where(), "has more than two targets");
     for (std::size_t i = 0; i < targets.size(); ++i) {
-      Entries target(targets[i], entries.where());
+      Entries target(targets[i], where, ", a variable,");
       VariableTarget& written = variable.targets[i];
       written.target = target_of(target.find("target"), where);
       written.channel = target.choice("transform_type", kChannels, TransformChannel::location_x);
@@ -628,7 +659,10 @@ class Reader {
   }
 
   RigDescription rig_;
-  std::unordered_map<std::string, int> names_;
+  struct Hash : std::hash<std::string_view> {
+    using is_transparent = void;
+  };
+  std::unordered_map<std::string, int, Hash, std::equal_to<>> names_;
   std::unordered_map<std::string, int> matrices_;
 };
 

@@ -351,6 +351,21 @@ def test_numbers_of_bones_elsewhere_are_not_believed(zoo, monkeypatch, kind, nam
     assert set(host("contract")._look().lost) == {"Numbers of bones"}
 
 
+@pytest.mark.parametrize(("name", "by"), [("pchan_name", 1), ("transChan", 1), ("flag", 1), ("rotation_mode", -1)])
+def test_variables_elsewhere_are_not_believed(zoo, monkeypatch, name, by):
+    zoo.forget()
+    curve = zoo.frozen.driver_add("color", 0)
+    (variable,) = [curve.driver.variables.new()]
+    variable.type = "TRANSFORMS"
+    (target,) = variable.targets
+    target.id, target.bone_target = zoo.frozen, zoo.frozen.pose.bones[0].name
+    target.transform_type, target.transform_space, target.rotation_mode = "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
+    elsewhere("driver_variables", "DriverTarget", name, "offset", by)(monkeypatch)
+    wanted = zoo.frozen, "", target.bone_target, "SCALE_X", "LOCAL_SPACE", "SWING_TWIST_Y"
+    assert host("driver_variables").read([curve]) == [[("var", "TRANSFORMS", [wanted])]]
+    assert set(host("contract")._look().lost) == {"Drivers of computed rigs"}
+
+
 def test_a_character_that_is_frozen_is_thawed_if_that_is_lost(zoo):
     freezing, contract = addon_module("frozen.freezing"), host("contract")
     zoo.reopen()

@@ -511,10 +511,22 @@ def test_keys_are_read_from_memory_as_by_the_api(fresh_scene, monkeypatch):
             key.interpolation, key.easing = interpolation, easing
             key.amplitude, key.period, key.back = 0.1 * frame, 0.2 * frame, 0.3 * frame
     (curve,) = addon_module("blender.animation").keyed_curves(ob)
-    found = curves.curve_of(curve)["keys"]
+    found = curves.rows_of([curve])[0]["keys"]
     assert found.shape == (frame, curves.KEY_NUMBERS)
     monkeypatch.setattr(contract, "has", lambda _feature: False)
-    assert np.array_equal(found, curves.curve_of(curve)["keys"])
+    assert np.array_equal(found, curves.rows_of([curve])[0]["keys"])
+
+
+def test_variables_are_read_from_memory_as_by_the_api(monkeypatch):
+    reading, contract = addon_module("rig_programs.reading"), addon_module("host.contract")
+    for seed in range(1, PORTION):
+        ob = random_rigs.make(seed, random_rigs.features_of(seed))
+        assert contract.has(addon_module("host.features").VARIABLES)
+        found = [each["variables"] for each in reading.read(ob).description["drivers"]]
+        assert found
+        with monkeypatch.context() as context:
+            context.setattr(contract, "has", lambda _feature: False)
+            assert found == [each["variables"] for each in reading.read(ob).description["drivers"]]
 
 
 def test_bones_are_read_from_memory_as_by_the_api(armature, monkeypatch):

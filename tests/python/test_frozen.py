@@ -303,14 +303,14 @@ class FCurve(ctypes.Structure):
         ("count", ctypes.c_int32),
         ("index", ctypes.c_int32),
         ("flag", ctypes.c_uint16),
+        ("extrapolation", ctypes.c_int16),
     )
 
 
 PLACES = {name: getattr(FCurve, name).offset for name, _ in FCurve._fields_}
 CURVES = host.CurveLayout(
-    *(PLACES[name] for name in ("keys", "count", "path", "modifiers", "samples", "flag")),
+    *(PLACES[name] for name in ("keys", "count", "path", "modifiers", "samples", "extrapolation", "index", "flag")),
     0b11,
-    [(PLACES["index"], 4)],
     ctypes.sizeof(Key),
     Key.frame.offset,
     [(0, 8)],
@@ -335,9 +335,32 @@ def test_what_is_stored_in_curves():
     assert found.keys(0).view(np.float32).tolist() == [[1, 2], [5, 10]]
     assert found.keys(1).shape == (0, 8)
     assert [found.is_local(i) for i in range(4)] == [True, True, False, False]
-    assert found.settings(1) == b"scale\0" + (2).to_bytes(4, "little") + b"\0\0"
+    assert found.settings(1) == b"scale\0\0\0" + (2).to_bytes(4, "little") + b"\0\0"
     with pytest.raises(ValueError, match="there are 4 curves, no number 4"):
         found.frames(4)
+
+
+def test_what_a_rigs_description_says_of_curves():
+    class Bezier(ctypes.Structure):
+        _fields_ = [("points", ctypes.c_float * 9), ("rest", ctypes.c_float * 3), ("choices", ctypes.c_int8 * 2)]
+
+    rest, choices = Bezier.rest.offset, Bezier.choices.offset
+    members = [(0, 36), (choices, 1), (choices + 1, 1), *((rest + at, 4) for at in (0, 4, 8))]
+    places = [
+        PLACES[name] for name in ("keys", "count", "path", "modifiers", "samples", "extrapolation", "index", "flag")
+    ]
+    layout = host.CurveLayout(*places, 0, ctypes.sizeof(Bezier), 12, members)
+    key = Bezier((1, 2, 0, 3, 4, 0, 5, 6, 0), (7, 8, 9), (10, 3))
+    curves = [fcurve((), index=2), fcurve((), modifiers=8, extrapolation=1)]
+    curves[0].keys, curves[0].count = ctypes.addressof(key), 1
+    own = [ctypes.addressof(each) for each in curves]
+    plain, other = host.StoredCurves(own, layout).described()
+    assert plain.pop("keys").tolist() == [[1, 2, 3, 4, 5, 6, 8, 9, 7, 10, 3]]  # amplitude, period, back
+    assert plain == {"path": "location", "index": 2}
+    assert other.pop("keys").shape == (0, 11)
+    assert other == {"path": "location", "index": 0, "modifiers": None, "is_extrapolated": True}
+    with pytest.raises(ValueError, match="a keyframe's members are others than those of a rig's description"):
+        stored(fcurve()).described()
 
 
 def test_which_curves_differ():

@@ -554,9 +554,35 @@ def test_bytes_of_structs_whose_type_follows_from_a_number():
     read = lambda: described.bytes_of_list(ctypes.addressof(first))  # noqa: E731
     before = read()
     assert before == b"+" + bytes(small) + b"+" + bytes(large) + b"."
+    assert described.bytes_of_list(ctypes.addressof(first), marks=False) == bytes(small) + bytes(large)
     large[2] = 4
     assert read() != before
     last.kind = 3
     assert read() is None
     last.kind, last.data = 2, None
     assert read() is None
+
+
+def test_values_of_structs():
+    class Part(ctypes.Structure):
+        _fields_ = [("next", ctypes.c_void_p), ("text", ctypes.c_char * 8), ("small", ctypes.c_int8)]
+
+    class Whole(ctypes.Structure):
+        _fields_ = [("kind", ctypes.c_int16), ("name", ctypes.c_char_p), ("first", ctypes.c_void_p)]
+
+    last = Part(None, b"b", -2)
+    first = Part(ctypes.addressof(last), b"\xff", 3)
+    wholes = [Whole(-7, b"name", ctypes.addressof(first)), Whole()]
+    parts = host.StructValues([([Part.text.offset], "s"), ([Part.small.offset], "b")])
+    name, there = [Whole.name.offset, 0], [Whole.first.offset]
+    members = [
+        ([Whole.kind.offset], "h"),
+        (name, "s"),
+        (there, parts),
+        (there, "P"),
+        ([*there, Part.small.offset], "b"),
+    ]
+    found = host.StructValues(members).of([ctypes.addressof(each) for each in wholes])
+    assert found == [(-7, "name", [("\udcff", 3), ("b", -2)], ctypes.addressof(first), 3), (0, None, [], 0, None)]
+    with pytest.raises(ValueError, match="members has one without an offset"):
+        host.StructValues([([], "b")])

@@ -122,7 +122,7 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
 def stays(ob: bpy.types.Object, curve: bpy.types.FCurve) -> bool:
     """Whether a curve of keyframes sets, on all frames, a number of an object's place to what it is now: as importers
     key the place of an armature that does not move."""
-    if curve.driver is not None or curve.data_path not in PLACE:
+    if curve.data_path not in PLACE or curve.driver is not None:
         return False
     points, value = curve.keyframe_points, getattr(ob, curve.data_path)[curve.array_index]
     numbers = np.empty((3, 2 * len(points)), np.float32)

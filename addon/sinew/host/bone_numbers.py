@@ -23,13 +23,13 @@ class Numbers(NamedTuple):
     """What N bones have: numbers, (N, F) float32; which columns are those of a property; addresses, (N, A) uint64."""
 
     floats: np.ndarray
-    columns: dict[str, list[int]]
+    columns: dict[str, slice]
     addresses: np.ndarray
 
     def of(self, name: str) -> np.ndarray:
         """Returns a property of all bones: N, or N x the numbers that it has."""
         own = self.columns[name]
-        return self.floats[:, own if len(own) > 1 else own[0]]
+        return self.floats[:, own if own.stop - own.start > 1 else own.start]
 
     def have_properties(self) -> np.ndarray:
         """Returns which bones may have custom properties."""
@@ -37,24 +37,19 @@ class Numbers(NamedTuple):
 
 
 @functools.cache
-def _layout(kind: str) -> tuple[Any, dict[str, list[int]]]:
-    """Returns what is read of a struct of bones, and the columns."""
+def _layout(kind: str) -> tuple[Any, dict[str, slice], int]:
+    """Returns what is read of a struct of bones, the columns, and how many there are."""
     regions = [(contract.offset(kind, name), _ADDRESS) for name in _ADDRESSES[kind]]
-    columns, count = dict[str, list[int]](), 0
+    columns, count = dict[str, slice](), 0
     for member, names in (_POSED if kind == "bPoseChannel" else _REST).items():
         regions.append((contract.offset(kind, member), contract.size(kind, member)))
         width = regions[-1][1] // _FLOAT // len(names)
         for name in names:
-            columns.setdefault(name, []).extend(range(count, count + width))
+            columns[name] = slice(columns[name].start if name in columns else count, count + width)
             count += width
     children = contract.offset("Bone", "childbase") + contract.offset("ListBase", "*first")
     lists = [(children, None)] if kind == "Bone" else []
-    return sinew_native.host.Described(regions, [], [], lists), columns
-
-
-def forget() -> None:
-    """Discards the layout. For tests."""
-    _layout.cache_clear()
+    return sinew_native.host.Described(regions, [], [], lists), columns, count
 
 
 def read(ob: Any) -> tuple[Numbers, Numbers] | None:
@@ -74,14 +69,10 @@ def read(ob: Any) -> tuple[Numbers, Numbers] | None:
 
 
 def _read(kind: str, bones: Any) -> Numbers:
-    described, columns = _layout(kind)
+    described, columns, count = _layout(kind)
     before = _ADDRESS * len(_ADDRESSES[kind])
-    size = before + _FLOAT * sum(map(len, columns.values()))
-    stream, each, at = described.bytes_of_list(bones[0].as_pointer()), [], 0
-    while (at := stream.find(b"+", at)) >= 0:
-        each.append(stream[at + 1 : at + 1 + size])
-        at += 1 + size
-    found = np.frombuffer(b"".join(each), np.uint8).reshape(-1, size)
+    stream = described.bytes_of_list(bones[0].as_pointer(), marks=False)
+    found = np.frombuffer(stream, np.uint8).reshape(-1, before + _FLOAT * count)
     return Numbers(found[:, before:].view(np.float32), columns, found[:, :before].view(np.uint64))
 
 

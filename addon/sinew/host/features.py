@@ -51,6 +51,7 @@ FREEZING = "Frozen characters"
 CONSTRAINTS = "Animated constraints of computed rigs"
 POSED = "Edits of computed rigs"
 NUMBERS = "Numbers of bones"
+VARIABLES = "Drivers of computed rigs"
 FOLLOWING = "Rigs that follow objects with keyframes"
 
 _FULL = "take more steps on each frame"
@@ -180,6 +181,12 @@ FEATURES = {
         "bPoseChannel.*next bPoseChannel.*parent bPoseChannel.*prop bPoseChannel.constraints Bone ListBase.*first "
         + " ".join(f"bPoseChannel.{name}" for name in (*members.CHANNELS, *members.LIMITS)),
         compared="the numbers of the last bone; of all, parents, and where constraints and custom properties may be",
+    ),
+    VARIABLES: Feature(
+        "the variables of the drivers of computed rigs are read one property after the other, which takes longer",
+        "FCurve.*driver ListBase.*first ChannelDriver.variables DriverVar.*next DriverVar.name DriverVar.type "
+        "DriverVar.targets DriverTarget",
+        compared="the variables of all drivers",
     ),
     FOLLOWING: Feature(
         "a rig whose constraints follow objects with keyframes is live",

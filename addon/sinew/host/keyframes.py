@@ -11,25 +11,20 @@ from ..native import sinew_native
 from . import contract, features, proof
 
 _MEMBERS = ("vec", "ipo", "easing", "back", "amplitude", "period")  # all that values between keyframes depend on
-_SETTINGS = ("extend", "array_index")
+_OF_CURVE = ("*bezt", "totvert", "*rna_path", "modifiers", "*fpt", "extend", "array_index", "flag")
 _IGNORED = 0b1111  # bits of a curve's flag: visible, selected, active, protected
 
 
 @functools.cache
 def _layout() -> Any:
     """Returns the layout of F-curves, a sinew_native.host.CurveLayout."""
-
-    def places(kind: str, members: Sequence[str]) -> list[tuple[int, int]]:
-        return [(contract.offset(kind, name), contract.size(kind, name)) for name in members]
-
     vectors = contract.offset("BezTriple", "vec")  # of (handle, keyframe, handle), each (frame, value, 0)
     return sinew_native.host.CurveLayout(
-        *(contract.offset("FCurve", name) for name in ("*bezt", "totvert", "*rna_path", "modifiers", "*fpt", "flag")),
+        *(contract.offset("FCurve", name) for name in _OF_CURVE),
         _IGNORED,
-        places("FCurve", _SETTINGS),
         contract.struct_size("BezTriple"),
         vectors + 12,
-        places("BezTriple", _MEMBERS),
+        [(contract.offset("BezTriple", name), contract.size("BezTriple", name)) for name in _MEMBERS],
     )
 
 
@@ -41,11 +36,6 @@ def is_rounded(curve: Any) -> bool:
     but not for curves that drivers have or that scripts have made."""
     address = curve.as_pointer() + contract.offset("FCurve", "flag")
     return bool(ctypes.c_int16.from_address(address).value & _ROUNDED)
-
-
-def forget() -> None:
-    """Discards the layout. For tests."""
-    _layout.cache_clear()
 
 
 def read(curves: Sequence[Any]) -> Any:

@@ -169,7 +169,14 @@ MEMBERS: dict[str, dict[str, Member]] = {
     **{kind: {} for kind in CONSTRAINTS.values()},
     "bArmatureConstraint": {"targets": _LIST},
     "bConstraintTarget": {"*next": _pointer("bConstraintTarget", 0)},
-    "DriverTarget": {"*id": _pointer("ID", shown="id"), "*rna_path": _pointer("char"), "pchan_name": _name()},
+    "DriverTarget": {
+        "*id": _pointer("ID", shown="id"),
+        "*rna_path": _pointer("char"),
+        "pchan_name": _name(),
+        "transChan": _short(),
+        "rotation_mode": Member("char", 1),
+        "flag": _short(),
+    },
     "DriverVar": {
         "*next": _pointer("DriverVar", 0),
         "name": _name(),

@@ -49,11 +49,6 @@ def _layout() -> Any:
     return sinew_native.host.Described(own, [], [], lists)
 
 
-def forget() -> None:
-    """Discards the layout. For tests."""
-    _layout.cache_clear()
-
-
 def read(ob: bpy.types.Object) -> bytes | None:
     """Returns bytes that are equal at two times if all settings of the pose of an original armature object are, and the
     addresses of what its constraints follow. None if they cannot be read, as with a constraint of another type."""

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..host import bone_numbers
-from .tables import bone_settings
+from .tables import bone_columns
 from .targets import Targets
 
 OF_REST = {  # what is read of all bones at once: name, how many numbers, type
@@ -36,6 +36,8 @@ OF_BEND = (  # what only B-bones need
     "use_scale_easing",
     "bbone_mapping_mode",
 )
+HANDLES = "bbone_custom_handle_start", "bbone_custom_handle_end"
+SCALED_BY = "bbone_handle_use_scale_start", "bbone_handle_use_scale_end"
 
 Stored = tuple[bone_numbers.Numbers, bone_numbers.Numbers] | None
 
@@ -88,17 +90,15 @@ def bones_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored, found: Targe
         unknown = [bone for bone, number in zip(names, numbers, strict=True) if number not in known]
         found.refused += [f'the {name} of the bone "{bone}" is of a newer Blender, and not covered' for bone in unknown]
     entries = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
-    bend = attrgetter(*OF_BEND)
+    bend, handles_of, scaled_by = attrgetter(*OF_BEND), attrgetter(*HANDLES), attrgetter(*SCALED_BY)
     children = connected_children([entries[i] for i in np.argsort(row).tolist()])
     for entry in entries:
         if entry["bbone_segments"] == 1:
             continue
         rest = bones[entry["name"]]
         entry.update(zip(OF_BEND, bend(rest), strict=True))
-        for end in ("start", "end"):
-            handle = getattr(rest, f"bbone_custom_handle_{end}")
-            entry[f"bbone_custom_handle_{end}"] = handle and handle.name
-            entry[f"bbone_handle_use_scale_{end}"] = list(getattr(rest, f"bbone_handle_use_scale_{end}"))
+        entry.update(zip(HANDLES, [handle and handle.name for handle in handles_of(rest)]))
+        entry.update(zip(SCALED_BY, map(list, scaled_by(rest))))
         entry["connected_child"] = children.get(entry["name"])
     return entries
 
@@ -117,8 +117,9 @@ def places_of(ob: bpy.types.Object) -> np.ndarray:
 def values_of(ob: bpy.types.Object, row: np.ndarray, stored: Stored) -> np.ndarray:
     """Returns B x N numbers in the order of the library's table of bone settings. row: as places_of returns it; stored:
     as bone_numbers.read returns it."""
-    columns = []
-    for name, width, is_of_rest in bone_settings():
+    found = np.empty((len(row), bone_columns()[-1][1].stop), np.float32)
+    for name, own, is_of_rest in bone_columns():
         kind = bool if name.startswith(("lock_ik", "use_ik_limit")) else np.float32
-        columns.append(numbers_of(ob, name, is_of_rest, width, kind, row, stored).reshape(len(row), width))
-    return np.concatenate(columns, axis=1, dtype=np.float32)
+        width = own.stop - own.start
+        found[:, own] = numbers_of(ob, name, is_of_rest, width, kind, row, stored).reshape(-1, width)
+    return found

@@ -11,6 +11,7 @@ import bpy
 from . import curves, splines, tables, targets
 
 WORLD, CUSTOM = 0, 5  # spaces, as Blender numbers them
+_of_target = attrgetter("target", "subtarget", "weight")
 
 
 @cache
@@ -48,14 +49,15 @@ def constraints_of(
     description."""
     known = tables.constraint_settings()
     for bone in itertools.compress(ob.pose.bones, [row["has_constraints"] for row in bones]):
+        name = bone.name
         for constraint in bone.constraints:
             try:
                 if (kind := constraint.type) not in known:
                     raise curves.Refused(f"the type {kind} is not covered")
-                yield row_of(bone, constraint, kind, found)
+                yield row_of(name, constraint, kind, found)
             except curves.Refused as reason:
                 if not constraint.mute or is_animated(ob, constraint):
-                    found.refused.append(f'the constraint "{constraint.name}" of the bone "{bone.name}": {reason}')
+                    found.refused.append(f'the constraint "{constraint.name}" of the bone "{name}": {reason}')
 
 
 def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
@@ -67,18 +69,17 @@ def is_animated(ob: bpy.types.Object, constraint: bpy.types.Constraint) -> bool:
     )
 
 
-def row_of(
-    bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, kind: str, found: targets.Targets
-) -> dict[str, Any]:
+def row_of(bone: str, constraint: bpy.types.Constraint, kind: str, found: targets.Targets) -> dict[str, Any]:
     settings = reader_of(kind, type(constraint))(constraint)  # type: ignore[arg-type] # a type is hashable
-    row: dict[str, Any] = {"bone": bone.name, "name": constraint.name, "type": kind, "settings": settings}
+    row: dict[str, Any] = {"bone": bone, "name": constraint.name, "type": kind, "settings": settings}
     if kind == "ARMATURE":
-        if constraint.use_bone_envelopes:
+        if settings["use_bone_envelopes"]:
             raise curves.Refused("bone envelopes are not covered: turn them off")
-        row["targets"] = [found.of(target.target, target.subtarget) for target in constraint.targets]
+        read = [_of_target(target) for target in constraint.targets]
+        row["targets"] = [found.of(target, bone_name) for target, bone_name, _weight in read]
         if any(target and "outside" in target for target in row["targets"]):
             raise curves.Refused("bones of another armature are not covered here")
-        row["weights"] = [target.weight for target in constraint.targets]
+        row["weights"] = [weight for _target, _bone_name, weight in read]
     elif kind == "SPLINE_IK":
         splines.check(curve := constraint.target)
         found.splines.setdefault(curve.name_full, curve)
@@ -102,16 +103,12 @@ def row_of(
     return row
 
 
-def action_channels(
-    bone: bpy.types.PoseBone, constraint: bpy.types.Constraint, found: targets.Targets
-) -> Iterator[dict[str, Any]]:
+def action_channels(bone: str, constraint: bpy.types.Constraint, found: targets.Targets) -> Iterator[dict[str, Any]]:
     if constraint.use_bone_object_action:
         raise curves.Refused("Object Action is not covered: turn it off")
     if constraint.action is None:
         return
-    own = found.channels_of(constraint.action, getattr(constraint, "action_slot_handle", 0)).get(bone.name, ())
-    # A group of the bone's name hides curves that are not in it.
-    grouped = [each for each in own if each[1].group is not None and each[1].group.name == bone.name]
-    for name, curve, *stored in grouped or own:
+    own = found.channels_of(constraint.action, getattr(constraint, "action_slot_handle", 0))
+    for name, index, curve, row in own.get(bone, ()):
         if name in tables.CHANNELS:
-            yield {"channel": tables.CHANNELS[name] + curve.array_index, **curves.curve_of(curve, *stored)}
+            yield {"channel": tables.CHANNELS[name] + index, **curves.complete(row, curve)}

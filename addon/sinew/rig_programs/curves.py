@@ -1,6 +1,6 @@
 """F-curves as numbers."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import bpy
@@ -20,24 +20,28 @@ class Refused(ValueError):
     """What a description cannot say. The message is a reason for people."""
 
 
-def stored_of(curves: Sequence[bpy.types.FCurve]) -> Any:
-    """Returns a copy of all that is stored in curves, or None if only Blender's API can read it."""
-    return keyframes.read(curves) if contract.has(features.FREEZING) else None
+def rows_of(curves: Sequence[bpy.types.FCurve]) -> list[dict[str, Any]]:
+    """Returns path, index, keys (K x 11, float32) and extrapolation of F-curves, in which complete adds what is not
+    yet there."""
+    if contract.has(features.FREEZING):
+        return keyframes.read(curves).described()
+    return [
+        {"path": curve.data_path, "index": curve.array_index, "keys": keys_of(curve), "modifiers": None}
+        | ({"is_extrapolated": True} if curve.extrapolation == "LINEAR" else {})
+        for curve in curves
+    ]
 
 
-def curve_of(curve: bpy.types.FCurve, stored: Any = None, number: int = 0) -> dict[str, Any]:
-    """Returns keys (K x 11, float32), modifiers and extrapolation of an F-curve. Raises Refused. stored: of several
-    curves, in which it has that number."""
-    stored = stored or stored_of([curve])
-    found: dict[str, Any] = {"keys": keys_of(curve) if stored is None else stored.rows(number)}
-    if stored is None or not stored.is_local(number):
-        if not len(curve.keyframe_points) and len(curve.sampled_points):
+def complete(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
+    """Returns a row of rows_of with the modifiers. Raises Refused."""
+    if "modifiers" in row:
+        if not len(row["keys"]) and len(curve.sampled_points):
             raise Refused(f"the curve of {curve.data_path} holds samples instead of keys: convert it to keys")
         if modifiers := modifiers_of(curve):
-            found["modifiers"] = modifiers
-    if curve.extrapolation == "LINEAR":
-        found["is_extrapolated"] = True
-    return found
+            row["modifiers"] = modifiers
+        else:
+            del row["modifiers"]
+    return row
 
 
 def rounding_of(curve: bpy.types.FCurve) -> dict[str, bool]:
@@ -90,37 +94,32 @@ def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[
     raise Refused(f"{what} is not covered: bake it into keys")
 
 
-def curves_in_effect(block: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
-    """Yields the curves of the data-block's action that Blender evaluates. Raises Refused for several layers, and for
+def curves_in_effect(block: bpy.types.ID) -> list[bpy.types.FCurve]:
+    """Returns the curves of the data-block's action that Blender evaluates. Raises Refused for several layers, and for
     the NLA."""
     data = block.animation_data
     if data is None:
-        return
+        return []
     if animation.plays_strips(data):
         raise Refused(f"{block.name} is animated by strips of the NLA: bake them into one action")
-    if data.action is not None:
-        yield from of_slot(data.action, getattr(data, "action_slot_handle", 0))
+    return of_slot(data.action, getattr(data, "action_slot_handle", 0)) if data.action is not None else []
 
 
-def of_slot(action: bpy.types.Action, handle: int) -> Iterator[bpy.types.FCurve]:
-    """Yields the curves of a slot that are not muted. Raises Refused for several layers."""
+def of_slot(action: bpy.types.Action, handle: int) -> list[bpy.types.FCurve]:
+    """Returns the curves of a slot that are not muted. Raises Refused for several layers."""
     if not hasattr(action, "layers"):  # before 4.4
-        yield from unmuted(action.fcurves)
-        return
+        return unmuted(action.fcurves)
     strips = [strip for layer in action.layers for strip in layer.strips]
     if len(action.layers) > 1 or len(strips) > 1:
         raise Refused(f"the action {action.name} has several layers: merge them")
-    for strip in strips:
-        for bag in strip.channelbags:
-            if bag.slot_handle == handle:
-                yield from unmuted(bag.fcurves)
+    bags = [bag for strip in strips for bag in strip.channelbags if bag.slot_handle == handle]
+    return [curve for bag in bags for curve in unmuted(bag.fcurves)]
 
 
-def unmuted(curves: Iterable[bpy.types.FCurve]) -> Iterator[bpy.types.FCurve]:
-    for curve in curves:
-        group = curve.group if animation.GROUPS_MUTE else None
-        if curve.mute or (group is not None and group.mute) or not curve.is_valid:
-            continue
-        if curve.is_empty and not len(curve.sampled_points):
-            continue
-        yield curve
+def unmuted(curves: Iterable[bpy.types.FCurve]) -> list[bpy.types.FCurve]:
+    found = [
+        curve
+        for curve in curves
+        if not curve.mute and curve.is_valid and (not curve.is_empty or len(curve.sampled_points))
+    ]
+    return [each for each in found if each.group is None or not each.group.mute] if animation.GROUPS_MUTE else found

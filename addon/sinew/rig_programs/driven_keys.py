@@ -5,6 +5,7 @@ from typing import Any
 
 import bpy
 
+from ..host import driver_variables
 from . import curves, drivers, targets
 
 Keyed = tuple[bpy.types.Key, tuple[int, ...]]  # numbers of its keys
@@ -16,7 +17,7 @@ def path_of(number: int) -> str:
 
 
 def rows_of(
-    ob: bpy.types.Object, keyed: Iterable[Keyed], found: targets.Targets, outside: drivers.Outside
+    keyed: Iterable[Keyed], found: targets.Targets, outside: drivers.Outside
 ) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
     """Yields the property and the driver of each value. What cannot be said is added to `found.refused`."""
     chosen = [(keys, keys.key_blocks[i]) for keys, numbers in keyed for i in numbers]
@@ -27,7 +28,8 @@ def rows_of(
         try:
             if curve is None or curve.mute or not curve.is_valid or not curve.driver.is_valid:
                 raise curves.Refused("it is muted or not valid")
-            driver = drivers.driver_of(ob, path, curve, found, outside)
+            (row,), (variables,) = curves.rows_of([curve]), driver_variables.read([curve])
+            driver = drivers.driver_of(path, curve, row, variables, found, outside)
             yield {"path": path, "type": "FLOAT", **limits, "value": [key.value]}, {**driver, "index": 0}
         except curves.Refused as reason:
             found.refused.append(f"the driver of the shape key {key.name} of {keys.name}: {reason}")

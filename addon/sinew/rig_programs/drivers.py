@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation
+from ..host import driver_variables
 from . import curves, paths, tables, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
@@ -50,40 +51,37 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
     """Yields the animated values of the rig."""
     for block, start in blocks_of(ob):
         known: dict[str, str | None] = {}  # by the path of curves, of which several have the same: that of their rows
-        wanted: list[tuple[str, bpy.types.FCurve]] = []
         try:
-            for curve in curves.curves_in_effect(block):
-                if (own := curve.data_path) not in known:
-                    path = path_of(start, own)
+            own = curves.curves_in_effect(block)
+            for curve, row in zip(own, curves.rows_of(own)):
+                if (stored := row["path"]) not in known:
+                    path = path_of(start, stored)
                     if block == ob and animation.stays(ob, curve):
                         continue
-                    known[own] = path if is_wanted(ob, path, found) and exists(block, own) else None
-                if own := known[own]:
-                    wanted.append((own, curve))
-            stored = curves.stored_of([curve for _path, curve in wanted])
-            for number, (path, curve) in enumerate(wanted):
-                yield curve_row(path, curve, stored, number)
+                    known[stored] = path if is_wanted(ob, path, found) and exists(block, stored) else None
+                if own_path := known[stored]:
+                    row["path"] = own_path
+                    yield curve_row(row, curve)
         except curves.Refused as reason:
             found.refused.append(str(reason))
 
 
-def curve_row(path: str, curve: bpy.types.FCurve, *stored: Any) -> dict[str, Any]:
-    """stored: as curves.curve_of is given it. Raises Refused."""
-    row = {"path": path, "index": curve.array_index, **curves.curve_of(curve, *stored)}
-    return row if path.endswith(CHANNELS) else row | curves.rounding_of(curve)
+def curve_row(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
+    """Returns a row of curves.rows_of as that of an animated value. Raises Refused."""
+    curves.complete(row, curve)
+    return row if row["path"].endswith(CHANNELS) else row | curves.rounding_of(curve)
 
 
 def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:
     """Yields the rig's drivers."""
     for block, start in blocks_of(ob):
         own = animation.drivers_of(block)
-        stored = curves.stored_of(own)
-        for number, curve in enumerate(own):
-            path = path_of(start, curve.data_path)
+        for curve, row, variables in zip(own, curves.rows_of(own), driver_variables.read(own)):
+            path = path_of(start, row["path"])
             if curve.mute or not curve.is_valid or not curve.driver.is_valid or not is_wanted(ob, path, found):
                 continue
             try:
-                yield driver_of(ob, path, curve, found, outside, stored, number)
+                yield driver_of(path, curve, row, variables, found, outside)
             except curves.Refused as reason:
                 found.refused.append(f"the driver of {path}: {reason}")
 
@@ -110,67 +108,67 @@ def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
 
 
 def driver_of(
-    ob: bpy.types.Object, path: str, curve: bpy.types.FCurve, found: targets.Targets, outside: Outside, *stored: Any
+    path: str,
+    curve: bpy.types.FCurve,
+    row: Any,
+    own: driver_variables.Variables,
+    found: targets.Targets,
+    outside: Outside,
 ) -> dict[str, Any]:
-    """stored: as curves.curve_of is given it. Raises Refused."""
+    """row, own: of curves.rows_of and driver_variables.read. Raises Refused."""
     driver = curve.driver
-    row: dict[str, Any] = {
+    result: dict[str, Any] = {
         "path": path,
-        "index": curve.array_index,
+        "index": row.pop("index"),
         "type": driver.type,
-        "variables": [variable_of(ob, variable, found, outside) for variable in driver.variables],
-        "curve": curves.curve_of(curve, *stored),
+        "variables": [variable_of(*variable, found, outside) for variable in own],
+        "curve": curves.complete(row, curve),
     }
+    del row["path"]
     if driver.type == "SCRIPTED":
         if driver.use_self or not driver.is_simple_expression:
             raise curves.Refused(f'"{driver.expression}" is not one of Blender\'s simple expressions')
-        row["expression"] = driver.expression
-    return row
+        result["expression"] = driver.expression
+    return result
 
 
 def variable_of(
-    ob: bpy.types.Object, variable: bpy.types.DriverVariable, found: targets.Targets, outside: Outside
+    name: str, kind: str, read: list[driver_variables.Target], found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:
-    if variable.type not in VARIABLES:
-        raise curves.Refused(f"variables of the type {variable.type} are not covered")
-    row: dict[str, Any] = {"name": variable.name, "type": variable.type}
-    if variable.type == "SINGLE_PROP":
-        target = variable.targets[0]
-        path, block = paths.normalised(target.data_path), target.id
-        if block == ob and path.startswith(OF_RIG):
+    if kind not in VARIABLES:
+        raise curves.Refused(f"variables of the type {kind} are not covered")
+    row: dict[str, Any] = {"name": name, "type": kind}
+    if kind == "SINGLE_PROP":
+        block, stored, *_rest = read[0]
+        path = paths.normalised(stored)
+        if block == found.ob and path.startswith(OF_RIG):
             row["path"] = path
-        elif block == ob.data:
+        elif block == found.ob.data:
             row["path"] = "data." + path
         elif block is None:
-            raise curves.Refused(f"its variable {variable.name} reads nothing")
+            raise curves.Refused(f"its variable {name} reads nothing")
         else:
-            row["outside"] = outside.name_of(block, target.data_path)
+            row["outside"] = outside.name_of(block, stored)
         return row
-    row["targets"] = [target_of(variable, target, found, outside) for target in variable.targets]
+    row["targets"] = [target_of(kind, target, found, outside) for target in read]
     return row
 
 
-def target_of(variable: Any, target: Any, found: targets.Targets, outside: Outside) -> dict[str, Any]:
-    row = {
-        "target": found.of(target.id, target.bone_target),
-        "transform_type": target.transform_type,
-        "transform_space": target.transform_space,
-        "rotation_mode": target.rotation_mode,
-    }
+def target_of(kind: str, target: driver_variables.Target, found: targets.Targets, outside: Outside) -> dict[str, Any]:
+    block: Any
+    block, _path, bone, channel, space, mode = target
+    row: dict[str, Any] = {"target": found.of(block, bone), "transform_type": channel}
+    row |= {"transform_space": space, "rotation_mode": mode}
     if not row["target"] or "outside" not in row["target"]:
         return row
     # Only world matrices come from outside.
-    if variable.type == "ROTATION_DIFF" and target.bone_target:
-        raise curves.Refused(f"it reads how a bone of {target.id.name} is turned, which is not covered")
-    if variable.type != "ROTATION_DIFF" and target.transform_space != "WORLD_SPACE":
-        raise curves.Refused(f"it reads {target.id.name} in another space than the world's, which is not covered")
-    holder = target.id.pose.bones[target.bone_target] if target.bone_target else target.id
-    if (
-        variable.type == "TRANSFORMS"
-        and target.rotation_mode == "AUTO"
-        and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE")
-    ):
-        start = f"{holder.path_from_id()}." if target.bone_target else ""
+    if kind == "ROTATION_DIFF" and bone:
+        raise curves.Refused(f"it reads how a bone of {block.name} is turned, which is not covered")
+    if kind != "ROTATION_DIFF" and space != "WORLD_SPACE":
+        raise curves.Refused(f"it reads {block.name} in another space than the world's, which is not covered")
+    holder = block.pose.bones[bone] if bone else block
+    if kind == "TRANSFORMS" and mode == "AUTO" and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE"):
+        start = f"{holder.path_from_id()}." if bone else ""
         row["stored_mode"] = holder.rotation_mode
-        row["stored_angles"] = [outside.name_of(target.id, f"{start}rotation_euler[{i}]") for i in range(3)]
+        row["stored_angles"] = [outside.name_of(block, f"{start}rotation_euler[{i}]") for i in range(3)]
     return row

@@ -104,11 +104,12 @@ class Known:
 
     def _row_of(self, curve: bpy.types.FCurve) -> dict[str, Any] | None:
         """Returns the row of a curve, or None if it had none, or has none any more."""
-        path = paths.normalised(curve.data_path)
-        if (path, curve.array_index) not in self._curves or not list(curves.unmuted([curve])):
+        (row,) = curves.rows_of([curve])
+        row["path"] = paths.normalised(row["path"])
+        if (row["path"], row["index"]) not in self._curves or not curves.unmuted([curve]):
             return None
         try:
-            return drivers.curve_row(path, curve)
+            return drivers.curve_row(row, curve)
         except curves.Refused:
             return None
 

@@ -68,13 +68,15 @@ def _check(ob: bpy.types.Object) -> None:
 
 def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
     """Yields the curves that say where an object is. Raises Refused."""
-    for curve in curves.curves_in_effect(ob):
-        path = paths.normalised(curve.data_path)
+    own = curves.curves_in_effect(ob)
+    for curve, row in zip(own, curves.rows_of(own)):
+        path = paths.normalised(row["path"])
         if not paths.moves_object(path) or not drivers.exists(ob, path):
             continue
         if path not in (*drivers.CHANNELS, *_DELTAS):
             raise curves.Refused(f"{path} of {ob.name} is keyed")
-        yield drivers.curve_row(f'objects["{bpy.utils.escape_identifier(ob.name_full)}"].{path}', curve)
+        row["path"] = f'objects["{bpy.utils.escape_identifier(ob.name_full)}"].{path}'
+        yield drivers.curve_row(row, curve)
 
 
 def _row_of(ob: bpy.types.Object) -> dict[str, Any]:

@@ -37,4 +37,6 @@ def moves_object(path: str) -> bool:
 
 def normalised(path: str) -> str:
     """Returns the path as Blender writes it: with double quotes, and no point before a custom property."""
-    return path.replace("['", '["').replace("']", '"]').replace('.["', '["')
+    if "'" in path:
+        path = path.replace("['", '["').replace("']", '"]')
+    return path.replace('.["', '["') if '.["' in path else path

@@ -79,7 +79,7 @@ def read(
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }
-    for property_row, driver_row in driven_keys.rows_of(ob, keyed, found, outside):
+    for property_row, driver_row in driven_keys.rows_of(keyed, found, outside):
         description["properties"].append(property_row)
         description["drivers"].append(driver_row)
     description["splines"] = splines.rows_of(found)

@@ -8,7 +8,7 @@ import numpy as np
 from . import curves, paths
 
 Target = dict[str, Any] | None
-Channel = tuple[str, bpy.types.FCurve, Any, int]  # the name of a bone's property, and what curves.curve_of is given
+Channel = tuple[str, int, bpy.types.FCurve, dict[str, Any]]  # a bone's property, its index, the curve and its row
 
 
 class Targets:
@@ -42,13 +42,18 @@ class Targets:
         key = (action.name_full, slot)
         if key not in self._actions:
             found: dict[str, list[Channel]] = {}
-            own = list(curves.of_slot(action, slot))
-            stored = curves.stored_of(own)
-            for number, curve in enumerate(own):
-                bone = paths.BONE.match(curve.data_path)
+            own = curves.of_slot(action, slot)
+            for curve, row in zip(own, curves.rows_of(own)):
+                path, index = row.pop("path"), row.pop("index")
+                bone = paths.BONE.match(path)
                 if bone:
                     name = bpy.utils.unescape_identifier(bone[1])
-                    found.setdefault(name, []).append((curve.data_path[bone.end() + 1 :], curve, stored, number))
+                    found.setdefault(name, []).append((path[bone.end() + 1 :], index, curve, row))
+            # A group of the bone's name hides curves that are not in it.
+            for name, channels in found.items():
+                groups = [curve.group for _name, _index, curve, _row in channels]
+                grouped = [each for each, group in zip(channels, groups) if group is not None and group.name == name]
+                found[name] = grouped or channels
             self._actions[key] = found
         return self._actions[key]
 

@@ -38,18 +38,18 @@ struct Described {
 /// A struct of a type that is not described.
 struct Unknown {};
 
-void append(Address at, const Described& described, std::string& to);
+void append(Address at, const Described& described, bool is_marked, std::string& to);
 
-/// Each begins with the address of the next.
-void append_list(Address first, const Described& described, std::string& to) {
+/// Each begins with the address of the next. is_marked: with marks where structs and lists begin and end.
+void append_list(Address first, const Described& described, bool is_marked, std::string& to) {
   for (Address each = first; each != 0; each = read<Address>(each)) {
-    to.push_back('+');
-    append(each, described, to);
+    if (is_marked) to.push_back('+');
+    append(each, described, is_marked, to);
   }
-  to.push_back('.');
+  if (is_marked) to.push_back('.');
 }
 
-void append(Address at, const Described& described, std::string& to) {
+void append(Address at, const Described& described, bool is_marked, std::string& to) {
   const auto described_by = [&](const Described::Part& part) -> const Described& {
     return part.second == nullptr ? described : *part.second;
   };
@@ -60,22 +60,24 @@ void append(Address at, const Described& described, std::string& to) {
   }
   for (const auto& part : described.structs) {
     const auto there = read<Address>(at + part.first);
-    to.push_back(there == 0 ? '-' : '+');
-    if (there != 0) append(there, described_by(part), to);
+    if (is_marked) to.push_back(there == 0 ? '-' : '+');
+    if (there != 0) append(there, described_by(part), is_marked, to);
   }
-  for (const auto& part : described.lists) append_list(read<Address>(at + part.first), described_by(part), to);
+  for (const auto& part : described.lists) {
+    append_list(read<Address>(at + part.first), described_by(part), is_marked, to);
+  }
   for (const Described::Choice& choice : described.choices) {
     const auto kind = choice.kinds.find(read<std::int16_t>(at + choice.kind));
     const auto there = read<Address>(at + choice.address);
     if (kind == choice.kinds.end() || there == 0) throw Unknown();
-    append(there, *kind->second, to);
+    append(there, *kind->second, is_marked, to);
   }
 }
 
-std::optional<py::bytes> bytes_of_list(const Described& described, Address first) {
+std::optional<py::bytes> bytes_of_list(const Described& described, Address first, bool is_marked) {
   std::string found;
   try {
-    append_list(first, described, found);
+    append_list(first, described, is_marked, found);
   } catch (const Unknown&) {
     return std::nullopt;
   }
@@ -109,10 +111,10 @@ void bind_described(py::module_& host) {
           "regions: [(offset, size)]; texts: offsets of addresses of texts; structs, lists: [(offset, Described)] of "
           "addresses of a struct and of the first one of a list, None for a struct like this one; choices: [(offset of "
           "an int16, offset of an address of a struct, {int16: Described})]. In bytes.")
-      .def("bytes_of_list", &bytes_of_list, py::arg("first"),
+      .def("bytes_of_list", &bytes_of_list, py::arg("first"), py::arg("marks") = true,
            "Returns the bytes of all structs of a list, each of which begins with the address of the next, or None if "
            "one has a choice that is not described.\n\n"
-           "first: address of the first one, or 0.");
+           "first: address of the first one, or 0; marks: with a byte where a struct or a list begins or ends.");
 }
 
 }  // namespace sinew::bindings

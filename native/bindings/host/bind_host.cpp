@@ -181,6 +181,7 @@ void restore_silent_keys(const std::vector<Address>& keys, const std::array<std:
 }  // namespace
 
 void bind_described(py::module_& host);
+void bind_struct_values(py::module_& host);
 void bind_pose_record(py::module_& host);
 void bind_stored_curves(py::module_& host);
 void bind_frame_shape(py::module_& host);
@@ -233,6 +234,7 @@ void bind_host(py::module_& parent) {
              "numbers: for each key, that of the key to which it is relative.\n"
              "Raises ValueError if there is not one for each key.");
   bind_described(module);
+  bind_struct_values(module);
   bind_pose_record(module);
   bind_stored_curves(module);
   bind_frame_shape(module);

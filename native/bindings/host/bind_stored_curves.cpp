@@ -16,11 +16,10 @@ namespace {
 
 /// Offsets in an F-curve and in a keyframe, in bytes.
 struct CurveLayout {
-  std::ptrdiff_t keys, count, path, modifiers, samples, flag;
-  std::uint16_t ignored;                                // bits of the flag
-  std::vector<std::array<std::ptrdiff_t, 2>> settings;  // offset and size of all else that values depend on
+  std::ptrdiff_t keys, count, path, modifiers, samples, extrapolation, index, flag;
+  std::uint16_t ignored;  // bits of the flag
   std::ptrdiff_t key_size, frame;
-  std::vector<std::array<std::ptrdiff_t, 2>> members;  // the same of a keyframe
+  std::vector<std::array<std::ptrdiff_t, 2>> members;  // offset and size of all in a keyframe that values depend on
 };
 
 struct Curve {
@@ -35,17 +34,20 @@ void append(std::string& to, Address from, std::ptrdiff_t size) {
   to.append(reinterpret_cast<const char*>(from), static_cast<std::size_t>(size));
 }
 
-Curve curve_at(Address at, const CurveLayout& layout) {
+Curve curve_at(Address at, const CurveLayout& layout, std::size_t width) {
   Curve curve;
   const auto path = read<Address>(at + layout.path);
   if (path != 0) curve.settings = reinterpret_cast<const char*>(path);
   curve.settings += '\0';
-  for (const auto& [offset, size] : layout.settings) append(curve.settings, at + offset, size);
+  append(curve.settings, at + layout.extrapolation, sizeof(std::int16_t));
+  append(curve.settings, at + layout.index, sizeof(std::int32_t));
   const auto flag = static_cast<std::uint16_t>(read<std::uint16_t>(at + layout.flag) & ~layout.ignored);
   curve.settings.append(reinterpret_cast<const char*>(&flag), sizeof flag);
   curve.is_local = read<Address>(at + layout.modifiers) == 0 && read<Address>(at + layout.samples) == 0;
   auto key = read<Address>(at + layout.keys);
-  const auto count = key == 0 ? 0 : read<std::int32_t>(at + layout.count);
+  const auto count = key == 0 ? 0 : std::max(read<std::int32_t>(at + layout.count), 0);
+  curve.keys.reserve(count * width);
+  curve.frames.reserve(count);
   for (std::int32_t k = 0; k < count; ++k, key += static_cast<Address>(layout.key_size)) {
     for (const auto& [offset, size] : layout.members) append(curve.keys, key + offset, size);
     curve.frames.push_back(read<float>(key + layout.frame));
@@ -57,7 +59,8 @@ class StoredCurves {
  public:
   StoredCurves(const std::vector<Address>& curves, const CurveLayout& layout) {
     for (const auto& member : layout.members) width_ += member[1];
-    for (const Address curve : curves) curves_.push_back(curve_at(curve, layout));
+    curves_.reserve(curves.size());
+    for (const Address curve : curves) curves_.push_back(curve_at(curve, layout, static_cast<std::size_t>(width_)));
   }
 
   std::size_t size() const { return curves_.size(); }
@@ -75,13 +78,42 @@ class StoredCurves {
 
   py::bytes settings(std::size_t i) const { return of(i).settings; }
 
-  /// Rows of a rig's description, see docs/rigs.md.
-  py::array_t<float> rows(std::size_t i) const {
+  /// What a rig's description says of curves, see docs/rigs.md.
+  py::list described() const {
+    const py::str path("path"), index("index"), keys("keys"), modifiers("modifiers"), extrapolated("is_extrapolated");
+    py::list found;
+    for (const Curve& curve : curves_) {
+      const char* const settings = curve.settings.data() + std::strlen(curve.settings.data()) + 1;
+      const auto at = reinterpret_cast<Address>(settings);
+      py::dict row;
+      row[path] = text_of(curve.settings.data());
+      row[index] = py::int_(read<std::int32_t>(at + sizeof(std::int16_t)));
+      row[keys] = rows(curve);
+      if (!curve.is_local) row[modifiers] = py::none();
+      if (read<std::int16_t>(at) == 1) row[extrapolated] = py::bool_(true);
+      found.append(std::move(row));
+    }
+    return found;
+  }
+
+  py::array_t<float> frames(std::size_t i) const {
+    const auto& frames = of(i).frames;
+    return py::array_t<float>(static_cast<py::ssize_t>(frames.size()), frames.data());
+  }
+
+  py::array_t<std::uint8_t> keys(std::size_t i) const {
+    const Curve& curve = of(i);
+    const auto count = static_cast<py::ssize_t>(curve.frames.size());
+    return py::array_t<std::uint8_t>({count, static_cast<py::ssize_t>(width_)},
+                                     reinterpret_cast<const std::uint8_t*>(curve.keys.data()));
+  }
+
+ private:
+  py::array_t<float> rows(const Curve& curve) const {
     constexpr py::ssize_t kPoints = 9;  // left handle, keyframe, right handle
     constexpr py::ssize_t kWidth = (kPoints + 3) * sizeof(float) + 2;
     constexpr py::ssize_t kColumns = 11;
     if (width_ != kWidth) throw InputError("a keyframe's members are others than those of a rig's description");
-    const Curve& curve = of(i);
     py::array_t<float> rows({static_cast<py::ssize_t>(curve.frames.size()), kColumns});
     float* row = rows.mutable_data();
     const char* key = curve.keys.data();
@@ -101,19 +133,6 @@ class StoredCurves {
     return rows;
   }
 
-  py::array_t<float> frames(std::size_t i) const {
-    const auto& frames = of(i).frames;
-    return py::array_t<float>(static_cast<py::ssize_t>(frames.size()), frames.data());
-  }
-
-  py::array_t<std::uint8_t> keys(std::size_t i) const {
-    const Curve& curve = of(i);
-    const auto count = static_cast<py::ssize_t>(curve.frames.size());
-    return py::array_t<std::uint8_t>({count, static_cast<py::ssize_t>(width_)},
-                                     reinterpret_cast<const std::uint8_t*>(curve.keys.data()));
-  }
-
- private:
   const Curve& of(std::size_t i) const {
     if (i >= curves_.size()) {
       throw InputError("there are " + std::to_string(curves_.size()) + " curves, no number " + std::to_string(i));
@@ -131,13 +150,14 @@ void bind_stored_curves(py::module_& host) {
   using Members = std::vector<std::array<std::ptrdiff_t, 2>>;
   py::class_<CurveLayout>(host, "CurveLayout", "Where in an F-curve the memory is on which its values depend.")
       .def(py::init<std::ptrdiff_t, std::ptrdiff_t, std::ptrdiff_t, std::ptrdiff_t, std::ptrdiff_t, std::ptrdiff_t,
-                    std::uint16_t, Members, std::ptrdiff_t, std::ptrdiff_t, Members>(),
+                    std::ptrdiff_t, std::ptrdiff_t, std::uint16_t, std::ptrdiff_t, std::ptrdiff_t, Members>(),
            py::arg("keys"), py::arg("count"), py::arg("path"), py::arg("modifiers"), py::arg("samples"),
-           py::arg("flag"), py::arg("ignored"), py::arg("settings"), py::arg("key_size"), py::arg("frame"),
-           py::arg("members"),
-           "keys, count, path, modifiers, samples, flag: byte offsets in a curve of the address of its keyframes, "
-           "their number, the address of its path, those of its first modifier and of its samples, and its flag.\n"
-           "ignored: bits of the flag that do not matter; settings: (offset, size) in bytes of what else does.\n"
+           py::arg("extrapolation"), py::arg("index"), py::arg("flag"), py::arg("ignored"), py::arg("key_size"),
+           py::arg("frame"), py::arg("members"),
+           "keys, count, path, modifiers, samples, extrapolation, index, flag: byte offsets in a curve of the address "
+           "of its keyframes, their number, the address of its path, those of its first modifier and of its samples, "
+           "whether it is extrapolated, the number of what it sets, and its flag.\n"
+           "ignored: bits of the flag that do not matter.\n"
            "key_size, frame: the size of a keyframe and the offset of its frame in it, in bytes; members: (offset, "
            "size) of all that values depend on.");
   py::class_<StoredCurves>(host, "StoredCurves", "What is stored in C F-curves. A copy, immutable.")
@@ -151,9 +171,12 @@ void bind_stored_curves(py::module_& host) {
            "Returns all that a curve's values depend on, except for keyframes, modifiers and samples.")
       .def("frames", &StoredCurves::frames, py::arg("number"),
            "Returns the frames of a curve's K keyframes, (K,) float32.")
-      .def("rows", &StoredCurves::rows, py::arg("number"),
-           "Returns a curve's K keyframes as a rig's description has them, (K, 11) float32. The layout's members must "
-           "be points, interpolation, easing, back, amplitude and period.")
+      .def(
+          "described", &StoredCurves::described,
+          "Returns what a rig's description says of the curves: path, index, keys, (K, 11) float32, and "
+          "is_extrapolated "
+          "if that is so; but modifiers are None where there are any, or samples. The layout's members must be points, "
+          "interpolation, easing, back, amplitude and period.")
       .def("keys", &StoredCurves::keys, py::arg("number"),
            "Returns all that a curve's values depend on of its K keyframes, (K, N) uint8.");
 }

@@ -20,10 +20,12 @@ std::string constraint_text(const RigDescription& rig, const ConstraintDescripti
          bone_text(rig, constraint.bone);
 }
 
-void check_target(const RigDescription& rig, const RigTarget& target, const std::string& owner) {
+/// owner: returns what has the target, for messages. To write them takes longer than all else.
+template <class Owner>
+void check_target(const RigDescription& rig, const RigTarget& target, const Owner& owner) {
   const auto check = [&](std::size_t count, const char* what) {
     if (target.index < 0 || target.index >= static_cast<int>(count)) {
-      fail(owner, " looks at ", what, " ", target.index, "; the rig has ", grouped(static_cast<long long>(count)));
+      fail(owner(), " looks at ", what, " ", target.index, "; the rig has ", grouped(static_cast<long long>(count)));
     }
   };
   if (target.type == RigTarget::Type::bone) check(rig.bones.size(), "bone");
@@ -40,23 +42,28 @@ Vec3 vector_of(const std::array<float, 3>& numbers) { return {numbers[0], number
 
 void check_bone(const RigDescription& rig, int index) {
   const BoneDescription& bone = rig.bones[index];
-  const std::string text = bone_text(rig, index);
+  const auto text = [&] { return bone_text(rig, index); };
   if (bone.parent < -1 || bone.parent >= index) {
-    fail(text, " is bone ", index, " and has parent ", bone.parent, "; expected -1 or a bone in front of it");
+    fail(text(), " is bone ", index, " and has parent ", bone.parent, "; expected -1 or a bone in front of it");
   }
-  check_finite(bone.rest, "the rest matrix of " + text);
-  check_finite(bone.rest_in_parent, "the rest matrix of " + text);
-  check_finite(bone.head, "the head of " + text);
-  check_finite(bone.head_in_armature, "the head of " + text);
-  check_finite(bone.tail_in_armature, "the tail of " + text);
-  check_finite({&bone.length, 1}, "the length of " + text);
+  const auto check = [&](std::span<const float> numbers, const char* what) {
+    if (!std::ranges::all_of(numbers, [](float number) { return std::isfinite(number); })) {
+      check_finite(numbers, what + text());
+    }
+  };
+  check(bone.rest, "the rest matrix of ");
+  check(bone.rest_in_parent, "the rest matrix of ");
+  check(bone.head, "the head of ");
+  check(bone.head_in_armature, "the head of ");
+  check(bone.tail_in_armature, "the tail of ");
+  check({&bone.length, 1}, "the length of ");
   if (bone.segments < 1 || bone.segments > 32) {
-    fail(text, " has ", plural(bone.segments, "segment"), "; expected 1 to 32");
+    fail(text(), " has ", plural(bone.segments, "segment"), "; expected 1 to 32");
   }
   const int count = static_cast<int>(rig.bones.size());
   for (const int handle : {bone.handles[0], bone.handles[1], bone.connected_child}) {
     if (handle < -1 || handle >= count) {
-      fail(text, " has bone ", handle, " as a handle; expected -1 to ", count - 1);
+      fail(text(), " has bone ", handle, " as a handle; expected -1 to ", count - 1);
     }
   }
 }
@@ -138,14 +145,14 @@ void add_constraint(const RigDescription& rig, int index, Program& program) {
     fail(constraint_text(rig, given), " comes after a constraint of bone ", rig.constraints[index - 1].bone,
          "; sort the constraints by bone");
   }
-  const std::string text = constraint_text(rig, given);
+  const auto text = [&] { return constraint_text(rig, given); };
   const int expected = target_count(given.type);
   const int targets = static_cast<int>(given.targets.size());
   if (expected >= 0 && targets != expected) {
-    fail(text, " has ", plural(targets, "target"), "; expected ", expected);
+    fail(text(), " has ", plural(targets, "target"), "; expected ", expected);
   }
   if (given.weights.size() != (expected < 0 ? given.targets.size() : 0)) {
-    fail(text, " has ", plural(given.weights.size(), "weight"), " and ", plural(targets, "target"),
+    fail(text(), " has ", plural(given.weights.size(), "weight"), " and ", plural(targets, "target"),
          "; only Armature constraints have weights, one for each target");
   }
   check_target(rig, given.space, text);
@@ -162,9 +169,9 @@ void add_constraint(const RigDescription& rig, int index, Program& program) {
   constraint.joints = given.joints;
   if (given.type == ConstraintType::spline_ik) {
     if (given.spline < 0 || given.spline >= static_cast<int>(rig.splines.size())) {
-      fail(text, " follows spline ", given.spline, "; the rig has ", rig.splines.size());
+      fail(text(), " follows spline ", given.spline, "; the rig has ", rig.splines.size());
     }
-    check_finite(given.joints, "the joints of " + text);
+    check_finite(given.joints, "the joints of " + text());
   }
   if (given.type == ConstraintType::armature) {
     constraint.first_binding = program.binding_count;
@@ -172,7 +179,7 @@ void add_constraint(const RigDescription& rig, int index, Program& program) {
   }
   for (const ActionChannel& channel : given.action) {
     if (channel.value < 0 || channel.value >= kPoseBend) {
-      fail(text, " sets channel ", channel.value, "; expected 0 to ", kPoseBend - 1);
+      fail(text(), " sets channel ", channel.value, "; expected 0 to ", kPoseBend - 1);
     }
     constraint.action.push_back({channel.value, FCurve(channel.curve)});
   }
@@ -232,23 +239,24 @@ void add_object(const RigDescription& rig, int index, Program& program) {
 
 void add_spline(const RigDescription& rig, int index, Program& program) {
   const SplineDescription& given = rig.splines[index];
-  const std::string text = "spline \"" + given.name + "\"";
+  const auto text = [&] { return "spline \"" + given.name + "\""; };
   const int matrices = static_cast<int>(rig.matrices.size());
   if (given.matrix < 0 || given.matrix >= matrices) {
-    fail(text, " has matrix ", given.matrix, "; the rig has ", grouped(matrices));
+    fail(text(), " has matrix ", given.matrix, "; the rig has ", grouped(matrices));
   }
   constexpr int kMostPoints = 10000;
   constexpr int kMostPieces = 1024;  // Blender's limit
   const int count = static_cast<int>(std::min<std::size_t>(given.points.size(), kMostPoints + 1));
   if (count < 2 || count > kMostPoints) {
-    fail(text, " has ", plural(static_cast<long long>(given.points.size()), "point"), "; expected 2 to ",
+    fail(text(), " has ", plural(static_cast<long long>(given.points.size()), "point"), "; expected 2 to ",
          grouped(kMostPoints));
   }
   if (given.handles.size() != given.points.size()) {
-    fail(text, " has handles of ", plural(static_cast<long long>(given.handles.size()), "point"), "; expected ", count);
+    fail(text(), " has handles of ", plural(static_cast<long long>(given.handles.size()), "point"), "; expected ",
+         count);
   }
   if (given.resolution < 1 || given.resolution > kMostPieces) {
-    fail(text, " has resolution ", given.resolution, "; expected 1 to ", grouped(kMostPieces));
+    fail(text(), " has resolution ", given.resolution, "; expected 1 to ", grouped(kMostPieces));
   }
   Spline spline;
   spline.matrix = given.matrix;
@@ -256,12 +264,13 @@ void add_spline(const RigDescription& rig, int index, Program& program) {
   spline.resolution = given.resolution;
   const ValueMap::Found radii = program.map.find(given.radii);
   if (radii.first < 0 || radii.count != count) {
-    fail(text, " has ", count, " points and as their radii ", given.radii, ", which is no property of so many numbers");
+    fail(text(), " has ", count, " points and as their radii ", given.radii,
+         ", which is no property of so many numbers");
   }
   spline.radii = radii.first;
   spline.radius_interpolation = given.radius_interpolation;
   for (const std::array<float, 9>& point : given.points) {
-    check_finite(point, "a point of " + text);
+    check_finite(point, "a point of " + text());
     spline.points.push_back(
         {{{point[0], point[1], point[2]}, {point[3], point[4], point[5]}, {point[6], point[7], point[8]}}});
   }
@@ -270,25 +279,25 @@ void add_spline(const RigDescription& rig, int index, Program& program) {
   for (const SplineKey& key : given.keys) {
     const ValueMap::Found value = program.map.find(key.value);
     if (value.first < 0 || value.count != 1) {
-      fail(text, " has a key with the value ", key.value, ", which is no property of one number");
+      fail(text(), " has a key with the value ", key.value, ", which is no property of one number");
     }
     if (key.points.size() != given.points.size()) {
-      fail(text, " has ", count, " points and a key with ", key.points.size());
+      fail(text(), " has ", count, " points and a key with ", key.points.size());
     }
     if (key.relative < -1 || key.relative >= static_cast<int>(given.keys.size())) {
-      fail(text, " has a key relative to key ", key.relative, "; expected -1 to ", given.keys.size() - 1);
+      fail(text(), " has a key relative to key ", key.relative, "; expected -1 to ", given.keys.size() - 1);
     }
-    for (const std::array<float, 10>& point : key.points) check_finite(point, "a point of a key of " + text);
+    for (const std::array<float, 10>& point : key.points) check_finite(point, "a point of a key of " + text());
     spline.keys.push_back({value.first, key.relative, key.points});
   }
   spline.hooks = given.hooks;
   for (const SplineHook& hook : spline.hooks) {
     check_target(rig, hook.target, text);
-    if (hook.target.type == RigTarget::Type::none) fail(text, " has a hook without a target");
-    check_finite(hook.inverse, "the inverse matrix of a hook of " + text);
-    check_finite({&hook.strength, 1}, "the strength of a hook of " + text);
+    if (hook.target.type == RigTarget::Type::none) fail(text(), " has a hook without a target");
+    check_finite(hook.inverse, "the inverse matrix of a hook of " + text());
+    check_finite({&hook.strength, 1}, "the strength of a hook of " + text());
     for (const int point : hook.points) {
-      if (point < 0 || point >= 3 * count) fail(text, " has a hook of handle ", point, "; it has ", 3 * count);
+      if (point < 0 || point >= 3 * count) fail(text(), " has a hook of handle ", point, "; it has ", 3 * count);
     }
   }
   program.splines.push_back(std::move(spline));
@@ -341,10 +350,12 @@ void add_chains(const RigDescription& rig, Program& program) {
   }
 }
 
+/// owner: as above.
+template <class Owner>
 Variable variable_of(const RigDescription& rig, const VariableDescription& given, const ValueMap& map,
-                     const std::string& owner) {
+                     const Owner& owner) {
   const auto refuse_unknown = [&](const std::string& name) {
-    fail(owner, " reads ", name, ", which is not among the rig's values from outside; describe it there");
+    fail(owner(), " reads ", name, ", which is not among the rig's values from outside; describe it there");
   };
   Variable variable;
   variable.targets = given.targets;
@@ -367,7 +378,7 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
           return variable;
         }
       }
-      fail(owner, " reads ", given.path, ", which the rig does not have; remove it or describe the property");
+      fail(owner(), " reads ", given.path, ", which the rig does not have; remove it or describe the property");
     }
     case VariableType::transform:
       variable.type = Variable::Type::transform;
@@ -389,13 +400,13 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
   return variable;
 }
 
-/// Builds a part whose errors do not say where they are.
-template <class Build>
-auto named(const std::string& owner, const Build& build) {
+/// Builds a part whose errors do not say where they are. owner: as above.
+template <class Owner, class Build>
+auto named(const Owner& owner, const Build& build) {
   try {
     return build();
   } catch (const InputError& error) {
-    fail(owner, ": ", error.what());
+    fail(owner(), ": ", error.what());
   }
 }
 
@@ -404,7 +415,7 @@ void add_driver(const RigDescription& rig, const DriverDescription& given, Progr
   if (given.value.path.starts_with("objects[")) {
     fail("a driver sets ", given.value.path, ", which is not computed; use keyframes");
   }
-  const std::string owner = "the driver of " + program.map.name(value);
+  const auto owner = [&] { return "the driver of " + program.map.name(value); };
   std::vector<Variable> variables;
   for (const VariableDescription& variable : given.variables) {
     variables.push_back(variable_of(rig, variable, program.map, owner));
@@ -415,15 +426,17 @@ void add_driver(const RigDescription& rig, const DriverDescription& given, Progr
 ProgramCurve curve_of(const AnimatedValue& given, const Program& program) {
   const int value = place_of(program.map, given.value, "curve");
   const ValueKind kind = program.map.values()[value].kind;
-  return {value, named("the curve of " + program.map.name(value), [&] { return FCurve(given.curve, kind); })};
+  const auto owner = [&] { return "the curve of " + program.map.name(value); };
+  return {value, named(owner, [&] { return FCurve(given.curve, kind); })};
 }
 
 /// Refuses choices that are not known, as those of a newer Blender.
-void check_choices(const ConstraintDescription& constraint, const std::string& text) {
+template <class Text>
+void check_choices(const ConstraintDescription& constraint, const Text& text) {
   auto number = constraint.settings.begin();
   for (const RigSetting& setting : constraint_settings(constraint.type)) {
     if (setting.kind == ValueKind::choice && !(*number >= setting.low && *number <= setting.high)) {
-      fail(text, " has ", *number, " as ", setting.name, "; known are ", setting.low, " to ", setting.high);
+      fail(text(), " has ", *number, " as ", setting.name, "; known are ", setting.low, " to ", setting.high);
     }
     number += setting.count;
   }
@@ -439,7 +452,7 @@ void check_settings(const RigDescription& rig, const Program& program) {
       return !written[values + setting] && (constraint.settings[setting] != 0) == wanted;
     };
     if (is_always(kMuted, true) || is_always(kValid, false) || is_always(kInfluence, false)) continue;
-    const std::string text = constraint_text(rig, constraint);
+    const auto text = [&] { return constraint_text(rig, constraint); };
     check_choices(constraint, text);
     const auto place = [&](std::string_view name) {
       int at = 0;
@@ -450,17 +463,17 @@ void check_settings(const RigDescription& rig, const Program& program) {
       return at;
     };
     const auto refuse_unless_off = [&](std::string_view setting, const char* reason) {
-      if (!is_always(place(setting), false)) fail(text, reason);
+      if (!is_always(place(setting), false)) fail(text(), reason);
     };
     switch (constraint.type) {
       case ConstraintType::stretch_to:
         if (is_always(place("rest_length"), false)) {
-          fail(text, " has a rest length of 0, which Blender replaces at its first evaluation; press Reset there");
+          fail(text(), " has a rest length of 0, which Blender replaces at its first evaluation; press Reset there");
         }
         break;
       case ConstraintType::limit_distance:
         if (is_always(place("distance"), false)) {
-          fail(text, " has a distance of 0, which Blender replaces at its first evaluation; press Reset there");
+          fail(text(), " has a distance of 0, which Blender replaces at its first evaluation; press Reset there");
         }
         break;
       case ConstraintType::armature:
@@ -471,12 +484,12 @@ void check_settings(const RigDescription& rig, const Program& program) {
         break;
       case ConstraintType::ik:
         for (const char* setting : {"chain_count", "use_tail", "use_stretch"}) {
-          if (written[values + place(setting)]) fail(text, ": its ", setting, " is animated, which is not computed");
+          if (written[values + place(setting)]) fail(text(), ": its ", setting, " is animated, which is not computed");
         }
         break;
       case ConstraintType::spline_ik:
         for (const char* setting : {"chain_count", "use_even_divisions"}) {
-          if (written[values + place(setting)]) fail(text, ": its ", setting, " is animated, which is not computed");
+          if (written[values + place(setting)]) fail(text(), ": its ", setting, " is animated, which is not computed");
         }
         break;
       default:
@@ -488,7 +501,7 @@ void check_settings(const RigDescription& rig, const Program& program) {
         target.type == RigTarget::Type::outside || (target.type == RigTarget::Type::armature && !program.is_at_origin);
     const bool is_world = is_always(kTargetSpace, false) || constraint.settings[kTargetSpace] != 1;
     if (is_object && !is_world) {
-      fail(text, " reads an object in local space, which is not computed; choose world space");
+      fail(text(), " reads an object in local space, which is not computed; choose world space");
     }
   }
 }

@@ -92,6 +92,9 @@ FCurve::FCurve(const CurveDescription& data, ValueKind kind)
     : has_steps_(!data.is_free && (kind == ValueKind::boolean || kind == ValueKind::choice)),
       is_rounded_(!data.is_free && kind != ValueKind::real) {
   const std::vector<CurveKey>& keys = data.keys;
+  frames_.reserve(keys.size());
+  values_.reserve(keys.size());
+  if (!keys.empty()) parts_.reserve(keys.size() - 1);
   for (std::size_t i = 0; i < keys.size(); ++i) {
     check_finite(keys[i], i);
     if (i > 0 && keys[i].point[0] < keys[i - 1].point[0]) {

@@ -12,12 +12,13 @@ namespace {
 /// Reads ["..."] at the beginning of `text` and takes it away. Returns nothing if it is not there.
 bool take_quoted(std::string_view& text, std::string& name) {
   if (!text.starts_with("[\"")) return false;
-  name.clear();
-  for (std::size_t i = 2; i + 1 < text.size(); ++i) {
+  const std::size_t special = std::min(text.find_first_of("\\\"", 2), text.size());
+  name.assign(text, 2, special - 2);
+  for (std::size_t i = special; i + 1 < text.size(); ++i) {
     if (text[i] == '\\') {
       ++i;
-      const std::size_t special = std::string_view("nrtabf").find(text[i]);
-      name += special == std::string_view::npos ? text[i] : "\n\r\t\a\b\f"[special];
+      const std::size_t letter = std::string_view("nrtabf").find(text[i]);
+      name += letter == std::string_view::npos ? text[i] : "\n\r\t\a\b\f"[letter];
     } else if (text[i] == '"') {
       if (text[i + 1] != ']') return false;
       text.remove_prefix(i + 2);
@@ -46,6 +47,7 @@ std::string as_key(std::string_view name) {
 
 /// A custom property's path as it is looked up: double quotes, and no dot before a bracket.
 std::string plain_path(std::string_view path) {
+  if (path.find('\'') == path.npos && path.find(".[") == path.npos) return std::string(path);
   std::string plain;
   for (std::size_t i = 0; i < path.size(); ++i) {
     if (path[i] == '.' && i + 1 < path.size() && path[i + 1] == '[') continue;
@@ -93,6 +95,7 @@ ValueMap::ValueMap(const RigDescription& description) {
       for (int i = 0; i < setting.count; ++i) append(numbers[at++], setting);
     }
   };
+  values_.reserve(description.bones.size() * kBoneValueCount);
   for (const BoneDescription& bone : description.bones) {
     const int number = static_cast<int>(bone_names_.size());
     if (!bones_.emplace(bone.name, number).second) {
