@@ -39,6 +39,8 @@ CHOICES = {
     "keep_axis": "PLANE_X SWING_Y PLANE_Z".split(),
     "floor_location": [f"FLOOR_{axis.replace('-', 'NEGATIVE_')}" for axis in AXES],
     "rotation_range": {-1: "ALWAYS_ACTIVE"} | dict(enumerate("NX NY NZ X Y Z".split())),
+    "y_scale_mode": "NONE FIT_CURVE BONE_ORIGINAL".split(),
+    "xz_scale_mode": "NONE BONE_ORIGINAL INVERSE_PRESERVE VOLUME_PRESERVE".split(),
     "transform_channel": {
         first + i: f"{name}_{axis}"
         for first, name in ((0, "ROTATION"), (10, "SCALE"), (20, "LOCATION"))

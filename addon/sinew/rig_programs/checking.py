@@ -113,7 +113,8 @@ def randomise(
             yield f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{name}', list(getattr(bone, name))
     for row in read.description["properties"]:
         path = row["path"]
-        if not path.startswith("data.") and len(row["value"]) == 1 and row["type"] != "BOOLEAN":
+        is_own = path.endswith('"]') and not path.startswith("data.")
+        if is_own and len(row["value"]) == 1 and row["type"] != "BOOLEAN":
             low, high = max(row["min"], -2), min(row["max"], 2)
             value = source.uniform(low, high) if row["type"] == "FLOAT" else source.randint(int(low), int(high))
             holder, name = properties.owner_and_name(path)

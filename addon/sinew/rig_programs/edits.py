@@ -30,7 +30,7 @@ class Known:
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
         self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
         self._switches = list(self._read_switches(ob))
-        self._modes, self._objects = self._read_modes(), self._read_objects(ob)
+        self._modes, self._objects = self._read_modes(), self._read_objects()
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
         self._is_keyed = _which_are_keyed(ob, self._curves)
         self._numbers = self._read(ob, graph)
@@ -43,7 +43,7 @@ class Known:
         if something from outside can no longer be read."""
         if self._state is None or _state(ob) != self._state or list(self._read_switches(ob)) != self._switches:
             return None
-        if self._read_modes() != self._modes or self._read_objects(ob) != self._objects:
+        if self._read_modes() != self._modes or self._read_objects() != self._objects:
             return None
         own = {curve.as_pointer() for curve in animation.slot_curves(ob)} if edited else set()
         edited = [curve for curve in edited if curve.as_pointer() in own]  # other slots are others'
@@ -61,10 +61,10 @@ class Known:
         """Returns the modes of rotation of what is outside, on which it depends how that is read."""
         return [each.rotation_mode for each in self.follows if isinstance(each, bpy.types.Object)]
 
-    def _read_objects(self, ob: bpy.types.Object) -> str:
+    def _read_objects(self) -> str:
         """Returns the places and the keyframes of other objects that are computed, too, and splines, as text."""
         own = objects.moving(self.targets.outside.values())
-        values = splines.values_of(ob, self.targets, self.outside)
+        values = splines.values_of(self.targets, self.outside)
         rows = objects.rows_of(own), splines.rows_of(self.targets), list(values)
         return json.dumps(rows, default=reading.as_list)
 

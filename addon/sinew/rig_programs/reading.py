@@ -83,7 +83,7 @@ def read(
         description["properties"].append(property_row)
         description["drivers"].append(driver_row)
     description["splines"] = splines.rows_of(found)
-    for property_row, driver_rows in splines.values_of(ob, found, outside):
+    for property_row, driver_rows in splines.values_of(found, outside):
         description["properties"].append(property_row)
         description["drivers"] += driver_rows
     own = objects.moving(found.outside.values())

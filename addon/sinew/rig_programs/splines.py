@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation
+from ..host import driver_variables
 from . import curves, drivers, targets
 
 _RADIUS = re.compile(r"splines\[0\]\.(?:bezier_points|points)\[(\d+)\]\.radius")
@@ -59,10 +60,10 @@ def rows_of(found: targets.Targets) -> list[dict[str, Any]]:
 
 
 def values_of(
-    ob: bpy.types.Object, found: targets.Targets, outside: drivers.Outside
+    found: targets.Targets, outside: drivers.Outside
 ) -> Iterator[tuple[dict[str, Any], list[dict[str, Any]]]]:
     """Yields of each spline the property with its points' radii and those of its shape keys' values, and their drivers.
-    What cannot be said is added to `found.refused`. ob: the armature's object."""
+    What cannot be said is added to `found.refused`."""
     for curve in found.splines.values():
         points, keys = _points_of(curve), curve.data.shape_keys
         if keys is not None:  # radii are those of the keys
@@ -72,16 +73,15 @@ def values_of(
             driven = {int(match[1]): each for match, each in by_path if match}
         radii = [point.radius for point in points]
         limits = {"min": 0.0, "max": 3.4e38}
-        yield _property(ob, f"{_path_of(curve)}.radii", limits, radii, driven, found, outside)
+        yield _property(f"{_path_of(curve)}.radii", limits, radii, driven, found, outside)
         for number, key in _keys_of(curve):
             driver = animation.find_driver(keys, key.path_from_id("value"))
             limits = {"min": key.slider_min, "max": key.slider_max}
             driven = {0: driver} if driver is not None else {}
-            yield _property(ob, f"{_path_of(curve)}.key_values[{number}]", limits, [key.value], driven, found, outside)
+            yield _property(f"{_path_of(curve)}.key_values[{number}]", limits, [key.value], driven, found, outside)
 
 
 def _property(
-    ob: bpy.types.Object,
     path: str,
     limits: dict[str, float],
     numbers: list[float],
@@ -95,7 +95,8 @@ def _property(
         if driver.mute or not (driver.is_valid and driver.driver.is_valid):
             continue
         try:
-            own.append(drivers.driver_of(ob, path, driver, found, outside) | {"index": index})
+            (row,), (variables,) = curves.rows_of([driver]), driver_variables.read([driver])
+            own.append(drivers.driver_of(path, driver, row, variables, found, outside) | {"index": index})
             numbers[index] = 0.0
         except curves.Refused as reason:
             found.refused.append(f"the driver of {driver.data_path} of {driver.id_data.name}: {reason}")
