@@ -53,6 +53,21 @@ def accelerate(cast):
     assert cast.rig.is_frozen and cast.rig.needs_program, cast.rig.reason
 
 
+def test_a_mapping_of_frames_between_two_steps_is_seen(cast):
+    """After it was read, and before it is compared on other frames."""
+    freezing().freeze_again(cast.scene, layer())
+    while not (cast.rig.source.is_proven or cast.rig.reason):
+        assert accelerating().step(cast.scene, layer(), evaluations())
+    cast.scene.render.frame_map_new = 200
+    wait(cast)
+    assert not cast.rig.is_frozen and not cast.rig.source.compared
+    cast.scene.render.frame_map_new = 100
+    for frame in range(1, 10):  # it is not tried again at once
+        cast.scene.frame_set(frame)
+        wait(cast)
+    accelerate(cast)
+
+
 def test_it_needs_no_recording_and_no_memory(cast):
     accelerate(cast)
     cast.play([*FRAMES, 3, -7, 400])

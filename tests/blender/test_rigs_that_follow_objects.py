@@ -109,6 +109,24 @@ def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
     assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
 
 
+@pytest.mark.parametrize("has_keys", [True, False])
+def test_a_child_of_what_follows_it_is_live(cast, has_keys):
+    """Blender evaluates its bones whenever it evaluates the parent."""
+    for armature, *_ in both(cast):
+        parent = make_armature()
+        if has_keys:
+            parent.pose.bones["side"].keyframe_insert("location", frame=1)
+        add(parent, "COPY_ROTATION", "bone3", armature, subtarget="bone2")
+        armature.parent = parent
+    select()
+    cast.scene.frame_set(1)
+    wait(cast)
+    assert (
+        not cast.rig.is_frozen and "is a child of" in cast.rig.reason and "which follows its bones" in cast.rig.reason
+    )
+    cast.play(FRAMES)
+
+
 def key(cast):
     cast.move(cast.wheel, 7)
 

@@ -10,7 +10,7 @@ import bpy
 from ..blender import dependencies
 from ..host import poses
 from ..rig_programs import objects
-from . import computing, differences, elsewhere, rigs
+from . import changes, computing, differences, elsewhere, rigs
 
 MOST_FRAMES = 16  # before a rig is accelerated
 SECONDS = 0.1  # after which no other frame is begun
@@ -21,6 +21,10 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int = MOST_FRAME
     is no program. Nothing is compared while the armature, or what it follows, has been edited without a key, and no
     other frame if keyframes change anything else that it needs. Call it in the main thread, outside an evaluation.
     Returns whether Blender has evaluated, so that freezing.keep_frozen has to follow."""
+    old, new = changes.tempo_of(scene)
+    if old != new:  # since the program was read
+        changes.drop_all(rig)
+        return False
     source, chain = rig.source, dependencies.chain(rig.ob)
     used = elsewhere.animated(chain, scene)
     source.is_compared = True

@@ -33,7 +33,9 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
-    keyframed: list[Any] = field(default_factory=list)  # armatures that Blender evaluates on each frame anyway
+    keyframed: list[Any] = field(
+        default_factory=list
+    )  # armatures, and their data, that Blender evaluates on each frame anyway
     # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
     keyed: list[tuple[Any, tuple[int, ...]]] = field(default_factory=list)
     driven: list[tuple[Any, str, int]] = field(default_factory=list)  # other drivers: data-block, path, index
@@ -141,8 +143,14 @@ def _sort_in(rig: Any, ob: Any, found: Followers, graph: Any) -> None:
         if ob.data == rig.data and rig not in dependencies.outside_of(ob):
             return  # shares its bones, not its pose
         if rig in dependencies.outside_of(ob):
+            is_parent = ob in dependencies.with_parents([rig]) and ob not in dependencies.outside_of(rig)
+            if is_parent:  # Blender evaluates the bones of its children with it
+                raise NotFreezable(f"{rig.name} is a child of {ob.name}, which follows its bones: parent it otherwise")
             has_keys = ob.animation_data and (ob.animation_data.action or ob.animation_data.nla_tracks)
-            (found.keyframed if has_keys else found.shaped).append(ob)
+            if has_keys:
+                found.keyframed += [ob, ob.data]
+            else:
+                found.shaped.append(ob)
         if _hangs_on(ob, rig):  # so that it cannot be frozen itself
             found.placed.append(ob)
         return

@@ -132,6 +132,7 @@ def _play_frame(own: list[rigs.Rig], graph: Any, frame: float, is_new_frame: boo
                 lacking.append(rig)
             _tag_followers(rig, graph)
             follow = rig.followers
+            watch.expect(graph, follow.keyframed if not is_new_frame else ())
             for block in (*follow.hooked, *follow.keyframed, *follow.driven_blocks()) if not is_new_frame else ():
                 if rigs.is_evaluated(block, graph):
                     block.update_tag()
