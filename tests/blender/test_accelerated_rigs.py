@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Euler
 
+from characters import make_armature
 from helpers import addon_module, depsgraph, evaluated, into_a_shot, needs_rig_programs, select
 from test_frozen import EDITS, FRAMES, Cast, freezing, layer, recorded
 from test_frozen_computed import key, move, state, undo_a_pose
@@ -661,6 +662,38 @@ def test_when_blender_has_built_relations_it_is_computed_as_before(cast, monkeyp
     cast.play([5, 6])
     wait(cast)
     assert cast.rig.is_frozen, cast.rig.reason
+    cast.play()
+
+
+def test_keys_of_an_action_that_a_live_armature_plays_too(cast):
+    """Blender copies it again, but not before the evaluation in which the edit shows."""
+    other, data = make_armature(), cast.frozen[0].animation_data
+    other.animation_data_create().action = data.action
+    if hasattr(data, "action_slot"):
+        other.animation_data.action_slot = data.action_slot
+    select()
+    cast.scene.frame_set(5)
+    accelerate(cast)
+    for armature, *_ in both(cast):
+        for curve in addon_module("blender.animation").slot_curves(armature):
+            for point in curve.keyframe_points:
+                point.co.y += 0.2
+            curve.update()
+        armature.animation_data.action.update_tag()
+    layer().update()
+    assert cast.rig.is_idle
+    cast.assert_same()
+    cast.play()
+
+
+@pytest.mark.parametrize("is_by_eye", (False, True))
+def test_a_hidden_armature_whose_mesh_is_seen_is_accelerated(cast, is_by_eye):
+    """Blender evaluates it for the mesh, but by itself it does not, so that other frames are not compared."""
+    for armature, *_ in both(cast):
+        armature.hide_set(is_by_eye)
+        armature.hide_viewport = not is_by_eye
+    cast.scene.frame_set(2)
+    accelerate(cast)
     cast.play()
 
 

@@ -84,10 +84,11 @@ def _note(rig: rigs.Rig, has_succeeded: bool, number: int) -> None:
 
 
 def _armatures(layer: Any) -> list[Any]:
-    """Returns the armature objects of bound meshes in a view layer that are worth it, each after those that it
-    follows."""
-    found = {armature: None for ob in characters.known() for armature in armatures.of_modifiers(ob)}
-    worth = [ob for ob in found if ob.visible_get(view_layer=layer) and _work(ob) >= LEAST_WORK]
+    """Returns the armature objects, hidden or not, of bound meshes that are seen in a view layer, if they are worth it,
+    each after those that it follows."""
+    seen = [ob for ob in characters.known() if ob.visible_get(view_layer=layer)]
+    found = {armature: None for ob in seen for armature in armatures.of_modifiers(ob)}
+    worth = [ob for ob in found if _work(ob) >= LEAST_WORK]
     return [ob for ob in {each: None for ob in worth for each in _with_leaders(ob)} if rigs.moves(ob)]
 
 

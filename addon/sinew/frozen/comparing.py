@@ -45,7 +45,11 @@ def compare(rig: rigs.Rig, scene: bpy.types.Scene, most_frames: int = MOST_FRAME
             if moment is None:  # so that Blender would disable a driver
                 return True
             start = perf_counter()
-            copy = rig.ob.evaluated_get(evaluated_on(frame))
+            graph = evaluated_on(frame)
+            if rigs.is_hidden(rig, graph):
+                source.is_compared = True
+                return True
+            copy = rig.ob.evaluated_get(graph)
             spent.append(1e3 * (perf_counter() - start))
             if not poses.are_posed([(copy, moment.pose)])[0] and not differences.is_near(rig, copy, frame):
                 sentence = differences.note(rig, differences.Difference.between(rig, copy, frame))

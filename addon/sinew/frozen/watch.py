@@ -77,8 +77,8 @@ class Watch:
         try:
             if self.action is None:
                 return False
-            copy = self.action.evaluated_get(graph)
-            return not copies.is_marked(copy) if copy.is_evaluated else evaluations.is_tagged(self.action)
+            copy = self.action.evaluated_get(graph)  # if something else plays it
+            return copy.is_evaluated and not copies.is_marked(copy) or evaluations.is_tagged(copy)
         except ReferenceError:
             return True
 
