@@ -105,6 +105,7 @@ def _play(own: list[rigs.Rig], graph: Any, is_new_frame: bool) -> None:
 
 def _look(rig: rigs.Rig, graph: Any, frame: float, is_new_frame: bool) -> str:
     """Finds out whether a frozen armature was edited. Returns why it cannot stay frozen, or POSED, or ""."""
+    rig.has_edited_keys |= rig.watch is not None and rig.watch.are_keys_tagged(graph)
     changes.compare_keys(rig, graph)
     if rig.watch is None or rig.watch.is_tagged(graph, is_new_frame):
         return "" if freezing.pose(rig) else f"{rig.name} was edited"

@@ -77,10 +77,15 @@ class Watch:
         try:
             if self.action is None:
                 return False
-            copy = self.action.evaluated_get(graph)  # if something else plays it
-            return copy.is_evaluated and not copies.is_marked(copy) or evaluations.is_tagged(copy)
+            copy = self.action.evaluated_get(graph)
+            return not copies.is_marked(copy) if copy.is_evaluated else evaluations.is_tagged(self.action)
         except ReferenceError:
             return True
+
+    def are_keys_tagged(self, graph: Any) -> bool:
+        """Whether the action was edited since the last evaluation, also if a live armature plays it, too. Call it
+        before an evaluation: in one, time tags it."""
+        return is_alive(self.action) and evaluations.is_tagged(self.action.evaluated_get(graph))
 
     def is_tagged(self, graph: Any, is_new_frame: bool) -> bool:
         """Whether somebody has edited any of them since the last evaluation. Before a change of the frame that is
