@@ -194,7 +194,7 @@ def hang(cast, follow, make, bone):
     "follow, make, reason",
     [
         (guided, modified_guide, "bones of Rig follow Guide, outside of it, which may move"),
-        (led, leader, "Rig follows bones of Leader, which is live"),
+        (led, leader, "Rig follows bones of Leader"),
     ],
 )
 def test_bones_that_follow_what_may_move_on_the_same_armature(cast, follow, make, reason):
