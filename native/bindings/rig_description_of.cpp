@@ -456,7 +456,7 @@ class Reader {
                                                  RadiusInterpolation::linear);
     spline.radii = entries.get<std::string>("radii");
     for (const py::handle point : entries.sequence("points")) {
-      Entries parts(point, where + ", a point,");
+      Entries parts(point, where, ", a point,");
       spline.points.push_back(parts.numbers<9>("co"));
       spline.handles.push_back({parts.choice("handle_left_type", kSplineHandles, SplineHandle::free),
                                 parts.choice("handle_right_type", kSplineHandles, SplineHandle::free)});
@@ -464,7 +464,7 @@ class Reader {
     }
     spline.has_keys = entries.get<bool>("has_shape_keys", false);
     for (const py::handle object_of_key : entries.sequence("shape_keys")) {
-      Entries parts(object_of_key, where + ", a shape key,");
+      Entries parts(object_of_key, where, ", a shape key,");
       SplineKey key{parts.get<std::string>("value"), parts.get<int>("relative", -1), {}};
       std::vector<float> numbers;
       parts.append("points", parts.get("points"), numbers);
@@ -475,7 +475,7 @@ class Reader {
       spline.keys.push_back(std::move(key));
     }
     for (const py::handle modifier : entries.sequence("hooks")) {
-      Entries parts(modifier, where + ", a hook,");
+      Entries parts(modifier, where, ", a hook,");
       SplineHook hook;
       hook.target = target_of(parts.find("target"), where);
       hook.inverse = columns(parts, "matrix_inverse");
