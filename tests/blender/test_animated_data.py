@@ -393,7 +393,7 @@ KINDS = (
 CRASHES = pytest.mark.skipif(bpy.app.version < (4, 0, 0), reason="Blender 3.4 crashes on some of it, bound or not")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @CRASHES
 @pytest.mark.parametrize("animate", ANIMATE)
 @pytest.mark.parametrize("kind, of, least, moving, every", KINDS, ids=[f"{kind} {of}" for kind, of, *_ in KINDS])

@@ -106,7 +106,7 @@ def imported(name, path):
     return found
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "name, with_keys, is_smoothed",
     [

@@ -328,7 +328,7 @@ def flip(structs, name, spares, turn):
 KEPT = (str, set, Matrix, bpy.types.bpy_struct)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "way", ["recorded", *(pytest.param(each, marks=needs_rig_programs) for each in ("computed", "posed"))]
 )

@@ -210,7 +210,7 @@ EDITS_OF_BONES = (
 )
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("edit", EDITS_OF_A_MESH + EDITS_OF_BONES, ids=lambda edit: edit.__name__)
 def test_an_edit_is_seen_at_once(in_use, edit):
     scene, ob, twin, armature = in_use

@@ -131,7 +131,7 @@ def test_bits(fresh_scene, length, width, kind):
 
 
 @pytest.mark.parametrize("number", range(60))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_random_settings(fresh_scene, number):
     random = Random(f"settings {number}")
     settings = {

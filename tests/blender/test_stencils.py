@@ -119,7 +119,7 @@ def assert_baked(ob, folder, remark, **options):
     return found, expected
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("tail, bound", [(tail, bool(i % 2)) for i, tail in enumerate(TAILS)] + [("smooth", True)])
 def test_shapes_are_blenders(figure, tmp_path, always, tail, bound):
     add_modifiers(figure, TAILS[tail])

@@ -78,7 +78,7 @@ STACKS = {
 }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("rough", (False, True), ids=("quads", "rough"))
 @pytest.mark.parametrize("modifiers", STACKS.values(), ids=STACKS.keys())
 def test_the_same_shape(fresh_scene, request, modifiers, rough):
@@ -226,7 +226,7 @@ EDITS = (
 )
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("edit", EDITS)
 def test_an_edit_is_right_at_once(pairs, edit):
     for each in pairs[0]:
@@ -347,7 +347,7 @@ def test_it_plays_without_the_addon(pairs, tmp_path):
     assert_plays_without_the_addon(tmp_path, *pairs[0])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("render_levels", (1, 2))
 @pytest.mark.parametrize("set_up", (with_motion_blur, with_persistent_data))
 def test_rendered(pairs, fresh_scene, tmp_path, set_up, render_levels):
