@@ -314,6 +314,18 @@ def test_places_of_objects_are_computed(armature, mode):
     assert np.array_equal(*poses) and np.ptp(poses[0], axis=0).max() > 0.1
 
 
+def test_a_target_that_was_deleted(armature):
+    """Child Of stays valid, and its matrix goes back to the world all the same."""
+    armature.location, armature.rotation_euler = (3, 1, 2), (0.3, 0.2, 0.1)
+    gone, constraint = new_empty("Gone"), armature.pose.bones["b"].constraints.new("CHILD_OF")
+    constraint.target = gone
+    bpy.context.view_layer.update()
+    bpy.data.objects.remove(gone)
+    bpy.context.view_layer.update()
+    assert constraint.is_valid and constraint.owner_space == "POSE"
+    assert differences(armature) == []
+
+
 def test_what_is_not_covered_is_refused_by_name(armature):
     armature.pose.bones["b"].constraints.new("SHRINKWRAP").name = "Onto"
     assert 'the constraint "Onto" of the bone "b": the type SHRINKWRAP is not covered' in refusal(armature)

@@ -221,6 +221,10 @@ TEST_F(RigConstraint, BecomesAChild) {
   expect(owner().location(), {-2, 1, 3});
   set(child, "use_location_x", 0);
   expect(owner().location(), {1, 1, 3});
+  rig_.world = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1};
+  set(child, "owner_space", 2);  // POSE, as Blender makes it
+  child.targets[0] = {};
+  expect(owner().location(), {1, 2, 3});
 }
 
 TEST_F(RigConstraint, MapsTransforms) {
