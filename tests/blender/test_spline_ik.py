@@ -49,6 +49,15 @@ def make_bones(random, count):
     return armature, height
 
 
+def read_channel(driver, armature, bone, channel):
+    driver.type = "SUM"
+    variable = driver.variables.new()
+    variable.type = "TRANSFORMS"
+    target = variable.targets[0]
+    target.id, target.bone_target, target.transform_type = armature, bone, channel
+    target.transform_space = "LOCAL_SPACE"
+
+
 def make_curve(random, armature, height, kind):
     """A spline beside the chain. Each of its points is hooked to a bone, as a whole or without a handle."""
     curve = bpy.data.objects.new("Rail", bpy.data.curves.new("Rail", "CURVE"))
@@ -77,12 +86,7 @@ def make_curve(random, armature, height, kind):
         own = range(3 * number, 3 * number + random.choice((2, 3))) if kind == "BEZIER" else (number,)
         hook.vertex_indices_set(list(own))
     driver = curve.data.driver_add(f"splines[0].{'bezier_points' if kind == 'BEZIER' else 'points'}[1].radius").driver
-    driver.type = "SUM"
-    variable = driver.variables.new()
-    variable.type = "TRANSFORMS"
-    target = variable.targets[0]
-    target.id, target.bone_target, target.transform_type = armature, "Handle1", "SCALE_X"
-    target.transform_space = "LOCAL_SPACE"
+    read_channel(driver, armature, "Handle1", "SCALE_X")
     return curve
 
 
@@ -178,12 +182,7 @@ def test_shape_keys(fresh_scene, kind, hooked):
     keys.key_blocks["More"].relative_key = keys.key_blocks["Wave"]
     keys.key_blocks["Wave"].value, keys.key_blocks["More"].value = 0.4, 0.7
     driver = keys.key_blocks["Wide"].driver_add("value").driver
-    driver.type = "SUM"
-    variable = driver.variables.new()
-    variable.type = "TRANSFORMS"
-    target = variable.targets[0]
-    target.id, target.bone_target, target.transform_type = armature, "Handle2", "LOC_X"
-    target.transform_space = "LOCAL_SPACE"
+    read_channel(driver, armature, "Handle2", "LOC_X")
     bpy.context.view_layer.update()
     assert differences(armature, TIMES) == []
     keys.key_blocks["Wave"].mute = True

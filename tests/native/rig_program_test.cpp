@@ -260,7 +260,6 @@ TEST(RigProgram, ReachesWithIk) {
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(tail[k], poses[2].location()[k], 1e-3F);
 }
 
-/// Two bones, the last with two IK constraints.
 /// A polyline from the origin to (4, 0, 0), the far end of which a bone hooks, and a chain of two bones along it.
 RigDescription along_a_spline() {
   RigDescription rig = two_bones();
@@ -363,6 +362,7 @@ TEST(RigProgram, SplinesThatAreNotWholeAreRefused) {
   EXPECT_NE(cycle.find("the rig has a cycle: the Spline IK of bone [\"tip\"]"), std::string::npos) << cycle;
 }
 
+/// Two bones, the last with two IK constraints.
 RigDescription two_goals() {
   RigDescription rig = two_bones();
   add_bone(rig, "goal", -1, {0.5F, 1.2F, 0.3F});

@@ -21,8 +21,12 @@ _RECORDED = {*poses.RECORDED, "matrix", "matrix_channel", "head", "tail", "lengt
 MOST_NAMES = 3  # that a reason lists
 # What may use an armature without being changed by its pose, unless it has drivers.
 _LISTS = (
-    *(bpy.types.Collection, bpy.types.Scene, bpy.types.Screen, bpy.types.WindowManager, bpy.types.WorkSpace),
     bpy.types.Armature,  # of a metarig, which names the rig that Rigify has made of it
+    bpy.types.Collection,
+    bpy.types.Scene,
+    bpy.types.Screen,
+    bpy.types.WindowManager,
+    bpy.types.WorkSpace,
 )
 
 
@@ -33,9 +37,8 @@ class Followers:
     hooked: list[Any] = field(default_factory=list)  # mesh objects with Sinew's hook
     placed: list[Any] = field(default_factory=list)  # objects that hang on bones, or are constrained to them
     shaped: list[Any] = field(default_factory=list)  # objects that Blender deforms
-    keyframed: list[Any] = field(
-        default_factory=list
-    )  # armatures, and their data, that Blender evaluates on each frame anyway
+    # Armatures, and their data, that Blender evaluates on each frame anyway.
+    keyframed: list[Any] = field(default_factory=list)
     # (shape keys' data-block, numbers of its keys that drivers set which read the bones)
     keyed: list[tuple[Any, tuple[int, ...]]] = field(default_factory=list)
     driven: list[tuple[Any, str, int]] = field(default_factory=list)  # other drivers: data-block, path, index

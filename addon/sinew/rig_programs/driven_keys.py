@@ -5,7 +5,6 @@ from typing import Any
 
 import bpy
 
-from ..host import driver_variables
 from . import curves, drivers, targets
 
 Keyed = tuple[bpy.types.Key, tuple[int, ...]]  # numbers of its keys
@@ -28,8 +27,7 @@ def rows_of(
         try:
             if curve is None or curve.mute or not curve.is_valid or not curve.driver.is_valid:
                 raise curves.Refused("it is muted or not valid")
-            (row,), (variables,) = curves.rows_of([curve]), driver_variables.read([curve])
-            driver = drivers.driver_of(path, curve, row, variables, found, outside)
-            yield {"path": path, "type": "FLOAT", **limits, "value": [key.value]}, {**driver, "index": 0}
+            driver = drivers.driver_elsewhere(path, 0, curve, found, outside)
+            yield {"path": path, "type": "FLOAT", **limits, "value": [key.value]}, driver
         except curves.Refused as reason:
             found.refused.append(f"the driver of the shape key {key.name} of {keys.name}: {reason}")

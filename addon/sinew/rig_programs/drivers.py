@@ -132,6 +132,15 @@ def driver_of(
     return result
 
 
+def driver_elsewhere(
+    path: str, index: int, curve: bpy.types.FCurve, found: targets.Targets, outside: Outside
+) -> dict[str, Any]:
+    """Returns the row of a driver of another data-block. path, index: what it sets, as the description names it. Raises
+    Refused."""
+    (row,), (own,) = curves.rows_of([curve]), driver_variables.read([curve])
+    return driver_of(path, curve, row, own, found, outside) | {"index": index}
+
+
 def variable_of(
     name: str, kind: str, read: list[driver_variables.Target], found: targets.Targets, outside: Outside
 ) -> dict[str, Any]:

@@ -64,6 +64,8 @@ class Known:
     def _read_objects(self) -> str:
         """Returns the places and the keyframes of other objects that are computed, too, and splines, as text."""
         own = objects.moving(self.targets.outside.values())
+        for curve in self.targets.splines.values():
+            splines.check(curve)
         values = splines.values_of(self.targets, self.outside)
         rows = objects.rows_of(own), splines.rows_of(self.targets), list(values)
         return json.dumps(rows, default=reading.as_list)

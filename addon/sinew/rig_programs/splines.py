@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 
 from ..blender import animation
-from ..host import driver_variables
 from . import curves, drivers, targets
 
 _RADIUS = re.compile(r"splines\[0\]\.(?:bezier_points|points)\[(\d+)\]\.radius")
@@ -53,9 +52,7 @@ def check(ob: bpy.types.Object | None) -> None:
 
 
 def rows_of(found: targets.Targets) -> list[dict[str, Any]]:
-    """Returns the rows of the splines that constraints follow. Raises Refused."""
-    for ob in found.splines.values():
-        check(ob)
+    """Returns the rows of the splines that constraints follow. They have passed `check`. Raises Refused."""
     return [_row_of(ob, found) for ob in found.splines.values()]
 
 
@@ -95,8 +92,7 @@ def _property(
         if driver.mute or not (driver.is_valid and driver.driver.is_valid):
             continue
         try:
-            (row,), (variables,) = curves.rows_of([driver]), driver_variables.read([driver])
-            own.append(drivers.driver_of(path, driver, row, variables, found, outside) | {"index": index})
+            own.append(drivers.driver_elsewhere(path, index, driver, found, outside))
             numbers[index] = 0.0
         except curves.Refused as reason:
             found.refused.append(f"the driver of {driver.data_path} of {driver.id_data.name}: {reason}")

@@ -88,8 +88,8 @@ void apply_constraint(const Program& program, State& state, const Constraint& co
   const Space space = acting.owner_space();
   Mat4 owner = converted(program, state, conversion, world, Space::world, space);
   kind.apply(acting, owner);
-  const bool has_no_target = !constraint.targets.empty() && constraint.targets[0].type == RigTarget::Type::none;
-  if (!kind.leaves_space || has_no_target) owner = converted(program, state, conversion, owner, space, Space::world);
+  const bool leaves_space = kind.leaves_space && constraint.targets[0].type != RigTarget::Type::none;
+  if (!leaves_space) owner = converted(program, state, conversion, owner, space, Space::world);
   world = influence < 1.0F ? blended(world, owner, influence) : owner;
 }
 
