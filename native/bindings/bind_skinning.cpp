@@ -59,7 +59,7 @@ void skin_jobs(const std::vector<py::tuple>& tuples) {
 }
 
 py::tuple influences_of_groups(const py::array& offsets, const py::array& groups, const py::array& weights,
-                               const py::array& joint_of_group) {
+                               const py::array& joint_of_group, bool normalize) {
   const auto first = list_of<std::int64_t>("offsets", offsets);
   const auto numbers = list_of<std::int32_t>("groups", groups);
   const auto shares = list_of<float>("weights", weights);
@@ -67,7 +67,7 @@ py::tuple influences_of_groups(const py::array& offsets, const py::array& groups
   GroupInfluences own;
   {
     const py::gil_scoped_release release;
-    own = group_influences(first, numbers, shares, joints);
+    own = group_influences(first, numbers, shares, joints, normalize);
   }
   const auto count = std::ssize(own.joints);
   return py::make_tuple(given_away(std::move(own.offsets), {offsets.shape(0)}),
@@ -147,14 +147,15 @@ void bind_skinning(py::module_& module) {
       });
 
   module.def("group_influences", &influences_of_groups, py::arg("offsets"), py::arg("groups"), py::arg("weights"),
-             py::arg("joint_of_group"),
+             py::arg("joint_of_group"), py::arg("normalize") = true,
              "Converts weights of vertex groups to influences, as Blender's Armature modifier does.\n\n"
              "offsets: (V + 1,) integers; vertex v has the entries offsets[v] up to offsets[v + 1].\n"
              "groups: (M,) integers, the group of each entry; one that does not exist moves nothing.\n"
              "weights: (M,).\n"
              "joint_of_group: (G,) integers, the joint of each group, negative if it moves nothing.\n"
-             "Weights of groups that move something are divided by their sum. Zeros are left out, and a vertex whose "
-             "weights sum to 1e-4 or less stays at rest.\n"
+             "normalize: weights of groups that move something are divided by their sum; False: they stay as they "
+             "are, for dual quaternions, whose sums are divided anyway.\n"
+             "Zeros are left out, and a vertex whose weights sum to 1e-4 or less stays at rest.\n"
              "Returns offsets (V + 1,) int64, joints (N,) int32 and weights (N,) float32, as Skin takes them; how many "
              "vertices no joint moves; and of how many the weights, as given, are more than 0.05 from a sum of 1.\n"
              "Raises ValueError for sizes that do not fit.");

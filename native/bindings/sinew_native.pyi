@@ -654,12 +654,12 @@ def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Floa
     """Computes T(j) of joints that only rotate. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
 
 def group_influences(
-    offsets: _Integers, groups: _Integers, weights: _Reals, joint_of_group: _Integers
+    offsets: _Integers, groups: _Integers, weights: _Reals, joint_of_group: _Integers, normalize: bool = True
 ) -> tuple[_Int64, _Int32, _Float32, int, int]:
-    """Converts weights of vertex groups, of each vertex v from offsets[v] up to offsets[v + 1], to influences: divided
-    by the sum of those whose group has a joint. offsets (V + 1,); groups, weights (M,); joint_of_group (G,), -1 for
-    none. Returns offsets (V + 1,), joints (N,) and weights (N,), as Skin takes them; the number of vertices that no
-    joint moves; and the number of those whose weights do not sum to 1."""
+    """Converts weights of vertex groups, of each vertex v from offsets[v] up to offsets[v + 1], to influences:
+    normalize divides them by the sum of those whose group has a joint. offsets (V + 1,); groups, weights (M,);
+    joint_of_group (G,), -1 for none. Returns offsets (V + 1,), joints (N,) and weights (N,), as Skin takes them; the
+    number of vertices that no joint moves; and the number of those whose weights do not sum to 1."""
 
 def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
     """Linear blend skinning: v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out

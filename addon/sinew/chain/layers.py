@@ -127,8 +127,10 @@ class Layer:
         if is_posed(armature):
             bones = self.first_joint, self.bones.joint_counts
             motions.read(armature, *bones, numbers)
-            if self.splits_motions and sinew_native.host.is_any_flat(numbers, *bones):
-                raise LeaveToBlender("a B-bone is flat, and how Preserve Volume turns it depends on Blender's rounding")
+            if self.splits_motions and sinew_native.host.is_any_ambiguous(numbers, *bones):
+                raise LeaveToBlender(
+                    "a B-bone is flat or mirrored, and how Preserve Volume turns it depends on Blender's rounding"
+                )
         return numbers.transpose(0, 2, 1)
 
     def with_channels(self, channels: np.ndarray) -> np.ndarray:
@@ -171,6 +173,8 @@ def make_layer(
         Rules(settings.use_vertex_groups, settings.use_envelopes),
         lambda: transformed(inverse, rest.astype(np.float64)),
         lambda bone, point: armatures.segment_at(armature, bone, point),
+        # Where bones lie half a turn apart, the last bit of the weights decides which way is taken between them.
+        normalize=not settings.preserve_volume or bool(method.kind),
     )
     moves = _moving(own, bones)
     rest_frames = None

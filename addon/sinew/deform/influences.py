@@ -69,7 +69,7 @@ class Bends:
 
 @dataclass
 class Influences:
-    """The arguments of sinew_native.Skin: weights that sum to 1, for joint_count + 1 joints."""
+    """The arguments of sinew_native.Skin, for joint_count + 1 joints."""
 
     offsets: np.ndarray  # (V + 1,)
     joints: np.ndarray  # (N,)
@@ -97,12 +97,13 @@ def influences(
     rules: Rules,
     points: Any,
     segment_at: Callable[[int, np.ndarray], tuple[int, float]] | None = None,
+    normalize: bool = True,
 ) -> Influences:
     """Returns the Influences of a mesh. offsets (V + 1,), groups (N,), weights (N,): the weights of each vertex, in the
     order in which Blender stores them; group -1: none. bone_of_group (G,), or as columns_of_groups returns it: -1 for a
     group without a bone. points(): a function that returns the rest positions (V, 3) in the armature's space; for most
     meshes it is not called. segment_at(bone, point): for a curved B-bone, returns the segment at a point and the
-    point's position within it, 0 to 1.
+    point's position within it, 0 to 1. normalize: the weights of each vertex are divided by their sum.
     """
     counts = (bone_of_group >= 0) & rules.use_vertex_groups
     counts[counts] = bones.deform[bone_of_group[counts]]
@@ -111,14 +112,18 @@ def influences(
     if not has_envelopes and not (bones.segments[own] > 1).any():
         joint_of_group = used.copy()
         joint_of_group[counts] = bones.first_joint[own]
-        offsets, joint, weight, *missed = sinew_native.group_influences(offsets, groups, weights, joint_of_group)
+        offsets, joint, weight, *missed = sinew_native.group_influences(
+            offsets, groups, weights, joint_of_group, normalize
+        )
         return Influences(offsets, joint, weight, bones.joint_count, False, None, *missed)
 
     points, multiplied = points(), False
     if has_envelopes:
-        vertex, bone, weight, missed, multiplied = _with_envelopes(offsets, groups, weights, used, bones, rules, points)
+        vertex, bone, weight, missed, multiplied = _with_envelopes(
+            offsets, groups, weights, used, bones, rules, points, normalize
+        )
     else:
-        offsets, bone, weight, *missed = sinew_native.group_influences(offsets, groups, weights, used)
+        offsets, bone, weight, *missed = sinew_native.group_influences(offsets, groups, weights, used, normalize)
         vertex = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     joint = bones.first_joint[bone]
     bent = bones.segments[bone] > 1
@@ -147,8 +152,9 @@ def _with_envelopes(
     bones: Bones,
     rules: Rules,
     points: np.ndarray,
+    normalize: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any, bool]:
-    """Returns normalised influences (vertices, bones, weights); a pair: how many vertices no bone moves, and how many
+    """Returns influences (vertices, bones, weights); a pair: how many vertices no bone moves, and how many
     have weights that do not sum to 1; and whether envelopes multiply any weights."""
     vertex_count = len(offsets) - 1
     vertex = np.repeat(np.arange(vertex_count), np.diff(offsets))
@@ -173,7 +179,9 @@ def _with_envelopes(
     vertex, bone, weight = _only(sums[vertex] > SMALLEST_WEIGHT_SUM, vertex, bone, weight)
     unweighted = int(np.count_nonzero(sums <= SMALLEST_WEIGHT_SUM))
     unnormalized = int(np.count_nonzero((given > SMALLEST_WEIGHT_SUM) & (np.abs(given - 1) > NORMALIZED_WITHIN)))
-    return vertex, bone, weight / sums[vertex], (unweighted, unnormalized), multiplied.any()
+    if normalize:
+        weight = weight / sums[vertex]
+    return vertex, bone, weight, (unweighted, unnormalized), multiplied.any()
 
 
 def _only(chosen: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -13,7 +13,7 @@ namespace sinew {
 struct GroupInfluences {
   std::vector<std::int64_t> offsets;      ///< V + 1
   std::vector<std::int32_t> joints;       ///< N
-  std::vector<float> weights;             ///< N; those of each vertex sum to 1
+  std::vector<float> weights;             ///< N
   std::ptrdiff_t unweighted_count = 0;    ///< vertices that no joint moves
   std::ptrdiff_t unnormalized_count = 0;  ///< vertices whose weights, as given, do not sum to 1
 };
@@ -22,9 +22,12 @@ struct GroupInfluences {
 /// groups           M, the group of each entry; one outside of 0..G-1 moves nothing.
 /// weights          M.
 /// joint_of_group   G, the joint of each group, negative if it moves nothing.
-/// The weights of groups that have a joint are divided by their sum. Zeros are left out, and a vertex whose weights sum
-/// to 1e-4 or less stays at rest. Throws InputError for sizes that do not fit.
+/// normalize        the weights of groups that have a joint are divided by their sum; otherwise they stay as they are,
+///                  for dual quaternions, whose sums are divided anyway.
+/// Zeros are left out, and a vertex whose weights sum to 1e-4 or less stays at rest. Throws InputError for sizes that do
+/// not fit.
 GroupInfluences group_influences(std::span<const std::int64_t> offsets, std::span<const std::int32_t> groups,
-                                 std::span<const float> weights, std::span<const std::int32_t> joint_of_group);
+                                 std::span<const float> weights, std::span<const std::int32_t> joint_of_group,
+                                 bool normalize = true);
 
 }  // namespace sinew

@@ -61,20 +61,23 @@ float dot(const DualQuaternion& a, const DualQuaternion& b) {
 }
 
 /// Gives each joint the sign that puts it on the same side as its neighbours.
-void choose_signs(const BlockedSkin& skin, std::vector<DualQuaternion>& joints) {
+void choose_signs(const BlockedSkin& skin, Palette& palette) {
+  auto& joints = palette.dual_quaternions;
   for (const auto& [from, to] : skin.spanning) {
     if (dot(joints[from], joints[to]) >= 0) continue;
     for (float& part : joints[to].real) part = -part;
     for (float& part : joints[to].dual) part = -part;
+    palette.own_rotations[to].sign = -palette.own_rotations[to].sign;
   }
 }
 
-/// Chooses how each set is blended. Where any two joints of a set agree in sign, and no weight is
-/// negative, every partial sum agrees with every joint: these signs are the ones that the stored order
-/// would give (or all of them reversed, which is the same motion), and the kernel need not check them.
+/// Chooses how each set is blended. Where any two joints of a set agree in sign, by more than rounding, and no weight
+/// is negative, every partial sum agrees with every joint: these signs are the ones that the stored order would give
+/// (or all of them reversed, which is the same motion), and the kernel need not check them.
 void choose_ways(const BlockedSkin& skin, Palette& palette) {
   const auto& joints = palette.dual_quaternions;
-  const auto agree = [&](const JointPair& pair) { return dot(joints[pair.first], joints[pair.second]) >= 0; };
+  constexpr float kRounding = 1e-5f;
+  const auto agree = [&](const JointPair& pair) { return dot(joints[pair.first], joints[pair.second]) > kRounding; };
   const bool all_agree = std::ranges::all_of(skin.neighbours, agree);
   const auto way_of = [&](std::uint32_t set) {
     const auto own = skin.joints_of(set);
@@ -115,9 +118,11 @@ struct Moving {
   std::vector<RigidAndStretch> motions;
 };
 
-void set_joint(const RigidAndStretch& motion, std::size_t j, Palette& palette) {
+/// own: before it was carried to the mesh's space.
+void set_joint(const RigidAndStretch& motion, const Eigen::Quaternionf& own, std::size_t j, Palette& palette) {
   const Eigen::Quaternionf &r = motion.real, &d = motion.dual;
   palette.dual_quaternions[j] = {{r.w(), r.x(), r.y(), r.z()}, {d.w(), d.x(), d.y(), d.z()}};
+  palette.own_rotations[j] = {{own.w(), own.x(), own.y(), own.z()}, 1};
   Eigen::Map<Rows>(palette.displacements[j].row[0]) = motion.displacement;
   palette.is_stretched[j] = !motion.is_rigid;
 }
@@ -129,28 +134,30 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
   palette.stretch_each = rule.stretch == Stretch::frame_each;
   const std::size_t joints = matrices.joints + 1;
   palette.dual_quaternions.resize(joints);
+  palette.own_rotations.resize(joints);
   palette.displacements.resize(joints);
   palette.is_stretched.resize(joints);
   palette.dual_parts.clear();
   auto& moving = per_thread<Moving>();
   moving.joints.clear();
   const Matrix4<float> at_rest = Matrix4<float>::Identity();
+  const RigidAndStretch no_motion;
   for (std::ptrdiff_t j = 0; j < matrices.joints; ++j) {
     // Most joints of a large rig may be at rest, or move no vertex of this mesh: no need to split them.
     if (matrices.at(frame, j) == at_rest) {
-      set_joint({}, j, palette);
+      set_joint(no_motion, no_motion.real, j, palette);
     } else {
       moving.joints.push_back(static_cast<std::int32_t>(j));
     }
   }
-  set_joint({}, matrices.joints, palette);
+  set_joint(no_motion, no_motion.real, matrices.joints, palette);
   moving.motions.resize(moving.joints.size());
   split(matrices, frame, rule, moving.joints, moving.motions);
   for (std::size_t i = 0; i < moving.joints.size(); ++i) {
     const RigidAndStretch& own = moving.motions[i];
-    set_joint(space ? carried(own, *space) : own, moving.joints[i], palette);
+    set_joint(space ? carried(own, *space) : own, own.real, moving.joints[i], palette);
   }
-  choose_signs(skin, palette.dual_quaternions);
+  choose_signs(skin, palette);
   choose_ways(skin, palette);
   if (!palette.stretch_each) return;
   for (std::size_t j = 0; j < palette.dual_quaternions.size(); ++j) {

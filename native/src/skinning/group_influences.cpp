@@ -23,7 +23,8 @@ void check(std::span<const std::int64_t> offsets, std::size_t groups, std::size_
 }  // namespace
 
 GroupInfluences group_influences(std::span<const std::int64_t> offsets, std::span<const std::int32_t> groups,
-                                 std::span<const float> weights, std::span<const std::int32_t> joint_of_group) {
+                                 std::span<const float> weights, std::span<const std::int32_t> joint_of_group,
+                                 bool normalize) {
   GroupInfluences result;
   result.offsets.assign(offsets.begin(), offsets.end());
   check(result.offsets, groups.size(), weights.size());
@@ -42,7 +43,7 @@ GroupInfluences group_influences(std::span<const std::int64_t> offsets, std::spa
       sum += result.weights[kept++];
     }
     if (sum > kSmallestSum) {
-      const double scale = 1 / sum;
+      const double scale = normalize ? 1 / sum : 1;
       for (std::int64_t i = first; i < kept; ++i) result.weights[i] = static_cast<float>(result.weights[i] * scale);
       result.unnormalized_count += std::abs(sum - 1) > kNormalizedWithin;
     } else {

@@ -10,6 +10,12 @@
 
 namespace sinew {
 
+/// How a joint turns in the space of its matrix. Which way a vertex's joints are blended is decided by these.
+struct OwnRotation {
+  float real[4];
+  float sign;  ///< -1: the joint's DualQuaternion is turned over
+};
+
 /// The frame loop keeps it from call to call, so that its memory is not allocated in each frame.
 struct Palette {
   /// For each joint set, whether some joint's matrix is not finite. Empty: all are finite. A kernel
@@ -20,8 +26,9 @@ struct Palette {
   std::vector<MatrixRows> matrices;  ///< J + 1, the last the identity
   // Dual quaternions, J + 1 of each, the last the identity:
   std::vector<DualQuaternion> dual_quaternions;  ///< signs chosen
-  std::vector<MatrixRows> displacements;         ///< by the stretches, which are applied first
-  std::vector<DualPartRows> dual_parts;          ///< with Stretch::frame_each
+  std::vector<OwnRotation> own_rotations;
+  std::vector<MatrixRows> displacements;  ///< by the stretches, which are applied first
+  std::vector<DualPartRows> dual_parts;   ///< with Stretch::frame_each
   std::vector<std::uint8_t> is_stretched;
   std::vector<SetWay> ways;   ///< one for each joint set
   bool stretch_each = false;  ///< Stretch::frame_each

@@ -8,6 +8,8 @@
 // foreach_target.h comes first.
 #include <hwy/highway.h>
 
+#include <numbers>
+
 #include "base/vectors-inl.h"
 #include "skinning/split_kernel.h"
 
@@ -26,6 +28,7 @@ constexpr Wide kWide;
 constexpr Narrow kNarrow;
 
 constexpr float kExcessTolerance = 1e-8f;  // squared, of the lengths of a posed frame's axes; Blender's
+constexpr float kUnitTolerance = 0.0006f;  // quaternions whose squared length is nearer to 1 stay; Blender's
 constexpr float kShortest = 1e-35f;        // squared: shorter vectors have no direction
 
 /// A 3x3 matrix in each lane.
@@ -141,19 +144,20 @@ HWY_INLINE Quaternions<Floats> quaternion_of(const Matrices<Floats>& axes) {
                                of_four(by_zx2, by_yz2, quarter, by_xy)}};
   Floats squared = hn::Add(hn::Mul(q.w, q.w), hn::Mul(q.v.x, q.v.x));
   squared = hn::Add(hn::Add(squared, hn::Mul(q.v.y, q.v.y)), hn::Mul(q.v.z, q.v.z));
-  const Floats share = hn::Div(one, hn::Sqrt(squared));
+  const Mask is_off = hn::Ge(hn::Abs(hn::Sub(squared, one)), number(kUnitTolerance));
+  const Floats share = hn::IfThenElse(is_off, hn::Div(one, hn::Sqrt(squared)), one);
   return {hn::Mul(q.w, share), q.v * share};
 }
 
 /// Returns the matrix of a rotation.
 HWY_INLINE Matrices<Doubles> rotation_of(const Quaternions<Doubles>& q) {
-  const Doubles one = hn::Set(kWide, 1);
-  const VectorsOf<Doubles> twice = q.v + q.v;
-  const VectorsOf<Doubles> by_w = twice * q.w, by_x = twice * q.v.x, by_y = twice * q.v.y;
-  const Doubles zz = hn::Mul(twice.z, q.v.z);
-  return {{hn::Sub(one, hn::Add(by_y.y, zz)), hn::Add(by_x.y, by_w.z), hn::Sub(by_x.z, by_w.y)},
-          {hn::Sub(by_x.y, by_w.z), hn::Sub(one, hn::Add(by_x.x, zz)), hn::Add(by_y.z, by_w.x)},
-          {hn::Add(by_x.z, by_w.y), hn::Sub(by_y.z, by_w.x), hn::Sub(one, hn::Add(by_x.x, by_y.y))}};
+  const Doubles one = hn::Set(kWide, 1), sqrt2 = hn::Set(kWide, std::numbers::sqrt2);
+  const VectorsOf<Doubles> v = q.v * sqrt2;
+  const VectorsOf<Doubles> by_w = v * hn::Mul(q.w, sqrt2), by_x = v * v.x, by_y = v * v.y;
+  const Doubles zz = hn::Mul(v.z, v.z);
+  return {{hn::Sub(hn::Sub(one, by_y.y), zz), hn::Add(by_w.z, by_x.y), hn::Sub(by_x.z, by_w.y)},
+          {hn::Sub(by_x.y, by_w.z), hn::Sub(hn::Sub(one, by_x.x), zz), hn::Add(by_w.x, by_y.z)},
+          {hn::Add(by_w.y, by_x.z), hn::Sub(by_y.z, by_w.x), hn::Sub(hn::Sub(one, by_x.x), by_y.y)}};
 }
 
 template <class D>

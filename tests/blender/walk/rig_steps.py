@@ -157,7 +157,7 @@ def change_bone(random, armature):
         bone.custom_shape = None if bone.custom_shape else bpy.data.objects.get("Target 1")
     elif what == "handles":
         bone.bone.bbone_segments, bone.bone.bbone_handle_type_start = 3, random.choice(("AUTO", "ABSOLUTE"))
-        bone.bbone_curveinx, bone.bbone_scalein = random.random(), [1 + x for x in scene.some(random, 0.6)]
+        bone.bbone_curveinx, bone.bbone_scalein = random.random(), scene.some(random, 1)
     elif what == "keyed mode":
         bone.keyframe_insert("rotation_mode", frame=random.randint(1, scene.LAST_FRAME))
     elif what == "hide":
