@@ -1,21 +1,24 @@
 #!/usr/bin/env python3
-"""Makes the reference in python-api.md: the signatures of sinew_native.pyi with the docstrings of the
-compiled module.
+"""Makes what is written twice of the docstrings of the compiled module: those in sinew_native.pyi, and the reference in
+python-api.md, which has the signatures of sinew_native.pyi.
 
     docs/make_python_api.py MODULE_FOLDER [--check]
 
 MODULE_FOLDER has the compiled module, as ./dev build leaves it in build/python. --check writes nothing
-and exits 1 with a sentence if the page is not what it would be.
+and exits 1 with a sentence if the page or the stub is not what it would be.
 """
 
 import ast
 import importlib
 import re
 import sys
+import textwrap
 from pathlib import Path
 
 PAGE = Path(__file__).resolve().parent / "python-api.md"
-STUB = (PAGE.parents[1] / "native" / "bindings" / "sinew_native.pyi").read_text(encoding="utf-8")
+INTERFACE = PAGE.parents[1] / "native" / "bindings" / "sinew_native.pyi"
+STUB = INTERFACE.read_text(encoding="utf-8")
+WIDTH = 120
 GROUPS = {
     "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices rotation_transforms",
@@ -31,6 +34,28 @@ GROUPS = {
     "Settings": "set_thread_count thread_count instruction_sets instruction_set set_instruction_set",
 }
 MARK = "<!-- From here on made by docs/make_python_api.py, from native/bindings: change it there. -->\n"
+
+
+def stub(module):
+    """The text of sinew_native.pyi: its signatures, with the module's docstrings."""
+    lines = STUB.splitlines(keepends=True)
+    nodes = [(node, getattr(module, node.name)) for node in ast.parse(STUB).body if hasattr(node, "name")]
+    for owner, live in list(nodes):
+        nodes += [(f, getattr(live, f.name)) for f in getattr(owner, "body", ()) if isinstance(f, ast.FunctionDef)]
+    for node, live in sorted(nodes, key=lambda pair: -pair[0].lineno):  # from the end, so that line numbers hold
+        old, said = node.body[0], live.__doc__.splitlines()
+        if ast.get_docstring(node) is None:
+            raise ValueError(f"{INTERFACE.name}: {node.name} needs a docstring to be replaced, such as an empty one")
+        if isinstance(node, ast.FunctionDef) and not isinstance(live, property):
+            said = said[2:]  # without pybind11's first line
+        space = " " * old.col_offset
+        said[0] = '"""' + said[0].replace('"', '\\"', said[0].startswith('"'))
+        wrapped = [part for line in said for part in textwrap.wrap(line, WIDTH - len(space)) or [""]]
+        if len(wrapped) > 1 or wrapped[0].endswith('"'):
+            wrapped.append("")
+        wrapped[-1] += '"""'
+        lines[old.lineno - 1 : old.end_lineno] = [(space + line).rstrip() + "\n" for line in wrapped]
+    return "".join(lines)
 
 
 def source(function, above=""):
@@ -98,10 +123,11 @@ def page(module):
 
 
 def check(module):
-    """What is wrong with the page, a sentence, or None."""
-    if PAGE.read_text(encoding="utf-8") == page(module):
-        return None
-    return f"docs/{PAGE.name} is not what the module says: run docs/make_python_api.py build/python"
+    """What is wrong with the page or the stub, a sentence, or None."""
+    for path, wanted in ((PAGE, page(module)), (INTERFACE, stub(module))):
+        if path.read_text(encoding="utf-8") != wanted:
+            return f"{path.name} is not what the module says: run docs/make_python_api.py build/python"
+    return None
 
 
 if __name__ == "__main__":
@@ -112,3 +138,4 @@ if __name__ == "__main__":
     if sys.argv[2:]:
         sys.exit(check(loaded))
     PAGE.write_text(page(loaded), encoding="utf-8")
+    INTERFACE.write_text(stub(loaded), encoding="utf-8")

@@ -129,6 +129,11 @@ void bind_direct_delta_mush(py::module_& module) {
       .def_static("from_arrays", &from_arrays, py::arg("skin"), py::arg("variant"), py::arg("pruned"),
                   py::arg("offsets"), py::arg("joints"), py::arg("omega"), py::arg("centers"), py::arg("scales"),
                   "Restores what arrays() returned, for a Skin with the same rest positions and joints.\n\n"
+                  "offsets: (V + 1,) integers.\n"
+                  "joints: (N,) integers.\n"
+                  "omega: (N, 10), (N, 4) or (N, 1).\n"
+                  "centers: (V, 3).\n"
+                  "scales: (V,).\n"
                   "Raises ValueError for sizes that do not fit, a joint that does not exist, a number that is not "
                   "finite.")
       .def_property_readonly("variant", &DirectDeltaMush::variant, "0 to 5.")

@@ -134,13 +134,14 @@ void bind_method_data(py::module_& module) {
                           "centers: a RotationCenters of V vertices.\n") +
               kSkinArguments + "Scale and shear are blended linearly and applied to v - p first.\n" + kSkinReturns)
                  .c_str());
-  module.def("skin_blended", &blended, py::arg("skin"), py::arg("shares"), py::arg("matrices"),
-             py::arg("out") = py::none(), py::arg("stretch") = "polar", py::arg("rest_frames") = py::none(),
-             (std::string("Linear and dual quaternion skinning, blended: v' = linear + share (dual quaternion - "
-                          "linear).\n\n"
-                          "shares: a BlendShares of V vertices.\n") +
-              kSkinArguments + "stretch, rest_frames: as in skin_dual_quaternion.\n" + kSkinReturns)
-                 .c_str());
+  module.def(
+      "skin_blended", &blended, py::arg("skin"), py::arg("shares"), py::arg("matrices"), py::arg("out") = py::none(),
+      py::arg("stretch") = "polar", py::arg("rest_frames") = py::none(),
+      (std::string("Linear and dual quaternion skinning, blended: v' = linear + share (dual quaternion - "
+                   "linear).\n\n"
+                   "shares: a BlendShares of V vertices.\n") +
+       kSkinArguments + "stretch: as in skin_dual_quaternion.\nrest_frames: (J, 4, 4), likewise.\n" + kSkinReturns)
+          .c_str());
 }
 
 }  // namespace sinew::bindings

@@ -356,22 +356,28 @@ void bind_rigs(py::module_& module) {
           "the description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a "
           "wrong shape, and if a driver divides by 0.")
       .def("segments", &py_segments, py::arg("frames"), py::arg("set") = py::dict(),
-           "Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4) float32. "
-           "Arguments and errors: see evaluate().")
+           "Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4) "
+           "float32.\n\n"
+           "frames: (F,) times.\n"
+           "set: as in evaluate(), and so are the errors.")
       .def("skinning_matrices", &py_motions, py::arg("frames"), py::arg("set") = py::dict(),
            "Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4) float32, for "
-           "skins whose joints are numbered as joint_begin says. Arguments and errors: see evaluate().")
-      .def(
-          "values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
-          "Returns what properties hold, (F, N) float32, all numbers of each path one after the other. Other arguments "
-          "and errors: see evaluate().")
+           "skins whose joints are numbered as joint_begin says.\n\n"
+           "frames: (F,) times.\n"
+           "set: as in evaluate(), and so are the errors.")
+      .def("values", &py_values, py::arg("frames"), py::arg("paths"), py::arg("set") = py::dict(),
+           "Returns what properties hold, (F, N) float32, all numbers of each path one after the other.\n\n"
+           "frames: (F,) times.\n"
+           "set: as in evaluate(), and so are the errors.")
       .def(
           "places", &py_places, py::arg("paths"),
           "Returns where the numbers of paths are among all numbers of the rig, (P,) int32, for rig_records. It is the "
           "same in a rig that `edited` returns. Raises ValueError for an unknown path.")
       .def("profile", &py_profile, py::arg("frames"), py::arg("set") = py::dict(),
            "Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves', "
-           "'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones. Arguments: see evaluate().");
+           "'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones.\n\n"
+           "frames: (F,) times.\n"
+           "set: as in evaluate(), and so are the errors.");
   module.def(
       "rig_records", &py_records, py::arg("rigs"), py::arg("fields"),
       "Returns what Blender's evaluation would leave in the memory of the bones of several rigs, which are computed at "

@@ -125,7 +125,7 @@ void bind_skeleton(py::module_& module) {
              py::arg("out") = py::none(),
              "Computes F(j) A(j)^-1 for each joint of each frame, as the skinning functions expect it.\n\n"
              "world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.\n"
-             "out: where to write, float32, shape of world, any strides; made if None.\n"
+             "out: (J, 4, 4) or (F, J, 4, 4) as world, float32, where to write, any strides; made if None.\n"
              "Returns out. Raises ValueError if a shape or dtype does not fit.");
 
   py::class_<PoseClip>(module, "PoseClip", "P poses of J joint rotations. Immutable.")

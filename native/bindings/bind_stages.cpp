@@ -101,7 +101,8 @@ void bind_stages(py::module_& module) {
                             "What a CorrectiveSmooth, a Smooth or another stage does in one frame: made by "
                             "their stage(...), for apply or for Deformer.deform. Immutable.")
       .def("apply", &apply, py::arg("positions"),
-           "Works on positions (V, 3) float32, C-contiguous, in place. Several threads may call it at once. "
+           "Works in place. Several threads may call it at once.\n\n"
+           "positions: (V, 3) float32, C-contiguous.\n"
            "Raises ValueError, and writes nothing, if the shape or dtype does not fit.");
 
   py::class_<CorrectiveSmooth, std::shared_ptr<CorrectiveSmooth>>(
@@ -130,7 +131,8 @@ void bind_stages(py::module_& module) {
             self.set_rest_positions(own);
           },
           py::arg("positions"),
-          "Sets another rest shape, (V, 3), which is copied. Do not call it while another thread uses the object. "
+          "Sets another rest shape. Do not call it while another thread uses the object.\n\n"
+          "positions: (V, 3), copied.\n"
           "Raises "
           "ValueError for another number of positions and for one that is not finite.")
       .def(

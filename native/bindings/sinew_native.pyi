@@ -39,25 +39,31 @@ class Skeleton:
     """The tree of joints and its rest pose. Immutable."""
 
     def __init__(self, parents: _Integers, rest: _Reals) -> None:
-        """parents (J,), -1 for a root, in any order; rest (J, 4, 4): R(j), relative to the parent."""
+        """parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after its child.
+        rest: (J, 4, 4), R(j), each joint's rest transform relative to its parent, or to the world for a root.
+        Raises ValueError for a parent that does not exist, a cycle, a number that is not finite, a rest transform that
+        cannot be inverted.
+        """
     @property
     def joint_count(self) -> int:
         """J."""
     @property
     def parents(self) -> _Int32:
-        """(J,), read-only."""
+        """(J,) int32, read-only: each joint's parent, -1 for a root."""
     @property
     def rest(self) -> _Float64:
-        """(J, 4, 4), read-only: R(j), relative to the parent."""
+        """(J, 4, 4) float64, read-only: R(j), relative to the parent."""
     @property
     def rest_world(self) -> _Float64:
-        """(J, 4, 4), read-only: A(j), relative to the world."""
+        """(J, 4, 4) float64, read-only: A(j), relative to the world."""
     @property
     def inverse_rest(self) -> _Float64:
-        """(J, 4, 4), read-only: A(j)^-1."""
+        """(J, 4, 4) float64, read-only: A(j)^-1."""
 
 class RigSkeleton(Skeleton):
-    """A Skeleton as a .bf or .tgf file describes it. Immutable."""
+    """A skeleton as a .bf or .tgf file describes it: a Skeleton whose rest transforms are translations, with a bone to
+    draw and a column of weights for each joint.
+    """
 
     def __init__(
         self,
@@ -68,27 +74,38 @@ class RigSkeleton(Skeleton):
         names: list[str] = [],
         convention: _Convention = "joint",
     ) -> None:
-        """parents (J,); heads and tails (J, 3), world; weight_columns (J,), -1 for none."""
+        """parents: (J,) integers, each joint's parent, -1 for a root; a parent may come after its child.
+        heads: (J, 3), world: where each joint turns, the translation of A(j).
+        tails: (J, 3), world: where its bone is drawn to.
+        weight_columns: (J,) integers, the joint's column of weights, or -1; no column may belong to two joints.
+        names: J unique names; if empty, they are made from the joints' numbers.
+        convention: "joint", a row of the file stands for a joint and turns about it; or "bone", for the bone that ends
+        there and turns about the parent's place.
+        Raises ValueError if the parts do not fit each other, for a cycle, and for a number that is not finite.
+        """
     @property
     def heads(self) -> _Float64:
-        """(J, 3), read-only, world: where each joint turns."""
+        """(J, 3) float64, read-only, world: where each joint turns."""
     @property
     def tails(self) -> _Float64:
-        """(J, 3), read-only, world: where its bone is drawn to."""
+        """(J, 3) float64, read-only, world: where its bone is drawn to."""
     @property
     def weight_columns(self) -> _Int32:
-        """(J,), read-only: the joint's column of weights, or -1."""
+        """(J,) int32, read-only: the joint's column of weights, or -1."""
     @property
     def names(self) -> list[str]:
         """J unique names."""
     @property
-    def convention(self) -> _Convention: ...
+    def convention(self) -> _Convention:
+        """\"bone" or "joint"."""
 
 class PoseClip:
     """P poses of J joint rotations. Immutable."""
 
     def __init__(self, rotations: _Reals) -> None:
-        """rotations (P, J, 4): quaternions w x y z; they are normalized."""
+        """rotations: (P, J, 4), quaternions w x y z, each on top of its joint's rest transform; they are normalized.
+        Raises ValueError if there is no pose or no joint, and for a quaternion that is not finite or has length 0.
+        """
     @property
     def joint_count(self) -> int:
         """J."""
@@ -97,15 +114,17 @@ class PoseClip:
         """P."""
     @property
     def rotations(self) -> _Float64:
-        """(P, J, 4): w x y z, unit. A copy."""
+        """(P, J, 4) float64, w x y z, unit length. A copy."""
     def sample(self, time: float, loop: bool = False) -> _Float64:
-        """Returns the rotations (J, 4) at a time counted in poses, by spherical interpolation.
+        """Returns the rotations, (J, 4) float64 w x y z, at a time counted in poses, by spherical interpolation.
 
-        loop: the first pose follows the last; otherwise time is clamped to the ends.
+        time: 0 is the first pose, P - 1 the last.
+        loop: the first pose follows the last, and time wraps at P; otherwise time is clamped to the ends.
+        Raises ValueError for a time that is not finite.
         """
 
 class Rig:
-    """Mesh, skeleton, weights and poses that belong together. Immutable."""
+    """Mesh, skeleton, weights and poses that belong together."""
 
     def __init__(
         self,
@@ -120,21 +139,30 @@ class Rig:
         material_names: list[str] = [],
         material_library: str = "",
     ) -> None:
-        """positions (V, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; weights
-        (V, columns); animation (F, J, 4, 4): skinning matrices; face_materials (faces,), -1 for none.
+        """positions: (V, 3), rest positions.
+        face_offsets: (faces + 1,) integers, where each face's vertices begin.
+        face_vertices: (C,), vertex numbers, face after face.
+        skeleton: J joints.
+        weights: (V, columns), a column for each joint that has a weight column.
+        poses: of J joints, or None.
+        animation: (F, J, 4, 4), skinning matrices, or None.
+        face_materials: (faces,) integers into material_names, -1 for none; or None.
+        material_names: in order of first use.
+        material_library: the file that describes the materials, or an empty string.
+        Raises ValueError if the parts do not fit each other.
         """
     @property
     def positions(self) -> _Float32:
-        """(V, 3), read-only."""
+        """(V, 3) float32, read-only: rest positions."""
     @property
     def face_offsets(self) -> _Int32:
-        """(faces + 1,), read-only: where each face's vertices begin."""
+        """(faces + 1,) int32, read-only: where each face's vertices begin."""
     @property
     def face_vertices(self) -> _Int32:
-        """Read-only: vertex numbers, face after face."""
+        """int32, read-only: vertex numbers, face after face."""
     @property
     def face_materials(self) -> _Int32:
-        """(faces,), read-only: index into material_names, or -1. Empty if the file has no materials."""
+        """(faces,) int32, read-only: index into material_names, or -1. Empty if the file has no materials."""
     @property
     def material_names(self) -> list[str]:
         """In order of first use."""
@@ -142,31 +170,43 @@ class Rig:
     def material_library(self) -> str:
         """The file that describes the materials, or an empty string."""
     @property
-    def skeleton(self) -> RigSkeleton: ...
+    def skeleton(self) -> RigSkeleton:
+        """The RigSkeleton."""
     @property
     def weights(self) -> _Float64:
-        """(V, columns), read-only."""
+        """(V, columns) float64, read-only: column c belongs to the joint whose weight column is c."""
     @property
     def clamped_weights(self) -> int:
-        """How many weights in the file were below 0 or above 1, see read_rig."""
+        """How many weights of the file were below 0 or above 1, see read_rig."""
     @property
-    def poses(self) -> PoseClip | None: ...
+    def poses(self) -> PoseClip | None:
+        """PoseClip, or None."""
     @property
     def animation(self) -> _Float64 | None:
-        """(F, J, 4, 4), read-only: skinning matrices."""
+        """(F, J, 4, 4) float64, read-only: skinning matrices, or None."""
 
 class Skin:
-    """The mesh at rest and the joints that move each vertex. Immutable except for set_rest_positions."""
+    """The mesh at rest and what moves each vertex. Immutable except for set_rest_positions."""
 
     def __init__(
         self, rest_positions: _Reals, offsets: _Integers, joints: _Integers, weights: _Reals, joint_count: int
     ) -> None:
-        """rest_positions (V, 3); offsets (V + 1,): vertex v has the influences offsets[v] to
-        offsets[v + 1]; joints (N,); weights (N,), which for each vertex should sum to 1.
+        """rest_positions: (V, 3), space of the mesh.
+        offsets: (V + 1,) integers; vertex v has the influences offsets[v] up to offsets[v + 1].
+        joints: (N,) integers, each in 0 to J - 1.
+        weights: (N,), used as they are; those of a vertex should sum to 1.
+        joint_count: J, how many matrices a frame has.
+        All influences are kept, in their order. A vertex without any, or with only zeros, stays at rest.
+        Raises ValueError for sizes that do not fit, a joint that does not exist, a number that is not finite.
         """
     @staticmethod
     def from_dense(rest_positions: _Reals, weights: _Reals) -> Skin:
-        """Makes a skin from a table. rest_positions (V, 3); weights (V, J), whose zeros are left out."""
+        """A skin from a dense table of weights.
+
+        rest_positions: (V, 3), space of the mesh.
+        weights: (V, J), column j for joint j; exact zeros are left out.
+        Raises ValueError as the constructor does.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -178,36 +218,41 @@ class Skin:
         """N."""
     @property
     def most_influences(self) -> int:
-        """The largest number of influences of a vertex."""
+        """The most influences that a vertex has."""
     @property
     def unweighted_count(self) -> int:
-        """How many vertices no joint moves."""
+        """How many vertices nothing moves."""
     @property
     def largest_sum_error(self) -> float:
-        """The largest |sum of weights - 1| of a vertex that has a weight."""
+        """The largest |sum of weights - 1| of a vertex that something moves."""
     @property
     def rest_positions(self) -> _Float32:
-        """(V, 3), read-only."""
+        """(V, 3) float32, read-only, space of the mesh."""
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only."""
+        """(V + 1,) int64, read-only: where each vertex's influences begin."""
     @property
     def joints(self) -> _Int32:
-        """(N,), read-only."""
+        """(N,) int32, read-only."""
     @property
     def weights(self) -> _Float32:
-        """(N,), read-only."""
+        """(N,) float32, read-only."""
     def set_rest_positions(self, positions: _Reals) -> None:
-        """Gives the same influences another shape. positions (V, 3). Not while another thread skins with this
-        object."""
+        """Sets another rest shape, for example after a change of shape keys; influences stay. Do not call it while
+        another thread skins with it.
+
+        positions: (V, 3), space of the mesh; copied.
+        Raises ValueError, and changes nothing, for another number of vertices or a number that is not finite.
+        """
 
 class MethodData:
     """A method's own data for each vertex: the base class of BlendShares, RotationCenters and DirectDeltaMush.
-    Immutable."""
+    Immutable.
+    """
 
     @property
     def method(self) -> str:
-        """The one method that uses this data."""
+        """The one method that takes it."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -216,14 +261,18 @@ class BlendShares(MethodData):
     """The share of dual quaternion skinning of each vertex, for the method "blended"."""
 
     def __init__(self, shares: _Reals) -> None:
-        """shares (V,), each from 0 (linear skinning) to 1 (dual quaternion skinning)."""
+        """shares: (V,), each from 0, linear skinning, to 1, dual quaternion skinning; the ends give exactly the bits of
+        these two. Copied.
+        Raises ValueError, naming the vertex, for a share that is not from 0 to 1.
+        """
     @property
     def shares(self) -> _Float32:
-        """(V,), read-only."""
+        """(V,) float32, read-only."""
 
 class Progress:
-    """The progress of a long computation, and a way to cancel it. Make it in one thread and pass it to a computation
-    in another."""
+    """The progress of a long computation, and a way to cancel it. Make it in one thread and pass it to a computation in
+    another.
+    """
 
     def __init__(self) -> None:
         """Use it for one computation at a time."""
@@ -235,13 +284,19 @@ class Progress:
         """Whether cancel() was called."""
     def cancel(self) -> None:
         """Ends the computation within about 0.1 s; it then returns None. What solves begins by ordering its matrix,
-        which cannot be interrupted: 0.2 s for 300,000 vertices, 0.4 s in transfer_weights."""
+        which cannot be interrupted: 0.2 s for 300,000 vertices, 0.4 s in transfer_weights.
+        """
 
 class RotationCenters(MethodData):
     """Optimized centers of rotation (Le and Hodgins 2016), for the method "rotation_centers"."""
 
     def __init__(self, centers: _Reals, has_center: _Bool) -> None:
-        """Restores what compute() made before: centers (V, 3), has_center (V,)."""
+        """Restores arrays that compute() made before.
+
+        centers: (V, 3), space of the rest mesh.
+        has_center: (V,) bool; a vertex without a center moves linearly, and its row of centers is ignored.
+        Raises ValueError for sizes that do not fit and for a center that is not finite.
+        """
     @staticmethod
     def compute(
         skin: Skin,
@@ -250,20 +305,32 @@ class RotationCenters(MethodData):
         sigma: float = 0.1,
         progress: Progress | None = None,
     ) -> RotationCenters | None:
-        """face_offsets (faces + 1,); face_vertices (C,), face after face. Returns None if progress was cancelled."""
+        """For each vertex, the mean of the mesh's surface, weighted by how similar the weights there are to the
+        vertex's own. The GIL is released.
+
+        skin: V vertices at rest; weights that are not above 0 count as 0. It must not change meanwhile.
+        face_offsets: (faces + 1,) integers, where each face begins in face_vertices.
+        face_vertices: (C,) integers, the vertices around each face; a polygon counts as a fan of triangles.
+        sigma: above 0; the larger it is, the less similar weights need to be.
+        progress: a Progress that another thread watches, or None.
+        A vertex has no center if fewer than two joints move it, or if no triangle has similar weights. Triangles whose
+        weights differ by less than a sixteenth of sigma are taken together. Returns None if progress was cancelled,
+        which Ctrl C does, too. Raises ValueError for what does not fit.
+        """
     @property
     def centers(self) -> _Float32:
-        """(V, 3), zeros for vertices without a center. A copy."""
+        """(V, 3) float32, zeros for vertices without a center. A copy."""
     @property
     def has_center(self) -> _Bool:
-        """(V,). A copy."""
+        """(V,) bool. A copy."""
     @property
     def count(self) -> int:
         """How many vertices have a center."""
 
 class DirectDeltaMush(MethodData):
     """Direct delta mush (Le and Lewis 2019): a skin prepared for skin_direct_delta_mush and for the method
-    "direct_delta_mush". Immutable."""
+    "direct_delta_mush". Immutable.
+    """
 
     def __init__(
         self,
@@ -279,7 +346,25 @@ class DirectDeltaMush(MethodData):
         variant: int = 0,
         prune: float = 1e-5,
     ) -> None:
-        """rest_positions (V, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; weights (V, J)."""
+        """rest_positions: (V, 3), space of the mesh.
+        face_offsets: (faces + 1,) integers, where the corners of each face begin.
+        face_vertices: (C,) integers, the vertices around each face, face after face; a polygon counts as a fan of
+        triangles.
+        weights: (V, J), column j for joint j.
+        smoothing: lambda, 0 to 1,000, how strongly each iteration smooths the shape.
+        weight_smoothing: kappa, 0 to 1,000, the same for the weights that `blend` uses.
+        blend: alpha, 0 to 1, how much of the translation comes from smoothed weights alone.
+        iterations: p, 0 to 1,000, how many times both are smoothed; 0 is linear skinning.
+        laplacian: "cotangent", or "uniform" for edges that all count the same.
+        variant: what is kept. 0: ten numbers per vertex and joint, the full method. 1: ten, turned by the inverse
+        transpose of the deformation, which shears. 2: four, turned by blended quaternions, so that translations of
+        joints no longer turn the surface. 3: four, by blended matrices. 4: one, turned as 2 about the smoothed rest
+        position. 5: one, linear skinning by the smoothed weights.
+        prune: 0 to 1: for each vertex, joints are left out that together move it by less than this fraction of the
+        spread of its joints' motions.
+        Takes seconds for large meshes. Raises ValueError for sizes that do not fit, a vertex that does not exist, a
+        setting out of range, a number that is not finite.
+        """
     @staticmethod
     def compute(
         skin: Skin,
@@ -294,10 +379,33 @@ class DirectDeltaMush(MethodData):
         prune: float = 1e-5,
         progress: Progress | None = None,
     ) -> DirectDeltaMush | None:
-        """The same from a Skin, to be run in a thread of its own. face_offsets (faces + 1,); face_vertices (C,), face
-        after face. Returns None if progress was cancelled."""
+        """The same from a Skin, to be run in a thread of its own.
+
+        skin: a Skin, which must not change meanwhile.
+        face_offsets: (faces + 1,) integers, where the corners of each face begin.
+        face_vertices: (C,) integers, the vertices around each face, face after face; a polygon counts as a fan of
+        triangles.
+        smoothing: lambda, 0 to 1,000, how strongly each iteration smooths the shape.
+        weight_smoothing: kappa, 0 to 1,000, the same for the weights that `blend` uses.
+        blend: alpha, 0 to 1, how much of the translation comes from smoothed weights alone.
+        iterations: p, 0 to 1,000, how many times both are smoothed; 0 is linear skinning.
+        laplacian: "cotangent", or "uniform" for edges that all count the same.
+        variant: what is kept. 0: ten numbers per vertex and joint, the full method. 1: ten, turned by the inverse
+        transpose of the deformation, which shears. 2: four, turned by blended quaternions, so that translations of
+        joints no longer turn the surface. 3: four, by blended matrices. 4: one, turned as 2 about the smoothed rest
+        position. 5: one, linear skinning by the smoothed weights.
+        prune: 0 to 1: for each vertex, joints are left out that together move it by less than this fraction of the
+        spread of its joints' motions.
+        progress: a Progress that another thread watches, or None. If it is cancelled, None is returned. Ctrl C cancels
+        it, too.
+        Raises ValueError as the constructor does.
+        """
     def arrays(self) -> dict[str, Any]:
-        """Returns what was computed, to be saved and passed to from_arrays."""
+        """Returns what was computed, to be saved and passed to from_arrays: variant, pruned; offsets (V + 1,) int64,
+        where each vertex's N entries begin; joints (N,) int32; omega (N, 10), (N, 4) or (N, 1) float32: second moment
+        xx xy xz yy yz zz about the center, first moment x y z, share, or the last of them; centers (V, 3) float32, the
+        smoothed rest positions; scales (V,) float32.
+        """
     @staticmethod
     def from_arrays(
         skin: Skin,
@@ -309,8 +417,15 @@ class DirectDeltaMush(MethodData):
         centers: _Reals,
         scales: _Reals,
     ) -> DirectDeltaMush:
-        """Restores what arrays() returned, for a Skin with the same rest positions and joints. offsets (V + 1,); joints
-        (N,); omega (N, 10), (N, 4) or (N, 1); centers (V, 3); scales (V,)."""
+        """Restores what arrays() returned, for a Skin with the same rest positions and joints.
+
+        offsets: (V + 1,) integers.
+        joints: (N,) integers.
+        omega: (N, 10), (N, 4) or (N, 1).
+        centers: (V, 3).
+        scales: (V,).
+        Raises ValueError for sizes that do not fit, a joint that does not exist, a number that is not finite.
+        """
     @property
     def variant(self) -> int:
         """0 to 5."""
@@ -319,14 +434,17 @@ class DirectDeltaMush(MethodData):
         """N, pairs of a vertex and a joint."""
     @property
     def bytes(self) -> int:
-        """How many bytes of memory it takes, without its skin."""
+        """How many bytes it takes, without its skin."""
     @property
     def pruned(self) -> float:
         """The largest error of a vertex because joints were left out, as a fraction of the spread of its joints'
-        motions."""
+        motions; at most `prune`, except with very many joints.
+        """
 
 class Bends:
-    """Influences of bones with segments, split between the ends of the segment that a vertex is at. Immutable."""
+    """Influences of bones with segments, which are split between the two ends of the segment that a vertex is at: N
+    vertices with M influences of B bones. Immutable.
+    """
 
     def __init__(
         self,
@@ -338,8 +456,16 @@ class Bends:
         segments: _Integers,
         axes: _Reals,
     ) -> None:
-        """vertices (N,), ascending; offsets (N + 1,); bones and weights (M,): their influences, not yet split;
-        first_joints and segments (B,); axes (B, 4): p is at share axes[:3] . p + axes[3] of a bone's length."""
+        """vertices: (N,) integers, ascending: the vertices with an influence of a bone with segments.
+        offsets: (N + 1,) integers: vertices[i] has the influences offsets[i] to offsets[i + 1].
+        bones: (M,) integers in 0..B-1: all influences of these vertices, not yet split, in stored order.
+        weights: (M,) float32.
+        first_joints: (B,) integers, the first joint of each bone.
+        segments: (B,) integers: 1 is an ordinary bone with one joint, n > 1 one with n + 1.
+        axes: (B, 4) float64: a point p of the armature's space lies at share axes[b, :3] . p + axes[b, 3] of the bone's
+        length, 0 at the head and 1 at the tail; points beyond count as at the end.
+        All are copied. Raises ValueError for sizes that do not fit and for numbers that are out of range or not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """N."""
@@ -362,9 +488,22 @@ class Layer:
         split_space: _Reals | None = None,
         data: MethodData | None = None,
     ) -> None:
-        """rest_frames (J, 4, 4), relative to the armature; mask and share (V,). The first layer of a
-        deformer has no share, and every other layer has one. split_space (4, 4): the space in which the
-        skin's own weights were split, if there are bends. data: the method's own data for each vertex."""
+        """skin: a Skin of V vertices and J joints; several layers may share it.
+        method: "linear" or "dual_quaternion"; or, with data, "blended", "rotation_centers" or "direct_delta_mush".
+        stretch: of dual quaternions, as in skin_dual_quaternion.
+        rest_frames: (J, 4, 4), as in skin_dual_quaternion, but relative to the armature.
+        mask: (V,), how much of the motion each vertex gets: p' = p + mask (skinned(p) - p). None: all of it.
+        share: (V,), for a layer that is mixed in: shape += share (own - shape). The first layer has no share, and every
+        other layer has one.
+        bends: a Bends: influences that are split in the skin as at its rest positions and in split_space. On each
+        frame, those of vertices that shape keys move are split again at their new place; with other rest positions, or
+        in another space, all are.
+        split_space: (4, 4), the space in which the skin was split, None if it is the pose's.
+        data: the method's own data for each vertex: a BlendShares, a RotationCenters or a DirectDeltaMush, which bends
+        do not change; None for a method without data.
+        All except skin, bends and data are copied. Raises ValueError for sizes that do not fit and for numbers that are
+        not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -373,7 +512,7 @@ class Layer:
         """J."""
 
 class ShapeKeys:
-    """Relative shape keys, as Blender adds them, to the bit. Immutable."""
+    """Relative shape keys, as Blender adds them, to the bit. Of each key only the differences are stored. Immutable."""
 
     def __init__(
         self,
@@ -381,8 +520,12 @@ class ShapeKeys:
         relative_to: _Integers | Sequence[int],
         weights: Sequence[_Reals | None] | None = None,
     ) -> None:
-        """positions: K arrays (V, 3), the first of which is the base; relative_to (K,); weights: K
-        entries, each None or (V,)."""
+        """positions: K arrays (V, 3), the first of which is the base. They are read once and not kept.
+        relative_to: (K,) integers, the key that each one is relative to; a key that is relative to a missing one adds
+        nothing.
+        weights: K entries, each None or (V,): how much each vertex takes of the key.
+        Raises ValueError for sizes that differ and for numbers that are not finite.
+        """
     @property
     def count(self) -> int:
         """K."""
@@ -391,10 +534,10 @@ class ShapeKeys:
         """V."""
     @property
     def delta_count(self) -> int:
-        """How many vertices are stored because they differ, summed over all keys."""
+        """How many vertices of all keys are stored because they differ."""
     @property
     def base(self) -> _Float32:
-        """(V, 3), read-only: the first key."""
+        """(V, 3) float32, read-only: the first key."""
 
 class Topology:
     """Which vertices are joined by edges, and the faces around each. Immutable."""
@@ -406,8 +549,14 @@ class Topology:
         face_offsets: _Integers | None = None,
         corner_vertices: _Integers | None = None,
     ) -> None:
-        """edges (E, 2), in the order in which sums are taken; face_offsets (faces + 1,);
-        corner_vertices (C,), face after face."""
+        """vertex_count: V.
+        edges: (E, 2) integers. Sums over neighbors are taken in this order, as in Blender. Edges without a face are
+        allowed.
+        face_offsets: (faces + 1,) integers, where the corners of each face begin. None: there are no faces.
+        corner_vertices: (C,) integers, the vertices around each face, face after face.
+        All are copied. Raises ValueError for a vertex out of range, for offsets that do not fit, for a face with fewer
+        than three corners and for one with a side that is not an edge.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -419,13 +568,22 @@ class Topology:
         """C."""
 
 class Stage:
-    """What a CorrectiveSmooth, a Smooth or another stage does in one frame. Immutable."""
+    """What a CorrectiveSmooth, a Smooth or another stage does in one frame: made by their stage(...), for apply or for
+    Deformer.deform. Immutable.
+    """
 
     def apply(self, positions: _Float32) -> None:
-        """Works on positions (V, 3), C-contiguous, in place."""
+        """Works in place. Several threads may call it at once.
+
+        positions: (V, 3) float32, C-contiguous.
+        Raises ValueError, and writes nothing, if the shape or dtype does not fit.
+        """
 
 class CorrectiveSmooth:
-    """Blender's Corrective Smooth modifier. Immutable except for set_rest_positions."""
+    """Blender's Corrective Smooth modifier: smooths the shape, then adds what smoothing removes from the rest shape,
+    turned with the faces. It equals Blender's result to the bit, except with arc cosines. Immutable except for
+    set_rest_positions; several threads may use one at once.
+    """
 
     def __init__(
         self,
@@ -436,13 +594,25 @@ class CorrectiveSmooth:
         pin_boundary: bool = False,
         corner_angle: _CornerAngle = "polynomial",
     ) -> None:
-        """rest_positions (V, 3), or None for only_smooth; weights (V,); corner_angle: "polynomial" as in
-        Blender 4.1 and later, "arc_cosine" as before."""
+        """topology: a Topology of V vertices.
+        rest_positions: (V, 3), the shape that keeps its detail: Blender's original or bound coordinates. None: for
+        only_smooth.
+        weights: (V,), how much of it each vertex gets; None: all of it.
+        invert: use 1 - weight instead of each weight. Without weights it has no effect.
+        pin_boundary: vertices on edges with only one face get weight 0.
+        corner_angle: "polynomial" as in Blender 4.1 and later, "arc_cosine" as before.
+        All but topology is copied. Vertices of weight 0 stay, and cost nothing. Raises ValueError for sizes that do not
+        fit and for numbers that are not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
     def set_rest_positions(self, positions: _Reals) -> None:
-        """Sets another rest shape. positions (V, 3). Not while another thread uses the object."""
+        """Sets another rest shape. Do not call it while another thread uses the object.
+
+        positions: (V, 3), copied.
+        Raises ValueError for another number of positions and for one that is not finite.
+        """
     def stage(
         self,
         factor: float = 0.5,
@@ -451,28 +621,56 @@ class CorrectiveSmooth:
         smooth_type: _SmoothType = "simple",
         only_smooth: bool = False,
     ) -> Stage:
-        """Returns a stage with the modifier's settings in a frame."""
+        """factor: any finite number, even outside of 0 to 1.
+        iterations: if 0 or less, nothing happens.
+        scale: multiplies what is added.
+        smooth_type: "simple" or "length_weighted".
+        only_smooth: nothing is added.
+        What smoothing removes from the rest shape is kept from frame to frame while factor, iterations and smooth_type
+        stay the same. Raises ValueError for an unknown name, for numbers that are not finite, and without rest
+        positions unless only_smooth.
+        """
 
 class Smooth:
-    """Blender's Smooth modifier, to the bit. Immutable."""
+    """Blender's Smooth modifier, to the bit: moves vertices towards the mean of the midpoints of their edges. A vertex
+    without edges has the mean 0. Immutable; several threads may use one at once.
+    """
 
     def __init__(self, topology: Topology, weights: _Reals | None = None, invert: bool = False) -> None:
-        """weights (V,)."""
+        """topology: a Topology of V vertices.
+        weights: (V,), how much of it each vertex gets; None: all of it.
+        invert: use 1 - weight instead of each weight. Without weights it has no effect.
+        All but topology is copied. Vertices of weight 0 or less stay, and cost nothing. Raises ValueError for sizes
+        that do not fit and for numbers that are not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
     def stage(
         self, factor: float = 0.5, iterations: int = 1, use_x: bool = True, use_y: bool = True, use_z: bool = True
     ) -> Stage:
-        """Returns a stage with the modifier's settings in a frame."""
+        """factor: any finite number, even outside of 0 to 1.
+        iterations: if 0 or less, nothing happens.
+        use_x, use_y, use_z: the axes along which vertices move.
+        Raises ValueError for a factor that is not finite.
+        """
 
 class Hook:
-    """Blender's Hook modifier, except for a custom falloff curve. Immutable."""
+    """Blender's Hook modifier: moves vertices by a matrix, x += part (M x - x), part = strength falloff weight.
+    Immutable; several threads may use one at once.
+    """
 
     def __init__(
         self, vertex_count: int, vertices: _Integers | None = None, weights: _Reals | None = None, invert: bool = False
     ) -> None:
-        """vertices (H,): the hooked ones, None for all that have a weight; weights (V,)."""
+        """vertex_count: V.
+        vertices: (H,) integers, the hooked vertices; one that is listed twice is moved twice. None: all that have a
+        weight.
+        weights: (V,), how much of it each vertex gets; None: all of it.
+        invert: use 1 - weight instead of each weight. Without weights it has no effect.
+        All are copied. Without vertices and weights nothing is hooked, as in Blender. Raises ValueError for a vertex
+        out of range, for sizes that do not fit and for numbers that are not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -485,25 +683,46 @@ class Hook:
         center: Sequence[float] = (0, 0, 0),
         uniform: _Reals | None = None,
     ) -> Stage:
-        """matrix (4, 4), in mesh space; uniform (3, 3): distances are measured after this transform."""
+        """matrix: (4, 4), M, in the space of the mesh.
+        strength: any finite number.
+        falloff: how the strength falls from the center to the radius: "none", "constant", "linear", "smooth", "sharp",
+        "root", "sphere" or "inverse_square".
+        radius: 0 is no falloff.
+        center: x, y, z in the space of the mesh.
+        uniform: (3, 3): a transform in which distances are measured. None: the space of the mesh.
+        Raises ValueError for an unknown falloff, for shapes that do not fit and for numbers that are not finite.
+        """
 
 class MixedLayers:
-    """Layers as a stage, as Blender's Armature modifiers behind others: all start from the shape that the stage gets.
-    Immutable; several threads may use one object at once."""
+    """Layers as a stage, as Blender's Armature modifiers behind others: all start from the shape that the stage gets,
+    and their results are mixed by their shares. Immutable; several threads may use one at once.
+    """
 
     def __init__(self, layers: Sequence[Layer]) -> None:
-        """layers: one or more, mixed in this order."""
+        """layers: one or more Layer objects, mixed in this order. The rest positions of their skins have no effect, and
+        bends are split where the vertices are in the shape that the stage gets. Raises ValueError if there are none, if
+        their numbers of vertices differ, if the first has a share, or if another has none.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
     def stage(self, poses: Sequence[tuple[_Float32, _Float64 | None]]) -> Stage:
-        """poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; kept, not copied."""
+        """poses: (matrices, space) per layer, as in Deformer.deform. The arrays are kept, not copied. Raises ValueError
+        if a shape or dtype does not fit.
+        """
 
 class Lattice:
-    """Blender's Lattice modifier. Immutable."""
+    """Blender's Lattice modifier: moves vertices with the points of a lattice around them. Immutable; several threads
+    may use one at once.
+    """
 
     def __init__(self, vertex_count: int, weights: _Reals | None = None, invert: bool = False) -> None:
-        """weights (V,)."""
+        """vertex_count: V.
+        weights: (V,), how much of it each vertex gets; None: all of it. Vertices of weight 0 or less stay, and cost
+        nothing.
+        invert: use 1 - weight instead of each weight. Without weights it has no effect.
+        All are copied. Raises ValueError for sizes that do not fit and for numbers that are not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -518,11 +737,21 @@ class Lattice:
         strength: float = 1.0,
         point_weights: _Reals | None = None,
     ) -> Stage:
-        """points (P, 3), in lattice space, along u first; counts, first, step, interpolation: for u, v and w, of the
-        points at rest; matrix (4, 4), lattice space from mesh space; point_weights (P,)."""
+        """points: (P, 3), the points in this frame, in the space of the lattice; u changes fastest.
+        counts: how many there are along u, v and w; their product is P.
+        first, step: where the points at rest begin along each axis, and the distance between them.
+        interpolation: along each axis "linear", "cardinal", "catmull_rom" or "bspline".
+        matrix: (4, 4), from the space of the mesh to that of the lattice.
+        strength: any finite number.
+        point_weights: (P,), how much of the effect is kept around each point; None: all of it.
+        All are copied. Raises ValueError for an unknown interpolation, for sizes that do not fit, for numbers that are
+        not finite and for a matrix without inverse.
+        """
 
 class SurfaceDeform:
-    """Blender's Surface Deform modifier. Immutable."""
+    """Blender's Surface Deform modifier: vertices are attached to faces of a target. Immutable; several threads may use
+    one at once.
+    """
 
     def __init__(
         self,
@@ -538,8 +767,21 @@ class SurfaceDeform:
         weights: _Reals | None = None,
         invert: bool = False,
     ) -> None:
-        """vertices (B,); offsets (B + 1,), of the attachments; attachments, distances, influences (N,);
-        corner_offsets (N + 1,); corners (C,); corner_weights (W,); weights (V,)."""
+        """vertex_count: V.
+        vertices: (B,), the bound ones.
+        offsets: (B + 1,), where the attachments of each begin.
+        attachments: (N,), how each is attached to a face: 0 to the first three corners, 1 to all corners, 2 to the
+        first two and the mean of all.
+        corner_offsets: (N + 1,), where the corners of each attachment's face begin.
+        corners: (C,), vertices of the target, around each face.
+        corner_weights: (W,), of the attachments in turn: one for each corner if it is attached to all, otherwise three.
+        distances: (N,), along the normal of the face.
+        influences: (N,), the share of each attachment.
+        weights: (V,), how much of it each vertex gets; None: all of it. Vertices of weight 0 stay, and cost nothing.
+        invert: use 1 - weight instead of each weight. Without weights it has no effect.
+        All are copied. Raises ValueError for sizes that do not fit, for what is out of range and for numbers that are
+        not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -547,10 +789,16 @@ class SurfaceDeform:
     def least_target_count(self) -> int:
         """How many vertices a target must have at least."""
     def stage(self, target: _Reals, matrix: _Reals, strength: float = 1.0) -> Stage:
-        """target (T, 3), in its own space; matrix (4, 4), mesh space from there, as when the mesh was bound."""
+        """target: (T, 3), its positions in this frame, in its own space.
+        matrix: (4, 4), from that space to the mesh's, as when the mesh was bound.
+        strength: any finite number.
+        All are copied. Raises ValueError for shapes that do not fit and for a strength that is not finite.
+        """
 
 class MeshDeform:
-    """Blender's Mesh Deform modifier, bound without Dynamic. Immutable."""
+    """Blender's Mesh Deform modifier, bound without Dynamic: vertices follow the weighted mean of how far the vertices
+    of a cage have moved. Immutable; several threads may use one at once.
+    """
 
     def __init__(
         self,
@@ -561,8 +809,15 @@ class MeshDeform:
         weights: _Reals | None = None,
         invert: bool = False,
     ) -> None:
-        """offsets (V + 1,); cage_vertices, cage_weights (N,), of each influence; cage_positions (C, 3), when bound;
-        weights (V,)."""
+        """offsets: (V + 1,), where the influences of each vertex begin.
+        cage_vertices, cage_weights: (N,), of each influence.
+        cage_positions: (C, 3), when the mesh was bound.
+        weights: (V,), how much of it each vertex gets; None: all of it. Vertices of weight 0 or less stay, and cost
+        nothing, as do those without influences.
+        invert: use 1 - weight instead of each weight. Without weights it has no effect.
+        All are copied. Raises ValueError for sizes that do not fit, for what is out of range and for numbers that are
+        not finite.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -570,12 +825,16 @@ class MeshDeform:
     def cage_vertex_count(self) -> int:
         """C."""
     def stage(self, cage: _Reals, matrix: _Reals, back: _Reals) -> Stage:
-        """cage (C, 3), in its own space; matrix (4, 4), from there to the space of cage_positions; back (3, 3), from
-        that to mesh space."""
+        """cage: (C, 3), its positions in this frame, in its own space.
+        matrix: (4, 4), from that space to the one of cage_positions.
+        back: (3, 3), from there to the space of the mesh.
+        All are copied. Raises ValueError for shapes that do not fit and for a matrix that is not finite.
+        """
 
 class Stencils:
     """How each vertex of one mesh is made from those of another, as a weighted sum: what the modifiers Subdivision,
-    Mirror and Array do. Immutable."""
+    Mirror and Array do. Immutable.
+    """
 
     def __init__(
         self,
@@ -586,10 +845,15 @@ class Stencils:
         scales: _Reals | None = None,
         shifts: _Reals | None = None,
     ) -> None:
-        """offsets (R + 1,): stencil r has the entries offsets[r] up to offsets[r + 1]; vertices (N,), of the mesh
-        before; weights (N,), finite; vertex_count: V, of that mesh; scales (R, 3), finite, by which the sums are
-        multiplied, -1 along the axis of a mirror; shifts (R, 3), finite, what is added then, in the unit of the
-        positions."""
+        """offsets: (R + 1,) integers; stencil r has the entries offsets[r] up to offsets[r + 1].
+        vertices: (N,) integers, of the mesh before.
+        weights: (N,), finite. Equal rows are stored once.
+        vertex_count: V, of the mesh before.
+        scales: (R, 3), finite, by which the sums are multiplied: -1 along the axis of a mirror; None: 1.
+        shifts: (R, 3), finite, what is added then, in the unit of the positions; None: 0.
+
+        All are copied. Raises ValueError for what does not fit.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -601,16 +865,21 @@ class Stencils:
         """N."""
     @property
     def pattern_count(self) -> int:
-        """How many different rows of weights, scales and shifts there are: equal ones are stored once."""
+        """How many different rows of weights, scales and shifts there are."""
     def apply(self, positions: _Float32, out: _Float32 | None = None) -> _Float32:
-        """Makes the vertices: p'(r) = s(r) sum_k w(r, k) p(i(r, k)) + t(r), axis by axis.
+        """Makes the vertices: p'(r) = s(r) sum_k w(r, k) p(i(r, k)) + t(r), axis by axis, in float32 and in the order
+        of the entries, so that any number of threads gives the same bits. The GIL is released.
 
-        positions (V, 3); out (R, 3), not overlapping positions. Returns out.
+        positions: (V, 3) float32, C-contiguous.
+        out: (R, 3) float32, C-contiguous, not overlapping positions; made if None.
+
+        Returns out. Raises ValueError for another shape or dtype.
         """
 
 class Deformer:
-    """Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks and mix,
-    and the stages after them. Immutable; several threads may use one object at once."""
+    """Everything that happens to one mesh in a frame: shape keys, skinning layers with their masks and mix, and the
+    stages after them. Immutable; several threads may use one at once.
+    """
 
     def __init__(
         self,
@@ -619,14 +888,19 @@ class Deformer:
         vertex_count: int | None = None,
         stencils: Stencils | None = None,
     ) -> None:
-        """layers: mixed in this order; may be empty if there are keys. vertex_count: in place of both, for
-        stages alone. stencils: of V vertices, make the result from the shape behind the stages."""
+        """layers: Layer objects, mixed in this order; none at all if there are keys.
+        keys: ShapeKeys, or None: the rest positions of the first layer's skin are deformed.
+        vertex_count: V, in place of both, for stages alone.
+        stencils: Stencils of V vertices, which make the result from the shape behind the stages, or None.
+        Raises ValueError if their numbers of vertices differ, if the first layer has a share, or if another layer has
+        none.
+        """
     @property
     def vertex_count(self) -> int:
         """V."""
     @property
     def result_count(self) -> int:
-        """R, of the result: V without stencils."""
+        """R, the number of vertices of the result: V without stencils."""
     def deform(
         self,
         poses: Sequence[tuple[_Float32, _Float64 | None]],
@@ -636,34 +910,74 @@ class Deformer:
         stages: Sequence[Stage] = (),
         milliseconds: _Float64 | None = None,
     ) -> None:
-        """Deforms one frame. poses: (matrices (J, 4, 4), mesh_from_armature (4, 4) or None) per layer; out
-        (R, 3); key_values (K,); rest_positions (V, 3) in place of those of the skin and of the keys; stages
-        work on the result in this order; milliseconds (S + 1,), out: the time of keys and layers, then of
-        each stage; with stencils (S + 2,), the last of which is theirs."""
+        """Deforms one frame.
+
+        poses: (matrices, space) per layer: matrices (J, 4, 4) float32, as in skin_linear, in the space of the armature;
+        space (4, 4) float64, from there to the mesh's, None if they are the same.
+        out: (R, 3) float32, C-contiguous, space of the mesh: where to write.
+        key_values: (K,) float32, the value of each key, 0 for those that are muted; None: 0 for all.
+        rest_positions: (V, 3) float32, C-contiguous, in place of those of the skin and of the keys; must not overlap
+        out.
+        stages: Stage objects, which work on the result in this order.
+        milliseconds: (S + 1,) float64, S the number of stages, C-contiguous: receives the time that keys and layers
+        took, then that of each stage; with stencils (S + 2,), the last of which is theirs; None: nothing is written.
+        If a method cannot include the space in its matrices (dual quaternions: one that shears or scales unevenly), the
+        points are transformed one by one. A space without an inverse gets zeros for it, as in Blender. Raises
+        ValueError, and writes nothing, if a shape or dtype does not fit.
+        """
 
 def forward_kinematics(
     skeleton: Skeleton, local: npt.NDArray[_Float], out: npt.NDArray[_Float] | None = None
 ) -> npt.NDArray[_Float]:
-    """Computes F(j) = F(parent) R(j) T(j). local and out (J, 4, 4) or (F, J, 4, 4), any strides; out may be
-    local itself and is returned."""
+    """Computes F(j) = F(parent) R(j) T(j) for each joint of each frame.
+
+    local: T(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.
+    out: where to write F(j), shape and dtype of local, any strides; it may be local itself, but must not overlap it in
+    any other way; made if None.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
+    """
 
 def skinning_matrices(skeleton: Skeleton, world: _Float32 | _Float64, out: _Float32 | None = None) -> _Float32:
-    """Computes F(j) A(j)^-1. world and out (J, 4, 4) or (F, J, 4, 4), any strides. Returns out."""
+    """Computes F(j) A(j)^-1 for each joint of each frame, as the skinning functions expect it.
+
+    world: F(j), (J, 4, 4) or (F, J, 4, 4), float32 or float64, any strides.
+    out: (J, 4, 4) or (F, J, 4, 4) as world, float32, where to write, any strides; made if None.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
+    """
 
 def rotation_transforms(rotations: _Reals, out: _Float64 | None = None) -> _Float64:
-    """Computes T(j) of joints that only rotate. rotations (J, 4), unit, w x y z; out (J, 4, 4). Returns out."""
+    """Computes T(j) of joints that only rotate.
+
+    rotations: (J, 4), unit quaternions w x y z.
+    out: where to write, (J, 4, 4) float64, any strides; made if None.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
+    """
 
 def group_influences(
     offsets: _Integers, groups: _Integers, weights: _Reals, joint_of_group: _Integers, normalize: bool = True
 ) -> tuple[_Int64, _Int32, _Float32, int, int]:
-    """Converts weights of vertex groups, of each vertex v from offsets[v] up to offsets[v + 1], to influences:
-    normalize divides them by the sum of those whose group has a joint. offsets (V + 1,); groups, weights (M,);
-    joint_of_group (G,), -1 for none. Returns offsets (V + 1,), joints (N,) and weights (N,), as Skin takes them; the
-    number of vertices that no joint moves; and the number of those whose weights do not sum to 1."""
+    """Converts weights of vertex groups to influences, as Blender's Armature modifier does.
+
+    offsets: (V + 1,) integers; vertex v has the entries offsets[v] up to offsets[v + 1].
+    groups: (M,) integers, the group of each entry; one that does not exist moves nothing.
+    weights: (M,).
+    joint_of_group: (G,) integers, the joint of each group, negative if it moves nothing.
+    normalize: weights of groups that move something are divided by their sum; False: they stay as they are, for dual
+    quaternions, whose sums are divided anyway.
+    Zeros are left out, and a vertex whose weights sum to 1e-4 or less stays at rest.
+    Returns offsets (V + 1,) int64, joints (N,) int32 and weights (N,) float32, as Skin takes them; how many vertices no
+    joint moves; and of how many the weights, as given, are more than 0.05 from a sum of 1.
+    Raises ValueError for sizes that do not fit.
+    """
 
 def skin_linear(skin: Skin, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
-    """Linear blend skinning: v' = sum_j w_j M(j) v. matrices (J, 4, 4) or (F, J, 4, 4), any strides; out
-    (V, 3) or (F, V, 3), C-contiguous. Returns out."""
+    """Linear blend skinning: v' = sum_j w_j M(j) v.
+
+    matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any strides, a transposed
+    view is read in place; the last row is taken to be 0 0 0 1.
+    out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if None.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
+    """
 
 def skin_dual_quaternion(
     skin: Skin,
@@ -674,8 +988,14 @@ def skin_dual_quaternion(
 ) -> _Float32:
     """Dual quaternion skinning (Kavan et al. 2008).
 
-    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear; stretch: what happens to scale and
-    shear; rest_frames (J, 4, 4), for all except "polar".
+    matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any strides, a transposed
+    view is read in place; the last row is taken to be 0 0 0 1.
+    out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if None.
+    stretch: what happens to scale and shear: "polar", decomposed and blended linearly; "frame", along the axes of the
+    joint's rest frame, as Blender 3.4 does; "frame_each", each joint on its own, as Blender 4.0 and later do.
+    rest_frames: with "frame" and "frame_each", (J, 4, 4): each joint's rest transform relative to the space of the
+    mesh, without scale; None with "polar".
+    Returns out. Raises ValueError if a shape or dtype does not fit.
     """
 
 def skin_blended(
@@ -686,24 +1006,39 @@ def skin_blended(
     stretch: _Stretch = "polar",
     rest_frames: _Reals | None = None,
 ) -> _Float32:
-    """v' = linear + share (dual quaternion - linear).
+    """Linear and dual quaternion skinning, blended: v' = linear + share (dual quaternion - linear).
 
-    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear; stretch, rest_frames (J, 4, 4), as
-    in skin_dual_quaternion.
+    shares: a BlendShares of V vertices.
+    matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any strides, a transposed
+    view is read in place; the last row is taken to be 0 0 0 1.
+    out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if None.
+    stretch: as in skin_dual_quaternion.
+    rest_frames: (J, 4, 4), likewise.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
     """
 
 def skin_rotation_centers(
     skin: Skin, centers: RotationCenters, matrices: _Float32, out: _Float32 | None = None
 ) -> _Float32:
-    """v' = R (v - p) + sum_j w_j M(j) p.
+    """Skinning about optimized centers of rotation (Le and Hodgins 2016): v' = R (v - p) + sum_j w_j M(j) p.
 
-    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear.
+    centers: a RotationCenters of V vertices.
+    matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any strides, a transposed
+    view is read in place; the last row is taken to be 0 0 0 1.
+    out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if None.
+    Scale and shear are blended linearly and applied to v - p first.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
     """
 
 def skin_direct_delta_mush(ddm: DirectDeltaMush, matrices: _Float32, out: _Float32 | None = None) -> _Float32:
-    """v' = R v + q - R p.
+    """Direct delta mush: v' = R v + q - R p, where R is the rotation nearest to how the smoothed neighborhood is
+    deformed.
 
-    matrices (J, 4, 4) or (F, J, 4, 4), out (V, 3) or (F, V, 3), as in skin_linear.
+    ddm: a DirectDeltaMush of V vertices and J joints.
+    matrices: F(j) A(j)^-1, (J, 4, 4) or (F, J, 4, 4), float32, indexed m[j, row, column]; any strides, a transposed
+    view is read in place; the last row is taken to be 0 0 0 1.
+    out: where to write, (V, 3) or (F, V, 3), float32, C-contiguous, space of the mesh; made if None.
+    Returns out. Raises ValueError if a shape or dtype does not fit.
     """
 
 def skin_all(
@@ -713,20 +1048,39 @@ def skin_all(
         | tuple[Skin, _Float32, _Float32, _Method, _Stretch, _Reals | None, MethodData | None]
     ],
 ) -> None:
-    """Skins several meshes at once, with all threads working on all of them. A job is (skin, matrices, out,
-    method[, stretch, rest_frames[, data]]), as in Layer and skin_dual_quaternion."""
+    """Skins several meshes at once, with all threads working on all of them.
+
+    jobs: tuples (skin, matrices, out, method), optionally followed by stretch and rest_frames (for dual quaternions),
+    and then by data. matrices and out are as in skin_linear, but out is not None; method and data are as in Layer.
+    The same bits as one call per job. Raises ValueError, and writes nothing, if a shape or dtype does not fit or two
+    results overlap.
+    """
 
 def read_dmat(path: _Path) -> _Float64:
-    """Reads a .dmat file, text or binary: (rows, columns)."""
+    """Reads a .dmat file, text or binary, as float64 (rows, columns). Raises ValueError, naming the file, if it cannot
+    be read.
+    """
 
 def write_dmat(path: _Path, array: _Reals, binary: bool = False) -> None:
-    """Writes a file that read_dmat reads back bit for bit. array (rows, columns)."""
+    """Writes a file that read_dmat reads back bit for bit.
+
+    array: (rows, columns), real numbers, written as float64.
+    binary: as little-endian float64 instead of text.
+    Raises ValueError if the file cannot be written.
+    """
 
 def read_skeleton(path: _Path, convention: _Convention | None = None) -> RigSkeleton:
-    """Reads a .bf or .tgf file. convention overrides the one that a .bf file indicates."""
+    """Reads a .bf or .tgf file as a RigSkeleton.
+
+    convention: "bone" or "joint" overrides the one that a .bf file indicates ("bone" if the weight index of a root is
+    -1); a .tgf file is always "bone".
+    Raises ValueError, naming file and line, for what cannot be read.
+    """
 
 def write_skeleton(path: _Path, skeleton: RigSkeleton) -> None:
-    """Writes .bf or .tgf, depending on the path's ending."""
+    """Writes a .bf or .tgf file, depending on the path's ending. Raises ValueError if the format cannot hold the
+    skeleton or the file cannot be written.
+    """
 
 def read_rig(
     folder: _Path,
@@ -738,11 +1092,24 @@ def read_rig(
     convention: _Convention | None = None,
     quaternion_order: Literal["wxyz", "xyzw"] = "wxyz",
 ) -> Rig:
-    """Reads a rig folder. Files have their usual names, or the given names relative to the folder. weights="auto":
-    made from the bones by automatic_weights, instead of read."""
+    """Reads a rig folder: mesh.obj, weights.dmat, skeleton.bf or skeleton.tgf and, if they exist, pose.dmat and
+    anim.dmat. Weights below 0 or above 1, which Blender's vertex groups cannot hold, become 0 or 1, and the weights of
+    their vertices are divided by their sum; clamped_weights is how many there were. (read_dmat returns the weights as
+    they are in the file.)
+
+    skeleton, mesh, weights, pose: other names for the files, relative to the folder. weights="auto": made from the
+    bones by automatic_weights, instead of read.
+    convention: as in read_skeleton.
+    quaternion_order: "wxyz" or "xyzw", of the pose file; Euler angles in it are degrees.
+    Raises ValueError, naming the file, for what cannot be read or does not fit the other files.
+    """
 
 def write_rig(folder: _Path, rig: Rig, *, skeleton: _Path = "skeleton.bf") -> None:
-    """Writes into an existing folder. skeleton: the name of its file, ending in .bf or .tgf."""
+    """Writes a rig into an existing folder, under the names that read_rig looks for.
+
+    skeleton: the name of its file, ending in .bf or .tgf.
+    Raises ValueError if the format cannot hold the skeleton or a file cannot be written.
+    """
 
 def colours_apart(
     vertex_count: int, edges: _Integers, face_offsets: _Integers, face_vertices: _Integers, steps: int, most: int = 256
@@ -750,24 +1117,32 @@ def colours_apart(
     """Colours vertices so that those of one colour are more than so many steps apart. A step leads to another vertex of
     the same edge or face.
 
-    edges (E, 2); face_offsets (faces + 1,); face_vertices (C,), face after face. Returns (V,), colours from 0 on; None
-    if more than `most` would be needed.
+    edges: (E, 2) integers.
+    face_offsets: (faces + 1,) integers, where the corners of each face begin.
+    face_vertices: (C,) integers, face after face.
+
+    Returns (V,) int32, colours from 0 on; None if more than `most` would be needed. Raises ValueError for what does not
+    fit.
     """
 
 def set_thread_count(count: int) -> None:
-    """Lets later calls use at most count threads; 0 means as many as the machine has."""
+    """Lets later calls use at most `count` threads, the calling one included, and never more than the machine has; 0
+    means as many as it has. Results never depend on it. Raises ValueError for a negative number.
+    """
 
 def thread_count() -> int:
-    """Returns the number of threads that the next call may use."""
+    """The number of threads the next call may use, at least 1."""
 
 def instruction_sets() -> list[str]:
-    """Returns the names of the instruction sets that this machine can run, best first."""
+    """The names of the instruction sets that this machine can run, best first."""
 
 def instruction_set() -> str:
-    """Returns the name of the instruction set in use."""
+    """The instruction set in use."""
 
 def set_instruction_set(name: str) -> None:
-    """Uses this instruction set from now on, or the best for "auto". Waits until running skinning calls have ended."""
+    """Uses this instruction set from now on, or the best for "auto". Results of two sets agree to rounding, not to the
+    bit. Waits until skinning calls in other threads have ended. Raises ValueError for an unknown name.
+    """
 
 class WeightReport:
     """What automatic_weights did. Immutable."""
@@ -795,7 +1170,7 @@ class WeightReport:
         """How many are in rigid parts."""
     @property
     def bones_outside(self) -> _Int32:
-        """Bones of which nothing is inside the mesh, ascending."""
+        """(N,) int32: bones of which nothing is inside the mesh, ascending. A copy."""
     @property
     def voxel_size(self) -> float:
         """In the unit of the positions; 0 if all of them are equal."""
@@ -808,21 +1183,22 @@ class AutomaticWeights:
 
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only: where the entries of each vertex begin."""
+        """(V + 1,) int64, read-only: where the entries of each vertex begin."""
     @property
     def joints(self) -> _Int32:
-        """(N,), read-only, ascending at each vertex."""
+        """(N,) int32, read-only, ascending at each vertex."""
     @property
     def weights(self) -> _Float32:
-        """(N,), read-only, above 0, with sum 1 at each vertex."""
+        """(N,) float32, read-only, above 0, with sum 1 at each vertex."""
     @property
     def ways(self) -> _UInt8:
-        """(V,), read-only: how each vertex got its weights: 0 surface, 1 volume, 2 nearest, 3 fixed, 4 rigid."""
+        """(V,) uint8, read-only: how each vertex got its weights: 0 surface, 1 volume, 2 nearest, 3 fixed, 4 rigid."""
     @property
     def parts(self) -> _Int32:
-        """(V,), read-only: the connected part of each vertex."""
+        """(V,) int32, read-only: the connected part of each vertex."""
     @property
-    def report(self) -> WeightReport: ...
+    def report(self) -> WeightReport:
+        """The WeightReport."""
 
 def automatic_weights(
     positions: _Reals,
@@ -844,13 +1220,40 @@ def automatic_weights(
     rigid_follow: _RigidFollow = "attachment",
     progress: Progress | None = None,
 ) -> AutomaticWeights | None:
-    """Computes weights for any mesh and any bones by heat diffusion, for a Skin.
+    """Computes weights for any mesh and any bones by heat diffusion, for a Skin. Every vertex gets some.
 
-    positions (V, 3), any unit and space; face_offsets (faces + 1,); face_vertices (C,), face after face; heads and
-    tails (B, 3), in the same space; joints (B,), the joint of each bone, several bones may share one, None: bone b is
-    joint b; fixed_vertices (F,) with fixed_weights (F, J), around which the others are solved; rigid_parts (V,), equal
-    numbers for the vertices of a rigid part, -1 for the others; rigid_size: connected parts smaller than this share of
-    the mesh are rigid, too. Returns None if progress was cancelled.
+    With positions scaled to size 1 and coincident vertices welded, L the Laplacian of the surface (cotangents, clamped
+    to 0..20) and A the area of each vertex: (L + A H) w_j = A H p_j, H_i = stiffness / d_i^2, where d_i is the distance
+    to the nearest bone through the solid, longer for bones that are not behind the surface (divided by ((cos + 1.001) /
+    2)^1.5), and p_ij is 1 if that bone is j. Near ties are shared. After Baran and Popovic 2007, with distances through
+    voxels in place of visibility. A voxel is solid where the surface meets it or the generalized winding number is
+    above 1/2 or below -1/2. For parts of fewer than 16 triangles or smaller than four voxels, and for loose vertices,
+    the same equation is solved among the voxels.
+
+    positions: (V, 3), finite, in any unit and space.
+    face_offsets: (faces + 1,) integers, where the corners of each face begin; empty: there are no faces.
+    face_vertices: (C,) integers, the vertices around each face, face after face; a polygon counts as a fan of
+    triangles.
+    heads, tails: (B, 3), the ends of the bones, in the space of the positions. One bone at least. Lengths may be 0.
+    joints: (B,) integers, the joint of each bone; several bones may share one, as segments do. None: bone b is joint b.
+    J is one more than the largest.
+    method: "heat"; "volume" for heat among voxels at all vertices, which is softer in folds and continuous from part to
+    part; "nearest" for the nearest bone through the air.
+    resolution: 8 to 256, voxels along the longest side of the mesh; a bulky mesh gets fewer.
+    stiffness: 0.001 to 1,000,000, how closely weights follow the nearest bone. Blender's bone heat is about 4.
+    max_influences: the largest number for a vertex; 0: any.
+    least_weight: 0 to 0.5, smaller weights are left out. Then each vertex's weights are divided by their sum.
+    fixed_vertices: (F,) integers, those whose weights are given; the others are solved for around them.
+    fixed_weights: (F, J), or a WeightTable, 0 or more with a sum above 0 in each row.
+    rigid_parts: (V,) integers: all vertices with the same number, 0 or more, get the same weights; -1: no part.
+    rigid_size: 0 to 1: connected parts whose bounding box has a diagonal shorter than this share of the mesh's are
+    rigid, too.
+    rigid_follow: "attachment": a rigid part gets the weights of the closest point of the rest of the surface; "bone":
+    it follows one bone.
+    progress: a Progress that another thread watches, or None. If it is cancelled, None is returned. Ctrl C cancels it,
+    too.
+    Returns AutomaticWeights: the same bits for any number of threads. Raises ValueError for sizes that do not fit,
+    vertices that do not exist, numbers that are not finite, no bones, settings out of range.
     """
 
 class Decomposition:
@@ -861,22 +1264,24 @@ class Decomposition:
         """J."""
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only: where the entries of each vertex begin."""
+        """(V + 1,) int64, read-only: where the entries of each vertex begin."""
     @property
     def joints(self) -> _Int32:
-        """(N,), read-only, ascending at each vertex."""
+        """(N,) int32, read-only, ascending at each vertex."""
     @property
     def weights(self) -> _Float32:
-        """(N,), read-only, above 0, with sum 1 at each vertex; given ones as they were."""
+        """(N,) float32, read-only, above 0, with sum 1 at each vertex; given ones as they were."""
     @property
     def rest(self) -> _Float64:
-        """(J, 4, 4), read-only: the joints at rest, unturned."""
+        """(J, 4, 4), read-only: the joints at rest, unturned, at `heads` or in the middle of what they move."""
     @property
     def poses(self) -> _Float64:
-        """(F, J, 4, 4), read-only: skinning matrices; poses[f, j] @ rest[j] is the joint in frame f."""
+        """(F, J, 4, 4), read-only: skinning matrices. poses[f, j] @ rest[j] is the joint in frame f."""
     @property
     def rms(self) -> float:
-        """The root of the mean square distance to the frames, in the unit of the positions."""
+        """The root of the mean square distance between what skinning gives and the frames, over all vertices and
+        frames, in the unit of the positions.
+        """
     @property
     def mean(self) -> float:
         """The mean distance."""
@@ -885,10 +1290,10 @@ class Decomposition:
         """The largest distance."""
     @property
     def vertex_rms(self) -> _Float32:
-        """(V,), read-only: of each vertex, over the frames."""
+        """(V,) float32, read-only: of each vertex, over the frames."""
     @property
     def vertex_largest(self) -> _Float32:
-        """(V,), read-only: the largest distance of each vertex."""
+        """(V,) float32, read-only: the largest distance of each vertex."""
     @property
     def iterations(self) -> int:
         """How many were done."""
@@ -910,26 +1315,58 @@ def decompose(
     tolerance: float = 1e-3,
     progress: Progress | None = None,
 ) -> Decomposition | None:
-    """Finds joints and weights whose linear skinning plays a deformation (Le and Deng 2012).
+    """Smooth skinning decomposition: finds joints and weights whose linear skinning plays a deformation, such as a
+    vertex cache, cloth or Direct Delta Mush.
 
-    rest (V, 3); frames (F, V, 3), the same vertices in each frame; face_offsets (faces + 1,); face_vertices (C,), face
-    after face. What is known: bones, the most joints to find; or heads (J, 3), where they begin; or matrices (F, J, 4,
-    4), skinning matrices whose weights are found; or weights (V, J), a WeightTable or a Skin, whose motions are found.
-    Returns None if progress was cancelled.
+    Minimizes sum |x_fv - sum_j w_vj M_fj u_v|^2 over rigid motions M and over weights w, which are not negative and sum
+    to 1, in turns (Le and Deng 2012). A motion is a weighted Procrustes problem, the weights of a vertex are least
+    squares on a simplex. Weights are kept smooth by a term smoothing F size^2 |w - w*|^2, where w* = (I + L)^-1 w, L
+    counts neighbors by how little the distance to them changes (Le and Deng 2014), and size is the root mean square
+    distance from the centroid. Parts that no face connects are tied where they are nearest; coincident vertices that
+    move alike get equal weights.
+
+    rest: (V, 3), the mesh at rest.
+    frames: (F, V, 3), the same vertices in each frame, in the same space and unit. One frame at least.
+    face_offsets: (faces + 1,) integers, where the corners of each face begin; empty: there are no faces.
+    face_vertices: (C,) integers, the vertices around each face, face after face.
+    Exactly one of these says what is known:
+    bones: at most so many joints are found, up to 2,048, with weights and motions. Fewer if fewer give the frames
+    exactly.
+    heads: (J, 3), where joints begin: each vertex belongs to the nearest one, then weights and motions are found.
+    Together with matrices or weights: only the positions in `rest` of the result.
+    matrices: (F, J, 4, 4), skinning matrices of any kind: weights for them are found.
+    weights: (V, J), 0 or more, a WeightTable or a Skin: rigid motions for these weights are found.
+
+    max_influences: 1 to 64, the most weights of a vertex. Those go that raise its error least.
+    iterations: 1 to 10,000, how many at most.
+    smoothing: 0 to 1, see above.
+    local: vertices follow only joints that move something near them. False: any joint is tried at every vertex, for
+    less error with more influences and time.
+    tolerance: 0 to 1, ends when three iterations one after the other lower the error by less than this share.
+    progress: a Progress that another thread watches, or None. If it is cancelled, None is returned. Ctrl C cancels it,
+    too. rest and frames must not change meanwhile.
+    Returns a Decomposition: the same bits for any number of threads. Raises ValueError for sizes that do not fit,
+    vertices that do not exist, numbers that are not finite, settings out of range, and if nothing or too much is known.
     """
 
 class WeightTable:
     """The weights above 0 of V vertices in B bones: N in all, where a table has V x B. What the weight tools are given
-    as a WeightTable, they return as one. Immutable."""
+    as a WeightTable, they return as one. Immutable.
+    """
 
     def __init__(self, offsets: _Integers, bones: _Integers, weights: _Reals, bone_count: int) -> None:
-        """offsets (V + 1,): vertex v has the entries offsets[v] up to offsets[v + 1]; bones (N,), in any order at a
-        vertex; weights (N,), 0 or more."""
+        """offsets: (V + 1,) integers; vertex v has the entries offsets[v] up to offsets[v + 1].
+        bones: (N,) integers, in any order at a vertex; weights of a bone that it names twice are added.
+        weights: (N,), 0 or more.
+        bone_count: B.
+        Raises ValueError if the parts do not fit each other, for bones that do not exist, and for weights below 0 or
+        not finite.
+        """
     @staticmethod
     def from_dense(weights: _Reals) -> WeightTable:
-        """weights (V, B), 0 or more."""
+        """weights: (V, B), 0 or more."""
     def dense(self) -> _Float32:
-        """(V, B)."""
+        """Returns (V, B) float32."""
     @property
     def vertex_count(self) -> int:
         """V."""
@@ -938,13 +1375,13 @@ class WeightTable:
         """B."""
     @property
     def offsets(self) -> _Int64:
-        """(V + 1,), read-only: where the entries of each vertex begin."""
+        """(V + 1,) int64, read-only: where the entries of each vertex begin."""
     @property
     def bones(self) -> _Int32:
-        """(N,), read-only, ascending at each vertex."""
+        """(N,) int32, read-only, ascending at each vertex."""
     @property
     def weights(self) -> _Float32:
-        """(N,), read-only, above 0."""
+        """(N,) float32, read-only, above 0."""
 
 def smooth_weights(
     weights: WeightTable | _Reals,
@@ -959,11 +1396,24 @@ def smooth_weights(
     positions: _Reals | None = None,
     progress: Progress | None = None,
 ) -> WeightTable | _Float32 | None:
-    """Smooths weights (V, B) along edges: with a strength in one solve, (I + t L) w' = w, otherwise in steps.
+    """Smooths the weights of all bones along the edges of faces. The sum of a vertex's weights is smoothed alike, so
+    that sums of 1 stay; what is below a millionth of it (with a strength, a hundred-thousandth) is left out.
 
-    face_offsets (faces + 1,); face_vertices (C,), face after face; mask (V,): where it is 0, weights stay; locked (L,):
-    bones whose weights stay; positions (V, 3): vertices that coincide get equal weights. Returns None if progress was
-    cancelled.
+    weights: a WeightTable, or (V, B), 0 or more, a column for each bone.
+    face_offsets: (faces + 1,) integers, where the corners of each face begin.
+    face_vertices: (C,) integers, the vertices around each face, face after face.
+    strength: 0 to 1,000,000. If above 0, in one solve: (I + t L) w' = w, where t is the strength and L w is w less the
+    mean of the neighbors; it reaches about sqrt(t) edges. 0: in steps.
+    steps: 0 to 10,000, how many times w is moved towards the mean of the neighbors.
+    factor: 0 to 1, how far each step goes.
+    mask: (V,), booleans or numbers from 0, which stays, to 1: multiplies the factor. With a strength, vertices below
+    0.5 stay. None: all are smoothed.
+    locked: (L,) integers, bones whose weights stay. The others' are scaled to the sum that they had.
+    positions: (V, 3): vertices that coincide get equal weights. None: they are smoothed apart.
+    Returns the weights; those of vertices without faces stay. progress: a Progress, from which another thread can read
+    how far it is, and cancel; or None.
+    Returns None if progress was cancelled. The same bits for any number of threads. Raises ValueError for sizes that do
+    not fit, vertices and bones that do not exist, numbers that are not finite, settings out of range.
     """
 
 def reduce_weights(
@@ -978,12 +1428,24 @@ def reduce_weights(
     locked: _Integers | None = None,
     progress: Progress | None = None,
 ) -> tuple[WeightTable | _Float32, _Float32, _Float32] | None:
-    """Leaves each vertex at most max_influences of its weights (V, B), by how far it moves without the others.
+    """Leaves each vertex at most max_influences weights, chosen by how far it moves in given poses without the others.
+    What is kept is fitted anew by least squares, not negative, with the sum of before, unless that makes the largest
+    move longer.
 
-    positions (V, 3), at rest; matrices (F, B, 4, 4), skinning matrices; rings: over how many edges of the faces
-    weights fade out towards vertices that have lost the bone; face_offsets (faces + 1,); face_vertices (C,), face after
-    face; locked (L,): bones whose weights stay, and count. Returns
-    (weights (V, B), largest (V,), mean (V,)): how far each vertex moves over the poses; None if progress was cancelled.
+    weights: a WeightTable, or (V, B), 0 or more, a column for each bone.
+    positions: (V, 3), rest positions.
+    matrices: (F, B, 4, 4), skinning matrices: a clip, or test poses. One at least.
+    max_influences: 1 to 64.
+    rings: 0 to 64: the weights of a bone fade out over so many edges towards vertices that have lost it, against seams.
+    Above 0 it needs faces.
+    face_offsets: (faces + 1,) integers, or None.
+    face_vertices: (C,) integers, or None.
+    locked: (L,) integers, bones whose weights stay, and count. A vertex keeps one other at least.
+    Returns (weights, largest, mean): the weights, and (V,) float32 each, how far each vertex moves over the poses, in
+    the unit of positions; 0 where nothing changed. progress: a Progress, from which another thread can read how far it
+    is, and cancel; or None.
+    Returns None if progress was cancelled. The same bits for any number of threads. Raises ValueError for sizes that do
+    not fit, vertices and bones that do not exist, numbers that are not finite, settings out of range.
     """
 
 def mirror_weights(
@@ -1000,12 +1462,24 @@ def mirror_weights(
     mask: _Reals | _Bool | None = None,
     progress: Progress | None = None,
 ) -> WeightTable | _Float32 | None:
-    """Copies weights (V, B) from one side to the other, by the closest points of the mirrored surface.
+    """Copies weights from one side to the other. Each vertex gets those of the closest point of the mirrored surface,
+    so that both sides may have different vertices.
 
-    positions (V, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; pairs (B,), the bone on the other
-    side of each; origin: where the mirror is on the axis; middle: a
-    share of the mesh's size, vertices so near the mirror are of both sides; mask (V,): below 0.5, weights stay.
-    Returns None if progress was cancelled.
+    weights: a WeightTable, or (V, B), 0 or more, a column for each bone.
+    positions: (V, 3), rest positions.
+    face_offsets: (faces + 1,) integers, where the corners of each face begin.
+    face_vertices: (C,) integers, the vertices around each face, face after face.
+    pairs: (B,) integers, the bone on the other side of each; a bone in the middle is its own.
+    axis: 0, 1 or 2 for x, y or z.
+    origin: where the mirror is on that axis.
+    from_positive: copies to the negative side; False: the other way.
+    middle: 0 to 1, share of the mesh's longest side: vertices so near the mirror get the mean of their own and their
+    mirrored weights.
+    mask: (V,), booleans or numbers: vertices below 0.5 stay. None: all may change.
+    Returns the weights. progress: a Progress, from which another thread can read how far it is, and cancel; or None.
+    Returns None if progress was cancelled. The same bits for any number of threads. Raises ValueError for sizes that do
+    not fit, vertices and bones that do not exist, numbers that are not finite, settings out of range, pairs that do not
+    agree, no faces on the side that is copied.
     """
 
 def transfer_weights(
@@ -1022,41 +1496,59 @@ def transfer_weights(
     flipped: bool = False,
     progress: Progress | None = None,
 ) -> tuple[WeightTable | _Float32, _Bool] | None:
-    """Copies weights from one surface to another: from the closest points, smooth between them.
+    """Copies weights from a surface to another one, as from a body to clothes. A vertex is matched if the closest point
+    of the source has weights, is near and faces the same way; it gets the weights there. The others get the smoothest
+    weights that agree with these (L M^-1 L w = 0, L the Laplacian of cotangents, clamped to 0.01..20, M the areas;
+    after Abdrashitov et al. 2023), and where some would be negative, the nearest ones that are not. A part of the
+    target without a match follows one point rigidly: the nearest with weights, of another part or of the source. The
+    unit does not matter.
 
-    source_positions (V, 3); source_face_offsets (source_faces + 1,); source_face_vertices (D,), face after face;
-    source_weights (V, B); positions (W, 3); face_offsets (faces + 1,); face_vertices (C,), face after face; distance: a
-    share of the diagonal of the target's bounding box; angle between normals in degrees; flipped: normals may be
-    opposite. Returns (weights (W, B), matched (W,)), or None if progress was cancelled.
+    source_positions: (V, 3).
+    source_face_offsets: (source_faces + 1,) integers. One face at least.
+    source_face_vertices: (D,) integers.
+    source_weights: a WeightTable, or (V, B), 0 or more.
+    positions: (W, 3), in the same space.
+    face_offsets: (faces + 1,) integers.
+    face_vertices: (C,) integers. Vertices without faces are parts of their own.
+    distance: above 0, share of the diagonal of the target's bounding box.
+    angle: 0 to 180 degrees, between the normals.
+    flipped: normals may also be opposite, as those of inner layers.
+    Returns (weights, matched): W rows with sum 1, and (W,) bool. Vertices that coincide get equal weights. progress: a
+    Progress, from which another thread can read how far it is, and cancel; or None.
+    Returns None if progress was cancelled. The same bits for any number of threads. Raises ValueError for sizes that do
+    not fit, vertices and bones that do not exist, numbers that are not finite, settings out of range, a source without
+    faces or weights.
     """
 
 class RigProgram:
-    """An armature's bones, constraints, drivers and curves, evaluated as Blender does. Immutable; any number of threads
-    may use it."""
+    """An armature's bones, constraints, drivers and curves, evaluated as Blender does."""
 
     def __init__(self, description: dict[str, Any] | _Path) -> None:
         """Checks a description, or the file of one that `sinew rig` has written, and puts it in order. Raises
-        ValueError, which names what is wrong or not covered."""
+        ValueError, which names what is wrong or not covered.
+        """
     @property
     def names(self) -> list[str]:
         """The bones' B unique names."""
     @property
     def rest(self) -> _Float32:
-        """(B, 4, 4), the bones' rest matrices in armature space."""
+        """(B, 4, 4) float32, the bones' rest matrices in armature space."""
     @property
     def parents(self) -> _Int32:
-        """(B,), the parent of each bone or -1."""
+        """B, the parent of each bone or -1."""
     @property
     def segment_begin(self) -> _Int32:
-        """(B + 1,), where each B-bone's matrices begin in segments(); other bones have none."""
+        """B + 1, where each B-bone's matrices begin in segments(); other bones have none."""
     @property
     def joint_begin(self) -> _Int32:
-        """(B + 1,), where each bone's joints begin in skinning_matrices(): one, or of a B-bone those of all ends of its
-        segments."""
+        """B + 1, where each bone's joints begin in skinning_matrices(): one, or of a B-bone those of all ends of its
+        segments.
+        """
     @property
     def paths(self) -> dict[str, int]:
         """What evaluate() takes, and how many numbers each has: settings of bones and constraints, custom properties,
-        and values from outside; see matrix_names too."""
+        and values from outside; see matrix_names too.
+        """
     @property
     def driven(self) -> list[str]:
         """The numbers that drivers set, whatever is given."""
@@ -1074,38 +1566,42 @@ class RigProgram:
         for a setting of a constraint, a number that is not finite, and a property without a curve.
         """
     def evaluate(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
-        """Returns the bones' matrices in armature space, (F, B, 4, 4).
+        """Returns the bones' matrices in armature space, (F, B, 4, 4) float32.
 
-        frames (F,): times, which may be fractions. set: values for paths such as 'pose.bones["Hand"].location',
-        (count,) for all frames or (F, count), and matrices from outside by name, (4, 4) or (F, 4, 4); they replace the
-        description's values and curves, and drivers replace them. Raises ValueError for an unknown path, for a wrong
-        shape, and if a driver divides by 0.
+        frames: (F,) times, which may be fractions.
+        set: values for paths such as 'pose.bones["Hand"].location', (count,) for all frames or (F, count), and matrices
+        from outside by name, (4, 4) or (F, 4, 4); they replace the description's values and curves, and drivers replace
+        them. Raises ValueError for an unknown path, for a wrong shape, and if a driver divides by 0.
         """
     def skinning_matrices(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
-        """Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4), for skins whose
-        joints are numbered as joint_begin says.
+        """Returns the matrices that move vertices from rest to pose, in armature space, (F, J, 4, 4) float32, for skins
+        whose joints are numbered as joint_begin says.
 
-        frames (F,); arguments and errors: see evaluate().
+        frames: (F,) times.
+        set: as in evaluate(), and so are the errors.
         """
     def segments(self, frames: _Reals, set: dict[str, Any] = {}) -> _Float32:
-        """Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4).
+        """Returns the matrices at the ends of the B-bones' segments, relative to their bones, (F, S, 4, 4) float32.
 
-        frames (F,); arguments and errors: see evaluate().
+        frames: (F,) times.
+        set: as in evaluate(), and so are the errors.
         """
     def values(self, frames: _Reals, paths: list[str], set: dict[str, Any] = {}) -> _Float32:
-        """Returns what properties hold, (F, N), all numbers of each path one after the other.
+        """Returns what properties hold, (F, N) float32, all numbers of each path one after the other.
 
-        frames (F,); other arguments and errors: see evaluate().
+        frames: (F,) times.
+        set: as in evaluate(), and so are the errors.
         """
     def places(self, paths: list[str]) -> _Int32:
-        """Returns where the numbers of paths are among all numbers of the rig, (P,), for rig_records. It is the same in
-        a rig that `edited` returns. Raises ValueError for an unknown path.
+        """Returns where the numbers of paths are among all numbers of the rig, (P,) int32, for rig_records. It is the
+        same in a rig that `edited` returns. Raises ValueError for an unknown path.
         """
     def profile(self, frames: _Reals, set: dict[str, Any] = {}) -> dict[str, float]:
         """Evaluates frames on one thread and returns the seconds that its parts took, all frames together: 'curves',
         'drivers', 'bones' with their constraints, 'ik' and 'segments' of B-bones.
 
-        frames (F,); arguments and errors: see evaluate().
+        frames: (F,) times.
+        set: as in evaluate(), and so are the errors.
         """
 
 def rig_records(
@@ -1117,9 +1613,8 @@ def rig_records(
     rigs: of each (program, (F,) times, (P,) places of numbers, see RigProgram.places, and what evaluate() takes as
     `set`). fields: (name, first, count) of what a bone holds, in this order: 'channel_matrix', 'pose_matrix', 'head'
     and 'tail'; 'values' are `count` of the bone's numbers from `first` on, in the order of rig_bone_settings().
-    Returns of each rig a tuple of its records, (F, N), and those numbers, (F, P); or a sentence if a driver divides by
-    0. A record is what host.record_pose returns, with the rig's dual quaternions. Raises ValueError for an unknown
-    place or field.
+    Returns of each rig a tuple of its records, (F, N) uint8, and those numbers, (F, P) float32; or a sentence if a
+    driver divides by 0. A record is what host.record_pose returns, with the rig's dual quaternions.
     """
 
 class RigRecordsAhead:
@@ -1133,8 +1628,9 @@ class RigRecordsAhead:
         """Waits for the threads, and returns what rig_records returns."""
 
 def rig_bone_settings() -> list[tuple[str, int]]:
-    """Returns the settings of a bone in the order of its `values`, and how many numbers each has."""
+    """The numbers of a bone that may change: name and how many. Those of the pose come first; a name that occurs again
+    is the rest bone's.
+    """
 
 def rig_constraint_settings() -> dict[str, dict[str, tuple[int, str, float, float, float]]]:
-    """Returns the settings of each type of constraint, and of each how many numbers it has, their type, which is
-    'FLOAT', 'INT', 'BOOLEAN' or 'ENUM', their default, and their limits."""
+    """The settings of each type of constraint, and of each how many numbers it has, their type, default and limits."""

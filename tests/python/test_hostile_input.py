@@ -500,7 +500,7 @@ def test_the_sentence_about_a_call(call, kind, said):
 # --- shapes ---------------------------------------------------------------------------------------
 
 ONE_SHAPE = r"\(\w+(?: \+ 1)?,(?: [\w]+(?:, \w+)*)?\)"
-SHAPES = re.compile(rf"((?:\w+(?:,| and) )*\w+) ({ONE_SHAPE}(?:(?:,| or) {ONE_SHAPE})*)")
+SHAPES = re.compile(rf"{ONE_SHAPE}(?:(?:,| or) {ONE_SHAPE})*")
 # Lists of arrays.
 OF_LISTS = {
     "ShapeKeys.__init__": {"positions", "weights"},
@@ -509,31 +509,21 @@ OF_LISTS = {
 }
 
 
-def docstring_of(name):
-    owner, _, member = name.rpartition(".")
-    nodes = CLASSES[owner].body if owner else FUNCTIONS
-    node = next(each for each in nodes if isinstance(each, ast.FunctionDef) and each.name == member)
-    return " ".join((ast.get_docstring(node) or "").split())
-
-
 def sizes_of(said):
     return [re.findall(r"\w+(?: \+ 1)?", each) for each in re.findall(ONE_SHAPE, said)]
 
 
-def shapes_of(name):
-    """{argument: the shapes that the stub says, each a list of sizes as text} of a binding."""
-    found = SHAPES.findall(re.split(r"(?<=[.;]) Returns ", docstring_of(name))[0])
-    return {own: sizes_of(said) for names, said in found for own in re.split(r", | and ", names)}
-
-
-def shapes_in_module(name):
-    """The same of the compiled module's docstring, in which each argument has its own lines, `name, name: ...`."""
-    owner, _, member = name.rpartition(".")
-    called = getattr(getattr(sinew, owner), member) if owner else getattr(sinew, member)
-    entries = re.split(r"\n(?=\w+(?:, \w+)*: )", called.__doc__)[1:]
-    parts = (entry.partition(": ") for entry in entries)
-    found = ((names, re.search(rf"{ONE_SHAPE}(?:(?:,| or) {ONE_SHAPE})*", said)) for names, _, said in parts)
+def shapes_in(docstring):
+    """{argument: its shapes, each a list of sizes as text}: each argument has its own line, `name, name: ...`."""
+    entries = (line.partition(": ") for line in docstring.splitlines() if re.match(r"\w+(, \w+)*: ", line))
+    found = ((names, SHAPES.search(said)) for names, _, said in entries)
     return {own: sizes_of(said.group()) for names, said in found if said is not None for own in names.split(", ")}
+
+
+def shapes_of(name):
+    """The shapes that the module says of a binding's arguments."""
+    owner, _, member = name.rpartition(".")
+    return shapes_in((getattr(getattr(sinew, owner), member) if owner else getattr(sinew, member)).__doc__)
 
 
 def arrays_of(name):
@@ -544,29 +534,23 @@ WITH_ARRAYS = [name for name in ARGUMENTS if arrays_of(name)]
 
 
 def test_shapes_are_understood():
-    assert SHAPES.findall("a, b and c (V, 3) or (F, V, 3); d (faces + 1,), e (E,): x; of f, and (g)") == [
-        ("a, b and c", "(V, 3) or (F, V, 3)"),
-        ("d", "(faces + 1,)"),
-        ("e", "(E,)"),
-    ]
+    docstring = "f(a: T) -> U\n\nSays (X,).\na, b: (V, 3) or (F, V, 3), or c\nd: where; (faces + 1,)\ne: a number\n"
+    points = [["V", "3"], ["F", "V", "3"]]
+    assert shapes_in(docstring) == {"a": points, "b": points, "d": [["faces + 1"]]}
 
 
 @pytest.mark.parametrize("name", WITH_ARRAYS)
-def test_shapes_are_those_of_the_stub(name):
-    """A call that is right has the shapes that the stub says, with one size for each letter. Another number of axes is
-    refused with these shapes, and so is another size where the stub has a number."""
+def test_shapes_are_those_that_are_said(name):
+    """A call that is right has the shapes that are said, with one size for each letter. Another number of axes is refused
+    with these shapes, and so is another size where there is a number."""
     shapes, (function, values) = shapes_of(name), valid()[name]
     lacking = [argument for argument in arrays_of(name) if argument not in shapes]
-    assert not lacking, "say their shapes in sinew_native.pyi"
-    in_module = shapes_in_module(name)
-    assert {own: in_module[own] for own in shapes if own in in_module} == {
-        own: shapes[own] for own in shapes if own in in_module
-    }
+    assert not lacking, "say their shapes in the docstring"
     sizes, taken = {}, []
     for argument in (each for each in arrays_of(name) if isinstance(values.get(each), np.ndarray)):
         array, axes = values[argument], {len(shape) for shape in shapes[argument]}
         shape = next((each for each in shapes[argument] if fits(array.shape, each, sizes)), None)
-        assert shape is not None, f"{argument} {array.shape}: the stub says {shapes[argument]} with {sizes}"
+        assert shape is not None, f"{argument} {array.shape}: it says {shapes[argument]} with {sizes}"
         for number in {0, 1, 2, 3, 4, 5} - axes:
             other = array.reshape(-1)[:1].reshape((1,) * number)
             said = said_of(function, values | {argument: other})
