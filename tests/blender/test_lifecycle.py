@@ -19,6 +19,7 @@ from helpers import (
     own_positions,
     reopened,
     select,
+    traces,
     twin_of,
     way,
 )
@@ -404,6 +405,22 @@ def test_node_group_of_an_older_version_is_renewed(fresh_scene, tmp_path):
     assert not ob.sinew.is_bound and not ob.modifiers["Armature"].show_viewport
     assert_same_shape(ob, twin)
     assert len(bpy.data.node_groups) == 0
+
+
+def test_an_inner_group_that_lost_its_outer_one_goes(fresh_scene, tmp_path):
+    """Blender does not save a group that nothing uses, but the one inside of it."""
+    ob = make_mesh(make_armature(), False)
+    accelerate(ob)
+    (group,) = (each for each in bpy.data.node_groups if each.name == "Sinew")
+    group.copy().use_fake_user = False
+    inner = group.nodes["Group"].node_tree.copy()
+    bpy.data.node_groups["Sinew.001"].nodes["Group"].node_tree = inner
+    path, name = str(tmp_path / "orphan.blend"), ob.name
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    select(bpy.data.objects[name])
+    bpy.ops.object.sinew_unbind()
+    assert not traces()
 
 
 def test_who_deletes_the_driver_unbinds(fresh_scene):

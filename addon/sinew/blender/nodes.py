@@ -11,6 +11,7 @@ SHARED_GROUP_NAME = "Sinew Shared"  # of Sinew's modifier on a mesh that several
 SHARED_PLACING_GROUP_NAME = "Sinew Shared Placing"  # inside the former
 FRONT_GROUP_NAME = "Sinew Front"  # of Sinew's modifier that takes all from a canvas
 FRONT_PLACING_GROUP_NAME = "Sinew Front Placing"  # inside the former
+_INNER = {PLACING_GROUP_NAME, SHARED_PLACING_GROUP_NAME, FRONT_PLACING_GROUP_NAME}
 CANVAS_GROUP_NAME = "Sinew Canvas"  # of the only modifier of a canvas
 NODE_GROUP_VERSION = 5
 VERSION_PROPERTY = "sinew_version"
@@ -354,12 +355,13 @@ def let_groups_go() -> None:
 
 
 def forget_unused_groups() -> None:
-    """Deletes Sinew's node groups that nothing uses, including those of older versions."""
+    """Deletes Sinew's node groups that nothing uses, including those of older versions. A file may have been saved with
+    an inner group whose outer one was no longer used."""
     for group in _own_groups():
         if group.users == group.use_fake_user:
-            within = {node.node_tree for node in group.nodes if node.type == "GROUP" and node.node_tree is not None}
             bpy.data.node_groups.remove(group)
-            bpy.data.batch_remove([each for each in within if each.users == 0])
+    groups = [each for each in bpy.data.node_groups if each.library is None and each.users == 0]
+    bpy.data.batch_remove([each for each in groups if each.name.partition(".")[0] in _INNER])
 
 
 def _own_groups():

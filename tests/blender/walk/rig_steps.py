@@ -1,5 +1,7 @@
 """What animators and riggers edit of an armature: actions, tracks, curves, constraints, drivers, settings of bones."""
 
+import contextlib
+
 import bpy
 
 from helpers import addon_module, select
@@ -114,7 +116,10 @@ def change_constraint(random, armature):
             each.influence = random.random()
             each.keyframe_insert("influence", frame=frame)
     elif what == "space" and each.type.startswith("COPY"):
-        each.owner_space, each.target_space = (random.choice(("WORLD", "POSE", "LOCAL")) for _ in range(2))
+        chosen = {name: random.choice(("WORLD", "POSE", "LOCAL")) for name in ("owner_space", "target_space")}
+        for name, value in chosen.items():
+            with contextlib.suppress(TypeError):  # of what is no bone, there is no POSE
+                setattr(each, name, value)
     elif what == "move":
         bone.constraints.move(len(bone.constraints) - 1, 0)
     elif what == "remove":
