@@ -222,8 +222,10 @@ def _settle_frozen(rig: rigs.Rig, scene: Any, layer: Any) -> bool:
 def settle(graph: Any) -> None:
     """Notes which armatures Blender evaluates again."""
     for rig in rigs.known():
-        if rig.state is State.SUSPECT and (rig.graph() in (graph, None) and not rigs.is_without_keys(rig, graph)):
-            rig.state = State.WANTED
+        if rig.state is State.SUSPECT and rig.graph() in (graph, None):
+            # Relations that were tagged have been built by now, even if no keyframes tell.
+            if rigs.follows_only_objects(rig) or not rigs.is_without_keys(rig, graph):
+                rig.state = State.WANTED
 
 
 def pose(rig: rigs.Rig) -> bool:

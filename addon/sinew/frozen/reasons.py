@@ -179,11 +179,6 @@ def check(rig: Any, layer: Any) -> list[Any]:
     data, outside = rig.animation_data, dependencies.outside_of(rig)
     moving = followers.moving(rig, outside)
     if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
-        if moving:
-            raise NotFreezable(
-                f"{rig.name} has no keyframes of its own, but follows {_names(moving)}: Blender evaluates its bones on "
-                "each frame because of these. Bake its action first (Pose > Animation)"
-            )
         if not rigs.moves(rig):
             raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
     if data is not None and data.use_tweak_mode:

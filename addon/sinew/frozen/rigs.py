@@ -12,7 +12,7 @@ import numpy as np
 
 from ..blender import dependencies, values
 from ..host import actions, evaluations, key_blocks, poses
-from . import records, settings
+from . import followers, records, settings
 from .followers import Followers
 from .settings import Setting
 from .shapes import Shapes, is_alive
@@ -247,6 +247,12 @@ def is_without_keys(rig: Rig, graph: Any) -> bool:
     return bool(played) and not any(each.evaluated_get(graph).is_evaluated for each in played)
 
 
+def is_moved_by_objects(rig: Rig, graph: Any) -> bool:
+    """Whether a change of the frame has had Blender evaluate an armature because of objects that it follows."""
+    copy = evaluated_copy(rig, graph)
+    return copy is not None and follows_only_objects(rig) and evaluations.is_tagged(copy)
+
+
 class Moment(NamedTuple):
     """What is recorded of one frame."""
 
@@ -407,9 +413,16 @@ def has_animation(ob: Any) -> bool:
 
 
 def moves(ob: Any) -> bool:
-    """Whether an armature object has keyframes, or bones of others that it follows have."""
+    """Whether an armature object has keyframes, or what it follows has."""
     rig = get(ob)
-    return has_animation(ob) or rig is not None and rig.is_idle or any(map(has_animation, dependencies.chain(ob)))
+    if has_animation(ob) or rig is not None and rig.is_idle or any(map(has_animation, dependencies.chain(ob))):
+        return True
+    return bool(followers.moving(ob, dependencies.outside_of(ob)))
+
+
+def follows_only_objects(rig: Rig) -> bool:
+    """Whether an armature has no keyframes, nor have bones that it follows: none tell which relations Blender has."""
+    return not (has_animation(rig.ob) or rig.source.leaders or len(dependencies.chain(rig.ob)) > 1)
 
 
 def is_evaluated(block: Any, graph: Any) -> bool:
