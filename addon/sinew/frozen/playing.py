@@ -198,7 +198,9 @@ def after_evaluation(scene: Any, graph: Any, is_new_frame: bool) -> None:
             own.append(rig)
     freezing.settle(graph)
     for rig in own:
-        if rig.is_idle and (not rigs.is_without_keys(rig, graph) or is_new_frame and rigs.is_moved_by_objects(rig, graph)):
+        if rig.is_idle and (
+            not rigs.is_without_keys(rig, graph) or is_new_frame and rigs.is_moved_by_objects(rig, graph)
+        ):
             # Blender has built relations, and copied it
             reasons[rig.key] = ""
             if rig.is_posable:  # or edited it may be
