@@ -92,9 +92,10 @@ def move_a_key(random):
 
 
 def shown():
-    """All shapes, and where the bones of all armatures are."""
+    """All shapes that modifiers make, and where the bones of all armatures are. Other shapes have keys alone, of which
+    Blender shows what another scene's evaluation has left as soon as they are tagged."""
     objects = [ob for ob in bpy.context.view_layer.objects if ob.visible_get()]
-    shapes = {ob.name: evaluated(ob).copy() for ob in objects if ob.type == "MESH"}
+    shapes = {ob.name: evaluated(ob).copy() for ob in objects if ob.type == "MESH" and ob.modifiers}
     for ob in objects:
         if ob.type == "ARMATURE":
             bones = ob.evaluated_get(depsgraph()).pose.bones

@@ -87,6 +87,7 @@ def change_curve(random, armature):
     elif what == "remove":
         if len(curve.keyframe_points) > 1:
             curve.keyframe_points.remove(curve.keyframe_points[-1])
+    curve.id_data.update_tag()  # Blender notices some of these at the next change of the frame only
     return f"{what} {curve.data_path}"
 
 
