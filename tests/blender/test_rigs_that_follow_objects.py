@@ -130,6 +130,99 @@ def test_a_child_of_what_follows_it_is_live(cast, has_keys):
     cast.play(FRAMES)
 
 
+def drive_by(cast, kind, *blocks, bone="", **settings):
+    """A driver of both armatures with a variable that reads these objects. bone: of the armature, in place of the last
+    one."""
+    for armature, *_ in both(cast):
+        driver = armature.pose.bones["bone3"].driver_add("location", 0).driver
+        driver.type, variable = "SUM", driver.variables.new()
+        variable.type = kind
+        for target, block in zip(variable.targets, (*blocks, armature) if bone else blocks):
+            target.id = block
+            for name, value in settings.items():
+                setattr(target, name, value)
+        if bone:
+            variable.targets[len(blocks)].bone_target = bone
+    for frame in (2, 1):
+        cast.scene.frame_set(frame)
+
+
+def with_property(ob, name, numbers, **settings):
+    """Gives an object a custom property that keyframes set."""
+    for frame, number in zip((1, 4, 9), numbers):
+        ob[name] = number
+        ob.keyframe_insert(f'["{name}"]', frame=frame)
+    ob.id_properties_ui(name).update(**settings)
+
+
+READ = {
+    "where it is": lambda cast: drive_by(cast, "TRANSFORMS", cast.ball, transform_type="LOC_Y"),
+    "how it is turned": lambda cast: drive_by(cast, "TRANSFORMS", cast.wheel, transform_type="ROT_Z"),
+    "how it is scaled": lambda cast: drive_by(cast, "TRANSFORMS", cast.ball, transform_type="SCALE_AVG"),
+    "a quaternion": lambda cast: drive_by(
+        cast, "TRANSFORMS", cast.ball, transform_type="ROT_X", rotation_mode="QUATERNION"
+    ),
+    "how far it is from another": lambda cast: drive_by(cast, "LOC_DIFF", cast.ball, cast.wheel),
+    "the angle to another": lambda cast: drive_by(cast, "ROTATION_DIFF", cast.cart, cast.wheel),
+    "a channel": lambda cast: drive_by(cast, "SINGLE_PROP", cast.wheel, data_path="location[1]"),
+    "a channel by its letter": lambda cast: drive_by(cast, "SINGLE_PROP", cast.cart, data_path="rotation_euler.z"),
+    "a channel of a child": lambda cast: drive_by(cast, "SINGLE_PROP", cast.wheel, data_path="scale.y"),
+}
+PROPERTIES = {
+    "a number": ("size", (0.2, 1.7, 0.4), {}),
+    "a number with limits": ("size", (0.2, 1.0, 0.4), {"min": 0.3, "max": 0.8}),
+    "a whole number": ("size", (1, 5, 2), {"max": 4}),
+    "a switch": ("size", (True, False, True), {}),
+    "three numbers": ("sizes", ((0.1, 0.2, 0.3), (0.5, 0.9, 0.2), (0.3, 0.3, 0.3)), {}),
+}
+
+
+@pytest.mark.parametrize("read", READ)
+def test_drivers_read_what_moves(cast, read):
+    READ[read](cast)
+    cast.accelerate()
+    assert np.ptp(cast.play([*FRAMES, 3, -7, 5]), axis=0).max() > 0.1
+    for frame in (2, 7):
+        cast.scene.frame_set(frame, subframe=0.5)
+        cast.assert_same()
+    move(cast)
+    layer().update()
+    cast.assert_same()
+    cast.play([4, 8])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+    pose(cast)
+    layer().update()
+    cast.assert_same()
+    cast.play([4, 8])
+
+
+@pytest.mark.parametrize("kind", PROPERTIES)
+def test_drivers_read_properties_that_are_keyed(cast, kind):
+    """Of an object that stands still otherwise."""
+    panel, (name, numbers, settings) = cast.new("Panel"), PROPERTIES[kind]
+    with_property(panel, name, numbers, **settings)
+    drive_by(cast, "SINGLE_PROP", panel, data_path=f'["{name}"]' + "[1]" * (kind == "three numbers"))
+    cast.accelerate()
+    cast.play([*FRAMES, 3, -7, 5])
+    cast.scene.frame_set(2, subframe=0.5)
+    cast.assert_same()
+    curve = addon_module("blender.animation").slot_curves(panel)[-1]
+    curve.keyframe_points[1].co.y *= 0.5
+    curve.update()
+    panel.animation_data.action.update_tag()
+    layer().update()
+    cast.assert_same()
+    cast.play([4, 8, 3])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+    panel[name] = numbers[1]
+    panel.update_tag()
+    layer().update()
+    cast.assert_same()
+    cast.play([5, 4])
+
+
 def key(cast):
     cast.move(cast.wheel, 7)
 
@@ -319,15 +412,26 @@ def hidden(cast):
     return "Ball is hidden"
 
 
-def read_by_a_driver(cast):
-    for armature, *_ in both(cast):
-        driver = armature.pose.bones["bone3"].driver_add("location", 0).driver
-        driver.type, variable = "SUM", driver.variables.new()
-        variable.type, variable.targets[0].id = "TRANSFORMS", cast.ball
-    return "drivers read it"
+def read_in_another_way(cast):
+    drive_by(cast, "SINGLE_PROP", cast.ball, data_path="dimensions[0]")
+    return "Rig follows Ball, which may move"
 
 
-REASONS = (with_constraint, with_driver, in_a_hand, with_strips, with_mode, hidden, read_by_a_driver)
+def read_in_local_space(cast):
+    drive_by(cast, "TRANSFORMS", cast.ball, transform_space="LOCAL_SPACE")
+    return "it reads Ball in another space"
+
+
+def read_beside_a_bone(cast):
+    drive_by(cast, "LOC_DIFF", cast.ball, bone="bone0")
+    return "reads it together with something else"
+
+
+REASONS = (
+    read_beside_a_bone,
+    *(with_constraint, with_driver, in_a_hand, with_strips, with_mode, hidden),
+    *(read_in_another_way, read_in_local_space),
+)
 
 
 @pytest.mark.parametrize("prepare", REASONS)

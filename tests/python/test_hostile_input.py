@@ -541,8 +541,8 @@ def test_shapes_are_understood():
 
 @pytest.mark.parametrize("name", WITH_ARRAYS)
 def test_shapes_are_those_that_are_said(name):
-    """A call that is right has the shapes that are said, with one size for each letter. Another number of axes is refused
-    with these shapes, and so is another size where there is a number."""
+    """A call that is right has the shapes that are said, with one size for each letter. Another number of axes is
+    refused with these shapes, and so is another size where there is a number."""
     shapes, (function, values) = shapes_of(name), valid()[name]
     lacking = [argument for argument in arrays_of(name) if argument not in shapes]
     assert not lacking, "say their shapes in the docstring"

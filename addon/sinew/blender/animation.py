@@ -112,11 +112,21 @@ def unkeyed_path(block: bpy.types.ID, time: float) -> str:
         except ValueError:
             continue
         value = value[curve.array_index] if hasattr(value, "__len__") and not isinstance(value, str) else value
-        keyed = curve.evaluate(time)
+        keyed = _within_limits(block, curve.data_path, curve.evaluate(time))
         off = 0.0 if isinstance(value, float) else 0.999  # Blender rounds whole numbers
         if isinstance(value, (int, float)) and abs(value - keyed) > off:
             return curve.data_path
     return ""
+
+
+def _within_limits(block: bpy.types.ID, path: str, value: float) -> float:
+    """Returns what Blender makes of a value that keyframes set of a property: custom ones have limits of their own."""
+    owner, separator, name = path.rpartition('["')
+    if not separator or not name.endswith('"]'):
+        return value
+    holder = block.path_resolve(owner) if owner else block
+    settings = holder.id_properties_ui(bpy.utils.unescape_identifier(name[:-2])).as_dict()
+    return float(np.float32(min(max(value, settings.get("min", value)), settings.get("max", value))))
 
 
 def stays(ob: bpy.types.Object, curve: bpy.types.FCurve) -> bool:
@@ -141,10 +151,10 @@ def find_curve(block: bpy.types.ID, path: str) -> bpy.types.FCurve | None:
     return next((curve for curve in slot_curves(block) if curve.data_path == path), None)
 
 
-def find_driver(ob: bpy.types.Object, path: str) -> bpy.types.FCurve | None:
-    """Returns the object's driver of a property, or None."""
-    data = ob.animation_data
-    return data.drivers.find(path) if data else None
+def find_driver(block: bpy.types.ID, path: str, index: int = 0) -> bpy.types.FCurve | None:
+    """Returns the driver of a property of a data-block, or None."""
+    data = block.animation_data
+    return data.drivers.find(path, index=index) if data else None
 
 
 def remove_driver(ob: bpy.types.Object, path: str) -> bool:

@@ -219,7 +219,7 @@ def _read(rig: rigs.Rig, scene: Any, graph: Any) -> Source:
         own, is_posable = settings.of(rig.ob, read.description)
         wanted = [*map(driven_keys.path_of, range(sum(counts))), *(setting.path for setting in own)]
         moving = [each for each in read.targets.moving.values() if each != rig.ob]
-        moving += followers.moving(rig.ob, read.targets.splines.values())
+        moving += followers.moving(rig.ob, (*read.targets.splines.values(), *read.outside.keyed.values()))
         source = Source(
             program, program.places(wanted), counts, tuple(own), leaders, tuple(moving), is_posable=is_posable
         )

@@ -219,19 +219,20 @@ def unkeyed(rig: Any, scene: Any) -> str:
 
 
 def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
-    """Raises NotFreezable if an armature object follows one of these moving objects in another way than by constraints,
-    or if its place on each frame is not known from keyframes."""
-    if not followed:
-        return
-    read = {target for curve in dependencies.drivers_of_both(rig) for target in dependencies.read_by(curve)}
+    """Raises NotFreezable if an armature object follows one of these moving objects in another way than by constraints
+    and drivers, or if its place on each frame is not known from keyframes."""
+    mixed: dict[Any, str] = {}
+    for curve in reading(rig, followed):
+        for variable in curve.driver.variables:
+            read = [target.id for target in variable.targets]
+            if not set(followed).isdisjoint(read) and not set(followed).issuperset(read):
+                mixed |= dict.fromkeys(read, f"the driver of {curve.data_path} reads it together with something else")
     for each in followed:
-        why = objects.why_not(each)
-        if each in read:
-            why = "drivers read it"
-        elif not each.visible_get(view_layer=layer) and (each.type != "CURVE" or objects.may_move(each)):
+        why = objects.why_not(each) or mixed.get(each, "")
+        if not why and not each.visible_get(view_layer=layer) and (each.type != "CURVE" or objects.may_move(each)):
             # so that Blender might not evaluate it
             why = f"{each.name} is hidden"
-        elif not contract.has(features.FOLLOWING):
+        elif not why and not contract.has(features.FOLLOWING):
             why = contract.why_not(features.FOLLOWING)
         if why:
             raise NotFreezable(f"bones of {rig.name} follow {each.name}, outside of it, which may move: {why}")
@@ -248,6 +249,12 @@ def constraints_on(rig: Any, targets: Sequence[Any]) -> list[tuple[Any, list[Any
         for constraint in bone.constraints
     ]
     return [each for each in found if each[1]]
+
+
+def reading(rig: Any, targets: Sequence[Any]) -> list[Any]:
+    """Returns the drivers of an armature object and its data that read some of these objects."""
+    own = dependencies.drivers_of_both(rig) if targets else ()
+    return [curve for curve in own if any(each in targets for each in dependencies.read_by(curve))]
 
 
 def check_place(rig: Any) -> None:

@@ -186,6 +186,8 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
                     rebuilding.on_no_frame(curve, rigs.time_of(rig.scene))
                 for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
                     rebuilding.without_targets(constraint, targets)
+                for curve in followers.reading(rig.ob, rig.source.moving):
+                    rebuilding.without_read(curve, rig.source.moving)
             for ob in hooked.values():
                 rebuilding.on_each_frame(followers.hook_of(ob), f"{wiring.CALLS} + 0 * frame")
             for curve in driven:
@@ -194,6 +196,10 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     finally:
         _is_building = False
     for rig in chosen:
+        for curve in followers.reading(rig.ob, rig.source.moving):
+            copy = animation.find_driver(curve.id_data.evaluated_get(graph), curve.data_path, curve.array_index)
+            if copy is not None:
+                relations.read_again(copy, curve, rig.source.moving, graph)
         followed = dependencies.with_parents(dependencies.outside_of(rig.ob)) if rig.source.moving else ()
         rig.unseen = [each for each in followed if each != rig.ob]
     for original in [*map(followers.hook_of, hooked.values()), *driven]:

@@ -189,10 +189,10 @@ FEATURES = {
         compared="the variables of all drivers",
     ),
     FOLLOWING: Feature(
-        "a rig whose constraints follow objects with keyframes is live",
-        "bConstraint " + " ".join(members.CONSTRAINTS.values()),
+        "a rig that follows objects with keyframes is live",
+        "bConstraint DriverVar.num_targets DriverTarget.*id " + " ".join(members.CONSTRAINTS.values()),
         (FREEZING,),
-        "the objects that a constraint follows",
+        "the objects that a constraint follows, and how many a variable of a driver reads",
     ),
 }
 

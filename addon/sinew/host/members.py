@@ -182,6 +182,7 @@ MEMBERS: dict[str, dict[str, Member]] = {
         "name": _name(),
         "type": Member("char", 1),
         "targets": Member("DriverTarget", None),
+        "num_targets": Member("char", 1),
         "curval": _float(),
     },
     "ChannelDriver": {

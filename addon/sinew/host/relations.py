@@ -9,7 +9,7 @@ relations again undoes the effect.
 import ctypes
 import keyword
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import bpy
@@ -83,6 +83,15 @@ class Rebuilding:
             raise contract.distrust(features.FOLLOWING, "constraints are not where they were")
         for place in found:
             self._change(place, bytes(members.POINTER))
+
+    def without_read(self, curve: Any, blocks: Sequence[Any]) -> None:
+        """Has Blender see no variable of an original's driver that reads these original data-blocks. A copy of the
+        driver is as `read_again` leaves it. Raises contract.Broken."""
+        for variable in _reading(curve.driver, blocks):
+            place, size = contract.region(variable, "DriverVar", "num_targets")
+            if int.from_bytes(ctypes.string_at(place, size), "little") != len(variable.targets):
+                raise contract.distrust(features.FOLLOWING, "what drivers read is not where it was")
+            self._change(place, bytes(size))
 
     def on_each_frame(self, curve: Any, text: str = "") -> None:
         """Has Blender evaluate a driver of an original on each frame. text: an expression with its value, if not
@@ -181,6 +190,22 @@ def on_each_frame(driver: Any) -> str:
     return text
 
 
+def _reading(driver: Any, blocks: Sequence[Any]) -> list[Any]:
+    return [each for each in driver.variables if any(target.id in blocks for target in each.targets)]
+
+
+def read_again(copy: Any, original: Any, blocks: Sequence[Any], graph: Any) -> None:
+    """Has a driver of an evaluated copy that was made inside a Rebuilding read again what the original's reads."""
+    read = {each.name for each in _reading(original.driver, blocks)}
+    for own, variable in zip(copy.driver.variables, original.driver.variables):
+        if variable.name in read:
+            place, size = contract.region(own, "DriverVar", "num_targets")
+            ctypes.memmove(place, len(variable.targets).to_bytes(size, "little"), size)
+            for target, followed in zip(own.targets, variable.targets):
+                address = ctypes.c_uint64.from_address(contract.region(target, "DriverTarget", "*id")[0])
+                address.value = followed.id.evaluated_get(graph).as_pointer()
+
+
 def type_again(copy: Any, original: Any) -> None:
     """Gives a driver of an evaluated copy that was made inside a Rebuilding the type of the original's."""
     kind = ctypes.c_int32.from_address(contract.region(copy.driver, "ChannelDriver", "type")[0])
@@ -225,6 +250,7 @@ def release() -> None:
 def tag() -> Any:
     """Has Blender build all relations again before its next evaluation. Returns the object that Blender copies again
     because of this, with the collections that it is in."""
-    ob = bpy.data.objects[0]
+    # What drivers of an armature read may be out of sight meanwhile.
+    ob = next((each for each in bpy.data.objects if each.type != "ARMATURE"), bpy.data.objects[0])
     ob.hide_viewport = ob.hide_viewport  # Blender tags them even if nothing changes
     return ob

@@ -8,12 +8,14 @@ import numpy as np
 
 from ..blender import animation
 from ..host import contract, features, keyframes
+from . import tables
 
 KEY_NUMBERS = (
     11  # left handle, point, right handle (frame and value each), amplitude, period, back, interpolation, easing
 )
 # Interpolations as Blender numbers them: up to LINEAR handles have no effect, up to BEZIER easings have none.
 LINEAR, BEZIER = 1, 2
+_CHANNELS = tuple(tables.CHANNELS)  # most curves set one of these
 
 
 class Refused(ValueError):
@@ -30,6 +32,21 @@ def rows_of(curves: Sequence[bpy.types.FCurve]) -> list[dict[str, Any]]:
         | ({"is_extrapolated": True} if curve.extrapolation == "LINEAR" else {})
         for curve in curves
     ]
+
+
+def animated(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
+    """Returns a row of rows_of as that of an animated value. Raises Refused."""
+    complete(row, curve)
+    return row if row["path"].endswith(_CHANNELS) else row | rounding_of(curve)
+
+
+def exists(block: bpy.types.ID, path: str) -> bool:
+    """Whether Blender finds what a curve animates; otherwise it passes over the curve."""
+    try:
+        block.path_resolve(path, False)
+    except ValueError:
+        return False
+    return True
 
 
 def complete(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:

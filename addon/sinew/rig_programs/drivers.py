@@ -7,19 +7,31 @@ import bpy
 
 from ..blender import animation
 from ..host import driver_variables
-from . import curves, paths, tables, targets
+from . import curves, objects, paths, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
-CHANNELS = tuple(tables.CHANNELS)  # most curves set one of these
 # Of the rig: what a variable reads of the object itself is outside.
 OF_RIG = ("pose.", '["', "data.")
 
 
 class Outside:
-    """Properties of other data-blocks that drivers read, by name."""
+    """Properties of other data-blocks that drivers read, by name, and objects of which keyframes set some."""
 
     def __init__(self) -> None:
         self.read: dict[str, tuple[bpy.types.ID, str]] = {}
+        self.keyed: dict[str, bpy.types.Object] = {}
+
+    def row_of(self, block: bpy.types.ID, path: str, found: targets.Targets) -> dict[str, str]:
+        """Returns what a variable says of a property that it reads. Raises Refused."""
+        known = objects.path_of(block, path)
+        if known is None:
+            return {"outside": self.name_of(block, path)}
+        ob: Any = block
+        if paths.moves_object(path):
+            found.of(ob, "")
+        else:
+            self.keyed[ob.name_full] = ob
+        return {"path": known}
 
     def name_of(self, block: bpy.types.ID, path: str) -> str:
         """Raises Refused for what is no number."""
@@ -58,18 +70,12 @@ def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str
                     path = path_of(start, stored)
                     if block == ob and animation.stays(ob, curve):
                         continue
-                    known[stored] = path if is_wanted(ob, path, found) and exists(block, stored) else None
+                    known[stored] = path if is_wanted(ob, path, found) and curves.exists(block, stored) else None
                 if own_path := known[stored]:
                     row["path"] = own_path
-                    yield curve_row(row, curve)
+                    yield curves.animated(row, curve)
         except curves.Refused as reason:
             found.refused.append(str(reason))
-
-
-def curve_row(row: dict[str, Any], curve: bpy.types.FCurve) -> dict[str, Any]:
-    """Returns a row of curves.rows_of as that of an animated value. Raises Refused."""
-    curves.complete(row, curve)
-    return row if row["path"].endswith(CHANNELS) else row | curves.rounding_of(curve)
 
 
 def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -> Iterator[dict[str, Any]]:
@@ -88,15 +94,6 @@ def drivers_of(ob: bpy.types.Object, found: targets.Targets, outside: Outside) -
 
 def path_of(start: str, path: str) -> str:
     return start + paths.normalised(path)
-
-
-def exists(block: bpy.types.ID, path: str) -> bool:
-    """Whether Blender finds what a curve animates; otherwise it passes over the curve."""
-    try:
-        block.path_resolve(path, False)
-    except ValueError:
-        return False
-    return True
 
 
 def is_wanted(ob: bpy.types.Object, path: str, found: targets.Targets) -> bool:
@@ -157,7 +154,7 @@ def variable_of(
         elif block is None:
             raise curves.Refused(f"its variable {name} reads nothing")
         else:
-            row["outside"] = outside.name_of(block, stored)
+            row |= outside.row_of(block, stored, found)
         return row
     row["targets"] = [target_of(kind, target, found, outside) for target in read]
     return row
@@ -179,5 +176,6 @@ def target_of(kind: str, target: driver_variables.Target, found: targets.Targets
     if kind == "TRANSFORMS" and mode == "AUTO" and holder.rotation_mode not in ("QUATERNION", "AXIS_ANGLE"):
         start = f"{holder.path_from_id()}." if bone else ""
         row["stored_mode"] = holder.rotation_mode
-        row["stored_angles"] = [outside.name_of(block, f"{start}rotation_euler[{i}]") for i in range(3)]
+        angles = [f"{start}rotation_euler[{i}]" for i in range(3)]
+        row["stored_angles"] = [next(iter(outside.row_of(block, each, found).values())) for each in angles]
     return row

@@ -12,7 +12,7 @@ import numpy as np
 from ..blender import animation, values
 from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from ..host import bones as bone_bytes
-from . import bones, curves, drivers, objects, paths, properties, reading, splines, tables
+from . import bones, curves, objects, paths, properties, reading, splines, tables
 
 _WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
 
@@ -67,7 +67,8 @@ class Known:
         for curve in self.targets.splines.values():
             splines.check(curve)
         values = splines.values_of(self.targets, self.outside)
-        rows = objects.rows_of(own), splines.rows_of(self.targets), list(values)
+        keyed = objects.properties_of(self.outside.keyed.values())
+        rows = objects.rows_of(own), keyed, splines.rows_of(self.targets), list(values)
         return json.dumps(rows, default=reading.as_list)
 
     def _read_switches(self, ob: bpy.types.Object) -> Iterator[tuple[Any, ...]]:
@@ -111,7 +112,7 @@ class Known:
         if (row["path"], row["index"]) not in self._curves or not curves.unmuted([curve]):
             return None
         try:
-            return drivers.curve_row(row, curve)
+            return curves.animated(row, curve)
         except curves.Refused:
             return None
 

@@ -7,9 +7,10 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies
-from . import curves, drivers, paths
+from . import curves, paths, properties, tables
 
-# As drivers.CHANNELS, in the order of a description; there is no delta of an axis and an angle.
+# In the order of a description; there is no delta of an axis and an angle.
+_CHANNELS = tuple(tables.CHANNELS)
 _DELTAS = ("delta_location", "delta_rotation_quaternion", "", "delta_rotation_euler", "delta_scale")
 
 
@@ -45,6 +46,41 @@ def rows_of(own: Iterable[bpy.types.Object]) -> tuple[list[dict[str, Any]], list
     return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
 
 
+def path_of(block: bpy.types.ID, path: str) -> str | None:
+    """Returns where a description has a property of another object, where it is or a custom property, of which is known
+    on each frame what it is: its own keyframes set it. None for what is no such property."""
+    path = paths.normalised(path)
+    if not isinstance(block, bpy.types.Object) or block.type == "ARMATURE" or why_not(block):
+        return None
+    if paths.moves_object(path):
+        return f"{_start_of(block)}.{path}" if may_move(block) else None
+    driven = {each.data_path for each in animation.drivers_of(block)}
+    keyed = {paths.normalised(each.data_path) for each in curves.curves_in_effect(block)} - driven
+    return _start_of(block) + path if any(_is_custom(each) and path.startswith(each) for each in keyed) else None
+
+
+def properties_of(own: Iterable[bpy.types.Object]) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
+    """Returns the rows of the custom properties of objects that keyframes set, with those of their curves."""
+    found = []
+    for ob in own:
+        effective = [each for each in curves.curves_in_effect(ob) if _is_custom(paths.normalised(each.data_path))]
+        by_path: dict[str, list[dict[str, Any]]] = {}
+        for curve, row in zip(effective, curves.rows_of(effective)):
+            row["path"] = _start_of(ob) + paths.normalised(row["path"])
+            by_path.setdefault(row["path"], []).append(curves.animated(row, curve))
+        rows = properties.of_holder(ob, _start_of(ob))
+        found += [(row, by_path[row["path"]]) for row in rows if row["path"] in by_path]
+    return found
+
+
+def _is_custom(path: str) -> bool:
+    return path.startswith('["')
+
+
+def _start_of(ob: bpy.types.Object) -> str:
+    return f'objects["{bpy.utils.escape_identifier(ob.name_full)}"]'
+
+
 def _keyed(ob: bpy.types.Object) -> list[dict[str, Any]]:
     """Returns the curves that say where an object and its parents are. Raises Refused if anything else may."""
     lineage = dependencies.with_parents([ob])
@@ -71,16 +107,16 @@ def _curves_of(ob: bpy.types.Object) -> Iterator[dict[str, Any]]:
     own = curves.curves_in_effect(ob)
     for curve, row in zip(own, curves.rows_of(own)):
         path = paths.normalised(row["path"])
-        if not paths.moves_object(path) or not drivers.exists(ob, path):
+        if not paths.moves_object(path) or not curves.exists(ob, path):
             continue
-        if path not in (*drivers.CHANNELS, *_DELTAS):
+        if path not in (*_CHANNELS, *_DELTAS):
             raise curves.Refused(f"{path} of {ob.name} is keyed")
-        row["path"] = f'objects["{bpy.utils.escape_identifier(ob.name_full)}"].{path}'
-        yield drivers.curve_row(row, curve)
+        row["path"] = f"{_start_of(ob)}.{path}"
+        yield curves.animated(row, curve)
 
 
 def _row_of(ob: bpy.types.Object) -> dict[str, Any]:
-    numbers = [getattr(ob, name) if name else (0.0,) * 4 for name in (*drivers.CHANNELS, *_DELTAS)]
+    numbers = [getattr(ob, name) if name else (0.0,) * 4 for name in (*_CHANNELS, *_DELTAS)]
     return {
         "name": ob.name_full,
         "parent": ob.parent.name_full if ob.parent is not None else None,

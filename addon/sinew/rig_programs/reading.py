@@ -89,6 +89,9 @@ def read(
     own = objects.moving(found.outside.values())
     found.moving = {each.name_full: each for each in own}
     description["objects"], keyed_places = objects.rows_of(own)
+    for property_row, its_curves in objects.properties_of(outside.keyed.values()):
+        description["properties"].append(property_row)
+        keyed_places += its_curves
     description["curves"] += keyed_places
     description["values"] = [{"name": name, "value": value} for name, value in outside.values(depsgraph).items()]
     description["matrices"] = [

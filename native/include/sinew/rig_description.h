@@ -266,7 +266,7 @@ struct VariableTarget {
   ChannelRotation rotation = ChannelRotation::automatic;
   /// How what is outside stores its rotation, of which automatic angles are those nearest to the stored ones.
   RotationMode order = RotationMode::quaternion;
-  std::array<std::string, 3> angles = {};  ///< OutsideValues with its Euler angles, if it stores some
+  std::array<std::string, 3> angles = {};  ///< OutsideValues or paths: its Euler angles, if it stores some
 };
 
 struct VariableDescription {

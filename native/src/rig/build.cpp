@@ -385,6 +385,7 @@ Variable variable_of(const RigDescription& rig, const VariableDescription& given
       for (std::size_t i = 0; i < variable.angles.size(); ++i) {
         const std::string& angle = given.targets[0].angles[i];
         variable.angles[i] = map.find_outside(angle);
+        if (variable.angles[i] < 0) variable.angles[i] = map.find_element(angle);
         if (variable.angles[i] < 0 && !angle.empty()) refuse_unknown(angle);
       }
       variable.targets[1].target = {};
