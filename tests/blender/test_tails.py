@@ -785,3 +785,34 @@ def test_the_modifier_is_removed_or_applied_after_an_edit(fresh_scene, is_applie
         for frame in (2, 5):
             bpy.context.scene.frame_set(frame)
             assert_same_shape(ob, twin)
+
+
+@pytest.mark.parametrize("stack", PAIRS)
+def test_originals_of_what_was_evaluated_are_there_until_all_handlers_are_done(fresh_scene, stack):
+    """Another add-on looks for them, after Sinew's handlers."""
+    ob = character_with(*PAIRS[stack], add=add_shape_keys if stack == "with keys" else None)[0][0]
+    accelerate(ob)
+    find_stencils()
+    assert tail_of(ob) is not None
+    contract = addon_module("host.contract")
+    place, missing = contract.offset("ID", "*orig_id"), []
+
+    def look(_scene, graph):
+        known = {block.as_pointer() for kind in (bpy.data.objects, bpy.data.meshes) for block in kind}
+        for update in graph.updates:
+            original = contract.address_at(update.id.as_pointer() + place)
+            if isinstance(update.id, (bpy.types.Object, bpy.types.Mesh)) and original not in known:
+                missing.append(update.id.name)
+
+    package = addon_module("main").__name__.removesuffix(".main")
+    bpy.ops.preferences.addon_disable(module=package)
+    bpy.ops.preferences.addon_enable(module=package)
+    bpy.app.handlers.depsgraph_update_post.append(look)
+    try:
+        for _ in range(3):
+            for each in ob, ob.data:
+                each.update_tag()
+            bpy.context.view_layer.update()
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(look)
+    assert not missing

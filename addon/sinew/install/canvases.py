@@ -25,8 +25,9 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..blender import meshes, modifiers, nodes
+from ..blender import meshes, modifiers, nodes, values
 from ..plan import canvas_survey
+from ..run import mail
 
 NAME = ".Sinew Canvas"  # the dot hides it in lists
 
@@ -84,9 +85,13 @@ def _give_mesh(canvas, mesh):
 
 def _forget_copies(meshes):
     """Removes those of the meshes that are copies, and that nothing uses any more."""
-    unused = [mesh for mesh in meshes if mesh.name.startswith(NAME) and mesh.users == 0]
-    if unused:  # even for none, Blender would build the relations of its dependency graph again
-        bpy.data.batch_remove(unused)
+    keys = {values.key_of(mesh) for mesh in meshes if mesh.name.startswith(NAME) and mesh.users == 0}
+    if keys:  # even for none, Blender would build the relations of its dependency graph again
+        mail.once_handlers_are_done(_remove_meshes, keys)
+
+
+def _remove_meshes(keys):
+    bpy.data.batch_remove([mesh for mesh in bpy.data.meshes if values.key_of(mesh) in keys and mesh.users == 0])
 
 
 def _make(ob):
@@ -124,8 +129,12 @@ def remove_all() -> None:
 
 
 def _remove(canvases):
-    if not canvases:
-        return
+    if canvases:
+        mail.once_handlers_are_done(_remove_objects, {values.key_of(canvas) for canvas in canvases})
+
+
+def _remove_objects(keys):
+    canvases = [ob for ob in _local() if values.key_of(ob) in keys]
     meshes = {canvas.data for canvas in canvases}
     bpy.data.batch_remove(canvases)
     _forget_copies(meshes)

@@ -15,6 +15,7 @@ from mathutils import Matrix
 
 from ..blender import meshes, nodes, values
 from ..plan import survey, ways
+from ..run import mail
 
 SUFFIX = ".deformed"
 _copies: dict[int, bpy.types.Object] = {}  # key of a bound object -> its copy, which may have become invalid
@@ -194,7 +195,13 @@ def remove(ob: bpy.types.Object) -> None:
 
 
 def _remove(copy):
-    mesh = copy.data
-    bpy.data.objects.remove(copy)
-    if mesh.users == 0 and mesh.library is None:
-        bpy.data.meshes.remove(mesh)
+    mail.once_handlers_are_done(_remove_object, values.key_of(copy))
+
+
+def _remove_object(key):
+    copy = next((ob for ob in bpy.data.objects if values.key_of(ob) == key), None)
+    if copy is not None:
+        mesh = copy.data
+        bpy.data.objects.remove(copy)
+        if mesh.users == 0 and mesh.library is None:
+            bpy.data.meshes.remove(mesh)

@@ -6,7 +6,7 @@ group, undo would keep the object but not the group.
 """
 
 from ..blender import nodes
-from ..run import characters
+from ..run import characters, mail
 
 
 def see_to() -> None:
@@ -14,6 +14,12 @@ def see_to() -> None:
     if _is_needed():
         nodes.make_groups()
     else:
+        nodes.let_groups_go()
+        mail.once_handlers_are_done(_forget)
+
+
+def _forget():
+    if not _is_needed():
         nodes.forget_unused_groups()
 
 

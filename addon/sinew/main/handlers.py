@@ -39,6 +39,7 @@ _is_file_unknown = True
 
 @persistent
 def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
+    mail.remove_what_waits()
     write_lock.look()
     take_over_open_file()
     characters.see_surroundings()
@@ -54,6 +55,17 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    with mail.among_handlers():
+        _follow_frame(scene, depsgraph)
+
+
+@persistent
+def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    with mail.among_handlers():
+        _follow_update(depsgraph)
+
+
+def _follow_frame(scene, depsgraph):
     if characters.may_follow_clips():
         _in_main_thread(_pose_anew, scene, depsgraph)
     if not mail.is_main_thread():
@@ -97,6 +109,7 @@ def _in_main_thread(function, *arguments):
 
 @persistent
 def before_depsgraph_update(*_: Any) -> None:
+    mail.remove_what_waits()
     characters.see_surroundings()
 
 
@@ -111,8 +124,7 @@ def after_evaluation(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) ->
     afterwards.restore(depsgraph)
 
 
-@persistent
-def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+def _follow_update(depsgraph):
     write_lock.look()
     _put_handlers_back()
     take_over_open_file()
@@ -151,12 +163,14 @@ def on_load(*_: Any) -> None:
     for forget_more in (notice.forget, posing.forget_what_was_said, whole_frames.forget, precomputing.forget):
         forget_more()
     callbacks.another_file()
+    mail.removals.clear()
     forget()
     take_over_open_file()
 
 
 @persistent
 def before_save(*_: Any) -> None:
+    mail.remove_what_waits()
     for ob in characters.known():
         planning = characters.of(ob).planning
         if planning.tail is not None:  # whoever opens or links the file has no stencils
@@ -360,7 +374,7 @@ def _has_stray_attribute(mesh):
 def look_into_the_mail() -> float:
     """Restores what is missing and delivers the mail. A timer, which Blender would drop if it raised. Returns the
     seconds until the next call."""
-    for look in (_put_handlers_back, take_over_open_file, mail.deliver, searching.look):
+    for look in (mail.remove_what_waits, _put_handlers_back, take_over_open_file, mail.deliver, searching.look):
         try:
             look()
         except Exception as error:

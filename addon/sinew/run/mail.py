@@ -3,7 +3,8 @@
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic
 from typing import Any
 
@@ -15,6 +16,8 @@ REWIRE = "rewire"  # argument: the key of an object for whose plan the file lack
 letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
 _answers: dict[Any, Callable[..., object]] = {}  # by the name of the request
 _asked_at = float("-inf")
+_handlers = 0  # that run
+removals: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
 
 
 def is_main_thread() -> bool:
@@ -75,6 +78,33 @@ def deliver() -> None:
             _answers.get(function, function)(*arguments)
         except Exception:
             log.exception("what an evaluation asked for could not be done")
+
+
+@contextmanager
+def among_handlers() -> Iterator[None]:
+    """Around what a handler does after an evaluation. Until all handlers have run, other add-ons may ask the graph for
+    the originals of what was evaluated (`Depsgraph.updates`), so no data-block may be removed."""
+    global _handlers
+    _handlers += 1
+    try:
+        yield
+    finally:
+        _handlers -= 1
+
+
+def once_handlers_are_done(function: Callable[..., object], *arguments: Any) -> None:
+    """Calls a function that removes data-blocks: now, or before the next evaluation if handlers run."""
+    if _handlers:
+        removals.append((function, arguments))
+    else:
+        function(*arguments)
+
+
+def remove_what_waits() -> None:
+    """Makes the calls that had to wait for handlers. Does nothing while these run."""
+    while removals and not _handlers and is_main_thread():
+        function, arguments = removals.popleft()
+        function(*arguments)
 
 
 def forget() -> None:
