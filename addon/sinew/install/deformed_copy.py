@@ -195,6 +195,8 @@ def remove(ob: bpy.types.Object) -> None:
 
 
 def _remove(copy):
+    for collection in filter(_is_open, copy.users_collection):  # so that it is not seen until then
+        collection.objects.unlink(copy)
     mail.once_handlers_are_done(_remove_object, values.key_of(copy))
 
 

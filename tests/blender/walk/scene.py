@@ -121,7 +121,7 @@ def pairs():
 
 
 def is_ours(ob):
-    return ob.name.startswith(OURS) and not ob.sinew.copied_from
+    return ob.name.startswith(OURS) and not ob.sinew.copied_from and ob.users_collection
 
 
 def twin_name(name):
