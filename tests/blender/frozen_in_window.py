@@ -1,7 +1,7 @@
 """Somebody works on one of two characters in a window: picks it with the mouse, poses, keys, undoes, plays and renders,
 while the other one is frozen and plays from memory; then picks that one, and works with two windows open. Marks in the
-timeline, onion skins (docs/onion-skins.jpg), and the file of Blender's autosave. At the end both are computed, and the
-one that is picked stays so. Run as first_ogre.py is.
+timeline, onion skins (docs/onion-skins.jpg), and the file of Blender's autosave. At the end both are computed
+(docs/rig.jpg), and the one that is picked stays so. Run as first_ogre.py is.
 """
 
 import subprocess
