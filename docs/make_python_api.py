@@ -22,7 +22,8 @@ WIDTH = 120
 GROUPS = {
     "Files": "RigSkeleton Rig read_dmat write_dmat read_skeleton write_skeleton read_rig write_rig",
     "Skeleton and poses": "Skeleton PoseClip forward_kinematics skinning_matrices rotation_transforms",
-    "Skinning": "Skin group_influences skin_linear skin_dual_quaternion skin_all Bends Layer ShapeKeys Deformer",
+    "Skinning": "Skin group_influences skin_linear skin_dual_quaternion skin_all Bends HalfTurn Layer ShapeKeys "
+    "Deformer",
     "Automatic weights": "automatic_weights AutomaticWeights WeightReport",
     "Methods with data of their own": "MethodData BlendShares skin_blended RotationCenters skin_rotation_centers "
     "DirectDeltaMush skin_direct_delta_mush Progress",
@@ -82,7 +83,7 @@ def prose(docstring, function=None):
 def class_text(node, live):
     functions = [f for f in node.body if isinstance(f, ast.FunctionDef)]
     properties = [f for f in functions if "property" in map(ast.unparse, f.decorator_list)]
-    if functions[0].name == "__init__":
+    if functions and functions[0].name == "__init__":
         first = functions.pop(0)
         yield source(first, above=f"{STUB.splitlines()[node.lineno - 1]}\n")
         yield prose(live.__doc__) + prose(live.__init__.__doc__, first)

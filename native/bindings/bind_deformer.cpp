@@ -29,12 +29,13 @@ std::shared_ptr<Bends> make_bends(const py::array& vertices, const py::array& of
 std::shared_ptr<Layer> make_layer(std::shared_ptr<Skin> skin, const std::string& method, const std::string& stretch,
                                   const std::optional<py::array>& rest_frames, const std::optional<py::array>& mask,
                                   const std::optional<py::array>& share, std::shared_ptr<Bends> bends,
-                                  const std::optional<py::array>& split_space, std::shared_ptr<MethodData> data) {
+                                  const std::optional<py::array>& split_space, std::shared_ptr<MethodData> data,
+                                  bool refuse_half_turns) {
   std::vector<Matrix4<double>> frames;
   if (rest_frames) frames = copied_matrices("rest_frames", *rest_frames, "(J, 4, 4)");
   std::optional<Matrix4<double>> space;
   if (split_space) space = matrix_of<4, 4, double>("split_space", *split_space);
-  const StretchRule rule{stretch_named(stretch), frames};
+  const StretchRule rule{stretch_named(stretch), frames, refuse_half_turns};
   const SkinningMethod how = method_named(method);
   const OptionalNumbers own_mask("mask", mask), own_share("share", share);
   const py::gil_scoped_release release;
@@ -134,11 +135,15 @@ void bind_deformer(py::module_& module) {
           "vertex_count", [](const Bends& self) { return std::ssize(self.vertices()); }, "N.")
       .def_property_readonly("influence_count", &Bends::influence_count, "M.");
 
+  py::register_local_exception<HalfTurn>(module, "HalfTurn", PyExc_ValueError).doc() =
+      "Joints are half a turn apart, see Layer.";
+
   py::class_<Layer, std::shared_ptr<Layer>>(
       module, "Layer", "What one armature does to a mesh. Immutable, except for changes to its skin.")
       .def(py::init(&make_layer), py::arg("skin"), py::arg("method"), py::arg("stretch") = "polar",
            py::arg("rest_frames") = py::none(), py::arg("mask") = py::none(), py::arg("share") = py::none(),
            py::arg("bends") = py::none(), py::arg("split_space") = py::none(), py::arg("data") = py::none(),
+           py::arg("refuse_half_turns") = false,
            "skin: a Skin of V vertices and J joints; several layers may share it.\n"
            "method: \"linear\" or \"dual_quaternion\"; or, with data, \"blended\", \"rotation_centers\" or "
            "\"direct_delta_mush\".\n"
@@ -154,6 +159,10 @@ void bind_deformer(py::module_& module) {
            "split_space: (4, 4), the space in which the skin was split, None if it is the pose's.\n"
            "data: the method's own data for each vertex: a BlendShares, a RotationCenters or a DirectDeltaMush, which "
            "bends do not change; None for a method without data.\n"
+           "refuse_half_turns: with dual quaternions, whoever deforms raises HalfTurn, a ValueError, if joints that "
+           "move "
+           "the same vertices, or some beside them, are half a turn apart, but for rounding, on which it then depends "
+           "which way lies between them.\n"
            "All except skin, bends and data are copied. Raises ValueError for sizes that do not fit and for "
            "numbers that are not finite.")
       .def_property_readonly(

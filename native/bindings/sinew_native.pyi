@@ -473,6 +473,9 @@ class Bends:
     def influence_count(self) -> int:
         """M."""
 
+class HalfTurn(ValueError):
+    """Joints are half a turn apart, see Layer."""
+
 class Layer:
     """What one armature does to a mesh. Immutable, except for changes to its skin."""
 
@@ -487,6 +490,7 @@ class Layer:
         bends: Bends | None = None,
         split_space: _Reals | None = None,
         data: MethodData | None = None,
+        refuse_half_turns: bool = False,
     ) -> None:
         """skin: a Skin of V vertices and J joints; several layers may share it.
         method: "linear" or "dual_quaternion"; or, with data, "blended", "rotation_centers" or "direct_delta_mush".
@@ -501,6 +505,9 @@ class Layer:
         split_space: (4, 4), the space in which the skin was split, None if it is the pose's.
         data: the method's own data for each vertex: a BlendShares, a RotationCenters or a DirectDeltaMush, which bends
         do not change; None for a method without data.
+        refuse_half_turns: with dual quaternions, whoever deforms raises HalfTurn, a ValueError, if joints that move the
+        same vertices, or some beside them, are half a turn apart, but for rounding, on which it then depends which way
+        lies between them.
         All except skin, bends and data are copied. Raises ValueError for sizes that do not fit and for numbers that are
         not finite.
         """

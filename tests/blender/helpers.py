@@ -257,7 +257,8 @@ def select(*objects):
 
 
 def traces():
-    """What Sinew has left in the file."""
+    """What Sinew has left in the file, after what a timer does in a window."""
+    addon_module("main.handlers").look_into_the_mail()
     names = [group.name for group in bpy.data.node_groups if "Sinew" in group.name]
     return names + [name for ob in bpy.data.objects for name in traces_of(ob)]
 

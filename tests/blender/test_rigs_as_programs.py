@@ -255,6 +255,10 @@ def new_empty(name, parent=None):
     return ob
 
 
+def driven_by(read):
+    return [variable for row in read.description["drivers"] for variable in row["variables"]]
+
+
 def test_what_other_objects_do_is_given(armature):
     """Their places are computed if nothing but keyframes moves them."""
     other, turned = new_empty("Other"), new_empty("Turned")
@@ -272,7 +276,9 @@ def test_what_other_objects_do_is_given(armature):
     read = reading().read(armature)
     assert [row["name"] for row in read.description["objects"]] == ["Other"]
     assert [row["name"] for row in read.description["matrices"]] == ["Turned"]
-    assert [row["name"] for row in read.description["values"]] == ["Other: location.x"]
+    assert read.description["values"] == [] and [row["path"] for row in driven_by(read)] == [
+        'objects["Other"].location.x'
+    ]
     assert differences(armature) == []
 
 

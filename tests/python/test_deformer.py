@@ -73,6 +73,28 @@ def test_a_layer_in_every_space(random, method):
         assert np.abs(out - expected).max() < 4e-6
 
 
+def test_half_turns_are_refused_if_that_is_wanted():
+    """Between joints that move the same vertices, or some beside them; others may lie as they like."""
+    weights = np.zeros((32, 3))
+    weights[:16], weights[16:] = (0.3, 0.7, 0), (0, 0, 1)
+    skin = sinew.Skin.from_dense(np.random.default_rng(1).normal(size=(32, 3)), weights)
+    deformers = [
+        sinew.Deformer([sinew.Layer(skin, "dual_quaternion", refuse_half_turns=refuse)]) for refuse in (True, False)
+    ]
+    matrices = np.tile(np.eye(4, dtype=np.float32), (3, 1, 1))
+    out, other = np.empty((2, 32, 3), np.float32)
+    for turned, is_refused in ((2, False), (1, True)):
+        matrices[:] = np.eye(4)
+        matrices[turned, :3, :3] = np.diag([-1, 1, -1])
+        deformers[1].deform([(matrices, None)], other)
+        if is_refused:
+            with pytest.raises(sinew.HalfTurn, match="joints 1 and 0 are half a turn apart|joints 0 and 1"):
+                deformers[0].deform([(matrices, None)], out)
+        else:
+            deformers[0].deform([(matrices, None)], out)
+            assert np.array_equal(out, other)
+
+
 def test_layers_are_mixed_by_their_shares(random):
     skin, positions, weights = rigs.dense_skin(random, 300, J)
     other, _, other_weights = rigs.dense_skin(random, 300, 5)

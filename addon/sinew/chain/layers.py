@@ -127,10 +127,8 @@ class Layer:
         if is_posed(armature):
             bones = self.first_joint, self.bones.joint_counts
             motions.read(armature, *bones, numbers)
-            if self.splits_motions and sinew_native.host.is_any_ambiguous(numbers, *bones):
-                raise LeaveToBlender(
-                    "a B-bone is flat or mirrored, and how Preserve Volume turns it depends on Blender's rounding"
-                )
+            if self.splits_motions and sinew_native.host.is_any_flat(numbers, *bones):
+                raise LeaveToBlender("a B-bone is flat, and how Preserve Volume turns it depends on Blender's rounding")
         return numbers.transpose(0, 2, 1)
 
     def with_channels(self, channels: np.ndarray) -> np.ndarray:
@@ -193,6 +191,8 @@ def make_layer(
     how: dict[str, Any] = {"method": "linear"}
     if settings.preserve_volume:
         how = {"method": "dual_quaternion", "stretch": STRETCH, "rest_frames": rest_frames}
+        # The rotations of B-bones' segments, and all in Blender 3.4, are not Blender's to the last bit.
+        how["refuse_half_turns"] = STRETCH == "frame" or bool((bones.joint_counts[moves] > 1).any())
     wanted = lacks = ""
     if method.kind == methods.BLENDED:
         how = {"method": "blended", "stretch": STRETCH, "rest_frames": rest_frames}

@@ -55,13 +55,13 @@ def before_frame(scene: bpy.types.Scene, *_: Any) -> None:
 
 @persistent
 def after_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    with mail.among_handlers():
+    with mail.among_handlers:
         _follow_frame(scene, depsgraph)
 
 
 @persistent
 def on_depsgraph_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    with mail.among_handlers():
+    with mail.among_handlers:
         _follow_update(depsgraph)
 
 

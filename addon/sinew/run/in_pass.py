@@ -15,6 +15,7 @@ from ..chain import shape_keys, stages
 from ..chain.leaving import LeaveToBlender
 from ..clips import posing
 from ..host import contract, evaluations, key_blocks, marks, switches, vector_arrays
+from ..native import sinew_native
 from ..plan import survey, ways, wiring
 from . import afterwards, characters, errors, graph_copies, switching
 from .character import Character
@@ -49,6 +50,11 @@ def deform_now(ob: Any) -> None:
     except (LeaveToBlender, values.Flat, contract.Broken):  # flat: versions of Blender differ in what they do
         entry = characters.of(ob)
         _leave(entry, entry.copy_of(ob), ob)
+    except sinew_native.HalfTurn:  # which way lies between two bones depends on Blender's rounding
+        entry = characters.of(ob)
+        copy = entry.copy_of(ob)
+        copy.unrestored = ob.original  # which the fast path has not noted
+        _leave(entry, copy, ob)
     except Exception as error:
         entry = characters.of(ob)
         copy = entry.copy_of(ob)

@@ -3,8 +3,7 @@
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
@@ -16,7 +15,6 @@ REWIRE = "rewire"  # argument: the key of an object for whose plan the file lack
 letters: deque[tuple[Any, tuple[Any, ...]]] = deque()
 _answers: dict[Any, Callable[..., object]] = {}  # by the name of the request
 _asked_at = float("-inf")
-_handlers = 0  # that run
 removals: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
 
 
@@ -80,21 +78,25 @@ def deliver() -> None:
             log.exception("what an evaluation asked for could not be done")
 
 
-@contextmanager
-def among_handlers() -> Iterator[None]:
+class _AmongHandlers:
     """Around what a handler does after an evaluation. Until all handlers have run, other add-ons may ask the graph for
     the originals of what was evaluated (`Depsgraph.updates`), so no data-block may be removed."""
-    global _handlers
-    _handlers += 1
-    try:
-        yield
-    finally:
-        _handlers -= 1
+
+    count = 0
+
+    def __enter__(self) -> None:
+        self.count += 1
+
+    def __exit__(self, *_: object) -> None:
+        self.count -= 1
+
+
+among_handlers = _AmongHandlers()
 
 
 def once_handlers_are_done(function: Callable[..., object], *arguments: Any) -> None:
     """Calls a function that removes data-blocks: now, or before the next evaluation if handlers run."""
-    if _handlers:
+    if among_handlers.count:
         removals.append((function, arguments))
     else:
         function(*arguments)
@@ -102,7 +104,7 @@ def once_handlers_are_done(function: Callable[..., object], *arguments: Any) -> 
 
 def remove_what_waits() -> None:
     """Makes the calls that had to wait for handlers. Does nothing while these run."""
-    while removals and not _handlers and is_main_thread():
+    while removals and not among_handlers.count and is_main_thread():
         function, arguments = removals.popleft()
         function(*arguments)
 

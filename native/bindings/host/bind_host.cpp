@@ -150,14 +150,14 @@ py::array_t<std::int64_t> list_addresses(Address first, std::ptrdiff_t count) {
   return array_of(addresses);
 }
 
-bool is_any_ambiguous(const py::array_t<float, py::array::c_style>& motions,
-                      const py::array_t<std::int32_t, py::array::c_style>& first_joints,
-                      const py::array_t<std::int32_t, py::array::c_style>& joint_counts) {
+bool is_any_flat(const py::array_t<float, py::array::c_style>& motions,
+                 const py::array_t<std::int32_t, py::array::c_style>& first_joints,
+                 const py::array_t<std::int32_t, py::array::c_style>& joint_counts) {
   const auto firsts = first_joints.unchecked<1>(), counts = joint_counts.unchecked<1>();
   for (py::ssize_t b = 0; b < firsts.shape(0); ++b) {
     if (firsts(b) < 0 || counts(b) < 2) continue;
     for (std::int32_t j = firsts(b); j < firsts(b) + counts(b); ++j) {
-      if (is_ambiguous(motions.data(j, 0, 0))) return true;
+      if (is_nearly_flat(motions.data(j, 0, 0))) return true;
     }
   }
   return false;
@@ -216,9 +216,9 @@ void bind_host(py::module_& parent) {
              "out: (J, 4, 4) float32, column by column as in Blender, C-contiguous.\n"
              "Raises ValueError if the pose has different bones or segments.");
   module.def(
-      "is_any_ambiguous", &is_any_ambiguous, py::arg("motions"), py::arg("first_joints"), py::arg("joint_counts"),
-      "Whether a segment of any B-bone is mirrored, or flattened along an axis, but for rounding. How Preserve Volume "
-      "turns what it moves then depends on how Blender has rounded.\n\n"
+      "is_any_flat", &is_any_flat, py::arg("motions"), py::arg("first_joints"), py::arg("joint_counts"),
+      "Whether a segment of any B-bone is flattened along an axis, but for rounding. What rotation Blender takes "
+      "from its motion then depends on how Blender has rounded.\n\n"
       "motions: (J, 4, 4) float32, first_joints, joint_counts: (B,) int32, as read_pose takes and fills them.");
   module.def("list_addresses", &list_addresses, py::arg("first"), py::arg("count"),
              "Returns the addresses, int64, of at most count structs of one of Blender's lists, in which each "

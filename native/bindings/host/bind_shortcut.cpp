@@ -91,7 +91,7 @@ struct PoseSource {
     return std::ranges::any_of(bones, [this](const Bone& bone) {
       if (bone.joint_count < 2) return false;
       for (std::int32_t j = 0; j < bone.joint_count; ++j) {
-        if (is_ambiguous(matrices.data() + 16 * (bone.first_joint + j))) return true;
+        if (is_nearly_flat(matrices.data() + 16 * (bone.first_joint + j))) return true;
       }
       return false;
     });
@@ -463,7 +463,7 @@ void bind_shortcut(py::module_& host) {
            "nothing is computed.\n"
            "keep: whether to copy the shape, if it had to be computed.\n"
            "Returns False, and does nothing, if it does not hold, if the first key has another number of points, "
-           "if an object's scale is 0 along an axis, or if is_any_ambiguous for a layer of dual quaternions.\n"
+           "if an object's scale is 0 along an axis, or if is_any_flat for a layer of dual quaternions.\n"
            "Raises ValueError, without changing the switches, if a pose has different bones or "
            "segments.")
       .def("restore", &Shortcut::restore,

@@ -47,16 +47,15 @@ inline bool copy_motions(Address bone, const PoseBoneLayout& layout, std::int32_
   return true;
 }
 
-/// Whether the motion of a B-bone's segment, 16 numbers column by column, mirrors space or flattens it along an axis, but
-/// for rounding. How Blender has rounded then decides which rotation it takes from the motion, or how it blends that
-/// rotation with those of other segments, half a turn away.
-inline bool is_ambiguous(const float* motion) {
+/// Whether the motion of a B-bone's segment, 16 numbers column by column, flattens space along an axis, but for rounding.
+/// Which rotation Blender takes from it then depends on how Blender has rounded.
+inline bool is_nearly_flat(const float* motion) {
   constexpr float kShare = 1e-5f;
   const float *x = motion, *y = motion + 4, *z = motion + 8;
   const auto length = [](const float* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); };
   const float volume =
       x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
-  return !(volume > kShare * length(x) * length(y) * length(z));
+  return !(std::abs(volume) > kShare * length(x) * length(y) * length(z));
 }
 
 constexpr std::uint16_t kMuted = 1;  ///< a bit of a shape key's flags

@@ -41,7 +41,7 @@ class Layer {
 
   const Skin& skin() const { return *skin_; }
   SkinningMethod method() const { return method_; }
-  StretchRule rule() const { return {stretch_, rest_frames_}; }
+  StretchRule rule() const { return {stretch_, rest_frames_, refuses_half_turns_}; }
   /// V, or nullopt.
   const std::optional<std::vector<float>>& mask() const { return mask_; }
   const std::optional<std::vector<float>>& share() const { return share_; }
@@ -56,6 +56,7 @@ class Layer {
   SkinningMethod method_;
   Stretch stretch_;
   std::vector<Matrix4<double>> rest_frames_;
+  bool refuses_half_turns_;
   std::optional<std::vector<float>> mask_;
   std::optional<std::vector<float>> share_;
   std::shared_ptr<const Bends> bends_;

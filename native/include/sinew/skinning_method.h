@@ -54,6 +54,9 @@ enum class Stretch {
 struct StretchRule {
   Stretch stretch = Stretch::polar;
   std::span<const Matrix4<double>> rest_frames{};
+  /// Throw HalfTurn if dual quaternions of joints that move the same vertices, or some beside them, are half a turn
+  /// apart, but for rounding.
+  bool refuses_half_turns = false;
 };
 
 }  // namespace sinew

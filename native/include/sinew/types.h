@@ -31,6 +31,12 @@ class InputError : public std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
+/// Which way lies between two joints that are half a turn apart depends on rounding, and the caller wants to know.
+class HalfTurn : public InputError {
+ public:
+  using InputError::InputError;
+};
+
 template <class T>
 using Matrix4 = Eigen::Matrix<T, 4, 4>;
 

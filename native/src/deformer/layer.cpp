@@ -33,6 +33,7 @@ Layer::Layer(std::shared_ptr<const Skin> skin, SkinningMethod method, const Stre
       method_(method),
       stretch_(rule.stretch),
       rest_frames_(rule.rest_frames.begin(), rule.rest_frames.end()),
+      refuses_half_turns_(rule.refuses_half_turns),
       mask_(checked("mask", mask, skin_->vertex_count())),
       share_(checked("share", share, skin_->vertex_count())),
       bends_(std::move(bends)),

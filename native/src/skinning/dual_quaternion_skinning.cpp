@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "base/per_thread.h"
 #include "skinning/sum_rotations.h"
@@ -71,12 +72,23 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
   }
 }
 
+// Dot products of rotations up to this may be rounding.
+constexpr float kRounding = 1e-5f;
+
+void refuse_half_turns(const BlockedSkin& skin, const Palette& palette) {
+  const auto& joints = palette.dual_quaternions;
+  for (const auto& [a, b] : skin.neighbours) {
+    if (std::abs(dot(joints[a], joints[b])) <= kRounding) {
+      throw HalfTurn("joints " + std::to_string(b) + " and " + std::to_string(a) + " are half a turn apart");
+    }
+  }
+}
+
 /// Chooses how each set is blended. Where any two joints of a set agree in sign, by more than rounding, and no weight
 /// is negative, every partial sum agrees with every joint: these signs are the ones that the stored order would give
 /// (or all of them reversed, which is the same motion), and the kernel need not check them.
 void choose_ways(const BlockedSkin& skin, Palette& palette) {
   const auto& joints = palette.dual_quaternions;
-  constexpr float kRounding = 1e-5f;
   const auto agree = [&](const JointPair& pair) { return dot(joints[pair.first], joints[pair.second]) > kRounding; };
   const bool all_agree = std::ranges::all_of(skin.neighbours, agree);
   const auto way_of = [&](std::uint32_t set) {
@@ -158,6 +170,7 @@ void prepare_dual_quaternion(const BlockedSkin& skin, const StretchRule& rule, M
     set_joint(space ? carried(own, *space) : own, own.real, moving.joints[i], palette);
   }
   choose_signs(skin, palette);
+  if (rule.refuses_half_turns) refuse_half_turns(skin, palette);
   choose_ways(skin, palette);
   if (!palette.stretch_each) return;
   for (std::size_t j = 0; j < palette.dual_quaternions.size(); ++j) {

@@ -39,11 +39,15 @@ def actions():
 @on_rig(2)
 def change_action(random, armature):
     data = armature.animation_data_create()
-    what = random.choice(("copy", "other", "push down", "push down", "mute", "mute", "solo", "pull up", "pull up"))
+    what = random.choice(
+        ("copy", "other", "push down", "push down", "mute", "mute", "solo", "pull up", "pull up", "none")
+    )
     if data.action is None and not data.nla_tracks:
         what, data.action = "give", random.choice(actions() or [None])
     elif what == "copy" and data.action is not None:
         data.action = data.action.copy()
+    elif what == "none":
+        data.action = None
     elif what == "other":
         data.action = random.choice(actions() or [None])
     elif what == "push down" and data.action is not None:
@@ -130,7 +134,7 @@ def change_constraint(random, armature):
 
 @on_rig(2)
 def drive_bone(random, armature):
-    """By a channel of its root or by a property, which is keyed; or no longer."""
+    """By a channel of its root, by a property, which is keyed, or by a moving object; or no longer."""
     bones = armature.pose.bones
     bone, root = bones[-1], bones[0]
     if random.random() < 0.3:
@@ -143,8 +147,18 @@ def drive_bone(random, armature):
         for frame in (1, 12):
             armature["number"] = random.random()
             armature.keyframe_insert(path, frame=frame)
-    variable.targets[0].id, variable.targets[0].data_path = armature, path
-    return f"{bone.name} by {path}"
+    block, target = armature, bpy.data.objects.get(random.choice(("Target 1", "Target 2")))
+    if target is not None and random.random() < 0.5:
+        block, path = target, random.choice(("location.y", "rotation_euler[2]", '["number"]', ""))
+        if path == '["number"]':
+            for frame in (1, 12):
+                target["number"] = random.random()
+                target.keyframe_insert(path, frame=frame)
+        elif not path:
+            variable.type = "TRANSFORMS"
+            variable.targets[0].transform_type = random.choice(("LOC_X", "ROT_Y", "SCALE_AVG"))
+    variable.targets[0].id, variable.targets[0].data_path = block, path
+    return f"{bone.name} by {path or variable.targets[0].transform_type} of {block.name}"
 
 
 @on_rig(2)
