@@ -143,6 +143,12 @@ def rest_position(_, armature):
     armature.data.pose_position = "REST"
 
 
+def bent_in_the_rest_position(_, armature):
+    for bone in armature.pose.bones:
+        bone.bone.bbone_segments, bone.bbone_scalein, bone.bbone_curveoutx = 3, (0.2, 0.7, -0.8), 0.5
+    rest_position(_, armature)
+
+
 def a_bone_that_does_not_deform(_, armature):
     armature.data.bones["Face jaw"].use_deform = False
 
@@ -216,6 +222,7 @@ EDITS = (
     moved_to_the_end,
     one_more,
     rest_position,
+    bent_in_the_rest_position,
     a_bone_that_does_not_deform,
     more_segments,
     multiplying_envelopes,
@@ -247,6 +254,7 @@ def test_an_edit_shows_at_once(in_use, edit):
 
 OF_THE_RIG = {
     rest_position,
+    bent_in_the_rest_position,
     a_bone_that_does_not_deform,
     more_segments,
     multiplying_envelopes,

@@ -112,6 +112,28 @@ def test_blender_does_not_evaluate_its_bones_again(cast, monkeypatch):
     assert np.array_equal([bone.matrix for bone in copy.pose.bones], before)
 
 
+def test_a_copy_that_blender_makes_meanwhile_follows_it_all_the_same(cast, monkeypatch):
+    """Blender copies the armature while relations are built without what it follows, and evaluates that copy when it
+    builds them again."""
+    relations = addon_module("host.relations")
+    tag = relations.tag
+
+    def tag_both():
+        cast.frozen[0].update_tag()
+        return tag()
+
+    drive_by(cast, "TRANSFORMS", cast.wheel, transform_type="LOC_Y")
+    monkeypatch.setattr(relations, "tag", tag_both)
+    cast.accelerate()
+    monkeypatch.setattr(relations, "tag", tag)
+    cast.scene.frame_set(3)
+    bpy.ops.scene.new(type="LINK_COPY")
+    bpy.context.window.scene = cast.scene
+    layer().update()
+    cast.assert_same()
+    cast.play([3, 5])
+
+
 @pytest.mark.parametrize("has_keys", [True, False])
 def test_a_child_of_what_follows_it_is_live(cast, has_keys):
     """Blender evaluates its bones whenever it evaluates the parent."""

@@ -81,10 +81,9 @@ class Weights:
 
 
 def is_posed(armature: Any) -> bool:
-    """Whether an evaluated armature shows a pose."""
-    data = armature.data
+    """Whether an evaluated armature moves meshes: in its rest position, too, because B-bones may bend there."""
     # It may be in Edit Mode by another object that shares its data.
-    return bool(armature.pose.bones) and data.pose_position != "REST" and not data.is_editmode
+    return bool(armature.pose.bones) and not armature.data.is_editmode
 
 
 @dataclass

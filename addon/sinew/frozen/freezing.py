@@ -196,6 +196,9 @@ def _rebuild(chosen: list[rigs.Rig], at_home: list[rigs.Rig], layer: Any) -> Non
     finally:
         _is_building = False
     for rig in chosen:
+        for constraint, targets in followers.constraints_on(rig.ob, rig.source.moving):
+            copy = rig.ob.evaluated_get(graph).path_resolve(constraint.path_from_id())
+            relations.follow_again(copy, constraint, targets, graph)
         for curve in followers.reading(rig.ob, rig.source.moving):
             copy = animation.find_driver(curve.id_data.evaluated_get(graph), curve.data_path, curve.array_index)
             if copy is not None:

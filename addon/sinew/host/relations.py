@@ -71,14 +71,7 @@ class Rebuilding:
         """Has Blender see none of these original objects, all that a constraint of a bone follows. Raises
         contract.Broken."""
         addresses = {each.as_pointer() for each in targets}
-        data = contract.address_at(contract.region(constraint, "bConstraint", "*data")[0])
-        kinds = (constraint.as_pointer(), "bConstraint"), (data, members.CONSTRAINTS[constraint.type])
-        found = [
-            place
-            for start, kind in kinds
-            for place in range(start, start + contract.struct_size(kind), members.POINTER)
-            if contract.address_at(place) in addresses
-        ]
+        found = [place for place in _pointers_of(constraint) if contract.address_at(place) in addresses]
         if len(found) != len(targets):
             raise contract.distrust(features.FOLLOWING, "constraints are not where they were")
         for place in found:
@@ -188,6 +181,24 @@ def on_each_frame(driver: Any) -> str:
     if not names or len(text.encode()) >= LONGEST:
         raise ValueError("its expression is too long" if names else "it has no variables")
     return text
+
+
+def _pointers_of(constraint: Any) -> list[int]:
+    """Returns the places in a constraint at which there may be addresses."""
+    data = contract.address_at(contract.region(constraint, "bConstraint", "*data")[0])
+    kinds = (constraint.as_pointer(), "bConstraint"), (data, members.CONSTRAINTS[constraint.type])
+    return [
+        place for start, kind in kinds for place in range(start, start + contract.struct_size(kind), members.POINTER)
+    ]
+
+
+def follow_again(copy: Any, original: Any, targets: list[Any], graph: Any) -> None:
+    """Has a constraint of an evaluated copy that was made inside a Rebuilding follow again what the original's does."""
+    evaluated = {each.as_pointer(): each.evaluated_get(graph).as_pointer() for each in targets}
+    for place, own in zip(_pointers_of(copy), _pointers_of(original)):
+        address = evaluated.get(contract.address_at(own))
+        if address is not None and contract.address_at(place) == 0:
+            ctypes.c_uint64.from_address(place).value = address
 
 
 def _reading(driver: Any, blocks: Sequence[Any]) -> list[Any]:

@@ -72,13 +72,13 @@ void choose_signs(const BlockedSkin& skin, Palette& palette) {
   }
 }
 
-// Dot products of rotations up to this may be rounding.
-constexpr float kRounding = 1e-5f;
+// Dot products of rotations up to this may be rounding; and of those that a nearly flat stretch leaves uncertain.
+constexpr float kRounding = 1e-5f, kUncertain = 1e-3f;
 
 void refuse_half_turns(const BlockedSkin& skin, const Palette& palette) {
   const auto& joints = palette.dual_quaternions;
   for (const auto& [a, b] : skin.neighbours) {
-    if (std::abs(dot(joints[a], joints[b])) <= kRounding) {
+    if (std::abs(dot(joints[a], joints[b])) <= kUncertain) {
       throw HalfTurn("joints " + std::to_string(b) + " and " + std::to_string(a) + " are half a turn apart");
     }
   }

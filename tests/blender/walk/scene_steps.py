@@ -282,7 +282,8 @@ def evaluate_another_scene(random):
     pairs = [pair for pair in scene.pairs() if pair[0].sinew.is_bound] or scene.pairs()
     # Keyed vertices go from the other scene to the original at any moment, before or after they are moved here.
     pairs = [pair for pair in pairs if pair[0].data.animation_data is None]
-    if not pairs:
+    # Clips go to the originals of bones, before a frame and from its thread: in the background nobody waits for that.
+    if not pairs or any(ob.sinew.source == "CLIP" for ob, _twin in scene.pairs()):
         return
     if len(bpy.data.scenes) < 2:
         bpy.ops.scene.new(type="LINK_COPY")
