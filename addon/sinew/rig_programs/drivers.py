@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation
+from ..blender import animation, values
 from ..host import driver_variables
 from . import curves, objects, paths, targets
 
@@ -20,18 +20,21 @@ class Outside:
     def __init__(self) -> None:
         self.read: dict[str, tuple[bpy.types.ID, str]] = {}
         self.keyed: dict[str, bpy.types.Object] = {}
+        self._animated: dict[int, objects.Animated] = {}
 
     def row_of(self, block: bpy.types.ID, path: str, found: targets.Targets) -> dict[str, str]:
         """Returns what a variable says of a property that it reads. Raises Refused."""
-        known = objects.path_of(block, path)
-        if known is None:
+        key = values.key_of(block)
+        if key not in self._animated:
+            self._animated[key] = objects.Animated.of(block)
+        own = paths.normalised(path)
+        if not isinstance(block, bpy.types.Object) or not self._animated[key].has(own):
             return {"outside": self.name_of(block, path)}
-        ob: Any = block
-        if paths.moves_object(path):
-            found.of(ob, "")
+        if paths.moves_object(own):
+            found.of(block, "")
         else:
-            self.keyed[ob.name_full] = ob
-        return {"path": known}
+            self.keyed[block.name_full] = block
+        return {"path": objects.path_of(block, own)}
 
     def name_of(self, block: bpy.types.ID, path: str) -> str:
         """Raises Refused for what is no number."""

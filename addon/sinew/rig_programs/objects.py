@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
@@ -46,17 +46,28 @@ def rows_of(own: Iterable[bpy.types.Object]) -> tuple[list[dict[str, Any]], list
     return [_row_of(each) for each in own], [row for each in own for row in _curves_of(each)]
 
 
-def path_of(block: bpy.types.ID, path: str) -> str | None:
-    """Returns where a description has a property of another object, where it is or a custom property, of which is known
-    on each frame what it is: its own keyframes set it. None for what is no such property."""
-    path = paths.normalised(path)
-    if not isinstance(block, bpy.types.Object) or block.type == "ARMATURE" or why_not(block):
-        return None
-    if paths.moves_object(path):
-        return f"{_start_of(block)}.{path}" if may_move(block) else None
-    driven = {each.data_path for each in animation.drivers_of(block)}
-    keyed = {paths.normalised(each.data_path) for each in curves.curves_in_effect(block)} - driven
-    return _start_of(block) + path if any(_is_custom(each) and path.startswith(each) for each in keyed) else None
+class Animated(NamedTuple):
+    """What keyframes set of another object, if nothing else sets it: what is known of it on each frame."""
+
+    place: bool  # its channels
+    properties: frozenset[str]  # paths of custom ones
+
+    @classmethod
+    def of(cls, block: bpy.types.ID) -> "Animated":
+        if not isinstance(block, bpy.types.Object) or block.type == "ARMATURE" or why_not(block):
+            return cls(False, frozenset())
+        driven = {paths.normalised(each.data_path) for each in animation.drivers_of(block)}
+        keyed = {paths.normalised(each.data_path) for each in curves.curves_in_effect(block)}
+        return cls(may_move(block), frozenset(each for each in keyed - driven if _is_custom(each)))
+
+    def has(self, path: str) -> bool:
+        """Whether a property, or an element of one, is known."""
+        return self.place if paths.moves_object(path) else path.startswith(tuple(self.properties))
+
+
+def path_of(ob: bpy.types.Object, path: str) -> str:
+    """Returns where a description has a property of another object."""
+    return f"{_start_of(ob)}.{path}" if paths.moves_object(path) else _start_of(ob) + path
 
 
 def properties_of(own: Iterable[bpy.types.Object]) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
