@@ -245,6 +245,29 @@ def test_drivers_read_properties_that_are_keyed(cast, kind):
     cast.play([5, 4])
 
 
+@pytest.mark.parametrize("path", ('["size"]', "location[1]"))
+def test_what_drivers_read_gets_keyframes_and_loses_them(cast, path):
+    panel = cast.new("Panel")
+    panel["size"] = 0.4
+    drive_by(cast, "SINGLE_PROP", panel, data_path=path)
+    cast.accelerate()
+    cast.play([2, 3])
+    for frame in (1, 9):
+        panel["size"], panel.location.y = frame / 5, frame / 7
+        panel.keyframe_insert(path.removesuffix("[1]"), frame=frame)
+    layer().update()
+    cast.play([4, 5, 9])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play([3, 8])
+    panel.animation_data_clear()
+    layer().update()
+    cast.play([4, 5])
+    wait(cast)
+    assert cast.rig.is_frozen, cast.rig.reason
+    cast.play([3, 8])
+
+
 def key(cast):
     cast.move(cast.wheel, 7)
 
