@@ -160,9 +160,8 @@ void bind_deformer(py::module_& module) {
            "data: the method's own data for each vertex: a BlendShares, a RotationCenters or a DirectDeltaMush, which "
            "bends do not change; None for a method without data.\n"
            "refuse_half_turns: with dual quaternions, whoever deforms raises HalfTurn, a ValueError, if joints that "
-           "move "
-           "the same vertices, or some beside them, are half a turn apart, but for rounding, on which it then depends "
-           "which way lies between them.\n"
+           "move the same vertices, or some beside them, are half a turn apart, but for rounding, on which it then "
+           "depends which way lies between them.\n"
            "All except skin, bends and data are copied. Raises ValueError for sizes that do not fit and for "
            "numbers that are not finite.")
       .def_property_readonly(

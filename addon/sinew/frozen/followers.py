@@ -222,10 +222,11 @@ def check_moving(rig: Any, followed: list[Any], layer: Any) -> None:
     """Raises NotFreezable if an armature object follows one of these moving objects in another way than by constraints
     and drivers, or if its place on each frame is not known from keyframes."""
     mixed: dict[Any, str] = {}
+    known = set(followed)
     for curve in reading(rig, followed):
         for variable in curve.driver.variables:
-            read = [target.id for target in variable.targets]
-            if not set(followed).isdisjoint(read) and not set(followed).issuperset(read):
+            read = {target.id for target in variable.targets}
+            if read & known and read - known:
                 mixed |= dict.fromkeys(read, f"the driver of {curve.data_path} reads it together with something else")
     for each in followed:
         why = objects.why_not(each) or mixed.get(each, "")

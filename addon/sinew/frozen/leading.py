@@ -40,14 +40,19 @@ def leaders_of(ob: bpy.types.Object, read: targets.Targets, numbers: drivers.Out
         return found[key]
 
     placed = [each for name, each in read.outside.items() if each[1] or name not in read.moving and _may_move(each[0])]
-    read_numbers = [each for each in numbers.read.values() if not _is_plain(*each)]
+    animated = {
+        block: tuple(map(paths.normalised, animation.animated_paths(block))) for block, _path in numbers.read.values()
+    }
+    read_numbers = [
+        (block, path) for block, path in numbers.read.values() if not _is_plain(block, path, animated[block])
+    ]
     is_led = {block: _is_led(block, ob) for block, _what in (*placed, *read_numbers)}
     for name, (block, bone) in read.outside.items():
         if bone and is_led[block]:
             leader(block).bones[name] = block.pose.bones.find(bone)
     for name, (block, path) in numbers.read.items():
         path = paths.normalised(path)
-        if is_led.get(block) and any(path.startswith(each) for each in animation.animated_paths(block)):
+        if is_led.get(block) and path.startswith(animated[block]):
             leader(block).numbers[name] = path
     if any(-1 in each.bones.values() for each in found.values()):
         raise curves.Refused(f"{ob.name} follows a bone that is not there")
@@ -59,11 +64,10 @@ def _may_move(ob: bpy.types.Object) -> bool:
     return ob.type == "ARMATURE" or objects.may_move(ob)
 
 
-def _is_plain(block: Any, path: str) -> bool:
-    """Whether what is read of a data-block is a custom property of an object that nothing animates."""
+def _is_plain(block: Any, path: str, animated: tuple[str, ...]) -> bool:
+    """Whether what is read of a data-block is a custom property of an object that nothing animates. animated: paths."""
     path = paths.normalised(path)
-    is_custom = isinstance(block, bpy.types.Object) and path.startswith('["')
-    return is_custom and not any(path.startswith(paths.normalised(each)) for each in animation.animated_paths(block))
+    return isinstance(block, bpy.types.Object) and path.startswith('["') and not path.startswith(animated)
 
 
 def _is_led(block: Any, ob: bpy.types.Object) -> bool:

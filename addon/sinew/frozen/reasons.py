@@ -178,9 +178,9 @@ def check(rig: Any, layer: Any) -> list[Any]:
     in a view layer, whatever follows it. Returns the other armature objects on which the pose depends."""
     data, outside = rig.animation_data, dependencies.outside_of(rig)
     moving = followers.moving(rig, outside)
-    if data is None or data.action is None and not any(track.strips for track in data.nla_tracks):
-        if not rigs.moves(rig):
-            raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
+    is_keyed = data is not None and (data.action is not None or any(track.strips for track in data.nla_tracks))
+    if not is_keyed and not rigs.moves(rig):
+        raise NotFreezable(f"{rig.name} has no keyframes: there is nothing to freeze")
     if data is not None and data.use_tweak_mode:
         raise NotFreezable(f"an NLA strip of {rig.name} is being edited: leave its tweak mode first")
     if rig.mode not in ("OBJECT", "POSE") or rig.data.is_editmode:

@@ -237,7 +237,9 @@ def is_without_keys(rig: Rig, graph: Any) -> bool:
     evaluated = evaluated_copy(rig, graph)
     data = evaluated.animation_data if evaluated is not None else None
     if evaluated is not None and not has_animation(rig.ob):  # it is as those that it follows
-        leaders: Any = [each.rig for each in rig.source.leaders] or map(get, dependencies.chain(rig.ob)[:-1])
+        leaders: Any = [each.rig for each in rig.source.leaders]
+        if rig.source.program is None:  # to look for them takes as long as a frame
+            leaders = map(get, dependencies.chain(rig.ob)[:-1])
         return all(is_without_keys(each, graph) for each in leaders if each is not None)
     if data is None:
         return False
@@ -250,7 +252,7 @@ def is_without_keys(rig: Rig, graph: Any) -> bool:
 def is_moved_by_objects(rig: Rig, graph: Any) -> bool:
     """Whether a change of the frame has had Blender evaluate an armature because of objects that it follows."""
     copy = evaluated_copy(rig, graph)
-    return copy is not None and follows_only_objects(rig) and evaluations.is_tagged(copy)
+    return copy is not None and evaluations.is_tagged(copy) and follows_only_objects(rig)
 
 
 class Moment(NamedTuple):

@@ -50,16 +50,12 @@ def deform_now(ob: Any) -> None:
     except (LeaveToBlender, values.Flat, contract.Broken):  # flat: versions of Blender differ in what they do
         entry = characters.of(ob)
         _leave(entry, entry.copy_of(ob), ob)
-    except sinew_native.HalfTurn:  # which way lies between two bones depends on Blender's rounding
-        entry = characters.of(ob)
-        copy = entry.copy_of(ob)
-        copy.unrestored = ob.original  # which the fast path has not noted
-        _leave(entry, copy, ob)
     except Exception as error:
         entry = characters.of(ob)
         copy = entry.copy_of(ob)
         copy.unrestored = ob.original  # which the fast path has not noted
-        errors.keep(entry, copy, error)
+        if not isinstance(error, sinew_native.HalfTurn):  # then it depends on Blender's rounding
+            errors.keep(entry, copy, error)
         _leave(entry, copy, ob)
 
 
