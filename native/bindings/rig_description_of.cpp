@@ -37,6 +37,10 @@ const Names kTransformSpaces = {0, {"WORLD_SPACE", "TRANSFORM_SPACE", "LOCAL_SPA
 const Names kChannelRotations = {0,
                                  {"AUTO", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "QUATERNION", "SWING_TWIST_X",
                                   "SWING_TWIST_Y", "SWING_TWIST_Z"}};
+const Names kStripTypes = {0, {"CLIP", "TRANSITION", "META"}};
+const Names kStripBlends = {0, {"REPLACE", "ADD", "SUBTRACT", "MULTIPLY", "COMBINE"}};
+const Names kExtrapolations = {0, {"HOLD", "HOLD_FORWARD", "NOTHING"}};
+const Names kMixes = {0, {"ADD", "MULTIPLY", "QUATERNION"}};
 const Names kValueKinds = {0, {"FLOAT", "INT", "BOOLEAN", "ENUM"}};
 
 /// Blender's numbers of interpolations.
@@ -229,10 +233,11 @@ class Reader {
     for (const py::handle constraint : rig.sequence("constraints")) read_constraint(constraint);
     for (const py::handle property : rig.sequence("properties")) read_property(property);
     for (const py::handle curve : rig.sequence("curves")) rig_.curves.push_back(animated_value(curve));
+    read_nla(rig);
     for (const py::handle driver : rig.sequence("drivers")) read_driver(driver);
     rig_.refused = rig.get<std::vector<std::string>>("refused", {});
     rig.done({"name", "blender", "world", "matrices", "objects", "values", "bones", "constraints", "properties",
-              "curves", "drivers", "splines", "refused"});
+              "curves", "actions", "tracks", "mixed", "drivers", "splines", "refused"});
     return std::move(rig_);
   }
 
@@ -601,6 +606,103 @@ class Reader {
     return modifier;
   }
 
+  void read_nla(Entries& rig) {
+    for (const py::handle object : rig.sequence("mixed")) {
+      Entries entries(object, "a property that strips set");
+      MixedPropertyDescription property;
+      property.path = entries.get<std::string>("path");
+      property.mix = entries.choice("mix", kMixes, PropertyMix::add);
+      entries.append("default", entries.get("default"), property.defaults);
+      entries.done({"path", "mix", "default"});
+      rig_.mixed.push_back(std::move(property));
+    }
+    for (const py::handle object : rig.sequence("actions")) {
+      Entries entries(object, "an action");
+      const auto name = entries.get<std::string>("name");
+      if (!actions_.emplace(name, static_cast<int>(rig_.actions.size())).second) {
+        wrong("action \"" + name + "\"", "occurs twice; give each a name of its own");
+      }
+      std::vector<AnimatedValue>& curves = rig_.actions.emplace_back();
+      for (const py::handle curve : entries.sequence("curves")) curves.push_back(animated_value(curve));
+      entries.done({"name", "curves"});
+    }
+    for (const py::handle object : rig.sequence("tracks")) {
+      Entries entries(object, "a track");
+      rig_.tracks.push_back(strips_of(entries, 0));
+      entries.done({"strips"});
+    }
+  }
+
+  std::vector<StripDescription> strips_of(Entries& owner, int depth) const {
+    constexpr int kMostNested = 100;  // more than a program takes: a list may contain itself
+    if (depth > kMostNested) wrong(owner.where(), "has strips that are nested without end");
+    std::vector<StripDescription> strips;
+    for (const py::handle object : owner.sequence("strips")) strips.push_back(strip_of(object, depth));
+    return strips;
+  }
+
+  StripDescription strip_of(const py::handle& object, int depth) const {
+    Entries entries(object, "a strip");
+    StripDescription strip;
+    strip.type = entries.choice("type", kStripTypes, StripType::clip);
+    strip.start = entries.get<float>("frame_start");
+    strip.end = entries.get<float>("frame_end");
+    strip.action_start = entries.get<float>("action_frame_start", 0);
+    strip.action_end = entries.get<float>("action_frame_end", 0);
+    strip.scale = entries.get<float>("scale", 1);
+    strip.repeat = entries.get<float>("repeat", 1);
+    strip.blend_in = entries.get<float>("blend_in", 0);
+    strip.blend_out = entries.get<float>("blend_out", 0);
+    strip.blend = entries.choice("blend_type", kStripBlends, StripBlend::replace);
+    strip.extrapolation = entries.choice("extrapolation", kExtrapolations, StripExtrapolation::hold);
+    strip.is_reversed = entries.get<bool>("use_reverse", false);
+    strip.is_muted = entries.get<bool>("mute", false);
+    strip.keeps_frames = entries.get<bool>("keeps_frames", false);
+    strip.is_time_cyclic = entries.get<bool>("use_animated_time_cyclic", false);
+    if (const py::handle found = entries.find("influence")) strip.influence = entries.cast<float>("influence", found);
+    if (const py::handle found = entries.find("strip_time")) strip.time = entries.cast<float>("strip_time", found);
+    strip.influence_curve = optional_curve(entries, "influence_curve");
+    strip.time_curve = optional_curve(entries, "time_curve");
+    if (const py::handle found = entries.find("action")) {
+      const auto name = entries.cast<std::string>("action", found);
+      const auto action = actions_.find(name);
+      if (action == actions_.end()) wrong("a strip", "plays action \"" + name + "\", which is not described");
+      strip.action = action->second;
+    }
+    strip.strips = strips_of(entries, depth + 1);
+    entries.done({"type",
+                  "frame_start",
+                  "frame_end",
+                  "action_frame_start",
+                  "action_frame_end",
+                  "scale",
+                  "repeat",
+                  "blend_in",
+                  "blend_out",
+                  "blend_type",
+                  "extrapolation",
+                  "use_reverse",
+                  "mute",
+                  "keeps_frames",
+                  "use_animated_time_cyclic",
+                  "influence",
+                  "strip_time",
+                  "influence_curve",
+                  "time_curve",
+                  "action",
+                  "strips"});
+    return strip;
+  }
+
+  static CurveDescription optional_curve(Entries& owner, const char* key) {
+    const py::handle found = owner.find(key);
+    if (!found) return {};
+    Entries parts(found, owner.owner(), ", its curve,");
+    const CurveDescription curve = curve_of(parts);
+    parts.done({"keys", "modifiers", "is_extrapolated", "is_free"});
+    return curve;
+  }
+
   void read_driver(const py::handle& object) {
     Entries entries(object, "a driver");
     DriverDescription driver;
@@ -611,11 +713,7 @@ class Reader {
     for (const py::handle variable : entries.sequence("variables")) {
       driver.variables.push_back(variable_of(variable, where));
     }
-    if (const py::handle curve = entries.find("curve")) {
-      Entries parts(curve, where, ", its curve,");
-      driver.curve = curve_of(parts);
-      parts.done({"keys", "modifiers", "is_extrapolated", "is_free"});
-    }
+    driver.curve = optional_curve(entries, "curve");
     entries.done({"path", "index", "type", "expression", "variables", "curve"});
     rig_.drivers.push_back(std::move(driver));
   }
@@ -664,6 +762,7 @@ class Reader {
   };
   std::unordered_map<std::string, int, Hash, std::equal_to<>> names_;
   std::unordered_map<std::string, int> matrices_;
+  std::unordered_map<std::string, int> actions_;
 };
 
 }  // namespace

@@ -11,6 +11,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from random import Random
 
 import bpy
 import numpy as np
@@ -19,10 +20,12 @@ sys.path.append(str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "python"))
 import c_library
 import random_rigs
+import random_strips
 from helpers import addon_module
 from test_spline_ik import tentacle
 
 SEEDS = (44, 6, 1)
+STRIPS = 9
 BONES = 12  # those after them are left out; nothing before looks at them
 TIMES = (1, 4.25, 20.5, -7)
 FILE = Path(c_library.__file__).parent / f"rigs_from_blender_{bpy.app.version[0]}_{bpy.app.version[1]}.json.gz"
@@ -77,8 +80,34 @@ def made(ob, shortened):
     }
 
 
+def with_strips():
+    """A rig that has strips of all kinds."""
+    ob, random = new_armature(), Random(STRIPS)
+    ob["part"] = 0.5
+    ob.id_properties_ui("part").update(min=-2, max=2, default=0.25)
+    random_strips.animate(ob, random)
+    kinds = {each.type for strip in random_strips.strips_of(ob) for each in (strip, *strip.strips)}
+    assert kinds == {"CLIP", "TRANSITION", "META"}, "choose another seed"
+    return ob
+
+
+def new_armature():
+    """Returns an armature of two bones in a file of its own."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    ob = bpy.data.objects.new("rig", bpy.data.armatures.new("rig"))
+    bpy.context.collection.objects.link(ob)
+    bpy.context.view_layer.objects.active = ob
+    bpy.ops.object.mode_set(mode="EDIT")
+    for number, name in enumerate("ab"):
+        bone = ob.data.edit_bones.new(name)
+        bone.head, bone.tail, bone.parent = (0, 0, number), (0, 0.1, number + 1), ob.data.edit_bones.get("a")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return ob
+
+
 rigs = [made(random_rig(seed), shortened) for seed in SEEDS]
 rigs.append(made(tentacle("written", count=3, xz_scale_mode="VOLUME_PRESERVE")[0], lambda description: description))
+rigs.append(made(with_strips(), lambda description: description))
 document = {"c_library": c_library.fingerprint(), "rigs": rounded(rigs)}
 text = json.dumps(document, separators=(",", ":"))
 FILE.write_bytes(gzip.compress(text.encode(), 9, mtime=0))

@@ -39,6 +39,7 @@ class Maker {
     if (byte() & 1)
       rig.properties.push_back({"[\"p\"]", 1, static_cast<ValueKind>(byte() % 4), number(), number(), {number()}});
     for (int i = byte() % 3; i > 0; --i) rig.curves.push_back({{path(rig), byte() % most_index()}, curve()});
+    if (byte() & 1) nla(rig);
     for (int i = byte() % 4; i > 0; --i) driver(rig);
     return rig;
   }
@@ -166,6 +167,48 @@ class Maker {
     curve.is_extrapolated = byte() & 1;
     curve.is_free = byte() & 1;
     return curve;
+  }
+
+  void nla(RigDescription& rig) {
+    rig.mixed.push_back({path(rig), static_cast<PropertyMix>(byte() % 3), {number(), number(), number()}});
+    rig.mixed.push_back({"pose.bones[\"b0\"].rotation_quaternion", PropertyMix::quaternion, {1, 0, 0, 0}});
+    if (!raw_) rig.mixed[0] = {"pose.bones[\"b0\"].scale", PropertyMix::multiply, {1, 1, 1}};
+    for (int i = byte() % 3; i > 0; --i) {
+      rig.actions.emplace_back();
+      for (int k = byte() % 4; k > 0; --k) {
+        rig.actions.back().push_back({{rig.mixed[byte() % 2].path, byte() % (raw_ ? 5 : 3)}, curve()});
+      }
+    }
+    for (int i = byte() % 3; i > 0; --i) rig.tracks.push_back(strips(rig, 0));
+  }
+
+  std::vector<StripDescription> strips(const RigDescription& rig, int depth) {
+    std::vector<StripDescription> made(byte() % 4);
+    float frame = 0;
+    for (StripDescription& strip : made) {
+      strip.type = static_cast<StripType>(byte() % 3);
+      strip.start = raw_ ? number() : frame;
+      strip.end = raw_ ? number() : frame + 1 + static_cast<float>(byte() % 8);
+      frame = strip.end + static_cast<float>(byte() % 4);
+      for (float* each :
+           {&strip.action_start, &strip.action_end, &strip.scale, &strip.repeat, &strip.blend_in, &strip.blend_out}) {
+        *each = number();
+      }
+      strip.blend = static_cast<StripBlend>(byte() % 5);
+      strip.extrapolation = static_cast<StripExtrapolation>(byte() % 3);
+      const std::uint8_t flags = byte();
+      strip.is_reversed = flags & 1;
+      strip.is_muted = flags & 2;
+      strip.keeps_frames = flags & 4;
+      strip.is_time_cyclic = flags & 8;
+      if (flags & 16) strip.influence = number();
+      if (flags & 32) strip.time = number();
+      if (flags & 64) strip.influence_curve = curve();
+      if (flags & 128) strip.time_curve = curve();
+      strip.action = place(rig.actions.size() + 1) - 1;
+      if (strip.type == StripType::meta && depth < 10) strip.strips = strips(rig, depth + 1);
+    }
+    return made;
   }
 
   std::string path(const RigDescription& rig) {

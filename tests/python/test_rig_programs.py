@@ -374,6 +374,57 @@ def test_mistakes_about_objects(with_objects, change, message):
     test_mistakes(with_objects, change, message)
 
 
+@pytest.fixture
+def with_strips(rig):
+    """The target follows two strips, of which the upper one adds half of its action."""
+    path = 'pose.bones["target"].location'
+    strip = {"frame_start": 1, "frame_end": 11, "action_frame_start": 1, "action_frame_end": 11}
+    del rig["curves"]
+    return rig | {
+        "mixed": [{"path": path, "default": [0, 0, 0]}],
+        "actions": [
+            {"name": "Walk", "curves": [line(path, 0, (1, 0), (11, 20))]},
+            {"name": "Lean", "curves": [line(path, 0, (1, 6))]},
+        ],
+        "tracks": [
+            {"strips": [strip | {"action": "Walk"}]},
+            {"strips": [strip | {"action": "Lean", "blend_type": "ADD", "influence": 0.5}]},
+        ],
+    }
+
+
+def test_strips(with_strips):
+    program = sinew.RigProgram(with_strips)
+    assert program.evaluate(np.array([1, 6, 99]))[:, 0, 0, 3].tolist() == [3, 13, 23]
+    assert program.keyed == ['pose.bones["target"].location[0]']
+    assert program.evaluate(np.array([6]), {'pose.bones["target"].location': [1, 2, 3]})[0, 0, 0, 3] == 1
+
+
+def endless(strips):
+    strips[0] |= {"type": "META", "strips": strips}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rig: rig["actions"].pop(), 'a strip plays action "Lean", which is not described'),
+        (lambda rig: rig["actions"].append(rig["actions"][0]), 'action "Walk" occurs twice'),
+        (
+            lambda rig: rig["tracks"][0]["strips"][0].update(type="SOUND"),
+            'a strip has "type": "SOUND"; expected one of',
+        ),
+        (lambda rig: rig["tracks"][0]["strips"][0].pop("frame_end"), 'a strip has no "frame_end"'),
+        (lambda rig: rig["tracks"][0]["strips"][0].update(speed=2), 'a strip has "speed", which is unknown'),
+        (lambda rig: rig["tracks"][0].update(strips=3), 'a track has no list as "strips"'),
+        (lambda rig: rig["mixed"][0].update(default=[]), 'strips set pose.bones["target"].location, which has 0'),
+        (lambda rig: endless(rig["tracks"][0]["strips"]), "a strip has strips that are nested without end"),
+        (lambda rig: rig["tracks"][0]["strips"][0].update(scale=np.inf), "a strip has inf in it; expected finite"),
+    ],
+)
+def test_mistakes_about_strips(with_strips, change, message):
+    test_mistakes(with_strips, change, message)
+
+
 def test_segments(rig):
     rig["bones"][0]["bbone_segments"] = 4
     program = sinew.RigProgram(rig)

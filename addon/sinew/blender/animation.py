@@ -10,6 +10,7 @@ import numpy as np
 from ..host import actions
 
 PLACE = "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale"  # of an object
+_ONES = {*(("scale", i) for i in range(3)), ("rotation_quaternion", 0)}  # what an object has that is not moved
 GROUPS_MUTE = bpy.app.version < (4, 4, 0)  # later versions evaluate the curves of muted groups
 
 
@@ -92,9 +93,22 @@ def slot_curves(block: bpy.types.ID) -> list[bpy.types.FCurve]:
     return _curves_in(data.action, getattr(data, "action_slot", None))
 
 
+def played_tracks(data: bpy.types.AnimData) -> list[bpy.types.NlaTrack]:
+    """Returns the NLA tracks that are on, the lowest first."""
+    solo = [track for track in data.nla_tracks if track.is_solo]
+    return solo or [track for track in data.nla_tracks if not track.mute]
+
+
 def plays_strips(data: bpy.types.AnimData) -> bool:
-    """Whether strips of the NLA animate what this is of."""
-    return data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks)
+    """Whether the NLA animates what this is of: a single track that is to play alone does also without strips."""
+    tracks = played_tracks(data) if data.use_nla else []
+    return any(len(track.strips) or track.is_solo for track in tracks)
+
+
+def _is_full(strip: bpy.types.NlaStrip) -> bool:
+    """Whether a strip sets the very values of its action."""
+    is_faded = strip.use_animated_influence or strip.blend_in or strip.blend_out
+    return strip.type == "CLIP" and strip.blend_type in ("REPLACE", "COMBINE") and not is_faded
 
 
 def unkeyed_path(block: bpy.types.ID, time: float) -> str:
@@ -131,10 +145,16 @@ def _within_limits(block: bpy.types.ID, path: str, value: float) -> float:
 
 def stays(ob: bpy.types.Object, curve: bpy.types.FCurve) -> bool:
     """Whether a curve of keyframes sets, on all frames, a number of an object's place to what it is now: as importers
-    key the place of an armature that does not move."""
+    key the place of an armature that does not move. Strips that mix several values have to find it at its default."""
     if curve.data_path not in PLACE or curve.driver is not None:
         return False
     points, value = curve.keyframe_points, getattr(ob, curve.data_path)[curve.array_index]
+    data = ob.animation_data
+    if value and data is not None and plays_strips(data):
+        is_default = value == 1 and (curve.data_path, curve.array_index) in _ONES
+        strips = [strip for track in played_tracks(data) for strip in track.strips]
+        if not (is_default and all(map(_is_full, strips)) and (data.action is None or data.action_influence == 1)):
+            return False
     numbers = np.empty((3, 2 * len(points)), np.float32)
     for name, row in zip(("co", "handle_left", "handle_right"), numbers):
         points.foreach_get(name, row)

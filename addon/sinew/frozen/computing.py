@@ -6,17 +6,19 @@ instead."""
 
 import contextlib
 import itertools
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import bpy
 import numpy as np
 
 from ..blender import animation
 from ..host import evaluations, poses
 from ..native import sinew_native
-from ..rig_programs import curves, driven_keys, edits, reading
+from ..rig_programs import curves, driven_keys, edits, paths, reading, strips
 from . import changes, differences, followers, leading, rigs, settings, watch
 from .followers import Followers
 from .rigs import Source
@@ -54,10 +56,36 @@ def prove(rig: rigs.Rig, found: Any, users: Any, scene: Any, graph: Any) -> None
             changes.drop_all(rig)
         elif not (
             rigs.is_hidden(rig, graph)
-            or animation.unkeyed_path(rig.ob, scene.frame_current_final)
+            or unkeyed_path(rig, scene.frame_current_final)
             or followers.unkeyed(rig.ob, scene)
         ):
             differences.note(rig, differences.Difference.between(rig, copy, frame))
+
+
+def unkeyed_path(rig: rigs.Rig, frame: float) -> str:
+    """Returns the path of a property of an armature that is not as its keyframes set it, "" if there is none or nothing
+    can tell."""
+    program = rig.source.program
+    if program is None or not strips.play(rig.ob):
+        return animation.unkeyed_path(rig.ob, frame)
+    names = sorted(set(program.keyed) - set(program.driven))
+    try:
+        keyed = program.values(np.array([frame], np.float32), names)[0].tolist()
+        return next((name for name, value in zip(names, keyed) if float(rig.ob.path_resolve(name)) != value), "")
+    except ValueError:
+        return ""
+
+
+def may_be_unkeyed(block: bpy.types.ID, frame: float) -> bool:
+    """Whether any property of a data-block may not be as its keyframes set it. Of what NLA strips set programs alone
+    tell."""
+    if block.animation_data is None or not animation.plays_strips(block.animation_data):
+        return bool(animation.unkeyed_path(block, frame))
+    rig = rigs.get(block)
+    if rig is None or rig.source.program is None or unkeyed_path(rig, frame):
+        return True
+    known = {re.sub(r"\[\d+\]$", "", name) for name in rig.source.program.keyed}.union(animation.PLACE)
+    return not known.issuperset(paths.normalised(curve.data_path) for curve in animation.keyed_curves(block))
 
 
 _Asked = tuple[rigs.Rig, Sequence[float], dict[str, Any]]  # an armature, frames, and what comes from outside on these
@@ -140,7 +168,8 @@ class _Last(NamedTuple):
 
 def _remember(rig: rigs.Rig, read: reading.Reading, source: Source, graph: Any) -> None:
     has_keys = rig.watch is not None and rig.watch.action is not None
-    if rig.watch is not None and has_keys == rigs.has_animation(rig.ob) and not rig.has_edited_keys:
+    is_compared = has_keys == rigs.has_animation(rig.ob) or strips.play(rig.ob)
+    if rig.watch is not None and is_compared and not rig.has_edited_keys:
         rig.last = _Last(source, edits.Known(rig.ob, read, graph), rig.keys, rig.watch)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-from ..blender import animation, dependencies
-from . import rigs
+from ..blender import dependencies
+from . import computing, rigs
 
 NAME = ".Sinew Frames"
 _COPIED = ("use_simplify", "simplify_subdivision", "frame_map_old", "frame_map_new")  # of the settings of renders
@@ -21,7 +21,7 @@ def animated(objects: Iterable[Any], scene: bpy.types.Scene) -> list[Any] | None
     without a key, or the scene is between two frames."""
     found = [each for each in dependencies.used(objects, bpy.data.user_map()) if rigs.has_animation(each)]
     time = scene.frame_current_final
-    is_edited = scene.frame_subframe or any(animation.unkeyed_path(each, time) for each in found)
+    is_edited = scene.frame_subframe or any(computing.may_be_unkeyed(each, time) for each in found)
     return None if is_edited else found
 
 

@@ -28,7 +28,7 @@ from typing import Any
 import bpy
 
 from ..blender import animation, dependencies, values
-from ..host import contract, evaluations, features, poses, relations
+from ..host import actions, contract, evaluations, features, poses, relations
 from ..plan import wiring
 from . import changes, computing, followers, reasons, rigs, watch
 from .followers import Followers
@@ -259,9 +259,9 @@ def note_posed(rig: rigs.Rig, graph: Any) -> None:
 
 def look_at_keys(rig: rigs.Rig, graph: Any, is_new_frame: bool) -> None:
     """Has an armature that is POSED shown from its keyframes, if Blender would evaluate these now."""
-    action = rig.ob.animation_data.action if rig.ob.animation_data is not None else None
+    played = [each.action for each in actions.of(rig.ob)]
     copy = rigs.evaluated_copy(rig, graph)
-    if is_new_frame or any(each is not None and evaluations.is_animation_tagged(each) for each in (action, copy)):
+    if is_new_frame or any(each is not None and evaluations.is_animation_tagged(each) for each in (*played, copy)):
         rig.shown = None
 
 

@@ -153,7 +153,7 @@ def _move(rig: rigs.Rig, scene: Any, layer: Any) -> None:
 
 def unkeyed_bone(rig: rigs.Rig, scene: Any) -> str:
     """Returns the name of a bone that is not where the keyframes put it, or ""."""
-    path = "" if rig.is_frozen else animation.unkeyed_path(rig.ob, scene.frame_current_final)
+    path = "" if rig.is_frozen else computing.unkeyed_path(rig, scene.frame_current_final)
     name, separator, _channel = path.removeprefix('pose.bones["').partition('"].')
     return bpy.utils.unescape_identifier(name) if separator else ""
 

@@ -31,7 +31,11 @@ class Watch:
         self.action = action
         self.follow = [(values.key_of(keys), numbers) for keys, numbers in follow]
         self._states = {values.key_of(keys): _state_of(keys) for keys, _numbers in follow}
-        self.blocks = [each for each in blocks if each != action and each.evaluated_get(graph).is_evaluated]
+        self.blocks = [
+            each
+            for each in blocks
+            if each != action and (each.evaluated_get(graph).is_evaluated or isinstance(each, bpy.types.Action))
+        ]
         self.keys = [values.key_of(each) for each in self.blocks]
         self._own = {values.key_of(rig), values.key_of(rig.data)}
         self._busy: set[int] = set()  # keys of the other blocks that the last evaluation has changed

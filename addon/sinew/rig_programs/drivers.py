@@ -7,7 +7,7 @@ import bpy
 
 from ..blender import animation, values
 from ..host import driver_variables
-from . import curves, objects, paths, targets
+from . import curves, objects, paths, strips, targets
 
 VARIABLES = {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}
 # Of the rig: what a variable reads of the object itself is outside.
@@ -65,6 +65,8 @@ def blocks_of(ob: bpy.types.Object) -> tuple[tuple[bpy.types.ID, str], ...]:
 def curves_of(ob: bpy.types.Object, found: targets.Targets) -> Iterator[dict[str, Any]]:
     """Yields the animated values of the rig."""
     for block, start in blocks_of(ob):
+        if block == ob and strips.play(ob):
+            continue
         known: dict[str, str | None] = {}  # by the path of curves, of which several have the same: that of their rows
         try:
             own = curves.curves_in_effect(block)

@@ -12,7 +12,7 @@ import numpy as np
 from ..blender import animation, values
 from ..host import bone_numbers, driver_bytes, keyframes, pose_settings
 from ..host import bones as bone_bytes
-from . import bones, curves, objects, paths, properties, reading, splines, tables
+from . import bones, curves, objects, paths, properties, reading, splines, strips, tables
 
 _WRITTEN = "influence", "mute"  # of a constraint, on each frame if they are animated
 
@@ -22,17 +22,17 @@ class Known:
 
     def __init__(self, ob: bpy.types.Object, read: reading.Reading, graph: bpy.types.Depsgraph) -> None:
         self.targets, self.outside, self.follows = read.targets, read.outside, read.follows()
-        rows = read.description["curves"]
+        rows, mixed = read.description["curves"], strips.numbers_of(read.description)
         self._curves = {(row["path"], row["index"]) for row in rows}
         is_clear = not read.targets.has_actions() and len(self._curves) == len(rows)
         self._state = _state(ob) if is_clear else None
-        animated = {row["path"] for row in (*rows, *read.description["drivers"])}
+        animated = {row["path"] for row in (*rows, *read.description["drivers"])} | {path for path, _index in mixed}
         paths_of = [each.path_from_id() for bone in ob.pose.bones for each in bone.constraints]
         self._is_written = [tuple(f"{path}.{name}" in animated for name in _WRITTEN) for path in paths_of]
         self._switches = list(self._read_switches(ob))
         self._modes, self._objects = self._read_modes(), self._read_objects()
         self._names, self._places = ob.pose.bones.keys(), bones.places_of(ob)
-        self._is_keyed = _which_are_keyed(ob, self._curves)
+        self._is_keyed = _which_are_keyed(ob, self._curves | mixed)
         self._numbers = self._read(ob, graph)
 
     def edit(
@@ -152,9 +152,9 @@ def _state(ob: bpy.types.Object) -> Any:
     its custom properties, its keyframes, what comes from outside, and what Blender builds relations for, such as the
     handles of a B-bone. None if that cannot be told."""
     data = ob.animation_data
-    if not bone_bytes.can_read() or data is not None and (animation.plays_strips(data) or data.use_tweak_mode):
+    if not bone_bytes.can_read() or data is not None and data.use_tweak_mode:
         return None
-    found: list[Any] = [pose_settings.read(ob), bone_bytes.read_bytes(ob.data)]
+    found: list[Any] = [pose_settings.read(ob), bone_bytes.read_bytes(ob.data), strips.state_of(ob)]
     for block in (ob, ob.data):
         own = animation.drivers_of(block)
         stored = keyframes.read(own)

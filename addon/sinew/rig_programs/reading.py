@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..host import bone_numbers
-from . import bones, constraints, driven_keys, drivers, objects, properties, splines, targets
+from . import bones, constraints, curves, driven_keys, drivers, objects, properties, splines, strips, targets
 
 CAN_READ = bpy.app.version >= (4, 2, 0)  # older ones evaluate in other ways
 
@@ -79,6 +79,11 @@ def read(
         "curves": list(drivers.curves_of(ob, found)),
         "drivers": list(drivers.drivers_of(ob, found, outside)),
     }
+    if strips.play(ob):
+        try:
+            description |= strips.rows_of(ob)
+        except curves.Refused as reason:
+            found.refused.append(str(reason))
     for property_row, driver_row in driven_keys.rows_of(keyed, found, outside):
         description["properties"].append(property_row)
         description["drivers"].append(driver_row)

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -76,6 +77,48 @@ struct CurveDescription {
 struct AnimatedValue {
   ValuePath value;
   CurveDescription curve;
+};
+
+enum class StripType : std::uint8_t { clip, transition, meta };
+enum class StripBlend : std::uint8_t { replace, add, subtract, multiply, combine };
+enum class StripExtrapolation : std::uint8_t { hold, hold_forward, nothing };
+
+/// A strip of the NLA. Frames are the scene's unless they are an action's.
+struct StripSettings {
+  StripType type = StripType::clip;
+  float start = 0;
+  float end = 0;
+  float action_start = 0;  ///< a frame of the action
+  float action_end = 0;
+  float scale = 1;
+  float repeat = 1;
+  float blend_in = 0;  ///< frames
+  float blend_out = 0;
+  StripBlend blend = StripBlend::replace;
+  StripExtrapolation extrapolation = StripExtrapolation::hold;
+  bool is_reversed = false;
+  bool is_muted = false;           ///< what it would set counts as set all the same
+  bool keeps_frames = false;       ///< plays the action on the scene's frames, as the active one above all tracks
+  bool is_time_cyclic = false;     ///< `time` is taken modulo the action's length
+  std::optional<float> influence;  ///< none: it follows from the frames of blending
+  std::optional<float> time;       ///< of the action, or of a transition or meta strip 0 to 1; none: from the frame
+  int action = -1;                 ///< of a clip: in RigDescription::actions
+};
+
+struct StripDescription : StripSettings {
+  CurveDescription influence_curve;  ///< without keys: `influence` stays
+  CurveDescription time_curve;
+  std::vector<StripDescription> strips;  ///< of a meta strip
+};
+
+/// How Combine mixes a property.
+enum class PropertyMix : std::uint8_t { add, multiply, quaternion };
+
+/// A property that strips set.
+struct MixedPropertyDescription {
+  std::string path;
+  PropertyMix mix = PropertyMix::add;
+  std::vector<float> defaults;  ///< where no strip sets it; as many as the property has numbers
 };
 
 /// What a constraint or driver looks at.
@@ -298,6 +341,10 @@ struct RigDescription {
   std::vector<ObjectDescription> objects;
   std::vector<SplineDescription> splines;
   std::vector<AnimatedValue> curves;
+  /// The NLA, instead of the curves of the object: tracks of strips, the lowest first, and what they play.
+  std::vector<std::vector<AnimatedValue>> actions;
+  std::vector<std::vector<StripDescription>> tracks;
+  std::vector<MixedPropertyDescription> mixed;  ///< all that they set
   std::vector<DriverDescription> drivers;
   std::vector<std::string> refused;  ///< what the description cannot say, each as a reason; a program is then refused
 };

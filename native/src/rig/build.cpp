@@ -541,6 +541,7 @@ Program build_program(const RigDescription& rig) {
   for (int i = 0; i < static_cast<int>(rig.objects.size()); ++i) add_object(rig, i, program);
   for (int i = 0; i < static_cast<int>(rig.splines.size()); ++i) add_spline(rig, i, program);
   for (const AnimatedValue& curve : rig.curves) program.curves.push_back(curve_of(curve, program));
+  program.nla = build_nla(rig, program.map);
   for (const DriverDescription& driver : rig.drivers) add_driver(rig, driver, program);
   check_settings(rig, program);
   assign_constraints(program);

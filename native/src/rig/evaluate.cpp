@@ -54,6 +54,10 @@ void evaluate(const Program& program, State& state, float frame) {
   for (const ProgramCurve& curve : program.curves) {
     store(program, state, curve.value, curve.curve.value(frame, 0, &known));
   }
+  state.mixed.mix(program.nla, frame);
+  for (const MixedNumber& mixed : program.nla.numbers) {
+    store(program, state, mixed.value, state.mixed.number(program.nla, mixed));
+  }
   for (const GivenNumber& given : state.given) state.values[given.value] = given.number;
   place_objects(program, state);
   for (std::size_t i = 0; i < program.order.size(); ++i) {

@@ -343,6 +343,7 @@ std::vector<Operation> put_in_order(const Program& program) { return Graph(progr
 std::vector<char> written_values(const Program& program) {
   std::vector<char> written(program.map.values().size(), 0);
   for (const ProgramCurve& curve : program.curves) written[curve.value] = 1;
+  for (const MixedNumber& mixed : program.nla.numbers) written[mixed.value] = 1;
   for (const ProgramDriver& driver : program.drivers) written[driver.value] = 1;
   return written;
 }

@@ -9,6 +9,7 @@
 #include "rig/driver.h"
 #include "rig/fcurve.h"
 #include "rig/matrix.h"
+#include "rig/nla.h"
 #include "rig/rotation.h"
 #include "rig/value_map.h"
 #include "sinew/rig_description.h"
@@ -172,6 +173,7 @@ struct Program {
   std::vector<Constraint> constraints;
   std::vector<ProgramDriver> drivers;
   std::vector<ProgramCurve> curves;
+  Nla nla;
   std::vector<Mat4> outside;
   std::vector<MovingObject> objects;  ///< parents first
   std::vector<Tree> trees;

@@ -142,6 +142,7 @@ std::vector<std::string> RigProgram::driven() const {
 std::vector<std::string> RigProgram::keyed() const {
   std::vector<std::string> names;
   for (const rig::ProgramCurve& curve : program_->curves) names.push_back(program_->map.name(curve.value));
+  for (const rig::MixedNumber& mixed : program_->nla.numbers) names.push_back(program_->map.name(mixed.value));
   return names;
 }
 

@@ -10,6 +10,7 @@ State::State(const Program& program)
       poses(program.bones.size(), kIdentity4),
       tails(program.bones.size()),
       segments(program.segment_count, kIdentity4),
+      mixed(program.nla),
       lazy(program.bones.size()),
       channels(program.bones.size()),
       parents(program.bones.size()),

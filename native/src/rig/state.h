@@ -100,6 +100,7 @@ struct State {
   std::vector<Vec3> tails;
   std::vector<Mat4> segments;  ///< of each B-bone, relative to its pose
   std::vector<float> variables;
+  MixedStrips mixed;
 
   // Of each bone, while `pass` is that of this evaluation.
   struct Lazy {

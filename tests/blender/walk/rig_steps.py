@@ -66,6 +66,33 @@ def change_action(random, armature):
 
 
 @on_rig(2)
+def change_strip(random, armature):
+    """Of the NLA."""
+    data = armature.animation_data
+    strips = [strip for track in data.nla_tracks for strip in track.strips] if data is not None else []
+    if not strips:
+        return None
+    strip = random.choice(strips)
+    name, values = random.choice(
+        (
+            ("blend_type", ("REPLACE", "COMBINE", "ADD", "SUBTRACT", "MULTIPLY")),
+            ("extrapolation", ("HOLD", "HOLD_FORWARD", "NOTHING")),
+            ("frame_start", (1, 3, 6)),
+            ("scale", (0.5, 1, 1.6)),
+            ("repeat", (1, 2)),
+            ("use_reverse", (True, False)),
+            ("mute", (True, False)),
+            ("blend_in", (0, 4)),
+            ("blend_out", (0, 3)),
+            ("use_animated_influence", (True, False)),
+            ("influence", (0.3, 0.8)),
+        )
+    )
+    setattr(strip, name, random.choice(values))
+    return f"{name} of {strip.name}"
+
+
+@on_rig(2)
 def change_curve(random, armature):
     curves = addon_module("blender.animation").slot_curves(armature)
     if not curves:
