@@ -29,6 +29,8 @@ const Names kHandleTypes = {0, {"AUTO", "ABSOLUTE", "RELATIVE", "TANGENT"}};
 const Names kSplineHandles = {0, {"FREE", "AUTO", "VECTOR", "ALIGNED"}};
 const Names kMappings = {0, {"STRAIGHT", "CURVED"}};
 const Names kCycleModes = {0, {"NONE", "REPEAT", "REPEAT_OFFSET", "MIRROR"}};
+const Names kModifierTypes = {0, {"CYCLES", "GENERATOR", "FNGENERATOR", "ENVELOPE", "LIMITS", "STEPPED"}};
+const Names kFunctions = {0, {"SIN", "COS", "TAN", "SQRT", "LN", "SINC"}};
 const Names kDriverTypes = {0, {"AVERAGE", "SCRIPTED", "SUM", "MIN", "MAX"}};
 const Names kVariableTypes = {0, {"SINGLE_PROP", "TRANSFORMS", "LOC_DIFF", "ROTATION_DIFF"}};
 const Names kChannels = {
@@ -592,7 +594,7 @@ class Reader {
   static CurveModifier modifier_of(const py::handle& object) {
     Entries entries(object, "a modifier of a curve");
     CurveModifier modifier;
-    modifier.type = entries.choice("type", {0, {"CYCLES", "GENERATOR"}}, CurveModifier::Type::cycles);
+    modifier.type = entries.choice("type", kModifierTypes, CurveModifier::Type::cycles);
     modifier.before = entries.choice("mode_before", kCycleModes, CycleMode::none);
     modifier.after = entries.choice("mode_after", kCycleModes, CycleMode::none);
     modifier.cycles_before = entries.get<int>("cycles_before", 0);
@@ -601,8 +603,69 @@ class Reader {
     if (const py::handle list = entries.find("coefficients")) {
       entries.append("coefficients", list, modifier.coefficients);
     }
-    entries.done(
-        {"type", "mode_before", "mode_after", "cycles_before", "cycles_after", "use_additive", "coefficients"});
+    modifier.is_factorised = entries.get<bool>("is_factorised", false);
+    modifier.function = entries.choice("function_type", kFunctions, CurveFunction::sine);
+    const auto read = [&](const char* key, float& number) { number = entries.get<float>(key, number); };
+    read("amplitude", modifier.amplitude);
+    read("phase_multiplier", modifier.phase_multiplier);
+    read("phase_offset", modifier.phase_offset);
+    read("value_offset", modifier.value_offset);
+    read("reference_value", modifier.reference);
+    read("default_min", modifier.envelope_low);
+    read("default_max", modifier.envelope_high);
+    read("frame_step", modifier.step);
+    read("frame_offset", modifier.step_offset);
+    read("influence", modifier.influence);
+    read("blend_in", modifier.blend_in);
+    read("blend_out", modifier.blend_out);
+    const auto read_if = [&](const char* key, std::optional<float>& number) {
+      if (const py::handle found = entries.find(key)) number = entries.cast<float>(key, found);
+    };
+    read_if("min_x", modifier.least_frame);
+    read_if("max_x", modifier.most_frame);
+    read_if("min_y", modifier.least_value);
+    read_if("max_y", modifier.most_value);
+    read_if("first_stepped", modifier.first_stepped);
+    read_if("last_stepped", modifier.last_stepped);
+    if (entries.find("range")) {
+      const std::array<float, 2> range = entries.numbers<2>("range");
+      modifier.has_range = true;
+      modifier.range_start = range[0];
+      modifier.range_end = range[1];
+    }
+    for (const py::handle point : entries.sequence("points")) {
+      const std::array<float, 3> numbers = entries.numbers<3>("points", point);
+      modifier.points.push_back({numbers[0], numbers[1], numbers[2]});
+    }
+    entries.done({"type",
+                  "mode_before",
+                  "mode_after",
+                  "cycles_before",
+                  "cycles_after",
+                  "use_additive",
+                  "coefficients",
+                  "is_factorised",
+                  "function_type",
+                  "amplitude",
+                  "phase_multiplier",
+                  "phase_offset",
+                  "value_offset",
+                  "reference_value",
+                  "default_min",
+                  "default_max",
+                  "frame_step",
+                  "frame_offset",
+                  "first_stepped",
+                  "last_stepped",
+                  "min_x",
+                  "max_x",
+                  "min_y",
+                  "max_y",
+                  "points",
+                  "influence",
+                  "range",
+                  "blend_in",
+                  "blend_out"});
     return modifier;
   }
 

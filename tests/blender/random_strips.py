@@ -8,6 +8,9 @@ from typing import Any
 
 import bpy
 
+import random_modifiers
+from helpers import addon_module
+
 BLENDS = "REPLACE", "REPLACE", "COMBINE", "ADD", "SUBTRACT", "MULTIPLY"
 HOLDS = "HOLD", "HOLD_FORWARD", "NOTHING"
 CHANNELS = "location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle", "scale"
@@ -21,7 +24,9 @@ def animate(ob: Any, random: Any, may_group: bool = True) -> None:
     if random.random() < 0.5:
         data.action = None
     data.action_influence = random.choice((1, 1, 0.6, 0))
-    data.action_blend_type, data.action_extrapolation = random.choice(BLENDS), random.choice(HOLDS)
+    has_modifiers = any(len(each.modifiers) for each in addon_module("blender.animation").slot_curves(ob))
+    data.action_blend_type = random.choice(BLENDS)
+    data.action_extrapolation = "HOLD" if has_modifiers else random.choice(HOLDS)
     for _ in range(random.randint(1, 3)):
         _track(data, random, actions)
     if may_group and random.random() < 0.6:
@@ -48,6 +53,9 @@ def _action(ob: Any, random: Any, number: int) -> tuple[Any, Any]:
             for name in ("influence", "mute"):
                 if random.random() < 0.6:
                     each.keyframe_insert(name, frame=frame)
+    for curve in addon_module("blender.animation").slot_curves(ob):
+        if random.random() < 0.2 and "scale" not in curve.data_path:  # of which negative ones have no power
+            random_modifiers.modify(curve, random)
     return data.action, getattr(data, "action_slot", None)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+import random_modifiers
 import random_rigs
 from helpers import addon_module, evaluated
 
@@ -238,6 +239,40 @@ def test_whole_numbers_are_rounded_only_where_they_are_keyed(armature):
         assert tuple(program.values(np.array([frame], np.float32), paths)[0].tolist()) == wanted, frame
         seen.add(wanted)
     assert len(seen) > 8
+
+
+@pytest.mark.parametrize("first", range(0, 60, PORTION))
+def test_modifiers_of_curves(armature, first):
+    bone, seen = armature.pose.bones["b"], set()
+    for seed in range(first, first + PORTION):
+        random = Random(seed)
+        armature.animation_data.action = None
+        for frame in random.sample(range(-5, 40), 4):
+            bone.location = [random.uniform(-2, 2) for _ in range(3)]
+            bone.keyframe_insert("location", frame=frame)
+        for curve in addon_module("blender.animation").slot_curves(armature):
+            random_modifiers.modify(curve, random)
+            seen |= {modifier.type for modifier in curve.modifiers}
+        times = [*(random.uniform(-20, 70) for _ in range(8)), *(random.randint(-20, 70) for _ in range(8))]
+        assert differences(armature, times) == [], f"seed {seed}"
+    assert seen == set(random_modifiers.TYPES)
+
+
+@pytest.mark.parametrize(
+    "kind, change, clause",
+    [
+        ("NOISE", {}, "the modifier Noise of the curve of .* is not covered"),
+        ("CYCLES", {"use_influence": True}, "the modifier Cycles of the curve of .* has a frame range or an influence"),
+        ("STEPPED", {"use_restricted_range": True}, "the modifier Stepped of the curve of .* has a frame range"),
+    ],
+)
+def test_modifiers_that_are_refused(armature, kind, change, clause):
+    modifier = addon_module("blender.animation").slot_curves(armature)[0].modifiers.new(kind)
+    for name, value in change.items():
+        setattr(modifier, name, value)
+    assert re.search(clause, refusal(armature))
+    modifier.mute = True
+    assert differences(armature) == []
 
 
 def test_curves_of_what_is_not_there_are_passed_over(armature):

@@ -157,11 +157,27 @@ class Maker {
     }
     if (byte() & 1) {
       CurveModifier modifier;
-      modifier.type = static_cast<CurveModifier::Type>(byte() % 2);
+      modifier.type = static_cast<CurveModifier::Type>(byte() % 6);
       modifier.before = static_cast<CycleMode>(byte() % 4);
       modifier.after = static_cast<CycleMode>(byte() % 4);
       modifier.cycles_after = bytes_.take<std::int8_t>();
       modifier.coefficients = {number(), number()};
+      modifier.is_factorised = byte() & 1;
+      modifier.function = static_cast<CurveFunction>(byte() % 6);
+      for (float* each : {&modifier.amplitude, &modifier.phase_multiplier, &modifier.reference, &modifier.step,
+                          &modifier.step_offset, &modifier.envelope_low}) {
+        *each = number();
+      }
+      if (byte() & 1) modifier.points = {{0, number(), number()}, {number(), number(), number()}};
+      if (byte() & 1) modifier.least_frame = number();
+      if (byte() & 1) modifier.most_value = number();
+      if (byte() & 1) modifier.last_stepped = number();
+      if (byte() & 1 && modifier.type != CurveModifier::Type::cycles) {
+        modifier.influence = number();
+        modifier.has_range = true;
+        modifier.range_end = number();
+        modifier.blend_in = number();
+      }
       curve.modifiers.push_back(modifier);
     }
     curve.is_extrapolated = byte() & 1;

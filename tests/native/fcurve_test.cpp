@@ -25,11 +25,24 @@ CurveKey key(float frame, float value, KeyInterpolation interpolation = KeyInter
 }
 
 CurveModifier cycles(CycleMode before, CycleMode after, int count_before = 0) {
-  return {CurveModifier::Type::cycles, before, after, count_before, 0, false, {}};
+  CurveModifier made;
+  made.before = before;
+  made.after = after;
+  made.cycles_before = count_before;
+  return made;
+}
+
+CurveModifier modifier(CurveModifier::Type type) {
+  CurveModifier made;
+  made.type = type;
+  return made;
 }
 
 CurveModifier generator(bool is_additive, std::vector<float> coefficients) {
-  return {.type = CurveModifier::Type::generator, .is_additive = is_additive, .coefficients = coefficients};
+  CurveModifier made = modifier(CurveModifier::Type::generator);
+  made.is_additive = is_additive;
+  made.coefficients = std::move(coefficients);
+  return made;
 }
 
 CurveDescription curve(std::vector<CurveKey> keys) { return {.keys = std::move(keys), .modifiers = {}}; }
@@ -229,10 +242,107 @@ TEST(FCurve, ChecksItsKeys) {
   data = ramp();
   data.modifiers = {generator(true, {1, INFINITY})};
   EXPECT_EQ(complaint([&] { FCurve{data}; }),
-            "A Generator of a curve has a coefficient that is not finite. Give finite numbers.");
+            "A modifier of a curve has a number that is not finite. Give finite numbers.");
   data.modifiers = {generator(true, {1, 2}), cycles(CycleMode::repeat, CycleMode::repeat)};
   EXPECT_EQ(complaint([&] { FCurve{data}; }),
             "The modifier Cycles of a curve is not its first one. Move it to the top, or remove it.");
+  data.modifiers = {cycles(CycleMode::repeat, CycleMode::repeat)};
+  data.modifiers[0].influence = 0.5F;
+  EXPECT_EQ(complaint([&] { FCurve{data}; }),
+            "The modifier Cycles of a curve has a frame range or an influence. Remove it.");
+  data.modifiers = {modifier(CurveModifier::Type::envelope)};
+  data.modifiers[0].points = {{3, 0, 1}, {2, 0, 1}};
+  EXPECT_EQ(complaint([&] { FCurve{data}; }),
+            "The points of an Envelope of a curve are not in order. Sort them by frame.");
+}
+
+float with(const CurveModifier& modifier, float time) {
+  CurveDescription data = ramp();
+  data.modifiers = {modifier};
+  return FCurve(data).value(time);
+}
+
+TEST(FCurve, Steps) {
+  CurveModifier stepped = modifier(CurveModifier::Type::stepped);
+  stepped.step = 4;
+  stepped.step_offset = 1;
+  EXPECT_EQ(with(stepped, 8.9F), 11);  // as on frame 5
+  EXPECT_EQ(with(stepped, 9), 19);
+  stepped.last_stepped = 8;
+  EXPECT_EQ(with(stepped, 8.5F), 18);
+  stepped.first_stepped = 6;
+  EXPECT_EQ(with(stepped, 5.5F), 12);
+  stepped.step = 0;
+  EXPECT_TRUE(std::isnan(with(stepped, 7)) || std::isfinite(with(stepped, 7)));
+}
+
+TEST(FCurve, Limits) {
+  CurveModifier limits = modifier(CurveModifier::Type::limits);
+  limits.least_frame = 2;
+  limits.most_value = 15;
+  EXPECT_EQ(with(limits, 0), 5);
+  EXPECT_EQ(with(limits, 9), 15);
+  limits.most_frame = 3;
+  limits.least_value = 6;
+  EXPECT_EQ(with(limits, 9), 7);
+  EXPECT_EQ(with(limits, 0), 6);
+}
+
+TEST(FCurve, AddsFunctions) {
+  CurveModifier function = modifier(CurveModifier::Type::function);
+  function.is_additive = true;
+  function.phase_multiplier = 0;
+  function.amplitude = 3;
+  function.value_offset = 0.5F;
+  const std::pair<CurveFunction, float> cases[] = {
+      {CurveFunction::sine, std::sin(2.0F)},
+      {CurveFunction::cosine, std::cos(2.0F)},
+      {CurveFunction::tangent, std::tan(2.0F)},
+      {CurveFunction::square_root, std::sqrt(2.0F)},
+      {CurveFunction::natural_logarithm, std::log(2.0F)},
+      {CurveFunction::normalized_sine, 0},
+  };
+  for (const auto& [kind, expected] : cases) {
+    function.function = kind;
+    function.phase_offset = 2;
+    EXPECT_NEAR(with(function, 5), 11 + 3 * expected + 0.5F, 1e-5F) << static_cast<int>(kind);
+  }
+  for (const CurveFunction kind : {CurveFunction::square_root, CurveFunction::natural_logarithm}) {
+    function.function = kind;
+    function.phase_offset = -1;
+    EXPECT_EQ(with(function, 5), 11);  // nothing is added where it has no value
+    function.is_additive = false;
+    EXPECT_EQ(with(function, 5), 0);
+    function.is_additive = true;
+  }
+}
+
+TEST(FCurve, TakesItsRangeToThatOfAnEnvelope) {
+  CurveModifier envelope = modifier(CurveModifier::Type::envelope);
+  EXPECT_EQ(with(envelope, 5), 11);  // no points
+  envelope.reference = 10;
+  envelope.envelope_high = 3;
+  envelope.points = {{0, 0, 8}, {10, 4, 8}};
+  EXPECT_EQ(with(envelope, 5), 2 + 0.5F * 6);  // 11 is halfway from 9 to 13
+  EXPECT_EQ(with(envelope, 0), 0 - 2 * 8);
+}
+
+TEST(FCurve, HasModifiersOfSomeInfluenceWithinARange) {
+  CurveModifier half = generator(false, {100});
+  half.influence = 0.5F;
+  EXPECT_EQ(with(half, 5), 0.5F * 11 + 50);
+  half.has_range = true;
+  half.range_start = 4;
+  half.range_end = 9;
+  half.blend_in = 2;
+  half.blend_out = 1;
+  EXPECT_EQ(with(half, 3), 7);
+  EXPECT_EQ(with(half, 5), 0.75F * 11 + 25);
+  EXPECT_EQ(with(half, 7), 0.5F * 15 + 50);
+  EXPECT_EQ(with(half, 8.5F), 0.75F * 18 + 25);
+  CurveModifier factors = generator(true, {1, -4, 2, 0});
+  factors.is_factorised = true;
+  EXPECT_EQ(with(factors, 5), 11 + 10);
 }
 
 }  // namespace

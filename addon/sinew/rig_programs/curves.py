@@ -15,6 +15,14 @@ KEY_NUMBERS = (
 )
 # Interpolations as Blender numbers them: up to LINEAR handles have no effect, up to BEZIER easings have none.
 LINEAR, BEZIER = 1, 2
+_SETTINGS = {
+    "CYCLES": ("mode_before", "mode_after", "cycles_before", "cycles_after"),
+    "GENERATOR": ("use_additive",),
+    "FNGENERATOR": ("function_type", "use_additive", "amplitude", "phase_multiplier", "phase_offset", "value_offset"),
+    "ENVELOPE": ("reference_value", "default_min", "default_max"),
+    "LIMITS": (),
+    "STEPPED": ("frame_step", "frame_offset"),
+}  # of modifiers, by type
 _CHANNELS = tuple(tables.CHANNELS)  # most curves set one of these
 
 
@@ -91,24 +99,39 @@ def keys_of(curve: bpy.types.FCurve) -> np.ndarray:
 
 
 def modifiers_of(curve: bpy.types.FCurve) -> list[dict[str, Any]]:
-    """Returns those that have an effect. Raises Refused."""
-    return [modifier_of(curve, each) for each in curve.modifiers if not each.mute and each.is_valid]
+    """Returns those that have an effect: Cycles has none behind another one, be that muted. Raises Refused."""
+    return [
+        modifier_of(curve, each)
+        for number, each in enumerate(curve.modifiers)
+        if not each.mute and each.is_valid and not (each.type == "CYCLES" and number)
+    ]
 
 
 def modifier_of(curve: bpy.types.FCurve, modifier: bpy.types.FModifier) -> dict[str, Any]:
     what = f"the modifier {modifier.type.capitalize()} of the curve of {curve.data_path}"
-    if modifier.use_restricted_range or modifier.use_influence:
+    if modifier.type not in _SETTINGS:
+        raise Refused(f"{what} is not covered: bake it into keys")
+    is_partial = modifier.use_restricted_range or modifier.use_influence
+    if is_partial and modifier.type == "CYCLES" or modifier.use_restricted_range and modifier.type == "STEPPED":
         raise Refused(f"{what} has a frame range or an influence: remove it")
-    if modifier.type == "CYCLES":
-        names = ("type", "mode_before", "mode_after", "cycles_before", "cycles_after")
-        return {name: getattr(modifier, name) for name in names}
-    if modifier.type == "GENERATOR" and modifier.mode == "POLYNOMIAL":
-        return {
-            "type": modifier.type,
-            "use_additive": modifier.use_additive,
-            "coefficients": list(modifier.coefficients),
-        }
-    raise Refused(f"{what} is not covered: bake it into keys")
+    row = {"type": modifier.type} | {name: getattr(modifier, name) for name in _SETTINGS[modifier.type]}
+    if modifier.type == "GENERATOR":
+        row["coefficients"] = list(modifier.coefficients)
+        row["is_factorised"] = modifier.mode == "POLYNOMIAL_FACTORISED"
+    elif modifier.type == "ENVELOPE":
+        row["points"] = [[point.frame, point.min, point.max] for point in modifier.control_points]
+    elif modifier.type == "LIMITS":
+        limits = ("min_x", "max_x", "min_y", "max_y")
+        row |= {name: getattr(modifier, name) for name in limits if getattr(modifier, f"use_{name}")}
+    elif modifier.type == "STEPPED":
+        row |= {"first_stepped": modifier.frame_start} if modifier.use_frame_start else {}
+        row |= {"last_stepped": modifier.frame_end} if modifier.use_frame_end else {}
+    if modifier.use_influence:
+        row["influence"] = modifier.influence
+    if modifier.use_restricted_range:
+        row["range"] = [modifier.frame_start, modifier.frame_end]
+        row |= {name: getattr(modifier, name) for name in ("blend_in", "blend_out")}
+    return row
 
 
 def curves_in_effect(block: bpy.types.ID) -> list[bpy.types.FCurve]:

@@ -54,15 +54,52 @@ struct CurveKey {
 
 enum class CycleMode : std::uint8_t { none, repeat, repeat_with_offset, mirror };
 
-/// Cycles or Generator (a polynomial). Muted ones are left out.
+enum class CurveFunction : std::uint8_t { sine, cosine, tangent, square_root, natural_logarithm, normalized_sine };
+
+/// Range that the Envelope has at a frame, in place of CurveModifier::envelope_low and _high.
+struct EnvelopePoint {
+  float frame = 0;
+  float low = 0;
+  float high = 0;
+};
+
+/// A modifier of a curve. Muted ones are left out.
 struct CurveModifier {
-  enum class Type : std::uint8_t { cycles, generator } type = Type::cycles;
+  enum class Type : std::uint8_t { cycles, generator, function, envelope, limits, stepped } type = Type::cycles;
   CycleMode before = CycleMode::none;
   CycleMode after = CycleMode::none;
   int cycles_before = 0;  ///< 0: without end
   int cycles_after = 0;
-  bool is_additive = false;         ///< Generator: adds to the curve instead of replacing it
-  std::vector<float> coefficients;  ///< Generator: from the constant term on
+  bool is_additive = false;         ///< Generator and function: adds to the curve instead of replacing it
+  std::vector<float> coefficients;  ///< Generator: from the constant term on, or pairs a, b of factors a x + b
+  bool is_factorised = false;
+
+  /// amplitude * f(phase_multiplier * frame + phase_offset) + value_offset
+  CurveFunction function = CurveFunction::sine;
+  float amplitude = 1;
+  float phase_multiplier = 1;
+  float phase_offset = 0;
+  float value_offset = 0;
+
+  /// Envelope: the curve's range, relative to `reference` at its lower end, is taken to that of the points.
+  float reference = 0;
+  float envelope_low = -1;
+  float envelope_high = 1;
+  std::vector<EnvelopePoint> points;  ///< frames ascending; none: no effect
+
+  std::optional<float> least_frame, most_frame, least_value, most_value;  ///< Limits
+
+  float step = 2;  ///< Stepped: frames
+  float step_offset = 0;
+  std::optional<float> first_stepped, last_stepped;
+
+  /// Of all but Cycles: how much of it there is, and the frames between which it acts.
+  float influence = 1;
+  bool has_range = false;
+  float range_start = 0;
+  float range_end = 0;
+  float blend_in = 0;
+  float blend_out = 0;
 };
 
 struct CurveDescription {

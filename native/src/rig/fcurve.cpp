@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/check.h"
+#include "rig/curve_modifier.h"
 #include "rig/easing.h"
 #include "rig/vector.h"
 
@@ -21,12 +22,6 @@ using Point = const float (&)[2];  // frame and value
 constexpr float kSameFrame = 0.0001f;
 
 bool is_same_frame(float a, float b) { return (a > b ? a - b : b - a) <= kSameFrame; }
-
-std::int32_t truncated(float value) {
-  // What a conversion gives on x86 for numbers that do not fit, NaN included.
-  if (!(value >= -2147483648.0f && value < 2147483648.0f)) return std::numeric_limits<std::int32_t>::min();
-  return static_cast<std::int32_t>(value);
-}
 
 double cube_root(double x) {
   if (x == 0) return 0;
@@ -53,14 +48,6 @@ std::optional<float> root_of_square(double a, double b, double c) {
   }
   if (b != 0) return first_inside(-c / b);
   return c == 0 ? std::optional(0.0f) : std::nullopt;
-}
-
-void check_finite(const CurveModifier& modifier) {
-  for (const float coefficient : modifier.coefficients) {
-    if (!std::isfinite(coefficient)) {
-      fail("A Generator of a curve has a coefficient that is not finite. Give finite numbers.");
-    }
-  }
 }
 
 void check_finite(const CurveKey& key, std::size_t index) {
@@ -106,14 +93,12 @@ FCurve::FCurve(const CurveDescription& data, ValueKind kind)
     if (i + 1 < keys.size()) parts_.push_back(part_of(keys[i], keys[i + 1]));
   }
   for (const CurveModifier& modifier : data.modifiers) {
-    check_finite(modifier);
-    if (modifier.type == CurveModifier::Type::generator) {
-      generators_.push_back(modifier);
-    } else if (&modifier == &data.modifiers.front()) {
-      cycles_ = modifier;
-    } else {
+    check_modifier(modifier);
+    const bool is_first = &modifier == &data.modifiers.front();
+    if (modifier.type == CurveModifier::Type::cycles && !is_first) {
       fail("The modifier Cycles of a curve is not its first one. Move it to the top, or remove it.");
     }
+    modifiers_.push_back(modifier);
   }
   if (keys.empty() || !data.is_extrapolated || has_steps_) return;
   // The slope of the line through the end and its outer handle, or through its neighbour if the end is linear.
@@ -257,21 +242,21 @@ float FCurve::of_keys(float time, KnownRoot* known) const {
 }
 
 /// Returns the time within the keys, and what is added to the value there.
-std::pair<float, float> FCurve::cycled(float time) const {
+std::pair<float, float> FCurve::cycled(const CurveModifier& cycles, float time) const {
   const float first = frames_.front(), last = frames_.back(), length = last - first;
   const bool is_before = time < first;
   if ((!is_before && !(time > last)) || length == 0) return {time, 0.0f};
-  const CycleMode mode = is_before ? cycles_->before : cycles_->after;
+  const CycleMode mode = is_before ? cycles.before : cycles.after;
   if (mode == CycleMode::none) return {time, 0.0f};
 
   const float nearest = is_before ? first : last, farthest = is_before ? last : first;
   const double cycle = (is_before ? -1 : 1) * (double{time} - double{nearest}) / double{length};
-  const std::int32_t count = is_before ? cycles_->cycles_before : cycles_->cycles_after;
+  const std::int32_t count = is_before ? cycles.cycles_before : cycles.cycles_after;
   if (count != 0 && cycle > count) return {time, 0.0f};
   float offset = 0;
   if (mode == CycleMode::repeat_with_offset) {
-    const float cycles = (time - nearest) / length;
-    offset = (is_before ? std::floor(cycles) : std::ceil(cycles)) * (values_.back() - values_.front());
+    const float number = (time - nearest) / length;
+    offset = (is_before ? std::floor(number) : std::ceil(number)) * (values_.back() - values_.front());
   }
   const bool is_mirror = mode == CycleMode::mirror;
   const auto is_odd = [](double number) { return std::fmod(std::trunc(number), 2) != 0; };
@@ -289,23 +274,27 @@ std::pair<float, float> FCurve::cycled(float time) const {
 }
 
 float FCurve::value(float time, float without_keys, KnownRoot* known) const {
-  float value = without_keys;
-  if (!frames_.empty() && cycles_) {
-    float offset = 0;
-    std::tie(time, offset) = cycled(time);
-    value = of_keys(time, known) + offset;
-  } else if (!frames_.empty()) {
-    value = of_keys(time, known);
-  }
-  for (const CurveModifier& generator : generators_) {
-    float sum = 0, power = 1;
-    for (const float coefficient : generator.coefficients) {
-      sum += coefficient * power;
-      power *= time;
-    }
-    value = generator.is_additive ? value + sum : sum;
-  }
+  const float value = !modifiers_.empty() ? modified(time, without_keys, known)
+                      : !frames_.empty()  ? of_keys(time, known)
+                                          : without_keys;
   return is_rounded_ ? std::floor(value + 0.5f) : value;
+}
+
+/// From the last modifier to the first each says on which frame it wants the curve; then they change what it has there.
+float FCurve::modified(float time, float without_keys, KnownRoot* known) const {
+  float offset = 0;
+  for (auto modifier = modifiers_.rbegin(); modifier != modifiers_.rend(); ++modifier) {
+    if (modifier->type == CurveModifier::Type::cycles) {
+      if (has_keys()) std::tie(time, offset) = cycled(*modifier, time);
+    } else {
+      time = modified_time(*modifier, time);
+    }
+  }
+  float value = has_keys() ? of_keys(time, known) : without_keys;
+  for (const CurveModifier& modifier : modifiers_) {
+    value = modifier.type == CurveModifier::Type::cycles ? value + offset : modified_value(modifier, value, time);
+  }
+  return value;
 }
 
 }  // namespace sinew::rig

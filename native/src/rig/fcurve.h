@@ -20,7 +20,7 @@ class FCurve {
 
   /// kind  the type of what the curve sets: curves of whole numbers are rounded, those of booleans and choices step.
   /// Throws InputError for a number that is not finite, for keys that are not in order, and if Cycles is not the first
-  /// modifier.
+  /// modifier or does not act everywhere.
   explicit FCurve(const CurveDescription& data, ValueKind kind = ValueKind::real);
 
   /// The last polynomial of a time that was solved. Channels that are keyed together have the same ones.
@@ -30,7 +30,7 @@ class FCurve {
     std::optional<float> root;
   };
 
-  /// Returns the value at a time in frames. A curve without keys is `without_keys`, then the generators act.
+  /// Returns the value at a time in frames. A curve without keys is `without_keys`, then the modifiers act.
   ///
   /// known  of the curve before, or null.
   float value(float time, float without_keys = 0, KnownRoot* known = nullptr) const;
@@ -38,7 +38,7 @@ class FCurve {
   bool has_keys() const { return !frames_.empty(); }
 
   /// Whether the value is `without_keys` at all times.
-  bool is_empty() const { return frames_.empty() && generators_.empty() && !is_rounded_; }
+  bool is_empty() const { return frames_.empty() && modifiers_.empty() && !is_rounded_; }
 
  private:
   /// The part of the curve from one key to the next.
@@ -59,7 +59,8 @@ class FCurve {
   float of_keys(float time, KnownRoot* known) const;
   float outside(float time, bool is_before) const;
   float inside(std::size_t part, float time, KnownRoot* known) const;
-  std::pair<float, float> cycled(float time) const;
+  std::pair<float, float> cycled(const CurveModifier& cycles, float time) const;
+  float modified(float time, float without_keys, KnownRoot* known) const;
   static Part part_of(const CurveKey& key, const CurveKey& next);
   static std::optional<float> root_of(const Part& part, double constant);
   static float bezier(const Part& part, float time_left, KnownRoot* known);
@@ -68,8 +69,7 @@ class FCurve {
   std::vector<Part> parts_;
   std::vector<float> values_;
   std::array<float, 2> slopes_{};  // before the first and after the last key
-  std::optional<CurveModifier> cycles_;
-  std::vector<CurveModifier> generators_;
+  std::vector<CurveModifier> modifiers_;
   bool has_steps_ = false;
   bool is_rounded_ = false;
 };

@@ -104,7 +104,7 @@ def change_curve(random, armature):
     elif what == "modifier" and curve.modifiers:
         curve.modifiers.remove(curve.modifiers[0])
     elif what == "modifier":
-        curve.modifiers.new(random.choice(("CYCLES", "NOISE", "STEPPED", "GENERATOR")))
+        curve.modifiers.new(random.choice(("CYCLES", "NOISE", "STEPPED", "GENERATOR", "LIMITS", "FNGENERATOR")))
     elif what == "extrapolation":
         curve.extrapolation = random.choice(("CONSTANT", "LINEAR"))
     elif what == "interpolation":

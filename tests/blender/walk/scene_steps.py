@@ -272,6 +272,27 @@ def other_scene(random):
     scene.take_keyframes()
 
 
+@kind(1)
+def view_layer(random):
+    """Another one is made, chosen or removed."""
+    scene.leave_modes()
+    layers, window = bpy.context.scene.view_layers, bpy.context.window
+    what = random.choice(("new", "other", "other", "both", "remove"))
+    if what == "new" and len(layers) < 3:
+        layers.new("Layer")
+    elif what == "other":
+        window.view_layer = random.choice(list(layers))
+        bpy.context.view_layer.update()
+    elif what == "both":
+        bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
+        for layer in layers:
+            layer.update()
+            compare.assert_same_shapes_in(layer.depsgraph)
+    elif what == "remove" and len(layers) > 1:
+        layers.remove(random.choice([each for each in layers if each != window.view_layer]))
+    return what
+
+
 @kind(0.7)
 def evaluate_another_scene(random):
     """In a thread, while vertices are moved."""
@@ -313,15 +334,21 @@ def evaluate_another_scene(random):
 
 
 class Comparing(bpy.types.RenderEngine):
-    """Renders nothing, but compares what it is given."""
+    """Renders nothing, but compares what it is given, also at times between frames, as for motion blur."""
 
     bl_idname = "WALK_COMPARING"
     bl_label = "Comparing"
+    moments = ()  # relative to the frame
     said = None  # what was different
 
     def render(self, graph):
+        frame = graph.scene.frame_current
         try:
             compare.assert_same_shapes_in(graph)
+            for moment in self.moments:
+                whole = math.floor(frame + moment)
+                self.frame_set(whole, frame + moment - whole)
+                compare.assert_same_shapes_in(graph)
         except AssertionError as error:
             Comparing.said = error
 
@@ -334,6 +361,7 @@ def render(random):
     scene.leave_modes()
     settings = bpy.context.scene.render
     settings.engine, settings.resolution_x, settings.resolution_y = Comparing.bl_idname, 4, 4
+    Comparing.moments = random.choice(((), (-0.25, 0.0, 0.25)))
     bpy.context.scene.frame_set(random.randint(1, scene.LAST_FRAME))
     if bpy.context.scene.camera is not None:
         bpy.ops.render.render()
