@@ -83,6 +83,7 @@ def walk(seed, number, steps, without, listener):
     scene.new_scene(begin)
     if begin.random() < 0.7:
         sinew_steps.bind_all(begin)
+    scene.take_keyframes()  # or the step has values that these would replace
     bpy.ops.ed.undo_push(message="start")
     for step in steps:
         random = Random(f"{seed} step {step}")
