@@ -476,7 +476,8 @@ def test_any_settings(fresh_scene):
         is_rough = seed % 3 == 0
         if is_rough:
             make_rough(ob)
-        ob.data.uv_layers.new(name="Map")
+        layer = ob.data.uv_layers.new(name="Map").data
+        layer.foreach_set("uv", np.random.default_rng(seed).random(2 * len(layer)))
         if seed % 4 == 1:
             ob.data.normals_split_custom_set_from_vertices([(0.6, 0.0, 0.8)] * len(ob.data.vertices))
         add_any_tail(ob, seed, is_rough)

@@ -119,8 +119,8 @@ def _strip(copy: bpy.types.Object, keeps_groups: bool) -> None:
     mesh: Any = copy.data
     if not keeps_groups:
         copy.vertex_groups.clear()  # with the weights
-    for layer in mesh.uv_layers[:]:
-        mesh.uv_layers.remove(layer)
+    while mesh.uv_layers:  # to remove one moves the others
+        mesh.uv_layers.remove(mesh.uv_layers[0])
     names = [each.name for each in mesh.attributes if not (each.is_internal or getattr(each, "is_required", False))]
     for name in names:
         if name not in {"position", *tails.READ}:  # without the others Blender is faster
